@@ -306,7 +306,7 @@ WALKS = (
     Walk("export-web", Scene, page),
     Walk("export-fmu", Scene, unit),
     Walk("export-c, operators", Scene, model, ("time", "name", *_AROUND, *_OF_TOUCH)),
-    Walk("the exact rod (accuracy)", Scene, measured_choices, _AROUND),
+    Walk("accuracy by the exact rod", Scene, measured_choices, _AROUND),
     Walk("environments", ControlScene, lanes),
     Walk("export-c of closed loops", ControlScene, loop),
     Walk("mpc", ControlScene, run),

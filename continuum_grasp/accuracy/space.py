@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, NumericalError, SolverError
 from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
 from continuum_grasp.simulation.modes import Modes, modes
 from continuum_grasp.simulation.signals import Signals
@@ -42,14 +43,15 @@ _TIME_SHARE = 0.1
 _LEAST_TIME = 1e-10
 """Least error in time that can be asked for, per length [1]."""
 
+_HALVED = Consumer(
+    "accuracy in space", dict.fromkeys(("fidelity.residual", "initial.friction_states"), "belongs to these elements")
+)
+
 
 def refined(scene: Scene, model: FingerModel) -> Scene:
     """The scene with every element of its model halved; InputError where the scene is one of that model alone."""
     count, length = len(model.lengths), model.finger.rod.length
-    if scene.fidelity.residual is not None:
-        raise InputError("fidelity.residual belongs to these elements", key="fidelity.residual")
-    if scene.initial.friction_states is not None:
-        raise InputError("initial.friction_states are those of these elements", key="initial.friction_states")
+    _HALVED.check(scene)
     long = [h > _SHORT * length / count for h in model.lengths]
     lengths = tuple(
         part for h, halved in zip(model.lengths, long, strict=True) for part in ([0.5 * h, 0.5 * h] if halved else [h])

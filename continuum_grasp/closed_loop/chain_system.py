@@ -22,7 +22,7 @@ from continuum_grasp.model.body import Body
 from continuum_grasp.model.planar import Scalar, Vec, column
 from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
 from continuum_grasp.model.winches import Winch, winches_of
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.simulate import Initial, Scene
@@ -323,8 +323,6 @@ class ChainSystem:
 
     def start(self, q: Array, qd: Array, drives: Array, u: Array, initial: Initial) -> Array:
         """State at rest in bends (N) under drives; guides have slid as a pose was ``reached_by``, or not at all."""
-        if initial.friction_states is not None:
-            raise InputError("state is that of cells, which a chain of guides has not", key="initial.reached_by")
         x = np.zeros(self.nx)
         x[: self.n], x[self.n : 2 * self.n] = q, qd
         x[self.first_other : self.first_other + len(drives)] = drives
@@ -358,6 +356,7 @@ _GUIDES = Consumer(
     refused={
         **unknown_to("a chain of guides (plant.guides)"),
         "loads.kind=moment": "a chain of guides (plant.guides) takes forces as loads, no moments",
+        "initial.reached_by=state": "state is that of cells, which a chain of guides has not",
     },
     unneeded={
         **LIMITS_OF_BENDING,
@@ -369,21 +368,19 @@ _GUIDES = Consumer(
         **dict.fromkeys(("finger.tendons.min_tension", "finger.tendons.max_tension"), "the controller keeps it"),
     },
 )
+_ON_AXIS = beside(
+    "plant.guides under what is aside",
+    lambda s: s.finger.tip_body is not None and s.finger.tip_body.center_of_mass[0] != 0.0,
+    "finger.tip_body.center_of_mass",
+    "a chain of guides carries a body at the tip on its axis alone: expected 0 across",
+)
 
 
 def _check(scene: Scene, axial_stiffness: float | None, parameters: Sequence[str]) -> None:
     """Refuse what a chain does not have."""
-    finger = scene.finger
-    if not finger.tendon_list:
-        raise InputError("a chain of guides needs tendons, the finger has none", key="plant.guides")
-    _GUIDES.check(scene)
-    if finger.tip_body is not None and finger.tip_body.center_of_mass[0] != 0.0:
-        raise InputError(
-            "a chain of guides carries a body at the tip only on its axis: "
-            f"finger.tip_body.center_of_mass[0] = {finger.tip_body.center_of_mass[0]:g} m, expected 0",
-            key="plant.guides",
-        )
-    if axial_stiffness is None and any(tendon.axial_stiffness is None for tendon in finger.tendon_list):
+    for one in (_GUIDES, _ON_AXIS):
+        one.check(scene)
+    if axial_stiffness is None and any(tendon.axial_stiffness is None for tendon in scene.finger.tendon_list):
         raise InputError(
             "needed for plant.guides where the tension is commanded: a tendon that sticks at two guides must be "
             "elastic between them",

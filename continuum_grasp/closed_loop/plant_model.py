@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.closed_loop.chain_system import ChainSystem
-from continuum_grasp.errors import InputError
 from continuum_grasp.model import System
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.memory import direction
@@ -127,14 +126,6 @@ class PlantModel(Remade):
         # A matched tip moves with its moment: without a lag of second order it would jump.
         jumps = self._lag is None or self._order == 1
         family = scene.plant.fidelity.family or default_family(free_tip=jumps or finger.needs_free_tip)
-        matches_tip = FAMILIES[family].matches_tip
-        if matches_tip and jumps:
-            raise InputError(
-                "matched_clothoid needs a continuous tip moment: give the drive a lag of second order, or use clothoid",
-                key="plant.fidelity.family",
-            )
-        if self._order == 1 and self._lag is None:
-            raise InputError("a drive of first order needs plant.time_constant", key="plant.drive_order")
         # The lag is the plant's own, whose sensors read every tension: the system's x has what bends it alone.
         own = self.scene.replaced(finger=finger.with_tendons(time_constant=None))
         guides = scene.plant.guides
@@ -148,7 +139,7 @@ class PlantModel(Remade):
             self.system = System(
                 own,
                 family=family,
-                input_rates=matches_tip or None,
+                input_rates=FAMILIES[family].matches_tip or None,
                 parameters=parameters,
                 object_parameters=object_parameters,
             )

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core.calls import straight_function
-from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.errors import NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.model.system_equations import friction_parameter
@@ -98,11 +98,6 @@ class Prediction(Remade):
     x is that of the system; for a finger without tendons whose input lags, tip moment and its rate follow its q and qd.
     u is what is commanded: the tip moment, tensions, or what winches and motors take, one entry per drive. All
     functions take (x, u, p).
-
-    Raises
-    ------
-    InputError
-        If the family needs a continuous tip moment, and the drive has no lag.
     """
 
     @check_arguments
@@ -119,12 +114,6 @@ class Prediction(Remade):
         # neither.
         family = fidelity.family or default_family(free_tip=finger.needs_free_tip or scene.lag is None)
         matches_tip = FAMILIES[family].matches_tip
-        if matches_tip and scene.lag is None:
-            raise InputError(
-                f"{family} needs a continuous tip moment: set controller.input.time_constant or "
-                "finger.tendons.time_constant, or use clothoid or arc",
-                key="fidelity.family",
-            )
         self.system = System(
             finger,
             surroundings=scene.surroundings,

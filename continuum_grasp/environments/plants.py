@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +113,10 @@ def _scene(plan: Plan, point: Any) -> ControlScene:
 
 _LANES = Consumer(
     "environments",
-    refused={"plant.guides": "a chain of guides does not run in vector lanes: leave it out"},
+    refused={
+        "plant.guides": "a chain of guides does not run in vector lanes: leave it out",
+        "loads.force.times": "loads of an environment must be constant",
+    },
     otherwise={
         **{
             f"controller.bounds.{key}": "an environment neither keeps it nor charges for what leaves it"
@@ -157,8 +161,6 @@ def plants_of(
     names, rows = _finger_parameters(around)
     object_names, object_rows = _object_parameters(scenes)
     model = PlantModel(first, parameters=names, object_parameters=object_names)
-    if not model.steady:
-        raise InputError("loads of an environment must be constant", key="loads")
     # Run-time parameters are in this order: the finger's, the object's, the lag of the drive.
     lag = [name == "drive_time_constant" and len(model.p) > model.system.np for name in names for _ in rows[name][0]]
     finger = np.hstack([np.zeros((len(scenes), 0)), *[np.array(rows[name]) for name in names]])
@@ -210,11 +212,15 @@ def _of_contact(scene: ControlScene) -> tuple[Any, ...]:
     return body, law if law is None else law.replaced(friction=1.0), scene.supports, scene.table, scene.object_moves
 
 
+_OF_PLANT = "plant.fidelity plant.drive_order plant.noise plant.delay plant.seed"
+_SHARED = f"controller estimator duration input_limits rest_input fidelity contacts {_OF_PLANT}".split()
+
+
 def _check_fixed(first: ControlScene, scene: ControlScene, keys: Sequence[str]) -> None:
     """Refuse a scene that differs in what all plants of an environment have in common."""
     varied = ", ".join(keys)
-    for name in ("controller", "estimator", "duration", "input_limits", "rest_input", "fidelity", "contacts"):
-        if getattr(scene, name) != getattr(first, name):
+    for name in _SHARED:
+        if attrgetter(name)(scene) != attrgetter(name)(first):
             raise InputError(f"all plants of an environment have the same {name}, which {varied} changes", key="sample")
     if _of_contact(scene) != _of_contact(first):
         raise InputError(
@@ -222,9 +228,6 @@ def _check_fixed(first: ControlScene, scene: ControlScene, keys: Sequence[str]) 
             f"fixed object, and mass and start of one that moves, which {varied} changes",
             key="sample",
         )
-    for name in ("fidelity", "drive_order", "noise", "delay", "seed"):
-        if getattr(scene.plant, name) != getattr(first.plant, name):
-            raise InputError(f"all plants of an environment have the same plant.{name}", key="sample")
 
 
 def _finger_parameters(around: Sequence[Scene]) -> tuple[list[str], dict[str, list[list[float]]]]:

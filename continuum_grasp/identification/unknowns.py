@@ -107,12 +107,11 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
             nominal = rod.stiffness / factor
     elif name == "clamp_angle":
         target = "base_angle"
+    elif name in (*OF_DRIVE, LAG) and finger.tendons is None:
+        raise InputError(f"{name} needs finger.tendons", key=f"{key}.name")
     elif name in OF_DRIVE:
-        if finger.tendons is None:
-            raise InputError(f"{name} needs finger.tendons", key=f"{key}.name")
+        pass
     elif name == LAG and not finger.winches:
-        if finger.tendons is None:
-            raise InputError(f"{name} needs finger.tendons", key=f"{key}.name")
         nominal, unit = max(tendon.time_constant or 0.0 for tendon in finger.tendon_list), "s"
     elif name == "rest_curvature" and rod.own_rest_curvature:
         raise InputError(

@@ -153,8 +153,6 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
     stations = tuple(contact.station for contact in middles)
     control = _control_scene(mission, finger, body, stations, {one: forces[one] for one in held})
     control = control.replaced(parameters=(*control.parameters, *_base_parameters(mission, found, setup)))
-    if finger.tendons is None:
-        raise InputError("a mission needs tendons", key="grasp")
     lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
     # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
     edges = np.minimum(np.cumsum([0.0, *lengths]), finger.rod.length)
@@ -163,7 +161,7 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
     most = np.array(finger.tension_limits[1])
     before, angles, _ = _about_to_touch(control, free, body, tensions, (least, most), edges)
     if mission.turn is not None:
-        _check_start(control, _about_to_touch(control, free, _object(control), tensions, (least, most), edges)[2])
+        _check_start(control, _about_to_touch(control, free, object_of(control), tensions, (least, most), edges)[2])
     commands, ends = (
         Commands(finger, edges),
         np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3])),
@@ -337,7 +335,7 @@ def _about_to_touch(
     return before, np.ravel(core.batch("orientation", q, before, edges[:, None])), nearest
 
 
-def _object(control: ControlScene) -> GraspObject:
+def object_of(control: ControlScene) -> GraspObject:
     """The object of a mission's controller."""
     if control.object is None:
         raise ValueError("a mission has an object")
@@ -349,7 +347,7 @@ def _check_start(control: ControlScene, nearest: float) -> None:
 
     ``nearest`` is the place of the finger that first comes close to the object, as `_about_to_touch` has it.
     """
-    body, length, key = _object(control), control.finger.rod.length, "turn.position"
+    body, length, key = object_of(control), control.finger.rod.length, "turn.position"
     for wall in control.walls:
         down = wall.normal_angle + math.pi - body.angle
         deep = max(part.support(down) for part in body.parts) - wall.height(body.position)

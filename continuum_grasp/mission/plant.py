@@ -16,7 +16,7 @@ from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.closed_loop.schedule import Phase
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.assignment import Assignment, object_of
 from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
@@ -63,18 +63,16 @@ class Variation:
 
 def mission_plant_model(assignment: Assignment) -> PlantModel:
     """Equations of the plant of one finger."""
-    mission, control = assignment.mission, assignment.control
-    if control.object is None:
-        raise ValueError("a mission has an object")
+    mission, control, body = assignment.mission, assignment.control, object_of(assignment.control)
     mass = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
     scene = plant_scene(control).replaced(
         contacts=tuple(sorted({*control.contacts, *mission.more_contacts})),
-        object=control.object.replaced(mass=mass),
+        object=body.replaced(mass=mass),
         object_moves=True,
         supports=mission.grasp.supports,
         contact_law=mission.contact_law,
         out_of_plane_gravity=mission.gravity,
-        table=_table(mission, control.object, mass),
+        table=_table(mission, body, mass),
     )
     of_tendons = ("tendon_friction",) * scene.finger.has_tendon_friction
     return PlantModel(control, scene, (*_FINGER, *of_tendons), _OBJECT)

@@ -15,6 +15,7 @@ import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.rod.dense_rod import Mesh, panel_edges, with_places
+from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
@@ -175,6 +176,15 @@ def _tendons(
     return found
 
 
+_SERVOS = "the exact rod knows torques and currents of motors, one per tendon: give family and elements"
+_MOTORS = beside(
+    "accuracy of motors",
+    lambda s: any(d.kind == "motor" and (d.arrangement == "one_pulley" or d.position_gain) for d in s.finger.winches),
+    "finger.tendons.drive",
+    _SERVOS,
+)
+
+
 def _wound(scene: Scene, commands: Sequence[float]) -> tuple[list[float] | None, list[float] | None]:
     """Tensions [N] that motors leave, or cable that winches wind up [m], per tendon."""
     finger = scene.finger
@@ -182,12 +192,7 @@ def _wound(scene: Scene, commands: Sequence[float]) -> tuple[list[float] | None,
     pulley = drives[0].arrangement == "one_pulley"
     motors = [drive for drive in drives if isinstance(drive, MotorDrive)]
     if motors:
-        if pulley or motors[0].position_gain is not None:
-            raise InputError(
-                "of motors the exact rod, and with it fidelity.tolerance, knows torques and currents, per tendon: "
-                "choose family and elements with drive.kind: length, and give them here",
-                key="finger.tendons.drive",
-            )
+        _MOTORS.check(scene)
         torques = [value * (drive.torque_constant or 1.0) for value, drive in zip(commands, motors, strict=True)]
         return [max(torque / drive.winch_radius, 0.0) for torque, drive in zip(torques, motors, strict=True)], None
     starts = []

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
 
 from continuum_grasp.errors import InputError
 
@@ -41,46 +42,56 @@ class Consumer:
         name.
     where : callable
         Whether it is about a scene: of what has no effect beside other keys.
+    at : str
+        Where the part stands in the scene that is checked, such as ``finger.tendons.drive``; keys are those of the
+        scene.
     """
 
     name: str
     refused: Mapping[str, str] = field(default_factory=dict)
     otherwise: Mapping[str, str] = field(default_factory=dict)
     unneeded: Mapping[str, str] = field(default_factory=dict)
-    where: Callable[[Any], bool] = lambda scene: True
+    where: Callable[[Any], Any] = lambda scene: True
+    at: str = ""
 
     def __post_init__(self) -> None:
         CONSUMERS[self.name] = self
 
-    def check(self, scene: BaseModel, at: str = "") -> tuple[str, ...]:
-        """List what becomes of keys that are taken otherwise.
+    def check(self, scene: BaseModel, place: str = "") -> tuple[str, ...]:
+        """List what becomes of keys that are taken otherwise, of a scene or of the part of one that is ``at`` a key.
 
-        Parameters
-        ----------
-        scene : Value
-            The scene, or a part of one.
-        at : str
-            Where the part stands in the scene, such as ``finger``; keys are those of the scene.
-
-        Raises
-        ------
-        InputError
-            With the key of the first that is refused.
+        The key of an `InputError`, of the first that is refused, is seen from there, or begins with ``place``.
         """
         if not self.where(scene):
             return ()
-        head = f"{at}." if at else ""
+        head = f"{self.at}." if self.at else ""
         for key, why in self.refused.items():
-            if key.startswith(head) and (found := next(_given(scene, key.removeprefix(head)), None)):
-                raise InputError(why, key=f"{head}{found}")
+            if found := next(_given(scene, key.removeprefix(head)), None):
+                raise InputError(why, key=f"{place}.{found}" if place else found)
         return tuple(
             f"{key}: {text}" for key, text in self.otherwise.items() if any(_given(scene, key.removeprefix(head)))
         )
 
 
-def beside(name: str, where: Callable[[Any], bool], keys: str, why: str) -> Consumer:
-    """Declare that keys, separated by spaces, have no effect in some scenes, where giving them is an error."""
-    return Consumer(name, dict.fromkeys(keys.split(), why), where=where)
+def beside(name: str, where: Callable[[Any], Any], keys: str, why: str, at: str = "") -> Consumer:
+    """Declare that keys, separated by spaces, have no place in some scenes, where giving them is an error.
+
+    ``at`` is where the part stands that is checked; keys are seen from there. The first word of ``name`` says whose
+    scenes these are.
+    """
+    head = f"{at}." if at else ""
+    return Consumer(name, dict.fromkeys((f"{head}{key}" for key in keys.split()), why), where=where, at=at)
+
+
+def needs(whose: str, keys: str, other: str, why: str = "", at: str = "") -> Consumer:
+    """Declare that keys have no place without another one."""
+    word = other.replace("=", ": ")
+    return beside(f"{whose} without {word}", lambda s: not any(_given(s, other)), keys, why or f"needs {word}", at)
+
+
+def excludes(whose: str, keys: str, other: str, why: str, at: str = "") -> Consumer:
+    """Declare that keys have no place beside another one."""
+    return beside(f"{whose} with {other.replace('=', ': ')}", lambda s: any(_given(s, other)), keys, why, at)
 
 
 def _given(value: Any, key: str, where: str = "") -> Iterator[str]:
@@ -98,5 +109,5 @@ def _given(value: Any, key: str, where: str = "") -> Iterator[str]:
         default = type(value).model_fields[name].get_default(call_default_factory=True, validated_data={})
         if rest:
             yield from _given(one, rest + (f"={word}" if word else ""), here)
-        elif one == word if word else one != default and one is not None:
+        elif one == word if word else bool(one) if default is PydanticUndefined else one not in (default, None):
             yield here

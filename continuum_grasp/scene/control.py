@@ -7,8 +7,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, beside
-from continuum_grasp.scene.controller import CommandedScene, Controller, InputLimits, Plant
+from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
+from continuum_grasp.scene.controller import CommandedScene, Controller, InputLimits, Plant, of_inputs
 from continuum_grasp.scene.cost import Reference, RowSamples
 from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.estimator import Estimator
@@ -35,41 +35,126 @@ _OF_SCENARIOS = {
 """Model parameters behind the keys of ``controller.scenarios``."""
 
 
-_LOOP = Consumer(
-    "mpc",
-    refused={
-        "fidelity.tolerance": "is not for controllers: give family and elements",
-        "initial.motor_angles": "is for statics and simulations alone: command what motors do",
-    },
-)
-_EXACT = "needs an estimator: the controller is given the exact state at once"
-_POSITION = "estimator.disturbances.object_position"
-_TOUCHING = f"controller.cost.contact_force controller.cost.gap {_POSITION} estimator.disturbances.contact_friction"
+def _late(scene: ControlScene) -> bool:
+    """Whether commanded torques stand in for measured ones, and are not as old as the angles of the motors."""
+    of = scene.estimator
+    return bool(of and of.measured.angle and of.delay and not (of.measured.torque or of.measured.current))
+
+
+def _blurred(scene: ControlScene) -> bool:
+    """Whether one error of the friction stands for tendons with different coefficients."""
+    asked = scene.estimator and scene.estimator.contact_detection
+    return bool(asked and asked.tendon_friction) and len({one.friction for one in scene.finger.tendon_list}) > 1
+
+
+def _sees(scene: ControlScene, *names: str) -> bool:
+    """Whether the estimator is given one of some quantities."""
+    return scene.estimator is not None and any(getattr(scene.estimator.measured, name) for name in names)
+
+
+def _unlike(name: str) -> Consumer:
+    """Refuse that plants differ in something that tendons do not have, or not alike."""
+
+    def differs(scene: ControlScene) -> bool:
+        return len({getattr(one, name.removeprefix("tendon_")) for one in scene.finger.tendon_list} | {None}) != 2
+
+    return beside(f"mpc of tendons unlike in {name}", differs, _scenarios(name), "needs tendons that have it alike")
+
+
+def _scenarios(*names: str) -> str:
+    return " ".join(f"controller.scenarios.{name}" for name in names)
+
+
+def _jumps(scene: ControlScene) -> bool:
+    """Whether the plant's tensions, or its tip moment, follow commands at once."""
+    return bool(scene.finger.winches) or (scene.lag is None and scene.plant.time_constant is None)
+
+
+_DRIVE, _MATCHED = "finger.tendons.drive", "plant.fidelity.family=matched_clothoid"
+_CABLES, _SLIDING = ("axial_stiffness", "series_stiffness"), ("tendon_friction", "presliding")
+_OF_TENDONS = " ".join(f"plant.{name}" for name in ("guides", *_SLIDING, *_CABLES))
+_POSITION, _CONTACT = "estimator.disturbances.object_position", "estimator.contact_detection"
+_TENSION = "estimator.measured.tension"
+_SHARE, _STIFFNESS = "estimator.disturbances.contact_friction", "estimator.adapt.bending_stiffness"
+_TOUCHING = f"controller.cost.contact_force controller.cost.gap {_POSITION} {_SHARE}"
 _POSE = "controller.cost.object_position controller.cost.object_angle estimator.measured.object"
-_MOVING = f"{_POSE} plant.object_mass plant.object_friction"
-_OBJECT, _MOVES = "needs an object that is touched", "needs an object that moves: set object_moves"
-_FORCE, _TENSION = "estimator.disturbances.contact_force", "estimator.measured.tension"
+_OF_MOTORS = "estimator.measured.angle estimator.measured.torque estimator.measured.current"
+_EXACT = "needs an estimator: the controller is given the exact state at once"
 _COMMAND = "needs a lag; without one the tension is the command itself"
-_OF_TENDONS = "plant.guides plant.tendon_friction plant.presliding plant.axial_stiffness plant.series_stiffness"
-_SET, _OF_COMMANDS = "has no effect where the tension is commanded", "is that of commanded tensions"
+_SET, _COMMANDED = "has no effect where the tension is commanded", "is that of commanded tensions"
+_MOVES = "needs an object that moves: set object_moves"
+_SEEN = "needs estimator.measured.object, by which the controller knows where it is"
+_STATELESS = "needs finger.tendons.friction above 0: without, the controller's model has no state of friction"
+_FACTOR = "needs finger.damping.material above 0, of which it is a factor"
+_LAGGING = "is that of commanded tensions: it needs finger.tendons.time_constant"
+_SMOOTH = "needs a continuous tip moment: give the drive a lag of second order, or use clothoid"
+_HIDDEN = "sees nothing through a gear with backlash, whose drum is not measured"
+_PLACED = "needs estimator.measured.length or estimator.measured.angle of drives, whose tension a contact changes"
+_PULLED = "needs estimator.measured.tension of winches"
+_BLURRED = "needs tendon_friction: 0 where tendons have different coefficients"
+_OLD = "needs estimator.measured.torque or current with a delay: a commanded torque is not as old as the angle"
+_LOOP = {
+    "fidelity.tolerance": "is not for controllers: give family and elements",
+    "initial.motor_angles": "is for statics and simulations alone: command what motors do",
+}
+_ESTIMATED = {
+    "bending_stiffness": f"estimator.disturbances.bending_stiffness {_STIFFNESS}",
+    "tendon_friction": "estimator.disturbances.tendon_friction",
+    "tip_mass": "estimator.adapt.tip_mass",
+    "drive_time_constant": "estimator.adapt.drive_time_constant",
+}
+"""Keys of what is estimated, by the parameter of the model that it is."""
+
+
+def _parameter(name: str, keys: str) -> Consumer:
+    """Refuse that a parameter is estimated which the model does not have."""
+    return beside(
+        f"mpc without parameters: {name}", lambda s: name not in s.parameters, keys, f"needs parameters: [{name}]"
+    )
+
+
 _LOOPS = (
-    _LOOP,
-    beside("mpc without an estimator", lambda s: s.estimator is None, "plant.noise plant.delay", _EXACT),
-    beside("mpc without contacts", lambda s: not s.contacts, _FORCE, "needs contacts"),
-    beside("mpc without a lag", lambda s: s.lag is None and not s.finger.winches, _TENSION, _COMMAND),
-    beside("mpc without tendons", lambda s: s.finger.tendons is None, _OF_TENDONS, "is for a finger with tendons"),
-    beside("mpc of drives", lambda s: s.finger.winches, "plant.time_constant", _OF_COMMANDS),
-    beside("mpc of commanded tensions", lambda s: not s.finger.winches, "plant.series_stiffness", _SET),
-    beside("mpc of tensions", lambda s: not (s.finger.winches or s.plant.guides), "plant.axial_stiffness", _SET),
-    beside("plant.guides beside others", lambda s: s.plant.guides, "plant.presliding", "has no effect under guides"),
-    beside("mpc without an object", lambda s: s.object is None, _TOUCHING, _OBJECT),
-    beside("mpc without an object that moves", lambda s: not s.object_moves, _MOVING, _MOVES),
-    beside("mpc with an object that moves", lambda s: s.object_moves, _POSITION, "needs an object that stays"),
+    Consumer("mpc", _LOOP),
+    needs("mpc", "plant.noise plant.delay", "estimator", _EXACT),
+    needs("mpc", "estimator.disturbances.contact_force", "contacts"),
+    needs("mpc", _OF_TENDONS, "finger.tendons"),
+    needs("mpc", f"plant.series_stiffness {_scenarios(*_CABLES)}", _DRIVE, _SET),
+    needs("mpc", _TOUCHING, "object", "needs an object that is touched"),
+    needs("mpc", f"{_POSE} plant.object_mass plant.object_friction", "object_moves", _MOVES),
+    needs("mpc", _SHARE, "contact_law.friction"),
+    needs("mpc", "estimator.measured.length", f"{_DRIVE}.kind=length"),
+    needs("mpc", _OF_MOTORS, f"{_DRIVE}.kind=motor"),
+    needs("mpc", "estimator.measured.current", f"{_DRIVE}.torque_constant"),
+    needs("mpc", _scenarios(*_SLIDING), "finger.tendons.friction", _STATELESS),
+    excludes("mpc", "plant.time_constant", _DRIVE, _COMMANDED),
+    excludes("mpc", "plant.presliding plant.fidelity", "plant.guides", "a chain of guides has no use for it"),
+    excludes("mpc", _POSITION, "object_moves", "needs an object that stays"),
+    excludes("mpc", _STIFFNESS, "estimator.disturbances.bending_stiffness", "is estimated already: give one of both"),
+    excludes("mpc", _CONTACT, f"{_DRIVE}.backlash", _HIDDEN),
+    *(_parameter(name, keys) for name, keys in _ESTIMATED.items()),
+    beside(
+        "mpc at once", lambda s: s.lag is None, _ESTIMATED["drive_time_constant"], "needs a drive with a time_constant"
+    ),
+    beside("mpc of tensions at once", lambda s: not (s.lag or s.finger.winches), _TENSION, _COMMAND),
+    beside("mpc of rigid tendons", lambda s: not (s.finger.winches or s.plant.guides), "plant.axial_stiffness", _SET),
+    beside("mpc of an unseen object", lambda s: s.estimator and not _sees(s, "object"), "object_moves", _SEEN),
+    beside("mpc of a plant that jumps", lambda s: s.plant.drive_order == 1 or _jumps(s), _MATCHED, _SMOOTH),
+    beside("mpc of a plant without a lag", _jumps, "plant.drive_order", "needs plant.time_constant"),
+    beside("mpc without damping", lambda s: not s.scenario_parameters("damping"), _scenarios("damping"), _FACTOR),
+    beside("mpc of no such lag", lambda s: s.finger.winches or not s.lag, _scenarios("time_constant"), _LAGGING),
+    *map(_unlike, (*_SLIDING, *_CABLES, "time_constant")),
+    beside("mpc of drives unseen", lambda s: not _sees(s, "length", "angle"), _CONTACT, _PLACED),
+    beside("mpc of tendons unlike in friction", _blurred, _CONTACT, _BLURRED),
+    beside("mpc of winches unfelt", lambda s: _sees(s, "length") and not _sees(s, "tension"), _CONTACT, _PULLED),
+    beside("mpc of motors seen late", _late, _CONTACT, _OLD),
+    *of_inputs("mpc", "controller.input"),
 )
 
 
 class ControlScene(CommandedScene):
     """A finger, its controller and estimator, its surroundings, and the plant of the closed loop."""
+
+    REFUSALS = _LOOPS
 
     fidelity: Fidelity = Fidelity()
     """How finely the controller's model is."""
@@ -90,12 +175,9 @@ class ControlScene(CommandedScene):
 
     def _check(self) -> None:
         self.controller.input.check(self.finger, "controller.input")
-        for one in _LOOPS:
-            one.check(self)
         self._check_references()
         if self.estimator is not None:
             self._check_estimator(self.estimator)
-        self._check_scenarios()
         self._doubt_margin()
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
 
@@ -139,21 +221,10 @@ class ControlScene(CommandedScene):
             doubt("estimator.delay is not given: a camera shows the past; state its age [s] (0.0 if it has none)")
 
     def _check_estimator(self, estimator: Estimator) -> None:
-        estimator.measured.check(self.finger, "estimator.measured")
         if estimator.contact_detection is not None:
-            asked, delay = estimator.measured, estimator.delay
-            estimator.contact_detection.check(self.finger, asked, delay, "estimator.contact_detection")
+            estimator.contact_detection.check(self.finger, "estimator.contact_detection")
         if estimator.measured.bending is not None:
             self.finger.rod.check_inside("estimator.measured.bending.at[{}]", estimator.measured.bending.at)
-        if self.object_moves and estimator.measured.object is None:
-            raise ValueError("object_moves needs estimator.measured.object, by which the controller knows where it is")
-        for name in ("bending_stiffness", "tendon_friction"):
-            if getattr(estimator.disturbances, name) is not None and name not in self.parameters:
-                raise ValueError(f"estimator.disturbances.{name} needs parameters: [{name}]")
-        if estimator.adapt is not None:
-            estimator.adapt.check(estimator.disturbances, self.parameters, self.lag, "estimator.adapt")
-        if estimator.disturbances.contact_friction is not None and not (self.contact_law and self.contact_law.friction):
-            raise ValueError("estimator.disturbances.contact_friction needs contact_law.friction above 0")
         # The estimator corrects the state of a past period and repeats the inputs since, which it has one per period.
         periods = estimator.delay / self.controller.step
         if abs(periods - round(periods)) > 1e-6 * max(1.0, periods):
@@ -161,36 +232,6 @@ class ControlScene(CommandedScene):
                 f"estimator.delay = {estimator.delay} s is not a whole number of control periods of "
                 f"{self.controller.step} s"
             )
-
-    def _check_scenarios(self) -> None:
-        for k, one in enumerate(self.controller.scenarios):
-            for key in one.changes:
-                why = self._unvaried(key)
-                if why:
-                    raise ValueError(f"controller.scenarios[{k}].{key} {why}")
-
-    def _unvaried(self, key: str) -> str:
-        """Say why scenarios cannot differ in something; nothing where they can."""
-        finger = self.finger
-        if key in ("stiffness", "tip_mass"):
-            return ""
-        if key == "damping":
-            return (
-                ""
-                if self.scenario_parameters(key)
-                else "needs finger.damping.material above 0, of which it is a factor"
-            )
-        if not finger.tendon_list:
-            return "is for a finger with tendons"
-        if key in ("tendon_friction", "presliding") and not finger.has_tendon_friction:
-            return "needs finger.tendons.friction above 0: without, the controller's model has no state of friction"
-        if key == "time_constant" and (finger.winches or self.lag is None):
-            return "is that of commanded tensions: it needs finger.tendons.time_constant"
-        if key in ("axial_stiffness", "series_stiffness") and not finger.winches:
-            return "has no effect where the tension is commanded"
-        name = key.removeprefix("tendon_")
-        values = {getattr(tendon, name) for tendon in finger.tendon_list}
-        return "" if len(values) == 1 and None not in values else f"needs the same finger.tendons.{name} of all tendons"
 
     def scenario_parameters(self, key: str) -> tuple[str, ...]:
         """Names of the model parameters that a key of ``controller.scenarios`` changes."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.cost import Cost
 from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.families import default_family
@@ -109,6 +110,18 @@ class Bounds(Value):
 Range = Annotated[tuple[Real, Real], Field(strict=False)]
 
 
+_CONTINUOUS = "needs a continuous tip moment: give input or finger.tendons a time_constant, or use clothoid or arc"
+
+
+def of_inputs(verb: str, key: str) -> tuple[Consumer, ...]:
+    """What limits of the input, at a key of a scene, some fingers have no use for."""
+    bare = f"{key}.moment_max {key}.time_constant"
+    return (
+        beside(f"{verb} with tendons", lambda s: s.finger.tendons, bare, "is for a finger without tendons"),
+        beside(f"{verb} without a lag", lambda s: s.lag is None, "fidelity.family=matched_clothoid", _CONTINUOUS),
+    )
+
+
 class InputLimits(Value):
     """Limits of the input; tensions are limited by ``finger.tendons`` alone."""
 
@@ -129,12 +142,9 @@ class InputLimits(Value):
     """Lag of the tip moment of a finger without tendons [s]; that of tendons is in ``finger.tendons``."""
 
     def check(self, finger: Finger, key: str) -> None:
-        """Refuse limits that the finger's drive lacks, or has itself; ``key`` is where they are in the scene."""
+        """Refuse limits that do not fit the finger's drive; ``key`` is where they are in the scene."""
         if finger.tendons is None and self.moment_max is None:
             raise ValueError(f"{key}.moment_max is needed: the greatest tip moment of a finger without tendons")
-        for name in ("moment_max", "time_constant"):
-            if finger.tendons is not None and getattr(self, name) is not None:
-                raise ValueError(f"{key}.{name} is for a finger without tendons; see finger.tendons")
         self._check_ranges(finger, key)
         lagging = [tendon.time_constant is not None for tendon in finger.tendon_list]
         if any(lagging) and not all(lagging):
@@ -336,10 +346,6 @@ class Plant(_Differs):
     """Age of measurements when they arrive [s]; None: ``estimator.delay``."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the noise."""
-
-    def _check(self) -> None:
-        if self.guides is not None and "fidelity" in self.model_fields_set:
-            raise ValueError("guides and fidelity exclude each other: a chain of guides has no elements")
 
     def tendon_changes(self, finger: Finger) -> dict[str, float]:
         """What is different of a finger's tendons, as ``Finger.with_tendons`` takes it."""

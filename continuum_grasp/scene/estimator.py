@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene.consumer import excludes, needs
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -41,8 +40,13 @@ class ObjectSensor(Value):
     """Standard deviation of the measured angle [rad]."""
 
 
+_TORQUE = "is torque_constant times the current: give one of both"
+
+
 class Measured(Value):
     """Measured quantities, each with the standard deviation of its noise."""
+
+    REFUSALS = (excludes("estimator.measured", "torque", "current", _TORQUE, "estimator.measured"),)
 
     tip: Annotated[Positive, Field(examples=[3e-4, "0.3 mm"]), Unit("m")] | None = None
     """Of each coordinate of the tip's world position, by a camera [m]."""
@@ -70,19 +74,6 @@ class Measured(Value):
                 "measure the tip, the bending, or what winches have wound up (length, angle): the shape cannot be "
                 "estimated from a tension alone"
             )
-        if self.torque is not None and self.current is not None:
-            raise ValueError("torque and current exclude each other: the current times torque_constant is the torque")
-
-    def check(self, finger: Finger, key: str) -> None:
-        """Refuse sensors of drives that the finger lacks; ``key`` is where they are in the scene."""
-        drive = finger.winches[0] if finger.winches else None
-        kind = None if drive is None else drive.kind
-        for name, needed in (("length", "length"), ("angle", "motor"), ("torque", "motor"), ("current", "motor")):
-            if getattr(self, name) is not None and kind != needed:
-                got = "commanded tensions" if kind is None else f"drive.kind: {kind}"
-                raise ValueError(f"{key}.{name} is that of drive.kind: {needed}, got {got}")
-        if self.current is not None and isinstance(drive, MotorDrive) and drive.torque_constant is None:
-            raise ValueError(f"{key}.current needs drive.torque_constant; without one measure the torque")
 
 
 class Disturbed(Value):
@@ -120,14 +111,6 @@ class Spread(Value):
     tendon_friction: Annotated[Positive, Field(examples=["40 %"]), Unit("1")] | None = None
     """Of the friction coefficient of the tendons, relative [1]."""
 
-    def check(self, disturbances: Disturbed) -> None:
-        """Refuse one of what is not estimated."""
-        for name in self.stated():
-            if getattr(disturbances, name) is None:
-                raise ValueError(
-                    f"spread.{name} needs disturbances.{name}, its drift: what does not drift is not estimated"
-                )
-
 
 class Adapt(Value):
     """Model parameters estimated while the controller runs, each with the standard deviation of plants about nominal.
@@ -156,21 +139,6 @@ class Adapt(Value):
         if not self.spreads:
             raise ValueError("name a parameter: bending_stiffness, tip_mass or drive_time_constant")
 
-    def check(self, disturbances: Disturbed, parameters: Collection[str], lag: float | None, key: str) -> None:
-        """Refuse what the scene does not have as a parameter, or estimates otherwise; ``key`` is where it is."""
-        if self.drive_time_constant is not None and lag is None:
-            raise ValueError(f"{key}.drive_time_constant needs a drive with a time_constant")
-        for name in self.spreads:
-            if name not in parameters:
-                raise ValueError(f"{key}.{name} needs parameters: [{name}]")
-            if getattr(disturbances, name, None) is not None:
-                raise ValueError(f"{key}.{name} and disturbances.{name} estimate the same: give one of them")
-        if self.bending_stiffness is not None and disturbances.tip_moment is not None:
-            doubt(
-                f"{key}.bending_stiffness beside disturbances.tip_moment: at rest nothing tells them apart; leave the "
-                "moment out, or let it drift slowly"
-            )
-
 
 class ContactDetection(Value):
     """A momentum observer with a threshold that follows from what is uncertain: greatest errors, not deviations.
@@ -197,30 +165,21 @@ class ContactDetection(Value):
     """Positions along the finger where a contact may be [m], for which forces are reported; none: the middle and the
     tip."""
 
-    def check(self, finger: Finger, measured: Measured, delay: float, key: str) -> None:
-        """Refuse a finger or sensors that show no contact."""
-        if not finger.winches:
-            raise ValueError(f"{key} needs tendons with drive.kind: length or motor, whose tension a contact changes")
-        if any(getattr(drive, "backlash", 0.0) > 0.0 for drive in finger.winches):
-            raise ValueError(f"{key}: not through a gear with backlash, whose drum is not measured; leave it out")
-        kind = finger.winches[0].kind
-        position = "length" if kind == "length" else "angle"
-        if getattr(measured, position) is None:
-            raise ValueError(f"{key} needs estimator.measured.{position}")
-        if kind == "length" and measured.tension is None:
-            raise ValueError(f"{key} needs estimator.measured.tension with drive.kind: length")
-        if kind == "motor" and delay > 0.0 and measured.torque is None and measured.current is None:
-            raise ValueError(
-                f"{key} needs estimator.measured.torque or current with estimator.delay: a commanded torque is not as "
-                "old as the angle"
-            )
-        if self.tendon_friction > 0.0 and len({tendon.friction for tendon in finger.tendon_list}) > 1:
-            raise ValueError(f"{key}.tendon_friction must be zero where tendons have different coefficients")
+    def check(self, finger: Finger, key: str) -> None:
+        """Refuse places that a finger has not."""
         finger.rod.check_inside(f"{key}.places[{{}}]", self.places)
+
+
+_DRIFT = "needs its drift among disturbances: what does not drift is not estimated"
 
 
 class Estimator(Value):
     """An extended Kalman filter with disturbance states."""
+
+    REFUSALS = tuple(
+        needs("estimator", f"spread.{name}", f"disturbances.{name}", _DRIFT, "estimator")
+        for name in Spread.model_fields
+    )
 
     measured: Measured
     """What is measured, and how noisy it is."""
@@ -250,4 +209,8 @@ class Estimator(Value):
     sensors whose resolution is coarser than their noise, which repeat a number while the finger rests."""
 
     def _check(self) -> None:
-        self.spread.check(self.disturbances)
+        if self.adapt and self.adapt.bending_stiffness is not None and self.disturbances.tip_moment is not None:
+            doubt(
+                "adapt.bending_stiffness beside disturbances.tip_moment: at rest nothing tells them apart; leave the "
+                "moment out, or let it drift slowly"
+            )

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import beside, excludes
 from continuum_grasp.scene.damping import Damping
 from continuum_grasp.scene.drives import COMMANDS, LengthDrive, MotorDrive
 from continuum_grasp.scene.families import FAMILIES
@@ -104,8 +105,17 @@ class BasePose(Value):
         doubt_outside("base.angle", self.angle, -turn, turn, why)
 
 
+_THICK = "needs rod.diameter, or a thickness of a graded rod"
+
+
 class Finger(Value):
     """A tendon-driven continuum finger."""
+
+    REFUSALS = (
+        excludes("finger", "stops.curvature", "rod.spirob", "is given already: its gaps close there", "finger"),
+        beside("finger of no thickness", lambda f: not f.rod.own_thickness, "strain_limit", _THICK, "finger"),
+        beside("finger of a bent rod", lambda f: f.rod.own_rest_curvature, "rest_curvature", "rod has it", "finger"),
+    )
 
     rod: Rod
     """The elastic rod that the finger is."""
@@ -136,10 +146,6 @@ class Finger(Value):
         self.rod.check_inside("masses[{}].at", (mass.at for mass in self.masses))
         if half is not None and half >= length:
             raise ValueError(f"half_thickness = {half} m is not smaller than the finger's length of {length} m")
-        if self.strain_limit is not None and not self.rod.own_thickness:
-            raise ValueError("strain_limit needs rod.diameter, or a thickness of a graded rod")
-        if self.rest_curvature != 0.0 and self.rod.own_rest_curvature:
-            raise ValueError("rest_curvature is given by the rod already")
         breaks = self.rest_curvature.breaks if isinstance(self.rest_curvature, PiecewiseCurvature) else ()
         if breaks and breaks[-1] >= length:
             raise ValueError(
@@ -158,8 +164,6 @@ class Finger(Value):
     def _check_stops(self, stops: Stops) -> None:
         if stops.curvature is None and self.rod.spirob is None:
             raise ValueError("stops.curvature is needed: only that of rod.spirob follows from its shape")
-        if stops.curvature is not None and self.rod.spirob is not None:
-            raise ValueError("stops.curvature is given by rod.spirob already: its gaps close there")
         limit, rest = self.stop_curvature, self.profile.rest_curvature
         if limit is None or rest.constant == 0.0:
             return

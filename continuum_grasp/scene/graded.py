@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import excludes
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Extent, Increasing, Length, NonNegative, Positive, Real, Value
 
@@ -67,6 +68,9 @@ class RodFactors(Value):
     """On the rotary inertia per length [1]."""
 
 
+_SECTIONS, _STATED = "finger.rod.sections", "has no effect beside bending_stiffness and linear_density"
+
+
 class RodSection(Value):
     """A part of a rod; each value is a number, or ``[from, to]`` for one that changes linearly from base to tip side.
 
@@ -74,6 +78,11 @@ class RodSection(Value):
     material; or ``bending_stiffness`` and ``linear_density``. A ``thickness`` or ``diameter`` beside these sets only
     how thick the finger is and where the strain limit is reached.
     """
+
+    REFUSALS = (
+        excludes("rod sections", "thickness width", "diameter", "has no place in a round section", _SECTIONS),
+        excludes("rod sections", "width youngs_modulus density", "bending_stiffness", _STATED, _SECTIONS),
+    )
 
     to: Length
     """Where it ends [m]; the last section ends at the rod's length."""
@@ -107,22 +116,14 @@ class RodSection(Value):
         return self.thickness if self.diameter is None else self.diameter
 
     def _check(self) -> None:
-        if self.thickness is not None and self.diameter is not None:
-            raise ValueError("diameter and thickness exclude each other: a section is round or rectangular")
         linear = [key for key in ("bending_stiffness", "linear_density") if getattr(self, key) is not None]
         if len(linear) == 1:
             missing = "linear_density" if linear[0] == "bending_stiffness" else "bending_stiffness"
             raise ValueError(f"{linear[0]} needs {missing} beside it")
-        if linear:
-            for key in ("width", "youngs_modulus", "density"):
-                if getattr(self, key) is not None:
-                    raise ValueError(f"{key} has no effect beside bending_stiffness and linear_density")
-        elif self.diameter is None and (self.thickness is None or self.width is None):
+        if not linear and self.diameter is None and (self.thickness is None or self.width is None):
             raise ValueError(
                 "a section needs thickness and width, or diameter, or bending_stiffness and linear_density"
             )
-        elif self.diameter is not None and self.width is not None:
-            raise ValueError("width has no effect beside diameter: the section is round")
 
     def completed(self, rod: Mapping[str, float | None]) -> RodSection:
         """With what the rod states for those of its sections that do not, where it concerns them."""

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, cast
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.families import FAMILIES, ONE_TURN, default_family
 from continuum_grasp.scene.grasp_drive import DriveLaw
 from continuum_grasp.scene.grasp_options import (
@@ -51,15 +51,28 @@ _OF_FINGERS = {
     "stops": "grasps do not know what this does to the finger: leave it out",
     "tip_body": "grasps do not know what this does to the finger: leave it out",
     "tendons.conduit_bend": "must be zero here: tensions of a grasp are those that enter the finger",
+}
+_OF_FIDELITY = {
     "fidelity.residual": "is not for grasps, whose elements are sought",
     "fidelity.frequencies": "is not for grasps, which do not move",
 }
-_GRASP = Consumer(
-    "grasp",
-    refused={
-        **{f"{at}.{key}": text for at in ("finger", "fingers") for key, text in _OF_FINGERS.items()},
-        **{key: text for key, text in _OF_FINGERS.items() if key.startswith("fidelity.")},
-    },
+_DRY = "its path knows no dry friction in bending: leave one of both out"
+_PAIR = (
+    "a grasp needs a pair: two tendons of the same limits, the first with a positive offset and the second with the "
+    "same offset on the other side, that end at the same place"
+)
+_ARRANGED = "tendons.drive.arrangement"
+_TAUT = "keeps the antagonist taut, and tendons_used leaves none: set it to 0"
+_ALONE = "one_pulley moves both tendons, and tendons_used leaves one: use per_tendon"
+_GRASPS = (
+    Consumer("grasp", _OF_FIDELITY),
+    beside("grasp with dry friction", lambda s: any(one.finger.has_dry_friction for one in s.setups), "closing", _DRY),
+)
+_FINGERS = (
+    Consumer("grasp fingers", {f"finger.{key}": why for key, why in (_OF_FINGERS | _OF_FIDELITY).items()}, at="finger"),
+    beside("grasp of no pair", lambda f: isinstance(f.tendons, tuple) and not _are_pair(f), "tendons", _PAIR, "finger"),
+    beside("grasp by a tendon", lambda f: f.tendons_used != "both", "tendons.min_tension", _TAUT, "finger"),
+    beside("grasp by one", lambda f: f.tendons_used != "both", f"{_ARRANGED}=one_pulley", _ALONE, "finger"),
 )
 
 
@@ -169,6 +182,8 @@ class FingerSetup:
 
 class GraspScene(Configuration, Supported):
     """Fingers that hold an object, alone or against supports."""
+
+    REFUSALS = _GRASPS
 
     finger: AnyFinger | None = None
     """The finger, where there is one; it is called ``finger`` in the result."""
@@ -360,7 +375,6 @@ class GraspScene(Configuration, Supported):
         twice = set(self.named_fingers) & set(self.supports)
         if twice:
             raise ValueError(f"a finger and a support share the name {twice.pop()!r}")
-        _GRASP.check(self)
         for setup in self.setups:
             where = "finger" if self.fingers is None else f"fingers.{setup.name}"
             self._check_finger(setup, where)
@@ -372,22 +386,9 @@ class GraspScene(Configuration, Supported):
         fidelity = finger.fidelity or self.fidelity
         if finger.tendons is None:
             raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
+        for one in _FINGERS:
+            one.check(finger, where)
         self._check_drive(setup, where)
-        if self.closing is not None and finger.has_dry_friction:
-            raise ValueError(
-                f"closing: its path knows no dry friction, which {where}.damping.dry_friction gives the bending; leave "
-                "one of both out"
-            )
-        if isinstance(finger.tendons, tuple) and not _are_pair(finger):
-            raise ValueError(
-                f"{where}.tendons: a grasp needs a pair: two tendons of the same limits, the first with a positive "
-                "offset and the second with the same offset on the other side, that end at the same place"
-            )
-        if finger.tendons_used != "both" and any(finger.tension_limits[0]):
-            raise ValueError(
-                f"{where}.tendons.min_tension keeps the antagonist taut; with tendons_used: {finger.tendons_used} "
-                "there is none: set it to 0"
-            )
         if isinstance(fidelity.elements, tuple):
             raise ValueError("fidelity.elements must be a number here: the lengths of the elements are sought")
         if all(m == "off" for m in setup.middles) and setup.tip == "off":
@@ -435,11 +436,6 @@ class GraspScene(Configuration, Supported):
             return
         if not law.greatest > 0.0:
             raise ValueError(f"{key}.drive.torque_max is no more than coulomb_friction: the motor pulls nothing")
-        if law.pulley and setup.finger.tendons_used != "both":
-            raise ValueError(
-                f"{key}.drive.arrangement: one_pulley moves both tendons, with tendons_used: "
-                f"{setup.finger.tendons_used} there is one: use per_tendon"
-            )
 
     def _check_bases(self) -> None:
         for one, other in self.pairs:

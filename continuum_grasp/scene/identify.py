@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value, check_below
@@ -14,6 +14,8 @@ from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Re
 Quantity = Literal["x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "current"]
 _OF_DRIVE = ("tension", "length", "motor_angle", "torque", "current")
 Estimated = Annotated[float, Field(ge=-1e15, le=1e15), Unit("SI unit of the parameter")]
+_READ, _DRIVES = "data.measured", f"goes with {', '.join(_OF_DRIVE)}"
+_PRIOR, _MODULUS = "goes with start: estimated", "goes with youngs_modulus"
 _Window = Annotated[Interval, Unit("s")]
 
 
@@ -49,6 +51,12 @@ _Conditions = Annotated[tuple[Condition, ...], Field(strict=False)]
 class ReadingColumn(Column):
     """A column with what was measured at a section, or at the drive of a tendon."""
 
+    REFUSALS = (
+        beside("identify but by a bend", lambda one: one.quantity != "bend", "since", "goes with bend", _READ),
+        beside("identify by sections", lambda one: one.quantity not in _OF_DRIVE, "of", _DRIVES, _READ),
+        beside("identify by drives", lambda one: one.quantity in _OF_DRIVE, "at", "goes with sections", _READ),
+    )
+
     quantity: Quantity
     """x, y: world position [m]; angle: of the section in the world [rad]; bend: between base and section [rad];
     tension: of a tendon at its drive [N]; length: cable that a winch has wound up [m]; motor_angle [rad], torque
@@ -61,14 +69,6 @@ class ReadingColumn(Column):
     """Position from which a bend counts [m], such as the near side of a joint; None: the base."""
     sigma: Annotated[Positive, Field(examples=[1e-3]), Unit("unit of the quantity")] | None = None
     """Standard deviation [unit of the quantity], where known: weights unlike quantities; None: from the residuals."""
-
-    def _check(self) -> None:
-        if self.since is not None and self.quantity != "bend":
-            raise ValueError(f"since goes with bend, not with {self.quantity}")
-        if self.of is not None and self.quantity not in _OF_DRIVE:
-            raise ValueError(f"of goes with {', '.join(_OF_DRIVE)}, not with {self.quantity}")
-        if self.at is not None and self.quantity in _OF_DRIVE:
-            raise ValueError(f"at goes with what is measured along the finger, not with {self.quantity}")
 
 
 class RowsEqual(Value):
@@ -121,6 +121,10 @@ class StartPrior(Value):
 class TipTrajectory(_Data):
     """Path of a point of the finger in time, and of further ones along the same motion."""
 
+    REFUSALS = (
+        beside("identify of known starts", lambda one: one.start != "estimated", "start_prior", _PRIOR, "data"),
+    )
+
     kind: Literal["trajectory"]
     """Path of a point in time."""
     t: ColumnLike = "t"
@@ -150,8 +154,6 @@ class TipTrajectory(_Data):
     def _check(self) -> None:
         if self.x is None and self.y is None and not self.measured:
             raise ValueError("x and y are both null: give one of them at least, or measured")
-        if self.start_prior is not None and self.start != "estimated":
-            raise ValueError(f"start_prior goes with start: estimated, not with start: {self.start}")
 
 
 class RingDown(_Data):
@@ -192,6 +194,10 @@ DataSet = Annotated[StaticPoses | TipTrajectory | RingDown | FrequencyTable, Fie
 class Estimate(Value):
     """A parameter to estimate."""
 
+    REFUSALS = (
+        beside("identify of others", lambda one: one.name != "youngs_modulus", "second_moment", _MODULUS, "estimate"),
+    )
+
     name: str
     """youngs_modulus, bending_stiffness, linear_density, material_damping, per_arc_damping, quadratic_damping,
     rest_curvature, tip_mass, mass_0 (of masses[0]), tip_body_mass, _inertia, _along or _across, clamp_angle (added
@@ -217,8 +223,6 @@ class Estimate(Value):
 
     def _check(self) -> None:
         check_below(self, "min", "max")
-        if self.second_moment is not None and self.name != "youngs_modulus":
-            raise ValueError(f"second_moment goes with youngs_modulus, not with {self.name}")
 
 
 class Excitation(Value):
@@ -236,13 +240,13 @@ class Excitation(Value):
             raise ValueError(f"duration = {self.duration} s is shorter than 200 samples of {self.sample} s")
 
 
-_FIT = Consumer(
-    "identify", refused={"object": "has no place here: measurements are of the finger alone, leave the object out"}
-)
+_ALONE = "has no place here: measurements are of the finger alone, leave the object out"
 
 
 class IdentifyScene(Scene):
     """A scene, the parameters of it that are unknown, and the measurements that are to determine them."""
+
+    REFUSALS = (Consumer("identify", {"object": _ALONE}),)
 
     estimate: Annotated[tuple[Estimate, ...], Field(strict=False, min_length=1)]
     """Parameters that are to be found."""
@@ -254,7 +258,6 @@ class IdentifyScene(Scene):
     """huber: residuals beyond 1.345 standard deviations count linearly, so that outliers pull less."""
 
     def _check(self) -> None:
-        _FIT.check(self)
         names = [one.name for one in self.estimate]
         for k, name in enumerate(names):
             if name in names[:k]:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import beside
+from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.controller import Horizon, Limited, Plant
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
@@ -36,6 +36,8 @@ _Spread = Annotated[float, Field(ge=0.0, lt=1.0), Unit("1")]
 
 class Phases(Value):
     """How long each phase lasts; setpoints move smoothly within a phase."""
+
+    REFUSALS = (needs("missions", "squeeze_share", "settle", at="phases"),)
 
     touch: Duration = 0.8
     """Each stroke of a ``turn``, until the tip touches the object [s]."""
@@ -69,13 +71,6 @@ class Phases(Value):
     """While the table comes back [s]."""
     release: Duration = 0.8
     """Until the finger is straight again [s]; a quarter of that follows in which nothing is asked."""
-
-    def _check(self) -> None:
-        if self.squeeze_share < 1.0 and self.settle == 0.0:
-            raise ValueError(
-                f"squeeze_share: {self.squeeze_share:g} needs settle, the time in which the rest of the force rises: "
-                "give it a duration, or leave squeeze_share out"
-            )
 
 
 class MissionController(Limited):
@@ -161,17 +156,23 @@ class Trials(Value):
     """Seed of the random numbers; equal seeds give equal plants."""
 
 
+_PLANT = ("plant.object_mass", "plant.object_friction")
 _OF_LOOPS = "is of closed loops: give object_mass, and contact_law.friction"
 _OF_TURNS = "estimator.measured.object phases.touch phases.stroke phases.leave controller.object_angle controller.gap"
 _NO_TABLE = "is of a table below the plane: it needs grasp.gravity.mode: out_of_plane"
 _MEASURED = "has no meaning with a turn: a camera measures it"
+_OFF = "is not for missions, which lift the object off a table: give planar or out_of_plane"
+_SEEN = "needs estimator.measured.object, by which the controller knows where the object is"
+_OWN = "needs a grasp of one finger: a controller predicts what its own finger does to the object, not what others do"
 _GIVEN = "has no effect beside tendons, which have a max_tension"
 _MISSIONS = (
-    beside("missions", lambda s: True, "plant.object_mass plant.object_friction", _OF_LOOPS),
-    beside("missions without a turn", lambda s: s.turn is None, _OF_TURNS, "needs a turn"),
-    beside("missions with a turn", lambda s: s.turn, "estimator.disturbances.object_position", _MEASURED),
+    Consumer("missions", {"grasp.gravity.mode=none": _OFF, **dict.fromkeys(_PLANT, _OF_LOOPS)}),
+    needs("missions", _OF_TURNS, "turn", "needs a turn"),
+    needs("missions", "turn", "estimator.measured.object", _SEEN),
+    excludes("missions", "estimator.disturbances.object_position", "turn", _MEASURED),
+    excludes("missions", "drive_tension", "tendons", _GIVEN),
     beside("missions with gravity in the plane", lambda s: s.gravity == 0.0, "table_friction_radius turn", _NO_TABLE),
-    beside("missions with tendons of their own", lambda s: s.tendons, "drive_tension", _GIVEN),
+    beside("missions of several fingers", lambda s: len(s.grasp.setups) > 1, "turn", _OWN),
 )
 
 
@@ -184,6 +185,8 @@ class MissionScene(Configuration):
     sinks away. The table lies below the plane, or with gravity in the plane below the object in it. With a ``turn`` the
     controller predicts the object's pose, and turns it on the table first.
     """
+
+    REFUSALS = _MISSIONS
 
     grasp: GraspScene
     """The grasp, or the path of its file relative to this file: fingers with tendon drives, each with its tip on the
@@ -224,12 +227,8 @@ class MissionScene(Configuration):
 
     def _check(self) -> None:
         fingers = self.grasp.setups
-        if self.grasp.gravity.mode == "none":
-            raise ValueError("grasp.gravity must be planar or out_of_plane: a mission lifts the object off a table")
         if any(finger.tip == "off" for finger in fingers):
             raise ValueError("grasp.contacts must have the tip: a mission closes with it")
-        for one in _MISSIONS:
-            one.check(self)
         self._check_turn()
         for finger in fingers:
             self._check_finger(finger, "grasp.finger" if self.grasp.fingers is None else f"grasp.fingers.{finger.name}")
@@ -246,16 +245,9 @@ class MissionScene(Configuration):
     def _check_turn(self) -> None:
         if self.turn is None:
             return
-        if self.estimator.measured.object is None:
-            raise ValueError("turn needs estimator.measured.object, by which the controller knows where the object is")
         for finger in self.grasp.setups:
             if finger.finger.base_free is None:
                 check_reach(finger.finger, "turn", {"position": self.turn.position}, body=self.grasp.object)
-        if len(self.grasp.setups) > 1:
-            raise ValueError(
-                "turn needs a grasp of one finger: a controller predicts what its own finger does to the object, not "
-                "what others do"
-            )
 
     @property
     def gravity(self) -> float:

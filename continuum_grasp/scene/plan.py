@@ -7,8 +7,8 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
-from continuum_grasp.scene.consumer import Consumer, beside
-from continuum_grasp.scene.controller import Bounds, CommandedScene, InputLimits, Penalty
+from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
+from continuum_grasp.scene.controller import Bounds, CommandedScene, InputLimits, Penalty, of_inputs
 from continuum_grasp.scene.cost import Cost, Reference, Row
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
@@ -25,16 +25,17 @@ def _exact(value: Any) -> Any:
     return {"value": value} if isinstance(value, list | tuple) else value
 
 
+_WEIGHED = "is of a goal with a weight; without one it is reached exactly"
+
+
 class _Aim(Value):
+    REFUSALS = (beside("plan of exact goals", lambda aim: aim.weight is None, "tolerance", _WEIGHED, "goal.*"),)
+
     weight: Annotated[Positive, Field(examples=[1e6]), Unit("per square of the error's unit")] | None = None
     """Weight of half the squared error [per square of the error's unit]; None: reached exactly."""
     tolerance: Annotated[Positive, Field(examples=[1e-3]), Unit("unit of the error")] | None = None
     """Greatest error with which a goal that has a weight counts as reached [unit of the error]; None: 1 % of the
     finger's length of a point, 0.05 rad of an angle, and of forces and inputs a tenth of the greatest, or of 1 N."""
-
-    def _check(self) -> None:
-        if self.tolerance is not None and self.weight is None:
-            raise ValueError("tolerance is of a goal with a weight; without one it is reached exactly")
 
 
 class RowAim(_Aim):
@@ -147,10 +148,6 @@ class PlanSolver(SolverOptions):
     degree: Annotated[int, Field(ge=2, le=9)] = 3
     """Number of collocation points per interval."""
 
-    def _check(self) -> None:
-        if self.method == "sqp" and self.hessian == "exact":
-            raise ValueError("method: sqp needs hessian: gauss_newton, since its QPs have to be convex")
-
 
 class FineCheck(Value):
     """The inputs of the plan played to a finely integrated model."""
@@ -163,32 +160,59 @@ class FineCheck(Value):
     """Law of contact of the finer model; None: the same."""
 
 
-_PLAN = Consumer(
-    "plan",
-    refused={
-        "fidelity.tolerance": "is not for plans: give family and elements",
-        "initial.motor_angles": "is for statics and simulations alone: command what motors do",
-        "loads.follows": "is not for plans, whose forces keep their directions in the world",
-    },
+_PLAN = {
+    "fidelity.tolerance": "is not for plans: give family and elements",
+    "initial.motor_angles": "is for statics and simulations alone: command what motors do",
+    "loads.follows": "is not for plans, whose forces keep their directions in the world",
+}
+_SUDDEN = (
+    "is not for tendons with friction, winches or motors, whose forces change within 0.02 mm; leave it out, or take "
+    "single_shooting"
 )
+_EXPLICIT = (
+    "plans with contact are not for method: single_shooting, nor for tendons with friction, winches or motors, which "
+    "need it: its explicit steps are too long for stiff contacts; plan without the object"
+)
+_STATELESS = (
+    "plans need friction that is a smooth function of the speed of slip: give slip_speed (0.01 m/s, for example), or "
+    "friction: 0; check.contact_law may be another one"
+)
+_CONVEX = "needs gauss_newton for method: sqp, since its QPs have to be convex"
+_GIVEN = "needs a duration that is given"
 _COLLOCATION = "solver.points solver.degree"
 _ITS_OWN = "has no effect on method: single_shooting, which has its own; leave it out"
 _PLANS = (
-    _PLAN,
+    Consumer("plan", _PLAN),
+    # Measured on two winches without friction, with both methods and stiffnesses of 1e4 to 1e5 N/m: IPOPT solves them
+    # or not by rounding; with friction not in 200 iterations, at 25 times the usual presliding neither.
+    beside("plan of sudden forces", lambda s: s.sudden, "method=multiple_shooting method=collocation", _SUDDEN),
+    beside("plan by single shooting", lambda s: s.transcription == "single_shooting", "object", _EXPLICIT),
+    # The NLP needs derivatives, and friction with presliding would add states to the plan.
+    beside(
+        "plan of sticking contacts",
+        lambda s: (law := s.contact_law) and law.friction and not law.slip_speed,
+        "contact_law",
+        _STATELESS,
+    ),
+    beside("plan by sqp", lambda s: s.solver.method == "sqp", "solver.hessian=exact", _CONVEX),
+    beside("plan of a free duration", lambda s: isinstance(s.duration, DurationRange), "loads.force.times", _GIVEN),
     beside("plan by collocation", lambda s: s.transcription == "collocation", "solver.substeps", "is of shooting"),
     beside("plan by shooting", lambda s: s.transcription != "collocation", _COLLOCATION, "is of method: collocation"),
     beside("plan by inputs", lambda s: s.transcription == "single_shooting", "solver.method solver.hessian", _ITS_OWN),
     beside("plan of an effort", lambda s: s.objective != "least_time", "smoothing", "is of objective: least_time"),
     beside("plan without tracking", lambda s: s.objective != "tracking", "cost reference", "is of objective: tracking"),
-    beside("plan with a grasp", lambda s: s.grasp, "contacts goal.contact_force", "is that of the grasp: leave it out"),
-    beside("plan without an object", lambda s: s.object is None, "goal.contact_force grasp", "needs an object"),
-    beside("plan without a finer model", lambda s: not s.check.finer, "check.contact_law", "is of check.finer"),
-    beside("plan without drives", lambda s: not s.finger.winches, "bounds.least_tension", "is of winches and motors"),
+    beside("plan of several fingers", lambda s: s.grasp and len(s.grasp.setups) > 1, "grasp", "needs one finger"),
+    excludes("plan", "contacts goal.contact_force", "grasp", "is that of the grasp: leave it out"),
+    needs("plan", "goal.contact_force grasp", "object", "needs an object"),
+    needs("plan", "check.contact_law", "check.finer"),
+    needs("plan", "bounds.least_tension", "finger.tendons.drive"),
 )
 
 
 class PlanScene(CommandedScene):
     """A finger that is to move from an initial state to a goal, and what it can touch."""
+
+    REFUSALS = (*_PLANS, *of_inputs("plan", "input"))
 
     grasp: GraspScene | None = None
     """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimized first:
@@ -227,24 +251,7 @@ class PlanScene(CommandedScene):
     """How the plan is tried on a finer model."""
 
     def _check(self) -> None:
-        if self._sudden and self.transcription != "single_shooting":
-            # Measured on two winches without friction, with both methods and stiffnesses of 1e4 to 1e5 N/m: IPOPT
-            # solves them or not by rounding; with friction not in 200 iterations, at 25 times the usual presliding
-            # neither.
-            raise ValueError(
-                f"method: {self.transcription} is not for tendons with friction, winches or motors, whose forces "
-                "change within 0.02 mm; leave it out, or take single_shooting"
-            )
-        if self.object is not None and self.transcription == "single_shooting":
-            raise ValueError(
-                "object: plans with contact are not for method: single_shooting, nor for tendons with friction, "
-                "winches or motors, which need it: its explicit steps are too long for stiff contacts; plan without "
-                "the object"
-            )
-        for one in _PLANS:
-            one.check(self)
         self.input.check(self.finger, "input")
-        self._check_contact()
         self._check_inputs()
         goal = self.goal
         if goal.shape is not None:
@@ -271,19 +278,6 @@ class PlanScene(CommandedScene):
             # The model has forces as inputs at its contacts and tip alone.
             if not any(abs(load.at - at) <= 1e-9 * self.finger.rod.length for at in places):
                 raise ValueError(f"loads[{k}].at = {load.at} m: expected one of contacts or the tip, {list(places)}")
-            if not isinstance(load.force, tuple) and isinstance(self.duration, DurationRange):
-                raise ValueError(f"loads[{k}].force: a force over time needs a duration that is given")
-
-    def _check_contact(self) -> None:
-        law = self.contact_law
-        # The NLP needs derivatives, and friction with presliding would add states to the plan.
-        if law is not None and law.friction > 0.0 and law.slip_speed is None:
-            raise ValueError(
-                "contact_law: plans need friction that is a smooth function of the speed of slip: give slip_speed "
-                "(0.01 m/s, for example), or friction: 0; check.contact_law may be another one"
-            )
-        if self.grasp is not None and len(self.grasp.setups) != 1:
-            raise ValueError(f"grasp: a plan is for one finger, the grasp has {len(self.grasp.setups)}")
 
     def _check_inputs(self) -> None:
         aim = self.goal.input
@@ -298,7 +292,7 @@ class PlanScene(CommandedScene):
                     raise ValueError(f"{key}: {value} is outside the limits of the input, {least} to {most}")
 
     @property
-    def _sudden(self) -> bool:
+    def sudden(self) -> bool:
         """Whether forces of tendons change within micrometers."""
         return self.finger.has_tendon_friction or bool(self.finger.winches)
 
@@ -315,7 +309,7 @@ class PlanScene(CommandedScene):
     @property
     def transcription(self) -> str:
         """Method that is taken."""
-        return self.method or ("single_shooting" if self._sudden else "multiple_shooting")
+        return self.method or ("single_shooting" if self.sudden else "multiple_shooting")
 
     @property
     def limits(self) -> InputLimits:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import beside, excludes
 from continuum_grasp.scene.graded import Modulus, Positioned, RodFactors, RodSamples, RodSection, SpiRob
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Extent, Length, NonNegative, Value, doubt_outside
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 _SECTION_KEYS = ("diameter", "density", "youngs_modulus")
 _LINEAR_KEYS = ("linear_density", "bending_stiffness")
+_UNIFORM = " ".join(("diameter", *_LINEAR_KEYS))
 _GRADED_KEYS = ("sections", "samples", "spirob")
 _LEAST_GAP = 1e-6
 """Least distance between jumps, and between samples, per length [1]: a panel of quadrature of its own is between."""
@@ -52,6 +54,12 @@ class Rod(Value):
     >>> stiffness([0.0, 0.1, 0.25]).round(9)  # [N m2]; at a jump the value of the base side
     array([1.5707963e-02, 1.5707963e-02, 2.5133000e-05])
     """
+
+    REFUSALS = (
+        beside("rod that is uniform", lambda rod: not rod.graded, "factors", "is for a graded rod", "finger.rod"),
+        beside("rod that is graded", lambda rod: rod.graded, _UNIFORM, "is of a uniform rod", "finger.rod"),
+        excludes("rod", "youngs_modulus density rotary_inertia", "samples", "samples have their own", "finger.rod"),
+    )
 
     length: Annotated[Length, Field(examples=[0.18, "180 mm"])]
     """Length L [m]."""
@@ -95,8 +103,6 @@ class Rod(Value):
         doubt_outside("rod.density", self.density, 10.0, 23e3, no_solid)
 
     def _check_uniform(self) -> None:
-        if self.factors != RodFactors():
-            raise ValueError("factors are for a graded rod: state the values of a uniform one")
         # The diameter may stand beside both: it says where the strain limit is reached.
         section = [k for k in _SECTION_KEYS[1:] if getattr(self, k) is not None]
         linear = [k for k in _LINEAR_KEYS if getattr(self, k) is not None]
@@ -121,15 +127,8 @@ class Rod(Value):
         kind = graded[0]
         if len(graded) > 1:
             raise ValueError(f"{graded[1]} and {kind} exclude each other")
-        for key in ("diameter", *_LINEAR_KEYS):
-            if getattr(self, key) is not None:
-                raise ValueError(f"{key} is of a uniform rod; beside {kind} it has no effect")
         if self.sections is not None:
             self._check_section_keys(self.sections)
-        elif self.samples is not None:
-            for key in ("youngs_modulus", "density", "rotary_inertia"):
-                if getattr(self, key) is not None:
-                    raise ValueError(f"{key} has no effect beside samples, which give stiffness and mass")
         elif self.spirob is not None:
             missing = [key for key in ("youngs_modulus", "density") if getattr(self, key) is None]
             if missing:

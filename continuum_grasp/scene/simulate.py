@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
@@ -42,7 +42,7 @@ _BEYOND_THE_ROD = {
     "initial.reached_by=state": "the exact rod has no friction cells: expected pulling or releasing",
 }
 EXACT_ROD = Consumer(
-    "the exact rod (accuracy)",
+    "accuracy by the exact rod",
     refused={"object": "the exact rod touches nothing: leave the object out", **_BEYOND_THE_ROD},
     unneeded={
         **LIMITS_OF_BENDING,
@@ -56,7 +56,8 @@ EXACT_ROD = Consumer(
 _TRIED = "is in coordinates of one model, and several are tried: give a pose, or fidelity.family and elements"
 SEVERAL_MODELS = Consumer("accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "initial.q": _TRIED})
 _NONE = "has no effect: neither tendons nor bending have friction"
-_HISTORY = beside("a finger without friction", lambda scene: not scene.finger.has_friction, "initial.reached_by", _NONE)
+_AT_REST, _RELEASED = "a named pose is at rest", "has no effect: what holds the finger is released at time zero"
+_HOLDING, _HELD, _HOLDS = "held_by motor_angles", "needs pose: equilibrium", "must be constant"
 
 
 class Fidelity(Value):
@@ -92,6 +93,17 @@ class Fidelity(Value):
 class Initial(Value):
     """State at time zero: a named pose, or bending and rates."""
 
+    REFUSALS = (
+        beside("initial pose by name", lambda one: one.pose, "qd", _AT_REST, "initial"),
+        beside(
+            "initial pose that is no equilibrium", lambda one: one.pose != "equilibrium", _HOLDING, _HELD, "initial"
+        ),
+        beside("initial loads", lambda one: True, "held_by.input", _RELEASED, "initial"),
+        beside(
+            "initial loads over time", lambda one: True, "held_by.force.times held_by.moment.times", _HOLDS, "initial"
+        ),
+    )
+
     pose: Literal["straight", "rest", "equilibrium"] | None = None
     """straight; rest: the unloaded shape; equilibrium: under the scene's loads at time zero and ``held_by``."""
     held_by: Annotated[tuple[Load, ...], Field(strict=False)] = ()
@@ -116,18 +128,6 @@ class Initial(Value):
         check_one_given(self, "pose", "q")
         if (self.reached_by == "state") != (self.friction_states is not None):
             raise ValueError("friction_states and reached_by: state need each other")
-        if self.qd is not None and self.q is None:
-            raise ValueError("qd needs q; a named pose is at rest")
-        if self.held_by and self.pose != "equilibrium":
-            raise ValueError("held_by needs pose: equilibrium")
-        if self.motor_angles is not None and self.pose != "equilibrium":
-            raise ValueError("motor_angles needs pose: equilibrium")
-        for k, load in enumerate(self.held_by):
-            if load.kind == "moment" and load.input:
-                raise ValueError(f"held_by[{k}].input has no effect: what holds the finger is released at time zero")
-            value = load.force if load.kind == "force" else load.moment
-            if hasattr(value, "times"):
-                raise ValueError(f"held_by[{k}] must be constant")
 
     def check_motors(self, finger: Finger) -> None:
         """Refuse angles of motors that a finger has not."""
@@ -182,6 +182,10 @@ class Timing(Value):
 class FingerScene(Configuration, Surroundings):
     """What scenes of one finger have in common."""
 
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = (
+        beside("scenes without friction", lambda s: not s.finger.has_friction, "initial.reached_by", _NONE),
+    )
+
     finger: Finger
     """The finger."""
     gravity: Acceleration
@@ -195,7 +199,6 @@ class FingerScene(Configuration, Surroundings):
     """Names of model parameters that stay run-time arguments of the generated functions and controllers."""
 
     def _check(self) -> None:
-        _HISTORY.check(self)
         length = self.finger.rod.length
         for k, at in enumerate(self.contacts):
             if at >= length:

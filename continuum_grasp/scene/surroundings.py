@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -19,22 +19,13 @@ _PRESLIDING = 1e-4
 
 
 _OF_OBJECTS = "moment_of_inertia out_of_plane_gravity table supports"
-_EMPTY = beside(
-    "a scene without an object",
-    lambda scene: scene.object is None,
-    f"contact_law object_moves {_OF_OBJECTS}",
-    "has no meaning without an object",
-)
-_FIXED = beside(
-    "a fixed object",
-    lambda scene: scene.object is not None and not scene.object_moves,
-    _OF_OBJECTS,
-    "has no meaning for a fixed object: set object_moves",
-)
-_PLACED = Consumer(
-    "motions with an object",
-    refused={"object.free": "is for grasps; here the object starts where position and angle say"},
-)
+_TOUCHED = f"contact_law object_moves {_OF_OBJECTS}"
+_EMPTY, _FIXED = "has no meaning without an object", "has no meaning for a fixed object: set object_moves"
+_PLACE = "is for grasps; here the object starts where position and angle say"
+_LEANING = "is carried by a table parallel to the plane, without point and normal_angle"
+_ONE_TABLE = "needs out_of_plane_gravity, or without it point and normal_angle"
+_BELOW = "is of a table parallel to the plane, without point and normal_angle"
+_STICKING = "has no effect beside slip_speed, which gives friction no state"
 
 
 class ContactLaw(Value):
@@ -43,6 +34,10 @@ class ContactLaw(Value):
     The normal force is ``stiffness * s(d) * max(0, 1 + dissipation * d_rate)`` for a depth ``d``; s(d) = d but for
     a smooth onset within ``rounding`` of touching.
     """
+
+    REFUSALS = (
+        beside("contact_law without a state", lambda law: law.slip_speed, "presliding", _STICKING, "contact_law"),
+    )
 
     stiffness: Annotated[float, Field(ge=1e-3, le=1e9), Unit("N/m")]
     """Normal force per depth [N/m]."""
@@ -63,8 +58,6 @@ class ContactLaw(Value):
     limit at this one [m/s]. It needs no state, but what it holds creeps."""
 
     def _check(self) -> None:
-        if self.presliding is not None and self.slip_speed is not None:
-            raise ValueError("presliding and slip_speed exclude each other: give one, or none for 0.1 mm of presliding")
         stiffness_why = "N/m is that of no fingertip (expected: N/m)"
         doubt_outside("contact_law.stiffness", self.stiffness, 10.0, 1e7, stiffness_why)
         doubt_outside("contact_law.rounding", self.rounding, 0.0, 1e-3, "m is more than a millimeter (expected: m)")
@@ -84,6 +77,8 @@ class Table(Value):
     with a ``point`` an endless wall in the plane.
     """
 
+    REFUSALS = (beside("table in the plane", lambda table: table.point, "stays friction_radius", _BELOW, "table"),)
+
     friction: Friction
     """Coulomb friction coefficient between it and the object [1]."""
     friction_radius: Annotated[NonNegative, Field(examples=[0.02, "20 mm"]), Unit("m")] = 0.0
@@ -101,9 +96,6 @@ class Table(Value):
     def _check(self) -> None:
         if (self.point is None) != (self.normal_angle is None):
             raise ValueError("point and normal_angle belong together: a table in the plane has both")
-        if self.point is not None and (self.stays or self.friction_radius > 0.0):
-            key = "stays" if self.stays else "friction_radius"
-            raise ValueError(f"{key} is of a table parallel to the plane, without point and normal_angle")
 
     @property
     def wall(self) -> Wall | None:
@@ -118,6 +110,14 @@ class Surroundings(Supported):
 
     The finger touches the object; supports touch the object only, the finger passes through them.
     """
+
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = (
+        Consumer("scenes", {"object.free": _PLACE}),
+        beside("scenes without an object", lambda s: s.object is None, _TOUCHED, _EMPTY),
+        beside("scenes of a fixed object", lambda s: s.object and not s.object_moves, _OF_OBJECTS, _FIXED),
+        beside("scenes of a wall as table", lambda s: s.walled, "out_of_plane_gravity", _LEANING),
+        beside("scenes without a weight", lambda s: not (s.out_of_plane_gravity or s.walled), "table", _ONE_TABLE),
+    )
 
     object: GraspObject | None = None
     """What the finger can touch; None: nothing."""
@@ -135,8 +135,6 @@ class Surroundings(Supported):
     each part by its area, for a union)."""
 
     def _check(self) -> None:
-        for one in (_EMPTY, _PLACED, _FIXED):
-            one.check(self)
         body = self.object
         if body is None:
             return
@@ -144,8 +142,11 @@ class Surroundings(Supported):
             raise ValueError("contact_law is missing: an object needs its stiffness and friction")
         if self.object_moves and body.mass < 1e-9:
             raise ValueError("object.mass must be positive for an object that moves")
-        if self.table is not None and (self.table.wall is None) != (self.out_of_plane_gravity > 0.0):
-            raise ValueError("table needs out_of_plane_gravity, or without it point and normal_angle")
+
+    @property
+    def walled(self) -> bool:
+        """Whether its table is a wall in the plane."""
+        return self.table is not None and self.table.wall is not None
 
     @property
     def surroundings(self) -> Surroundings | None:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NoReturn, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NoReturn, Self
 
 from pydantic import (
     AfterValidator,
@@ -25,6 +25,7 @@ from pydantic import (
 from pydantic_core import CoreSchema
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.units import Unit
 
 if TYPE_CHECKING:
@@ -40,8 +41,11 @@ class Value(BaseModel):
 
     A field of numbers has their `Unit` in its type, by which texts such as ``12 mm`` are read. A class whose fields
     must fit together has a method ``_check``, which raises `ValueError` with a message that begins with the key, or
-    warns by `doubt`.
+    warns by `doubt`; keys that exclude or need others are declared in ``REFUSALS``.
     """
+
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = ()
+    """Keys that have no place beside others, or in such a scene at all."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
 
@@ -68,6 +72,8 @@ class Value(BaseModel):
     def _checked(self) -> Self:
         # Base classes first: a class may rely on what they have checked.
         for kind in reversed(type(self).__mro__):
+            for one in vars(kind).get("REFUSALS", ()):
+                one.check(self)
             if "_check" in vars(kind):
                 vars(kind)["_check"](self)
         return self

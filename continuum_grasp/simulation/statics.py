@@ -220,6 +220,8 @@ _STATICS = Consumer(
         },
     },
 )
+_STOOD = "motors that stand at one angle have no path: command what they do in actuation"
+_PATH = Consumer("statics of a path", {"initial.motor_angles": _STOOD})
 
 
 @check_arguments
@@ -440,10 +442,7 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     >>> [found.stable for found in equilibrium_path(scene, [0.5, 1.0])]
     [True, True]
     """
-    if scene.initial.motor_angles is not None:
-        raise InputError(
-            "motors that stand at one angle have no path: command what they do in actuation", key="initial.motor_angles"
-        )
+    _PATH.check(scene)
     names = tuple(dict.fromkeys((*scene.parameters, "gravity")))
     model = FingerModel(scene, parameters=names, input_rates=False)
     signals = Signals(scene, model)

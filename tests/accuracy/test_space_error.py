@@ -119,6 +119,6 @@ def test_what_cannot_be_refined_is_not_known_and_says_so():
     scene = soft(finger={"damping": dry}, **model_of("arc", 2, initial=start, time=time))
     found = motion_within(scene, None)
     assert np.isnan(found.space_error)
-    assert "initial.friction_states are those of these elements" in found.warnings[-1]
+    assert "initial.friction_states: belongs to these elements" in found.warnings[-1]
     assert found.pairs()["space error"] == "not measured"
     assert np.isnan(equilibrium(scene).space_error)

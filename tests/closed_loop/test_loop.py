@@ -222,9 +222,8 @@ def test_a_motion_that_is_lost_is_reported():
         tried.advance((math.nan, 1.0))
     prompt = FINGER.tendons.model_copy(update={"time_constant": None})
     matched = {"fidelity": {"family": "matched_clothoid"}}
-    scene = make(finger=FINGER.model_copy(update={"tendons": prompt}), plant=matched)
     with pytest.raises(InputError, match="give the drive a lag"):
-        PlantModel(scene)
+        make(finger=FINGER.model_copy(update={"tendons": prompt}), plant=matched)
 
 
 # -- what is read off it ----------------------------------------------------------------------------------------------

@@ -404,12 +404,12 @@ def test_commands_report_what_is_adapted():
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
-        ({"parameters": ["tip_mass"]}, "bending_stiffness needs parameters"),
+        ({"parameters": ["tip_mass"]}, "bending_stiffness: needs parameters"),
         ({"estimator.adapt": {}}, "name a parameter"),
         ({"estimator.adapt": {"damping": 0.1}}, "damping"),
         ({"estimator.adapt.tip_mass": -0.001}, "tip_mass"),
         ({"estimator.adapt.bending_stiffness": 3.0}, "bending_stiffness"),
-        ({"estimator.disturbances": {"bending_stiffness": 0.1}}, "give one of them"),
+        ({"estimator.disturbances": {"bending_stiffness": 0.1}}, "give one of both"),
         (
             {"finger.tendons.time_constant": None, "fidelity.family": "arc", "estimator.measured.tension": None},
             "needs a drive with a time_constant",

@@ -272,9 +272,12 @@ def test_a_controller_reports_it_as_the_detector_does():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"measured": {"tip": 1e-3, "torque": 1e-4}}, "needs estimator.measured.angle"),
-        ({"measured": {"angle": 1e-3, "length": 1e-5}}, "estimator.measured.length is that of drive.kind: length"),
-        ({"measured": {"angle": 1e-3, "current": 1e-3}}, "needs drive.torque_constant"),
+        ({"measured": {"tip": 1e-3, "torque": 1e-4}}, "or estimator.measured.angle"),
+        (
+            {"measured": {"angle": 1e-3, "length": 1e-5}},
+            "estimator.measured.length: needs finger.tendons.drive.kind: length",
+        ),
+        ({"measured": {"angle": 1e-3, "current": 1e-3}}, "needs finger.tendons.drive.torque_constant"),
         ({"measured": {"angle": 1e-3}, "delay": 0.005}, "needs estimator.measured.torque or current"),
         ({"detection": {"places": (0.3,)}}, "beyond the finger"),
     ],

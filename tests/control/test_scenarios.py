@@ -262,9 +262,9 @@ def test_a_stiffer_scenario_has_more_steps_if_it_needs_them():
         ([{}, {"stiffnes": 2.0}], "stiffness"),
         ([{}, {"stiffness": -1.0}], "greater than 0"),
         ([{}, {"weight": 0.0}], "greater than 0"),
-        ([{}, {"tendon_friction": 0.2}], r"scenarios\[1\].tendon_friction needs finger.tendons.friction"),
-        ([{}, {"presliding": 1e-5}], r"scenarios\[1\].presliding needs finger.tendons.friction"),
-        ([{}, {"series_stiffness": 1e4}], r"scenarios\[1\].series_stiffness has no effect"),
+        ([{}, {"tendon_friction": 0.2}], r"scenarios\[1\].tendon_friction: needs finger.tendons.friction"),
+        ([{}, {"presliding": 1e-5}], r"scenarios\[1\].presliding: needs finger.tendons.friction"),
+        ([{}, {"series_stiffness": 1e4}], r"scenarios\[1\].series_stiffness: has no effect"),
     ],
 )
 def test_scenarios_that_cannot_be_are_refused(scenarios, said):
@@ -273,7 +273,7 @@ def test_scenarios_that_cannot_be_are_refused(scenarios, said):
 
 
 def test_what_a_finger_lacks_no_scenario_changes():
-    with pytest.raises(InputError, match="time_constant is for a finger with tendons"):
+    with pytest.raises(InputError, match="time_constant: is that of commanded tensions"):
         swing_scene(controller={"scenarios": ({}, {"time_constant": 0.01})})
     undamped = HAND.replaced(damping={})
     with pytest.raises(InputError, match=r"finger\.damping\.material above 0"):

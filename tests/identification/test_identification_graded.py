@@ -118,5 +118,5 @@ def test_what_is_no_single_number_is_refused(name):
 
 
 def test_factors_are_for_graded_rods():
-    with pytest.raises(InputError, match="factors are for a graded rod"):
+    with pytest.raises(InputError, match="factors: is for a graded rod"):
         cg.Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0, factors={"linear_density": 2.0})

@@ -197,5 +197,5 @@ def test_the_prior_of_a_start_is_read_from_a_configuration(tmp_path):
     (path,) = read_data(IdentifyScene(**keys), [file])
     assert path.start_sigma == pytest.approx((np.pi / 60.0, np.pi / 2.0))
     keys["data"][0]["start"] = "measured"
-    with pytest.raises(InputError, match="start_prior goes with start: estimated"):
+    with pytest.raises(InputError, match="start_prior: goes with start: estimated"):
         IdentifyScene(**keys)

@@ -102,7 +102,7 @@ def test_gravity_decides_which_table_there_can_be():
     law = ContactLaw(stiffness=900.0, friction=0.3)
     wall = Table(friction=0.3, point=(0.0, 0.0), normal_angle=1.5)
     for table, gravity in ((Table(friction=0.3), 0.0), (wall, 9.81)):
-        with pytest.raises(InputError, match="table needs out_of_plane_gravity"):
+        with pytest.raises(InputError, match="out_of_plane_gravity"):
             Surroundings(object=disc, object_moves=True, contact_law=law, table=table, out_of_plane_gravity=gravity)
 
 

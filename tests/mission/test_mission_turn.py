@@ -114,7 +114,7 @@ def test_what_is_followed_changes_with_the_phase(table):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (["estimator.measured.object=null"], "turn needs estimator.measured.object"),
+        (["estimator.measured.object=null"], "turn: needs estimator.measured.object"),
         (["turn=null"], "estimator.measured.object: needs a turn"),
         (["turn.angle=0.0"], "angle must not be zero"),
         (["turn.tolerance=40 deg"], "tolerance = 0.698132 rad is not less than the angle, 0.523599 rad"),
@@ -133,7 +133,7 @@ def test_what_makes_no_turn_is_named(change, said):
 def test_several_fingers_do_not_turn():
     pinch = BLOCK.with_name("pinch.yaml")
     camera = "estimator.measured.object={position: 0.0003, angle: 0.005}"
-    with pytest.raises(InputError, match="turn needs a grasp of one finger"):
+    with pytest.raises(InputError, match="turn: needs a grasp of one finger"):
         load(pinch, [camera, "turn={angle: 0.5, position: [0.08, 0.0]}", "estimator.disturbances.object_position=null"])
 
 

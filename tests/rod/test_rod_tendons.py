@@ -116,7 +116,7 @@ def test_a_model_is_chosen_by_tolerance(reached_by):
 def test_what_the_rod_does_not_have_is_refused():
     motor = {"kind": "motor", "arrangement": "one_pulley", "winch_radius": 0.008, "inertia": 2e-6, "torque_max": 0.2}
     pulley = scene({**TENDON, **CABLE, "drive": motor}, {"torques": [0.05]})
-    with pytest.raises(InputError, match="per tendon: choose family and elements"):
+    with pytest.raises(InputError, match="one per tendon: give family and elements"):
         solve_elastica(pulley)
     given = scene([TENDON], {"tensions": [3.0]})
     known = given.initial.replaced(reached_by="state", friction_states=(0.0,))

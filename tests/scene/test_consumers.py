@@ -22,6 +22,7 @@ from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.scene.schema import json_schema
 from continuum_grasp.scene.simulate import Scene
 from tests.consumers_page import BEGIN, PAGE, tables
+from tests.features import FEATURES, VERBS, declared, scene_of
 from tests.scene_keys import NOT_ALONE, Place, bases, is_part, keys, others, places
 from tests.scene_products import WALKS, Walk, parts
 
@@ -90,7 +91,7 @@ LONG = {
     *("Rod", "RodFactors", "RodSection", "Table", "_Tensions"),
 }
 """Classes with keys of which many values are tried."""
-QUICK = {"export-mjcf", "plant.guides"}
+QUICK = {"export-mjcf", "plant.guides", "operators"}
 """Consumers of which most classes are tried in less than a second."""
 
 
@@ -160,6 +161,27 @@ def test_no_key_is_ignored_in_silence(walk, kind):
     assert not wrong
 
 
+@pytest.mark.parametrize(
+    "verb",
+    [one if one.name in QUICK else pytest.param(one, marks=pytest.mark.deep) for one in VERBS],
+    ids=lambda one: one.name,
+)
+@pytest.mark.parametrize("feature", FEATURES, ids=lambda one: one.name)
+def test_a_verb_takes_what_no_declaration_refuses(feature, verb):
+    why = declared(feature, verb)
+
+    def made():
+        scene = scene_of(verb.kind, feature, verb.more)
+        return scene is None or [*parts(verb.make(scene))]
+
+    if not why:
+        assert made()
+        return
+    with pytest.raises(InputError) as caught:
+        made()
+    assert why in caught.value.message
+
+
 MUG, POST = "configs/simulate/close_on_mug.yaml", "configs/mpc/wrap_post.yaml"
 
 
@@ -176,6 +198,23 @@ def test_what_would_have_no_effect_is_refused(key, refused):
     with pytest.raises(InputError) as caught:
         refused()
     assert caught.value.key == key
+
+
+FREE = (
+    "estimator.disturbances.tendon_friction=null",
+    "estimator.spread.tendon_friction=null",
+    "plant.tendon_friction=null",
+)
+
+
+def test_one_error_of_friction_is_not_that_of_unlike_tendons():
+    sensed = ["estimator.measured.tension=0.1", "estimator.contact_detection={tendon_friction: 0.3}"]
+    scene = cg.load("configs/mpc/winches.yaml", ["parameters=[bending_stiffness]", *sensed, *FREE])
+    one = scene.finger.tendons.model_dump(exclude={"offset", "friction"}, exclude_none=True)
+    pair = [{**one, "offset": 0.005, "friction": 0.1}, {**one, "offset": -0.005, "friction": 0.2}]
+    assert scene.changed({"finger.tendons": pair, "estimator.contact_detection.tendon_friction": 0.0})
+    with pytest.raises(InputError, match="tendon_friction: 0 where tendons have different"):
+        scene.changed({"finger.tendons": pair})
 
 
 def test_environments_list_what_they_do_not_keep():

@@ -131,7 +131,7 @@ WRONG = {
     ),
     "two shapes": (
         "sections: [{to: 0.25, thickness: 0.01, width: 1, diameter: 0.01}]",
-        "finger.rod.sections[0].diameter: diameter and thickness exclude",
+        "finger.rod.sections[0].thickness: has no place in a round",
     ),
     "half a stiffness": (
         "sections: [{to: 0.25, bending_stiffness: 1}]",
@@ -139,7 +139,7 @@ WRONG = {
     ),
     "a width of nothing": (
         "sections: [{to: 0.25, PLAIN, width: 1}]",
-        "sections[0].width: width has no effect",
+        "sections[0].width: has no effect",
     ),
     "no stiffness": (
         "sections: [{to: 0.25, bending_stiffness: [1, 0], linear_density: 1}]",
@@ -183,7 +183,7 @@ WRONG = {
     ),
     "beside a uniform rod": (
         "diameter: 0.01\n    sections: [{to: 0.25, PLAIN}]",
-        "6:15: finger.rod.diameter: diameter is of a uniform rod",
+        "6:15: finger.rod.diameter: is of a uniform rod",
     ),
     "samples that do not increase": (
         "samples: {at: [0, 0.2, 0.1, 0.25], bending_stiffness: [1, 1, 1, 1], linear_density: [1, 1, 1, 1]}",
@@ -207,7 +207,7 @@ WRONG = {
     ),
     "a material beside samples": (
         "density: 1e3\n    samples: {at: [0, 0.25], bending_stiffness: [1, 1], linear_density: [1, 1]}",
-        "finger.rod.density: density has no effect beside samples",
+        "finger.rod.density: samples have their own",
     ),
     "two kinds": (
         "sections: [{to: 0.25, PLAIN}]\n    samples: {at: [0, 1], bending_stiffness: [1, 1], linear_density: [1, 1]}",

@@ -67,7 +67,7 @@ WRONG = {
     "accuracy": (lambda: cg.Fidelity(accuracy=1e-300), "Fidelity: accuracy: out of range"),
     "many elements": (lambda: cg.Fidelity(elements=(0.001,) * 65), "Fidelity: elements: "),
     "endless": (lambda: cg.Timing(duration=1e9, step=1e-6), "Timing: step: step = 1e-06 s over 1e+09 s asks for 1e+15"),
-    "rates alone": (lambda: cg.Initial(pose="rest", qd=(0.0,)), "Initial: qd: qd needs q; a named pose is at rest"),
+    "rates alone": (lambda: cg.Initial(pose="rest", qd=(0.0,)), "Initial: qd: a named pose is at rest"),
     "samples": (
         lambda: cg.Samples(times=(0.0, 1.0), values=(1.0,)),
         "Samples: values: values must be as many as times",

@@ -205,7 +205,7 @@ def test_byte_order_mark_is_not_part_of_the_first_key(write):
             "time: {duration: 1.0e9, step: 1.0e-6}",
             "5:31: time.step: step = 1e-06 s over 1e+09 s asks for 1e+15 output states; at most 10000000 can be stored",
         ),
-        ("initial: {pose: rest, qd: [1]}", "5:27: initial.qd: qd needs q; a named pose is at rest"),
+        ("initial: {pose: rest, qd: [1]}", "5:27: initial.qd: a named pose is at rest"),
         ("loads: [{kind: moment, at: 0.1, moment: {times: [0, 1e-12], values: [0, 1]}}]", "1e-9 s apart"),
         ("contacts: ['0.3']", "such as 0.012 or 12 mm, got text '0.3' (write it without quotes)"),
         (

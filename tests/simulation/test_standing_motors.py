@@ -98,7 +98,7 @@ def test_each_motor_of_two_stands_where_it_is():
 
 
 def test_what_is_refused():
-    with pytest.raises(InputError, match="motor_angles needs pose: equilibrium"):
+    with pytest.raises(InputError, match="motor_angles: needs pose: equilibrium"):
         standing(STEADY, [0.3], torques=[0.0]).replaced(initial={"motor_angles": [0.3], "pose": "rest"})
     with pytest.raises(InputError, match=r"one entry per drive.kind: motor \(1\), got 2"):
         standing(STEADY, [0.3, 0.1], torques=[0.0])

@@ -170,18 +170,17 @@ def _makers(
     preview: bool,
 ) -> dict[str, Callable[[], Unit]]:
     """Builders of the units that are asked for, by their kinds."""
+    there = ["plant"] if isinstance(scene, Scene) else [*WHAT]
+    names = chosen(there if what is None else [what] if isinstance(what, str) else what, WHAT, "part", "what")
+    if preview and "controller" not in names:
+        raise InputError("is for a controller, of a closed loop", key="preview")
     if isinstance(scene, Scene):
-        if what is not None and chosen([what] if isinstance(what, str) else what, WHAT, "part", "what") != ["plant"]:
+        if names != ["plant"]:
             raise InputError("a simulated scene has a plant alone; a controller needs a closed loop", key="what")
-        if preview:
-            raise InputError("is for a controller, of a closed loop", key="preview")
         return {"plant": partial(finger_unit, scene, f"{name}_plant", step=step, substeps=substeps, ranges=ranges)}
     for key, value in (("step", step), ("ranges", ranges), ("substeps", substeps)):
         if value:
             raise InputError("is for a simulated scene: a closed loop has its own", key=key)
-    names = chosen(WHAT if what is None else [what] if isinstance(what, str) else what, WHAT, "part", "what")
-    if preview and "controller" not in names:
-        raise InputError("is for a controller", key="preview")
     made = {
         "plant": partial(loop_plant_unit, scene, f"{name}_plant"),
         "controller": partial(controller_unit, scene, f"{name}_controller", preview=preview),

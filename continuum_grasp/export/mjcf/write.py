@@ -22,7 +22,7 @@ from continuum_grasp.export.mjcf.text import written
 from continuum_grasp.export.source import names_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results.atomic import write_text
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, needs
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.simulate import Scene
@@ -41,6 +41,8 @@ _STABLE = 0.5
 _LONGEST_STEP = 1e-3
 """Of a scene without ``time`` [s]."""
 _CONTACT = "contacts are MuJoCo's own, as stiff as the step allows"
+_PLANAR = "the chain is planar: a weight out of the plane that friction carries is not exported; set table, or 0"
+_CARRIED = needs("export-mjcf", "out_of_plane_gravity", "table", _PLANAR)
 _CHAIN = Consumer(
     "export-mjcf",
     refused={
@@ -165,12 +167,8 @@ def export_mjcf(
     if file is not None:
         check_file(Path(file))
     scene = scene_of(scene)
+    _CARRIED.check(scene)
     listed = _CHAIN.check(scene)
-    if scene.out_of_plane_gravity and scene.table is None:
-        raise InputError(
-            "the chain is planar: a weight out of the plane that friction carries is not exported; set table, or 0",
-            key="out_of_plane_gravity",
-        )
     if not 1 <= hinges <= _MOST_HINGES:
         raise InputError(f"expected a whole number from 1 to {_MOST_HINGES}, got {hinges}", key="hinges")
     per_arc = FingerModel(resolve_fidelity(scene)[0]).lengths if scene.finger.damping.per_arc else ()
