@@ -102,8 +102,8 @@ def test_an_object_slides_on_a_table_under_its_friction() -> None:
 
 
 def test_a_finger_on_its_way_bends_like_a_rod_and_cuts_no_corners() -> None:
-    """Under a force of 10 E I / L^2 across its tip it takes the shape of the elastica; and between two of its places the
-    disc of the mug is entered by less than a tenth of what tells postures apart.
+    """Under a force of 10 E I / L^2 across its tip it takes the shape of the elastica; between two of its places it
+    enters the disc of the mug by less than a tenth of what tells postures apart.
     """
     scene = cg.load("configs/grasp/mug.yaml")
     setup, load = scene.setups[0], 10.0
