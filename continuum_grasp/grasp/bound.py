@@ -34,14 +34,14 @@ from continuum_grasp.scene.supports import Wall
 
 Array = NDArray[np.float64]
 
-_PIECES = 32
-"""Intervals of an outline to begin with: in each the normal turns by about 11 degrees, far less than 180."""
+_PIECES = 40
+"""Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180."""
 _ROUNDS, _MOST = 40, 4000
 """Most bisections of the intervals that may hold a maximum, and most intervals: at a flat one the bound is looser."""
 _EXACT = 1e-4
 """Relative difference between an upper bound of h and its value at a place up to which intervals are bisected, and by
 which the bound must exceed a limit."""
-_CUTS, _CLOSE = 100, 1e-3
+_CUTS, _CLOSE = 30, 1e-3
 """Most rounds of cutting planes, of which shipped scenes take 23 at most, and the relative gap at which no more are
 added."""
 _SHORT = 1e-9
