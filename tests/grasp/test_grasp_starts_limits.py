@@ -12,6 +12,7 @@ from scipy.optimize import nnls
 
 from continuum_grasp.grasp.starts import basins
 from continuum_grasp.grasp.starts.basins import Basins
+from continuum_grasp.grasp.starts.crossing import overlaps
 from continuum_grasp.grasp.starts.force import Block, Loads
 from continuum_grasp.grasp.starts.polish import pressed
 from continuum_grasp.grasp.starts.scan import linked, task, touching
@@ -149,6 +150,25 @@ def test_the_only_postures_that_balance_together_are_found(fingers, postures):
         blocks = [pushing(one, 1.0 / fingers) for one in own]
         index, left, *_ = combine(loads, blocks, supports, list(features))
         assert [picked[np.argmin(left)] for picked in index] == right.tolist()
+
+
+@pytest.mark.parametrize("apart", [0.02, 0.038, 0.042, 0.06])
+def test_fingers_on_concentric_circles_overlap_by_what_their_radii_lack(apart):
+    """To a thousandth of the length, of fingers 0.04 thick in sum that turn by 3 rad."""
+
+    def finger(name):
+        return SimpleNamespace(
+            name=name, finger=SimpleNamespace(rod=SimpleNamespace(length=1.0), thickness_radius=0.02)
+        )
+
+    def circle(radius):
+        bent, base = np.full((1, 2), 1.0 / radius), np.array([[radius, 0.0, 0.0]])
+        return SimpleNamespace(knots=np.array([[0.0, 1.0]]), curvatures=bent, bases=base)
+
+    setups = [finger("one"), finger("two")]
+    scene = SimpleNamespace(setups=setups, pairs=[setups])
+    found = overlaps(scene, [circle(1.0 / 3.0), circle(1.0 / 3.0 + apart)], [np.zeros(1, int)] * 2)
+    assert found == pytest.approx([max(0.04 - apart, 0.0)], abs=1e-3)
 
 
 def test_supports_bear_nearly_as_much_as_they_can():
