@@ -23,10 +23,20 @@ from tests.grasp.test_grasp_starts import finger_at, starts_of, touching
 from tests.grasp.test_grasp_starts import scene_of as scene_at
 
 NARROW = (217, 289, 471, 653, 763, 818, 856, 906, 925, 946, 976, 1381, 1544, 1687, 1753, 1898, 1940, 2454, 2650, 2707)
-STEEP = (20, 226, 585, 682, 1214, 1314, 1739, 1823, 2250, 2363, 2957)
+STEEP = (20, 226, 461, 585, 682, 1214, 1314, 1739, 1823, 2250, 2286, 2363, 2403, 2957)
 """Scenes of one finger that coarser or more hasty scans miss: short feasible pieces, narrow basins, roots that nearly
 merge, curvatures at their limits, tips that touch with their sides."""
-ROUGH = [(55, 0.01), (661, 0.01), (929, 0.01), (1071, 0.01), (1242, 0.04), (2197, 0.03), (2928, 0.01)]
+ROUGH = [
+    (51, 0.01),
+    (55, 0.01),
+    (70, 0.01),
+    (661, 0.01),
+    (929, 0.01),
+    (1071, 0.01),
+    (1242, 0.04),
+    (2197, 0.03),
+    (2928, 0.01),
+]
 """Scenes whose best posture few rough starts are near, and by what part their estimate may be off."""
 TIPS = [("two", 2), ("two", 28), ("two", 58), ("two", 77), ("three", 13), ("three", 19)]
 """Scenes of fingers that touch with their tips alone."""
