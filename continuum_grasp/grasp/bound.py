@@ -34,18 +34,18 @@ from continuum_grasp.scene.supports import Wall
 
 Array = NDArray[np.float64]
 
-_PIECES = 96
-"""Intervals of an outline to begin with: the normal turns by about 4 degrees in each."""
+_PIECES = 40
+"""Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180."""
 _ROUNDS, _MOST = 40, 4000
 """Most bisections of the intervals that may hold a maximum, and most intervals: at a flat one the bound is looser."""
 _EXACT = 1e-4
-"""Relative difference between an upper bound of h and its value at a place up to which intervals are bisected."""
-_CUTS, _CLOSE = 100, 1e-3
+"""Relative difference between an upper bound of h and its value at a place up to which intervals are bisected, and by
+which the bound must exceed a limit."""
+_CUTS, _CLOSE = 30, 1e-3
 """Most rounds of cutting planes, of which shipped scenes take 23 at most, and the relative gap at which no more are
 added."""
-_EXCEEDS, _SHORT = 1e-6, 1e-9
-"""Parts that are rounding: of a limit, by which the bound exceeds it; of a finger's length, by which it ends short of a
-contact."""
+_SHORT = 1e-9
+"""Part of a finger's length by which it may end short of a contact: rounding."""
 _FAR = 1e3
 """Greatest multiplier, per that of the weight: with far greater ones the LP would lose digits, and any y is valid."""
 
@@ -102,7 +102,7 @@ def cannot_balance(scene: GraspScene) -> bool:
     """
     limits = [setup.normal_force_max for setup in scene.setups]
     limits += [scene.normal_force_max(body.name) for body in scene.places if body.touch != "off"]
-    return least_normal_force_bound(scene) > (1.0 + _EXCEEDS) * max(limits)
+    return least_normal_force_bound(scene) > (1.0 + _EXACT) * max(limits)
 
 
 def _best_multipliers(need: Array, used: Array, cuts: list[list[Array]]) -> tuple[Array, float]:

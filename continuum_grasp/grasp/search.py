@@ -103,7 +103,7 @@ class Search:
         self._modes = self._alike = 0
         self._unscanned: list[frozenset[str]] = []
         self._far = UNBALANCED if all(setup.elements <= 2 for setup in scene.setups) else BENT
-        self._scans: dict[frozenset[str], Basins] = {}  # the last of each mode
+        self._scans: dict[frozenset[str], Basins] = {}  # of each mode
         self.basins: list[Basin] = []
 
     @property
@@ -128,8 +128,6 @@ class Search:
         modes = contact_modes(self.scene)
         self._modes = len(modes)
         self._unscanned = [mode for mode in modes if not self._from_basins(mode)]
-        if self.best is None:
-            self._from_dense(modes)
         # Bolder options, and rough starts, only where something better is to be expected.
         for rung in range(1, self._effort.rungs):
             self._retry(rung)
@@ -158,18 +156,11 @@ class Search:
         if self.proven:
             return
         modes = contact_modes(self.scene)
-        if self._effort.rungs > 1 and self.exploration.open:
-            self._from_dense(modes)
         everywhere = self.best is None or self._effort.always_rough or self.exploration.open
         for mode in modes if everywhere else self._unscanned:
             self._from_rough(mode)
         if not self.proven:
             self._converge()
-
-    def _from_dense(self, modes: list[frozenset[str]]) -> None:
-        """Solve from the basins of denser scans: short pieces of curves lie between the places of the others."""
-        for mode in modes:
-            self._from_basins(mode, dense=True)
 
     @property
     def exploration(self) -> Exploration:
@@ -192,9 +183,9 @@ class Search:
             pruned={why: count for why, count in pruned.items() if count},
         )
 
-    def _from_basins(self, mode: frozenset[str], dense: bool = False) -> bool:
-        """Solve from the basins of a mode, those of a ``dense`` scan that are new; whether it is scanned at all."""
-        starts = self.basins_of(mode, dense)
+    def _from_basins(self, mode: frozenset[str]) -> bool:
+        """Solve from the basins of a mode; whether it is scanned at all."""
+        starts = self.basins_of(mode)
         for start in (starts or [])[: self._effort.basins]:
             if not any(_same(start, basin.start) for basin in self.basins):
                 self.basins.append(Basin(start))
@@ -359,14 +350,10 @@ class Search:
         """The starts of a mode: of its basins, or rough ones."""
         return self.basins_of(mode) or self.rough_starts_of(mode)
 
-    def basins_of(self, mode: frozenset[str], dense: bool = False) -> list[Start] | None:
-        """The starts of a mode's basins, of a ``dense`` scan if wanted, none if the last one was dense already; None
-        where it has none that are scanned.
-        """
-        if dense and mode in self._scans and self._scans[mode].is_dense:
-            return []
+    def basins_of(self, mode: frozenset[str]) -> list[Start] | None:
+        """The starts of a mode's basins; None where it has none that are scanned."""
         began = time.perf_counter()
-        found = basin_starts(self.scene, mode, dense)
+        found = basin_starts(self.scene, mode)
         self.start_seconds += time.perf_counter() - began
         if found is None:
             return None

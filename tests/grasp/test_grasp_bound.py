@@ -72,13 +72,13 @@ def test_the_greatest_of_the_limits_counts(own, proven):
     assert cannot_balance(scene_of(fingers, out("ignore"))) is proven
 
 
-@pytest.mark.parametrize(("most", "proven"), [(2.9, True), (3.0, False)])
-def test_the_limit_of_a_support_counts_too(most, proven):
-    """A palm that bears 2.943 N, by the limit of all contacts, beside a finger whose own limit is far below."""
+@pytest.mark.parametrize(("part", "proven"), [(1.0 - 2e-4, True), (1.0, False)])
+def test_the_limit_of_a_support_counts_too(part, proven):
+    """A palm that bears m g, by the limit of all contacts, beside a finger whose own limit is far below."""
     palm = {"type": "palm", "point": (0.0, -RADIUS), "normal_angle": 0.5 * math.pi}
     fingers = {"finger": tip_at(0.5, 0.5, 0.0, contacts={"normal_force_max": 1.0})}
     gravity = {"mode": "planar", "vector": (0.0, -G)}
-    scene = scene_of(fingers, gravity, supports={"palm": palm}).changed({"contacts.normal_force_max": most})
+    scene = scene_of(fingers, gravity, supports={"palm": palm}).changed({"contacts.normal_force_max": part * 0.3 * G})
     assert cannot_balance(scene) is proven
 
 
@@ -87,6 +87,17 @@ def test_each_contact_has_its_own_friction():
     fingers = star([0.0, math.pi])
     fingers["finger_0"]["contacts"] = {"friction": 0.9}
     assert least_normal_force_bound(scene_of(fingers, out("ignore"))) == pytest.approx(0.3 * G / 1.4, rel=2e-4)
+
+
+@pytest.mark.parametrize("com", [(0.0, 0.0), (0.006, -0.003), (-0.008, 0.002)])
+def test_contacts_at_single_places_bear_what_the_tilt_asks(com):
+    """Three straight fingers that just end at a disc: lifts l with sum l = m g and sum l p = m g c, N >= |l| / mu."""
+    angles = [0.3 + math.tau * k / 3 for k in range(3)]
+    body = {"shape": "circle", "diameter": 2 * RADIUS, "center_of_mass": com}
+    rows = [[1.0, RADIUS * math.cos(a), RADIUS * math.sin(a)] for a in angles]
+    lifts = np.linalg.solve(np.transpose(rows), 0.3 * G * np.array([1.0, *com]))
+    bound = least_normal_force_bound(scene_of(star(angles), out(), body))
+    assert bound == pytest.approx(np.abs(lifts).max() / 0.5, rel=6e-4)
 
 
 @pytest.mark.parametrize("opening", [60.0, 140.0])

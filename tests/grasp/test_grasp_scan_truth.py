@@ -17,17 +17,26 @@ from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.starts import basins
 from continuum_grasp.grasp.starts.candidates import find_candidates
 from continuum_grasp.grasp.starts.scan.curves import sample
-from continuum_grasp.grasp.starts.scan.elastica import elastica_table
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts
 from continuum_grasp.grasp.starts.supports import object_poses
 from tests.grasp.test_grasp_starts import finger_at, starts_of, touching
 from tests.grasp.test_grasp_starts import scene_of as scene_at
 
 NARROW = (217, 289, 471, 653, 763, 818, 856, 906, 925, 946, 976, 1381, 1544, 1687, 1753, 1898, 1940, 2454, 2650, 2707)
-STEEP = (20, 226, 585, 682, 1214, 1314, 1739, 1823, 2250, 2363, 2957)
+STEEP = (20, 226, 461, 585, 682, 1214, 1314, 1739, 1823, 2250, 2286, 2363, 2403, 2957)
 """Scenes of one finger that coarser or more hasty scans miss: short feasible pieces, narrow basins, roots that nearly
 merge, curvatures at their limits, tips that touch with their sides."""
-ROUGH = [(55, 0.01), (661, 0.01), (929, 0.01), (1071, 0.01), (1242, 0.04), (2197, 0.03), (2928, 0.01)]
+ROUGH = [
+    (51, 0.01),
+    (55, 0.01),
+    (70, 0.01),
+    (661, 0.01),
+    (929, 0.01),
+    (1071, 0.01),
+    (1242, 0.04),
+    (2197, 0.03),
+    (2928, 0.01),
+]
 """Scenes whose best posture few rough starts are near, and by what part their estimate may be off."""
 TIPS = [("two", 2), ("two", 28), ("two", 58), ("two", 77), ("three", 13), ("three", 19)]
 """Scenes of fingers that touch with their tips alone."""
@@ -88,19 +97,6 @@ def rod(curvature, force, direction):
     return solve_ivp(slopes, (0.0, 1.0), [0.0, curvature, 0.0, 0.0], rtol=1e-9, atol=1e-9, dense_output=True).sol
 
 
-def test_tabled_shapes_are_those_of_rods():
-    table, rng = elastica_table(), np.random.default_rng(0)
-    rows, columns = np.nonzero(np.abs(table.curvatures).max(axis=2) < 18.0)  # beyond, no finger bends
-    off = []
-    for k in rng.integers(len(rows), size=60):
-        row, column = rows[k], columns[k]
-        first = table.curvatures[row, column, 0]
-        *_, x, y = rod(first, table.forces[row], table.directions[row])(1.0)
-        off.append(abs(complex(x, y) - table.tips[row, column]))
-    assert np.median(off) < 2e-3
-    assert np.percentile(off, 95) < 2e-2
-
-
 def rods_on_discs(count):
     """Random rods whose tips press on a disc at the edge of the friction cone, and where it is, per length."""
     rng = np.random.default_rng(5)
@@ -127,7 +123,8 @@ def test_a_rod_that_its_tip_bends_is_near_a_posture_of_the_scan():
         found = find_candidates(scene, scene.setups[0], [(0.0, 0.0, 0.0)], scene.object.pose, {"f.tip"})
         at = np.tile(np.linspace(0.0, 1.0, 65), (len(found), 1))
         away.append(np.abs(sample(found.knots, found.curvatures, at) - points).max(axis=1).min())
-    assert max(away) < 0.07
+    # One is bent more at its tip than two clothoids can be.
+    assert sorted(away)[-2] < 0.05
 
 
 @pytest.mark.parametrize("moved", ["object", "base"])

@@ -12,6 +12,7 @@ from scipy.optimize import nnls
 
 from continuum_grasp.grasp.starts import basins
 from continuum_grasp.grasp.starts.basins import Basins
+from continuum_grasp.grasp.starts.crossing import overlaps
 from continuum_grasp.grasp.starts.force import Block, Loads
 from continuum_grasp.grasp.starts.polish import pressed
 from continuum_grasp.grasp.starts.scan import linked, task, touching
@@ -37,7 +38,7 @@ def neighbors(**last):
 
 
 def neighboring_arcs(**last):
-    return bool(linked.in_bends(branch(**last))[0, 1])
+    return bool(linked.in_bends(branch(**last), 0.05)[0, 1])
 
 
 def within(curvature):
@@ -52,18 +53,12 @@ def within(curvature):
     return bool(touching._within(SimpleNamespace(**bounds), branch(1, ends=curvature))[0])
 
 
-def clear_to_the_contact(depth):
-    free = SimpleNamespace(half=0.02, rough_distance=lambda points: np.full(points.shape, 0.02 - depth))
-    return bool(len(touching._clear_first(free, branch(1))))
-
-
-def judged(depth, method="_judged"):
-    """Whether postures so deep in something are left; those that are scanned may be deeper than those that count."""
+def judged(depth):
+    """Whether postures so deep in something are left."""
     scan = Basins(make_scene("matched_clothoid", UPRIGHT), ON)
     scan._depth = lambda some: np.full(len(some), depth)
-    some = touching.scanned(scan.task, touching.Ring(scan.task, 32))
-    left = getattr(scan, method)(some)
-    return left is not None and len(left[0] if isinstance(left, tuple) else left.branch) > 0
+    left, _ = scan._judged(touching.scanned(scan.task, touching.Ring(scan.task, 32)))
+    return left is not None and len(left.branch) > 0
 
 
 def violates_nothing(depth=0.0, bent=0.0):
@@ -86,11 +81,9 @@ LIMITS = [
     ("joints apart of neighbors", 0.08, lambda x: neighbors(joint=0.5 + x)),
     ("curvatures apart of neighbors", 2.5, lambda x: neighbors(ends=np.array([0.0, x, x, 0.0]))),
     ("normals apart of neighbors", 0.5, lambda x: neighbors(tip_normal=x)),
-    ("bends apart of neighboring arcs", 0.1, lambda x: neighboring_arcs(ends=np.array([x, x, x, x]))),
+    ("bends apart of neighboring arcs", 1.6 * 0.05, lambda x: neighboring_arcs(ends=np.array([x, x, x, x]))),
     ("curvature above its limit", 8.0 * 1.02, within),
-    ("depth up to the first contact", 2e-3, clear_to_the_contact),
     ("depth of a posture that counts", 2e-4, judged),
-    ("depth of a posture next to which others may be clear", 2e-3, lambda x: judged(x, "_passable")),
     ("depth of a rough start", 2e-3, lambda x: violates_nothing(depth=x)),
     ("score for a posture unlike the best", 0.5 * math.exp(-1.0), comes_before_another),
 ]  # fmt: skip
@@ -114,14 +107,6 @@ def test_beyond_two_parts_in_a_hundred_imbalance_ranks_less():
 def test_twelve_basins_at_most_the_best_first():
     score = np.arange(20.0)[::-1]
     assert linked.minima(score, np.eye(20, dtype=bool)).tolist() == [*range(19, 7, -1)]
-
-
-def test_places_are_added_at_quarters_of_the_spacing():
-    """On to the next place, and back where none is before."""
-    shifts = linked.gaps(branch(2, place=1.0), np.ones(2))
-    assert shifts[0].tolist() == [0.25, 0.5, 0.75, -0.25, -0.5, -0.75]
-    assert shifts[1, :3].tolist() == [0.25, 0.5, 0.75]
-    assert np.isnan(shifts[1, 3:]).all()
 
 
 @pytest.mark.parametrize("part", ["left", "wrong", "above"])
@@ -165,6 +150,25 @@ def test_the_only_postures_that_balance_together_are_found(fingers, postures):
         blocks = [pushing(one, 1.0 / fingers) for one in own]
         index, left, *_ = combine(loads, blocks, supports, list(features))
         assert [picked[np.argmin(left)] for picked in index] == right.tolist()
+
+
+@pytest.mark.parametrize("apart", [0.02, 0.038, 0.042, 0.06])
+def test_fingers_on_concentric_circles_overlap_by_what_their_radii_lack(apart):
+    """To a thousandth of the length, of fingers 0.04 thick in sum that turn by 3 rad."""
+
+    def finger(name):
+        return SimpleNamespace(
+            name=name, finger=SimpleNamespace(rod=SimpleNamespace(length=1.0), thickness_radius=0.02)
+        )
+
+    def circle(radius):
+        bent, base = np.full((1, 2), 1.0 / radius), np.array([[radius, 0.0, 0.0]])
+        return SimpleNamespace(knots=np.array([[0.0, 1.0]]), curvatures=bent, bases=base)
+
+    setups = [finger("one"), finger("two")]
+    scene = SimpleNamespace(setups=setups, pairs=[setups])
+    found = overlaps(scene, [circle(1.0 / 3.0), circle(1.0 / 3.0 + apart)], [np.zeros(1, int)] * 2)
+    assert found == pytest.approx([max(0.04 - apart, 0.0)], abs=1e-3)
 
 
 def test_supports_bear_nearly_as_much_as_they_can():

@@ -389,7 +389,7 @@ def starts_per_limit(agreeing):
             repairs.found["tension"] = Some(amount=1.0)
             repairs._amounts["tension"] = [1.0]
 
-    repairs.starts, repairs.attempt, repairs.resume = lambda *_, **__: starts, attempt, lambda *_: None
+    repairs.starts, repairs.attempt = lambda *_, **__: starts, attempt
     repairs._try([TENSION])
     return asked
 

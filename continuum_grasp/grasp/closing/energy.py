@@ -135,9 +135,7 @@ class Closing:
         gaps = ca.vertcat(*(pair.gap for pair in pairs))
         x = ca.vertcat(q, unknown) if self.free else q
         self.problem = nlp.NLP("closing", x, energy / self.unit, gaps / length, ca.vertcat(*given))
-        # The path is followed closely, so the barrier starts low.
-        tuning = {"ipopt": {"mu_strategy": "adaptive", "mu_init": 1e-4, "bound_relax_factor": 0.0}}
-        self.solver = nlp.new_solver(nlp.Settings("ipopt", 1e-8, 1e-9, 100, tuning))
+        self.solver = nlp.new_solver(nlp.Settings())
         columns = [ca.horzcat(*(getattr(pair, name) for pair in pairs)) for name in ("normal", "point")]
         lines = ca.horzcat(*(place for f in self.fingers for place in f.places))
         self.look = ca.Function("look", [q, unknown], [gaps, *columns, lines])

@@ -19,9 +19,9 @@ from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 Array = NDArray[Any]
 
-_STICKS = (1e-3, 1e-4)
-"""Slip of a step up to which friction is not full, per length, in the solutions of a step, each with the normal forces
-of the one before: a step moves places by some percent, and far sharper friction would lead the solver astray."""
+_STICK, _PASSES = 1e-4, 2
+"""Slip of a step up to which friction is not full, per length, and solutions of a step, each with the normal forces of
+the one before: a step moves places by some percent."""
 _HALVINGS = 5
 """How often a step that the solver cannot take is halved."""
 _OPENINGS = 10
@@ -110,7 +110,7 @@ class _Walk:
         x, m = np.zeros(closing.problem.x.numel()), len(closing.pairs)
         if closing.free:
             x[-3:] = closing.grasped / closing.scale
-        none = Sliding(np.zeros(m), np.zeros((2, m)), np.zeros((2, m)), np.zeros(m), _STICKS[0])
+        none = Sliding(np.zeros(m), np.zeros((2, m)), np.zeros((2, m)), np.zeros(m), _STICK)
         for share in np.linspace(0.0, -1.0, _OPENINGS + 1):
             held = closing.solve(self.tensions(share), none, closing.grasped, x, None, True)
             sight = closing.found(held.x, closing.grasped)
@@ -133,8 +133,8 @@ class _Walk:
         """Take a step to a share, in halves where it cannot be taken at once."""
         closing, before = self.closing, self.taken[-1]
         pressed, start, near = before.normal, before.x, self._multipliers
-        for stick in _STICKS:
-            sliding = closing.sliding(before.sight, pressed, stick)
+        for _ in range(_PASSES):
+            sliding = closing.sliding(before.sight, pressed, _STICK)
             attempt = closing.solve(self.tensions(share), sliding, before.sight.pose, start, near, False)
             if not attempt.converged:
                 break

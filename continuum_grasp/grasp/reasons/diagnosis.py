@@ -22,7 +22,6 @@ from continuum_grasp.grasp.reasons.confirm import least_amount
 from continuum_grasp.grasp.search import BENT, Search, branch_of
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.values import Reason
-from continuum_grasp.nlp import Status
 from continuum_grasp.scene.grasp import GraspScene
 
 FIRST, MORE = 4, 8
@@ -103,7 +102,6 @@ class Repairs:
     def __init__(self, scene: GraspScene, search: Search) -> None:
         self.scene, self._search = scene, search
         self.found: dict[str, Repair] = {}
-        self._open: dict[str, list[Attempt]] = {}
         self._amounts: dict[str, list[float]] = {}
         self._starts: dict[str, list[Start]] = {}
 
@@ -121,7 +119,6 @@ class Repairs:
         for relaxation in [] if self.found else limits:
             starts = self._starts.get(relaxation.name, [])
             self.try_starts(relaxation, starts[FIRST:MORE] or self.starts(relaxation, rough=True)[:FIRST])
-            self.resume(relaxation)
 
     def _try(self, limits: Sequence[Relaxation]) -> None:
         """Relax limits, those that give a grasp from more starts."""
@@ -130,15 +127,11 @@ class Repairs:
                 return
             self._starts[relaxation.name] = self.starts(relaxation)
             self.try_starts(relaxation, self._starts[relaxation.name][:FIRST])
-        for relaxation in [] if self.found else limits:
-            self.resume(relaxation)
         for relaxation in [limit for limit in limits if limit.name in self.found]:
-            self.resume(relaxation)
             self.try_starts(relaxation, self._starts[relaxation.name][FIRST:MORE])
             if not self.agree(relaxation):
                 # Where the amount is known, the scan finds postures for just this much: closer than the first ones.
                 self.try_starts(relaxation, self.starts(relaxation)[:MORE])
-            self.resume(relaxation)
 
     @property
     def relaxations(self) -> list[Relaxation]:
@@ -190,28 +183,11 @@ class Repairs:
                 return
             self.attempt(relaxation, start, relaxation.start(self.scene), iterations=HASTY)
 
-    def resume(self, relaxation: Relaxation) -> None:
-        """Go on with attempts whose iterations were used up, one of each amount."""
-        done: list[float] = []
-        for attempt in self._open.pop(relaxation.name, []):
-            amount = self._search.solver(attempt.start).given(self.scene, attempt.x, relaxation)
-            if self._search.budget.over:
-                return
-            if not any(math.isclose(amount, other, rel_tol=SAME) for other in done):
-                done.append(amount)
-                options = {"features": attempt.features, "x0": attempt.x, "iterations": 2 * HASTY}
-                self.attempt(relaxation, attempt.start, amount, **options)
-
     def attempt(self, relaxation: Relaxation, start: Start, amount: float, **options: Any) -> None:
         name, search = relaxation.name, self._search
         solver = search.solver(start)
         attempt = solver.run(self.scene, start, search.budget, rung=2, relaxed=[(relaxation, amount)], **options)
-        if not np.isfinite(attempt.x).all():
-            return
-        # Out of its own iterations: most limits are no reason, so the others are tried first.
-        if attempt.status is Status.STOPPED:
-            self._open.setdefault(name, []).append(attempt)
-        if attempt.violations:
+        if not np.isfinite(attempt.x).all() or attempt.violations:
             return
         amount, best = solver.given(self.scene, attempt.x, relaxation), self.found.get(name)
         self._amounts.setdefault(name, []).append(amount)

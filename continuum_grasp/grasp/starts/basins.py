@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates, all_joints
 from continuum_grasp.grasp.starts.force import Block, finger_block, imbalance, loads_of, support_block
-from continuum_grasp.grasp.starts.scan.linked import along_outline, best_of, gaps, in_bends, minima
-from continuum_grasp.grasp.starts.scan.task import ALLOWED, join, make_task, obstruction
+from continuum_grasp.grasp.starts.scan.linked import along_outline, best_of, in_bends, minima
+from continuum_grasp.grasp.starts.scan.task import join, make_task, obstruction
 from continuum_grasp.grasp.starts.scan.touching import Branch, Ring, beside, scanned, together
-from continuum_grasp.grasp.starts.scan.two_arcs import beside_arcs, scanned_arcs
+from continuum_grasp.grasp.starts.scan.two_arcs import arc_spacing, beside_arcs, scanned_arcs
 from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.grasp import GraspScene
@@ -28,20 +28,12 @@ Array = NDArray[Any]
 
 STRICT = 2e-4
 """Penetration that a posture may have, per length of the finger, where postures are judged."""
-_PLACES, _DENSE, _FEW = 128, 0.25, 10
-"""Places of the middle contact on each part's outline; what part of their spacing is scanned on a side where fewer than
-10 postures are left: short feasible pieces may lie between two places."""
-_HOPEFUL = 0.15
-"""Relative imbalance of a posture up to which a posture in balance may be between it and the next one."""
+_PLACES = 1024
+"""Places of the middle contact on each part's outline: short feasible pieces may lie between two places."""
 _WINDOW = 0.125 * np.array([*range(-8, 0), *range(1, 9)])
-"""Neighbors that are tried where a basin is refined, in sizes of the window."""
+"""Neighbors that are tried where a basin is refined, in windows, of which the first is a spacing of the scan."""
 _ROUNDS, _SHRINK = 2, 0.125
 """Rounds of that, and what each leaves of the window: the spacing of the neighbors."""
-_PLACE_WINDOW, _ARC_WINDOW = 0.25, 0.02
-"""First window of the refinement: spacings of places, and change of the bends of two arcs [rad]."""
-_ARC_STEPS = np.array([-0.042, -0.021, 0.021, 0.042])
-"""Steps [rad] by which postures of two arcs are added between those of the scan, which are 0.063 rad apart: on a corner
-the normal turns by a right angle in less."""
 _PER_DEPTH, _PER_EXCESS = 100.0, 10.0
 """Score of penetration [1/L], and of a curvature above its limit, as a part of it."""
 _BALANCED, _PER_IMBALANCE = 2e-4, 100.0
@@ -82,9 +74,8 @@ class Scored:
 class Basins:
     """The basins of a scene of one finger with the contacts ``on`` by name."""
 
-    def __init__(self, scene: GraspScene, on: frozenset[str], dense: bool = False) -> None:
-        self.on, self._dense = on, dense
-        self.is_dense = True  # whether a dense scan would find no more
+    def __init__(self, scene: GraspScene, on: frozenset[str]) -> None:
+        self.on = on
         base = scene.setups[0].finger.base
         self.base = (*base.position, base.angle)
         self.pose = scene.object.pose
@@ -106,7 +97,10 @@ class Basins:
 
     def found(self) -> Scored | None:
         """The basins, those with the least score first; None where no posture touches."""
-        self._postures = self._along_outline() if any(self.task.middles) else self._of_arcs()
+        along = any(self.task.middles)
+        some = scanned(self.task, self._ring) if along else scanned_arcs(self.task)
+        self.places = self._ring.count * len(self.task.shapes) if along else len(some)
+        self._postures, _ = self._judged(some)
         return None if self._postures is None else self._refined(self._lowest(self._postures))
 
     def with_forces(self, scene: GraspScene) -> tuple[Basins, Scored | None]:
@@ -120,51 +114,6 @@ class Basins:
 
     # -- postures ----------------------------------------------------------------------------------------------
 
-    def _along_outline(self) -> Scored | None:
-        task, ring, isolated = self.task, self._ring, self._isolated
-        some, wrong = self._passable(scanned(task, ring))
-        few: list[int] = []
-        if not isolated:
-            few = [side for side in (1, -1) if self._dense or int((some.side == side).sum()) < _FEW]
-            self.is_dense = len(few) == 2
-        if few:
-            dense, depth = self._passable(scanned(task, ring, tuple(few), _DENSE))
-            others = ~np.isin(some.side, few)
-            some, wrong = together([some.take(others), dense]), np.concatenate([wrong[others], depth])
-        self.places = int(ring.count * (2 + len(few) * (1.0 / _DENSE - 1.0)) / 2) * len(task.shapes)
-        if not len(some):
-            return None
-        clear = wrong <= STRICT
-        scored = self._judged(some.take(clear), wrong[clear])
-        if not isolated:
-            # Between the places only where a grasp may be: next to what enters a little, or is nearly in balance.
-            some = together([some.take(~clear), scored.branch if scored else some.take(clear)])
-            left = np.concatenate([np.zeros((~clear).sum()), scored.left if scored else np.zeros(0)])
-            some = some.take(left < _HOPEFUL)
-            if len(some):
-                added, _ = beside(task, ring, some, gaps(some, np.where(np.isin(some.side, few), _DENSE, 1.0)))
-                more = self._judged(added)
-                scored = more if scored is None else scored if more is None else _merged(scored, more)
-        return scored
-
-    def _passable(self, found: Branch) -> tuple[Branch, Array]:
-        """Those next to which there may be a posture that is clear of everything, and by how much they are not."""
-        depth = self._depth(found)
-        near = depth <= ALLOWED
-        return found.take(near), depth[near]
-
-    def _of_arcs(self) -> Scored | None:
-        some = scanned_arcs(self.task)
-        self.places = len(some)
-        scored = self._judged(some)
-        if scored is None:
-            return None
-        hopeful = scored.branch.take(scored.left < _HOPEFUL)
-        if len(hopeful):  # on a corner the normal turns within a step
-            more = self._judged(beside_arcs(self.task, hopeful, np.tile(_ARC_STEPS, (len(hopeful), 1)))[0])
-            scored = scored if more is None else _merged(scored, more)
-        return scored
-
     def _depth(self, branch: Branch) -> Array:
         """By how much something is in the way of postures (P,) [L]."""
         joints = branch.joint[:, None] if any(self.task.middles) else np.zeros((len(branch), 0))
@@ -172,21 +121,17 @@ class Basins:
 
     # -- forces ------------------------------------------------------------------------------------------------
 
-    def _judged(self, branch: Branch, wrong: Array | None = None) -> Scored | None:
-        """The postures that are clear of everything, with their forces; None where there are none."""
-        if wrong is None:
-            wrong = self._depth(branch)
-            clear = wrong <= STRICT
-            branch, wrong = branch.take(clear), wrong[clear]
-        if not len(branch):
-            return None
-        self.postures += len(branch)
-        return self._scored(branch, wrong)
-
-    def _scored(self, branch: Branch, wrong: Array) -> Scored:
+    def _judged(self, branch: Branch) -> tuple[Scored | None, Array]:
+        """Those that are clear of everything, with their forces, and which of the postures these are."""
+        wrong = self._depth(branch)
+        clear = wrong <= STRICT
+        if not clear.any():
+            return None, clear
+        self.postures += int(clear.sum())
+        branch, wrong = branch.take(clear), wrong[clear]
         candidates = self._candidates(branch, wrong)
         block = finger_block(self.scene, self.loads, self.setup, candidates, self.pose)
-        return self._weighed(branch, candidates, block, wrong)
+        return self._weighed(branch, candidates, block, wrong), clear
 
     def _weighed(self, branch: Branch, candidates: Candidates, block: Block, wrong: Array) -> Scored:
         count = len(block.needed)
@@ -221,21 +166,21 @@ class Basins:
 
     def _lowest(self, some: Scored) -> Scored:
         """The minima along the curves."""
-        linked = along_outline(some.branch, self._ring.count) if any(self.task.middles) else in_bends(some.branch)
+        if any(self.task.middles):
+            linked = along_outline(some.branch, self._ring.count)
+        else:
+            linked = in_bends(some.branch, arc_spacing(self.task))
         return some.take(minima(some.score, linked))
 
     def _refined(self, best: Scored) -> Scored:
         """The basins, moved along their curves to where they are best, and the order then."""
         count = len(best.score)
-        window = _PLACE_WINDOW if any(self.task.middles) else _ARC_WINDOW
+        window = 1.0 if any(self.task.middles) else arc_spacing(self.task)
         for number in range(0 if self._isolated else _ROUNDS):
             found, rows = self._near(best.branch, np.tile(window * _SHRINK**number * _WINDOW, (count, 1)))
-            depth = self._depth(found)
-            clear = depth <= STRICT
-            if not clear.any():
+            new, clear = self._judged(found)
+            if new is None:
                 continue
-            new = self._scored(found.take(clear), depth[clear])
-            self.postures += len(new.score)
             moved = best_of(new.score, rows[clear], count)
             better = np.append(new.score, np.inf)[moved] < best.score
             best = _merged(best, new).take(np.where(better, count + moved, np.arange(count)))

@@ -43,13 +43,13 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[Start
     return [_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)]
 
 
-def basin_starts(scene: GraspScene, on: frozenset[str], dense: bool = False) -> tuple[list[Start], Basins] | None:
-    """Starts with the contacts ``on`` by name that stand for the basins of an exhaustive scan, which may be ``dense``,
-    the most promising first; None where postures are not of one parameter (see `is_scanned`).
+def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Basins] | None:
+    """Starts with the contacts ``on`` by name that stand for the basins of an exhaustive scan, the most
+    promising first; None where postures are not of one parameter (see `is_scanned`).
     """
     if not is_scanned(scene, on):
         return None
-    basins = Basins(scene, on, dense)
+    basins = Basins(scene, on)
     return _starts_of(basins, basins.found()), basins
 
 

@@ -28,8 +28,8 @@ NEARLY_BALANCED = 0.02
 """Relative imbalance up to which its size ranks starts; IPOPT brings a few parts in a hundred to zero."""
 _PER_FINGER = {2: 14, 3: 8, 4: 6}
 """Postures per finger that are combined, by number of fingers: 200 to 1300 combinations."""
-_SETS, _SHARE = {2: 48, 3: 96, 4: 96}, 4
-"""Sets of so many fingers that touch with their tips alone at the first pose of the object; a quarter at the others."""
+_SETS = {2: 48, 3: 96, 4: 96}
+"""Sets of so many fingers that touch with their tips alone, at a pose of the object."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,7 @@ class Weighing:
             return self._weigh(pose, found)
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
-        count = _SETS[len(self.setups)] // (1 if number == 0 else _SHARE)
-        sets = matched_sets(self.scene, self.loads, found, pose, supports, count)
+        sets = matched_sets(self.scene, self.loads, found, pose, supports, _SETS[len(self.setups)])
         return self._weigh(pose, polished(self.scene, self.loads, sets, pose, supports), paired=True)
 
     def _weigh(self, pose: Pose, found: list[Candidates], paired: bool = False) -> Weighed:

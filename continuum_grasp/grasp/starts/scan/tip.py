@@ -26,10 +26,6 @@ from continuum_grasp.model.surfaces.outline import Outline
 
 Array = NDArray[Any]
 
-_ARCS_REACH, _ARCS_GRID = 13.0, 53
-"""Greatest curvature [1/L] and size of the grid of two arcs, each of which has a part of the length for its bend: 0.5
-1/L apart, as those of clothoids."""
-
 
 def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     """The postures on to the tip, which touches."""
@@ -93,8 +89,8 @@ def tip_only(task: FingerTask) -> Postures | None:
     joint = task.counts[0] / 2.0 if task.arcs and task.counts == (1, 1) else None
     # Beside the shapes of `bent_by_tip`, which have clothoids only, every other line of the grid is enough.
     reach, count = TIP_REACH, TIPS if task.arcs else TIPS // 2 + 1
-    if joint is not None:
-        reach, count = _ARCS_REACH, _ARCS_GRID
+    if joint is not None:  # each of two arcs has a part of the length for its bend
+        reach, count = 2.0 * TIP_REACH, 2 * TIPS - 1
     grid, ends, _ = guess_table(reach, count, joint)
     knots = np.array([0.0, 1.0] if joint is None else [0.0, joint, joint, 1.0])
     groups = []

@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.chords import MOST_TURN, bends_to, exact_bends
-from continuum_grasp.grasp.starts.scan.curves import NODES, WEIGHTS, sample
-from continuum_grasp.grasp.starts.scan.task import ALLOWED, FRONT, TIP_MOST, TIP_REACH, TIPS, FingerTask
+from continuum_grasp.grasp.starts.scan.curves import NODES, WEIGHTS
+from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_MOST, TIP_REACH, TIPS, FingerTask
 
 Array = NDArray[Any]
 
-_FIRST = np.linspace(0.0, 1.0, 17)
 _ROOT = 8
 """Steps of a bracketed root: after the first ones each gains digits as the secant method does."""
 _ROUNDED = 1e-10
@@ -97,26 +96,23 @@ def together(groups: list[Branch]) -> Branch:
     return Branch(**{name: np.concatenate([getattr(g, name) for g in groups]) for name in names})
 
 
-def scanned(task: FingerTask, ring: Ring, sides: tuple[int, ...] = (1, -1), step: float = 1.0) -> Branch:
-    """All postures with a middle contact at the places of a ring, on some sides, of clothoids in any steps."""
-    even = np.arange(0.0, ring.count, step)
-    parts = np.repeat(np.arange(len(task.shapes)), len(even))
-    places = np.tile(even, len(task.shapes))
+def scanned(task: FingerTask, ring: Ring) -> Branch:
+    """All postures with a middle contact at the places of a ring."""
+    parts = np.repeat(np.arange(len(task.shapes)), ring.count)
+    places = np.tile(np.arange(float(ring.count)), len(task.shapes))
     point, normal = ring.at(parts, places)
     if task.one_arc_to_joint:
         first = _arcs(task, ring, parts, places, point, normal)
     else:
-        first = _clothoids(task, sides, parts, places, point, normal)
-    return _onwards(task, _clear_first(task, first))
+        first = _clothoids(task, parts, places, point, normal)
+    return _onwards(task, first)
 
 
 def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[Branch, Array]:
-    """The postures next to some at places shifted along the ring by shifts (P, S), those that are not NaN, and the row
-    that each is from.
-    """
-    rows, columns = np.nonzero(np.isfinite(shifts))
+    """The postures next to some at places shifted along the ring by shifts (P, S), and the row that each is from."""
+    rows = np.repeat(np.arange(len(some)), shifts.shape[1])
     old = some.take(rows)
-    places = old.place + shifts[rows, columns]
+    places = old.place + shifts.ravel()
     point, normal = ring.at(old.part, places)
     turn = _next_to(np.where(old.side > 0, normal, normal + math.pi), old.turn)
     guess = old.ends[:, 0] * old.joint
@@ -147,9 +143,7 @@ def _next_to(angle: Array, old: Array) -> Array:
     return np.asarray(old + np.remainder(angle - old + math.pi, math.tau) - math.pi)
 
 
-def _clothoids(
-    task: FingerTask, which: tuple[int, ...], parts: Array, places: Array, point: Array, normal: Array
-) -> Branch:
+def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, normal: Array) -> Branch:
     high = task.bounds[1]
     near = np.flatnonzero(np.abs(point) <= high)
     # No curve is longer than the last position of the contact, so that its curvature bends it by this at most.
@@ -158,7 +152,7 @@ def _clothoids(
     rows: list[Array] = []
     sides: list[Array] = []
     turns: list[Array] = []
-    for one in which:
+    for one in (1, -1):
         angle = _wrapped(normal[near] + (0.0 if one > 0 else math.pi))
         for winding in (-math.tau, 0.0, math.tau):
             fits = np.flatnonzero(np.abs(angle + winding) < min(MOST_TURN, limit))
@@ -236,16 +230,6 @@ def _within(task: FingerTask, found: Branch) -> Array:
 
 _ABOVE = 0.02
 """Part by which a curvature may be above its limit."""
-
-
-def _clear_first(task: FingerTask, found: Branch) -> Branch:
-    """Those whose first curve is clear of the object."""
-    if not len(found):
-        return found
-    at = found.joint[:, None] * _FIRST
-    knots = found.knots[:, :2]
-    depth = task.half - task.rough_distance(sample(knots, found.ends[:, :2], at)).min(axis=1)
-    return found.take(depth <= ALLOWED)
 
 
 def _free(task: FingerTask, found: Branch) -> Branch:
