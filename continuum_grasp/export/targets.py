@@ -133,8 +133,13 @@ def _step_words(subject: Subject) -> dict[str, object]:
     state, first = subject.state.fields, subject.input.fields[0]
     parameters = [f.name for f in subject.parameters.fields] if subject.parameters is not None else []
     return {
+        "begin": f"  if (code >= 0) code = {prefix}_state_init(&state);\n"
+        if subject.touching is not None
+        else "  memset(&state, 0, sizeof state);\n",
+        "begin_each": f"\n    {prefix}_state_init(&states[k]);" if subject.touching is not None else "",
+        "begin_node": f"{{{', '.join(map(real.literal, subject.start))}}}" if subject.touching is not None else "{}",
         "forces": subject.forces is not None,
-        "nw": subject.model.nw,
+        "nw": subject.moving.nw,
         "node": f"{prefix}_node",
         "h": real.literal(subject.accurate_step),
         "h_plain": repr(subject.accurate_step),
@@ -144,14 +149,14 @@ def _step_words(subject: Subject) -> dict[str, object]:
         "first_input": first.name,
         "first_state": state[0].name,
         "reach": real.literal(0.5 * state[0].high),
-        "nx": subject.model.nx,
+        "nx": subject.moving.nx,
         "nu": subject.input.size,
         "ports": "1" if subject.forces is None else "2",
-        "most_port": max(subject.model.nx, subject.input.size, subject.model.nw),
+        "most_port": max(subject.moving.nx, subject.input.size, subject.moving.nw),
         "csv_head": "".join(f",{f.name} [{f.unit}]" for f in state),
         "csv_format": ",%.9g" * len(state),  # 9 digits say a float exactly
         "csv_values": "".join(f",\n           (double)state.{f.name}" for f in state),
-        "np": subject.model.np,
+        "np": subject.moving.np,
         "node_declares": _declared_parameters(parameters, "model_.parameters"),
         "node_reads": _read_parameters(prefix, {"model_.parameters": parameters}),
     }

@@ -33,6 +33,12 @@ def tip_variables() -> tuple[Variable, ...]:
     return tuple(Variable(f"tip.{name}", unit, text, "output") for name, unit, text in _TIP)
 
 
+def contact_variables(touching: Sequence[str]) -> list[Variable]:
+    """Gaps, forces and places of contacts by their names."""
+    names = identifiers(touching)
+    return [Variable(f"contact.{at}.{field}", unit, text, "output") for field, unit, text in TOUCH for at in names]
+
+
 def labeled(group: str, kind: Kind, labels: Sequence[str], starts: Sequence[float] | np.ndarray) -> Group:
     """Variables of labels ``name [unit]``, with their values to begin with."""
     named = zip(identifiers(labels), labels, starts, strict=True)
@@ -66,9 +72,7 @@ def moved_unit(
         for name, f in functions.items()
     ]
     source, header = generated_c(f"{identifier}_plant", named)
-    names = identifiers(touching)
-    contacts = [Variable(f"contact.{at}.{field}", unit, text, "output") for field, unit, text in TOUCH for at in names]
-    seen = (*tip_variables(), *contacts)
+    seen = (*tip_variables(), *contact_variables(touching))
     x, u, *_ = (functions["plant_step"].size1_in(k) for k in range(4))
     sizes = {
         "nx": x,

@@ -18,7 +18,7 @@ from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
 from continuum_grasp.export.template import fill
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.memory import direction
 from continuum_grasp.model.planar import column
 from continuum_grasp.model.sweep import Builder
@@ -27,10 +27,10 @@ from continuum_grasp.model.sweep import Builder
 def _dynamics_kernel(subject: Subject) -> Kernel:
     """The kernel of the equations of motion."""
     text = "Rate of change xd of the state x; equation of motion."
-    if subject.model.sweeps:
+    if subject.moving.sweeps:
         driven = subject.model.drive_rates if subject.equations.drives_feel_motion else None
         return SweptKernel("dynamics", Builder(subject.equations).kernels(), text, driven)
-    return Kernel("dynamics", subject.model.forward_dynamics, text)
+    return Kernel("dynamics", subject.moving.forward_dynamics, text)
 
 
 def codes_of(result: Array) -> Array:
@@ -83,8 +83,8 @@ def statics(subject: Subject) -> Part:
         ),
     )
     u, w, p = (subject.model.statics.sx_in(k) for k in range(1, 4))
-    x = ca.SX.sym("x", subject.model.nx)
-    states = ca.vertsplit(x)[x.numel() - len(subject.model.friction_names) :]
+    x = ca.SX.sym("x", subject.moving.nx)
+    states = ca.vertsplit(x)[subject.model.nx - len(subject.model.friction_names) : subject.model.nx]
     sliding = subject.model.structure.tendon_friction_states
     states = [ca.SX(direction(z)) for z in states[:sliding]] + states[sliding:]
     history = [ca.vertcat(*states, 0.0)] if states else []
@@ -95,7 +95,8 @@ def statics(subject: Subject) -> Part:
     )
     call = Call(
         "statics",
-        "Balance of the finger at rest in a state, whose rates are not read.",
+        "Balance of the finger at rest in a state, whose rates are not read."
+        + (" What touches it is left out." if subject.touching is not None else ""),
         subject.acting(),
         Argument("balance", balance, "result"),
         f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', balance='result')}\n",
@@ -156,8 +157,8 @@ def kinematics(subject: Subject) -> Part:
 
 def linearization(subject: Subject) -> Part:
     """Derivatives of the rates and of the tip by state, input and forces."""
-    check_derivatives(subject.model, "linearization")
-    eq, n = subject.equations, subject.model
+    check_derivatives(subject.moving, "linearization")
+    eq, n = subject.equations, subject.moving
     rate = ca.densify(column(eq.state_rate))
     tip = ca.vertcat(eq.section_position.column(), eq.section_angle)
     tip = ca.substitute(tip, eq.s, ca.SX(sum(eq.lengths)))
@@ -194,7 +195,7 @@ _PER_STATE = 0.3
 clothoids, 4 to 15 elements."""
 
 
-def check_derivatives(model: FingerModel, name: str) -> None:
+def check_derivatives(model: FingerModel | System, name: str) -> None:
     """Refuse derivatives of a model by its states that are too much code for certain, before they are found."""
     check_size(name, round(_PER_STATE * model.nx * model.instructions))
 
