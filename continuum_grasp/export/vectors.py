@@ -87,6 +87,8 @@ def press(subject: Subject, arguments: Sequence[Argument], rows: Array, rng: np.
     moved = rows.copy()
     place = [names.index("object_x"), names.index("object_y")]
     moved[:, place] += (normal[:, each, station] * (gap[each, station] + depth)).T
+    low, high = reach_of(arguments)
+    moved[:, place] = np.clip(moved[:, place], low[place], high[place])
     return moved
 
 

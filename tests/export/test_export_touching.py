@@ -45,7 +45,7 @@ LEFT = {"object": {**DISC, "position": [-0.04, 0.13]}}
 RIGHT = {"object": {**DISC, "position": [0.04, 0.13]}, "actuation": {"tensions": [0.0, 15.0]}}
 SLIPPERY = {"contact_law": {**LAW, "friction": 0.0}, "object_moves": True}
 BOX = {"shape": "box", "width": 0.03, "height": 0.06, "mass": 0.1, "position": [-0.06, 0.1]}
-SUPPORTS = {"palm": {"type": "wall", "point": [-0.09, 0.13], "normal_angle": 0.0}}
+SUPPORTS = {"palm": {"type": "palm", "point": [-0.09, 0.13], "normal_angle": 0.0}}
 CASES = {
     "disc": {**LEFT, **SLIPPERY},
     "on_table": {**LEFT, **TABLE},
@@ -83,13 +83,13 @@ def test_steps_are_the_motion_of_simulate(name, tmp_path):
     finger, library = shared_library(tmp_path / "package", tmp_path, "-O1")
     forces = [finger.Forces(*truth.w[0])] if hasattr(finger, "Forces") else []
     seen = forces if "forces" in made["functions"]["touch"]["inputs"] else []
-    acting, x = finger.Input(*truth.u[0]), finger.State()
+    acting, x = finger.Input(*truth.u[0]), finger.State(*truth.x[0])
     poses = [k for k, one in enumerate(truth.system.x_names) if one.split(" ")[0] in ("object_x", "object_y")]
     for k in range(len(truth.t)):
         row = [getattr(x, field) for field, _ in x._fields_]
         tip = library.tip(x, acting)
-        assert math.hypot(tip.x - truth.tip[k, 0], tip.y - truth.tip[k, 1]) < 1e-6
-        assert np.take(row, poses) == pytest.approx(truth.x[k, poses], abs=1e-6)
+        assert math.hypot(tip.x - truth.tip[k, 0], tip.y - truth.tip[k, 1]) < 3e-6  # 2e-5 of the length
+        assert np.take(row, poses) == pytest.approx(truth.x[k, poses], abs=3e-6)
         touched = library.touch(x, acting, *seen)
         assert list(touched.normal_force) == pytest.approx(truth.contacts.normal_force[k], abs=2e-3)
         x = library.step(x, acting, *forces, given.time.step)
@@ -138,7 +138,7 @@ def test_the_fastest_motion_is_that_of_pressed_contacts(name):
         if depth <= subject.pressed:
             slope = np.array(system.linearization(state, np.zeros(system.nu), np.zeros(system.nw), own)[0])
             fastest = max(fastest, np.abs(np.linalg.eigvals(slope)).max())
-    assert 0.3 * subject.radius < fastest <= 1.05 * subject.radius
+    assert 0.25 * subject.radius < fastest <= 1.05 * subject.radius
 
 
 def test_what_lands_on_a_contact_is_resolved():
@@ -146,11 +146,11 @@ def test_what_lands_on_a_contact_is_resolved():
     subject, model = subject_of("disc", longest=0.002), source_of(scene("disc"), REALS["double"]).finger
     fastest = 0.0
     for bend in np.linspace(-1.0, 1.0, 41) * subject.state.fields[0].high:
-        jacobian = np.array(model.jacobian([bend], [0.0, 0.0], [])).ravel()[:2]
+        jacobian = np.array(model.jacobian([bend], [0.0, 0.0], 0.15, [])).ravel()[:2]
         inertia = float(model.mass_matrix([bend], [0.0, 0.0], []))
         fastest = max(fastest, STIFFNESS * (jacobian @ jacobian / inertia + 1.0 / DISC["mass"]))
     assert subject.substeps == pytest.approx(0.002 * math.sqrt(fastest) / 0.125, rel=0.15)
-    assert subject_of("disc", longest=0.002, count=subject.substeps // 4).substeps == subject.substeps // 4
+    assert subject_of("disc", longest=0.002, count=subject.substeps // 3).substeps == subject.substeps // 3
 
 
 def test_a_step_is_the_mirror_image_of_a_step():
