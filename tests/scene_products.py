@@ -189,7 +189,7 @@ def units_of_loop(scene: ControlScene) -> Iterator[object]:
     """What functional mock-up units of a closed loop have: the controller by its first setpoints, and the plant."""
     first = Loop.of(scene, REALS["double"], ["mpc"])
     yield from (names_of(scene), replace(first, setpoints=first.setpoints.rows(_INSTANTS[:1]), duration=0.0))
-    with patch.object(loop_plant, "moved_unit", _given):
+    with patch.object(loop_plant, "Unit", _given):
         yield {key: made for key, made in loop_plant.loop_plant_unit(scene, "unit").items() if key != "manifest"}
 
 
@@ -216,7 +216,13 @@ def _variables(*given: Any, **_: Any) -> tuple[Any, ...]:
 
 def _library(*_: Any, **asked: Any) -> tuple[dict[str, str], dict[str, Any]]:
     structs = {"input": [], "state": [], "rate": []}
-    return {}, {"structs": structs, "nominal_parameters": {}, "steps": {"step": {"accurate_s": 1.0}}, "functions": {}, **asked}
+    return {}, {
+        "structs": structs,
+        "nominal_parameters": {},
+        "steps": {"step": {"accurate_s": 1.0}},
+        "functions": {},
+        **asked,
+    }
 
 
 def page_of_loop(scene: ControlScene) -> Iterator[object]:

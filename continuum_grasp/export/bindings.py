@@ -98,7 +98,10 @@ def python_binding(contents: Contents) -> str:
         replayed=not calls,
         stateful_count=len(stateful),
         controlled=_has_diagnosis(contents),
-        structs="\n".join(_python_struct(struct, begun.get(struct.name) if struct.name in _begun(contents) else None) for struct in contents.structs),
+        structs="\n".join(
+            _python_struct(struct, begun.get(struct.name) if struct.name in _begun(contents) else None)
+            for struct in contents.structs
+        ),
         diagnosis="".join(f'        ("{name}", {_PYTHON_KINDS[kind]}),  # {text}\n' for kind, name, text in DIAGNOSIS),
         parameters="" if subject.parameters is None else ', ("parameters", Parameters)',
         methods="".join(_python_call(call) for call in calls),

@@ -52,11 +52,19 @@ def manifest(
         "parts": [part.name for part in contents.parts],
         "model": None if model is None else model_description(model),
         "flags": FLAGS,
-        "dimensions": {} if model is None else {name: getattr(subject.moving, name) for name in ("n", "nx", "nu", "nw", "np")},
+        "dimensions": {}
+        if model is None
+        else {name: getattr(subject.moving, name) for name in ("n", "nx", "nu", "nw", "np")},
         "structs": {s.name: [entry(field) for field in s.fields] for s in contents.structs},
         "nominal_parameters": {}
         if model is None
-        else dict(zip((label.split(" ")[0] for label in subject.moving.p_names), map(float, subject.moving.p_nominal), strict=True)),
+        else dict(
+            zip(
+                (label.split(" ")[0] for label in subject.moving.p_names),
+                map(float, subject.moving.p_nominal),
+                strict=True,
+            )
+        ),
         "functions": {
             call.name: {
                 "inputs": [a.name if a.is_struct else entry(a.fields[0]) for a in call.inputs],

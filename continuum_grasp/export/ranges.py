@@ -42,9 +42,7 @@ def parameter_fields(model: FingerModel | System, given: Mapping[str, Sequence[f
     """
     own, found = finger_of(model), []
     for field, nominal in zip(_fields(own, model.p_names), model.p_nominal, strict=True):
-        low, high = (
-            _given(field.name, given[field.name]) if field.name in given else _usual(field.name, nominal, own)
-        )
+        low, high = _given(field.name, given[field.name]) if field.name in given else _usual(field.name, nominal, own)
         if low < 0.0 and not field.name.startswith(_SIGNED):
             raise InputError(f"it cannot be below zero, got a range from {low:g}", key=f"ranges.{field.name}")
         if not low <= nominal <= high:

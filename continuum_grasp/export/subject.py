@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
@@ -32,7 +33,9 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.system_equations import SystemEquations
 from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.simulation.spectrum import SLIDING
+from continuum_grasp.simulation.spectrum import SLIDING, spring_frequency
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -146,16 +149,12 @@ class Subject:
     @property
     def model(self) -> FingerModel:
         """The model of the finger; InputError where there is none."""
-        if self.finger is None:
-            raise InputError("this needs the model of a finger; a solver of a problem has mpc alone", key="what")
-        return self.finger
+        return _known(self.finger)
 
     @property
     def equations(self) -> Equations:
         """Its expressions; InputError where there is none."""
-        if self.finger_equations is None:
-            raise InputError("this needs the model of a finger; a solver of a problem has mpc alone", key="what")
-        return self.finger_equations
+        return _known(self.finger_equations)
 
     @property
     def stations(self) -> list[float]:
@@ -289,6 +288,12 @@ class Subject:
         return () if self.guard is None else (self.guard,)
 
 
+def _known(part: T | None) -> T:
+    if part is None:
+        raise InputError("this needs the model of a finger; a solver of a problem has mpc alone", key="what")
+    return part
+
+
 def _touching(model: FingerModel, around: Surroundings | None) -> System | None:
     """The finger with the object beside it, whose place stays a run-time number where it is fixed; None without one."""
     if around is None or around.object is None or not (around.object_moves or around.contact_law):
@@ -359,20 +364,12 @@ def _greatest_rates(
                 found = [float(np.abs(np.linalg.eigvals(slope)).max()) for slope in slopes]
                 radius, resolved = max(radius, *found), max(resolved, found[0])
                 if touching is not None:
-                    resolved = max(resolved, _spring_rate(touching, slopes[1] - slopes[0]) / _LANDING)
+                    resolved = max(resolved, spring_frequency(touching, slopes[1] - slopes[0]) / _LANDING)
     return radius, resolved
 
 
-def _spring_rate(system: System, closing: Array) -> float:
-    """Fastest oscillation on the springs of contacts [rad/s], from what closing them adds to the Jacobian."""
-    n, pose = system.n, system.object_states
-    places, size = np.r_[0:n, pose], pose.stop - pose.start
-    springs = closing[np.ix_(np.r_[n : 2 * n, pose.stop : pose.stop + size], places)]
-    return math.sqrt(float(np.abs(np.linalg.eigvals(springs)).max()))
-
-
 def _slopes(moving: FingerModel | System, x: Array, u: Array, p: Array, pressed: float) -> list[Array]:
-    """Jacobians of the motion by its state, of the finger in a state: alone, or with open, then with closed contacts."""
+    """Jacobians of the motion by its state, of a finger's state: alone, or with open, then with closed contacts."""
     w = np.zeros(moving.nw)
     if isinstance(moving, FingerModel):
         return [np.array(moving.linearization(x, u, w, p)[0])]

@@ -548,8 +548,7 @@ def test_a_wider_parameter_shortens_the_step():
     """A lighter tip moves faster."""
     model = FingerModel(scene("friction"))
     light, heavy = (
-        Subject.of(model, "finger", REALS["double"], {"tip_mass": pair})
-        for pair in ((0.0, 2e-3), (2e-3, 5e-3))
+        Subject.of(model, "finger", REALS["double"], {"tip_mass": pair}) for pair in ((0.0, 2e-3), (2e-3, 5e-3))
     )
     assert light.longest_step < heavy.longest_step
 

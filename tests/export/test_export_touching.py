@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp import System
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
 from continuum_grasp.export.fields import REALS
@@ -20,7 +19,7 @@ from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import press
 from continuum_grasp.scene.simulate import Scene
 from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run, shared_library
-from tests.marks import but, few
+from tests.marks import few
 
 STIFFNESS = 800.0
 LAW = {"stiffness": STIFFNESS, "friction": 0.4, "dissipation": 1.0, "rounding": 2e-4}
@@ -58,7 +57,7 @@ CASES = {
         "object_moves": True,
         "supports": SUPPORTS,
         "contacts": [0.075],
-        "fidelity": {"family": "clothoid", "elements": 4},
+        "fidelity": {"family": "arc", "elements": 4},
     },
 }
 

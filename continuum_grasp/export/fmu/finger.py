@@ -8,9 +8,18 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.export.fields import REALS
-from continuum_grasp.export.fmu.library import STRICT, library_of
-from continuum_grasp.export.fmu.moved import contact_variables, tip_variables
-from continuum_grasp.export.fmu.variable import Count, Group, Kind, Unit, Variable, variables_of
+from continuum_grasp.export.fmu.variable import (
+    STRICT,
+    Count,
+    Group,
+    Kind,
+    Unit,
+    Variable,
+    contact_variables,
+    library_of,
+    tip_variables,
+    variables_of,
+)
 from continuum_grasp.export.parts.model import has_linearization
 from continuum_grasp.export.source import positive, source_of
 from continuum_grasp.export.subject import Subject
@@ -36,9 +45,7 @@ def finger_unit(
     linear = not touching and has_linearization(subject)
     what = ["dynamics", "step", "kinematics", *["linearization"] * linear, *["contact"] * bool(touching)]
     internal = positive(step, "step") or source.step
-    sources, manifest = library_of(
-        scene, what=what, prefix=identifier, ranges=ranges, step=internal, substeps=substeps
-    )
+    sources, manifest = library_of(scene, what=what, prefix=identifier, ranges=ranges, step=internal, substeps=substeps)
     structs: dict[str, Any] = manifest["structs"]
     internal = internal or manifest["steps"]["step"]["accurate_s"]
     # Of a model that takes the tip moment to be constant, the input is a number that is given once.

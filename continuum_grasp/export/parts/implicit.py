@@ -14,7 +14,7 @@ from continuum_grasp.core.integrators.sdirk2 import correct, predict
 from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Rows
-from continuum_grasp.export.parts.model import LEAST_PART, check_derivatives, codes_of, moment_note
+from continuum_grasp.export.parts.model import LEAST_PART, check_derivatives, codes_of, moment_note, step_codes
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 from continuum_grasp.model.planar import column
@@ -43,11 +43,7 @@ def implicit_step(subject: Subject) -> Part:
     def reference(rows: Rows) -> tuple[Array, Array]:
         result, moved = steps(rows)
         codes = np.where(moved[:, 0] > real.dtype(_UNSOLVED), Code.ERR_STEP, codes_of(result))
-        codes = np.where(subject.refused(rows), Code.ERR_RANGE, codes)
-        coarse = (codes == Code.OK) & (moved[:, 0] > real.dtype(SETTLED))
-        codes = np.where(coarse, Code.WARN_COARSE_STEP, codes)
-        left = (codes >= 0) & subject.out_of_range({**rows, "x": result})
-        return result, np.where(left, Code.WARN_LEFT_RANGE, codes)
+        return result, step_codes(subject, rows, result, codes, moved[:, 0] > real.dtype(SETTLED))
 
     def steps(rows: Rows) -> tuple[Array, Array]:
         # The order of operations is that of implicit_step.c, for the same bits.

@@ -1,4 +1,6 @@
-"""Parts of what is seen of a finger: ``shape``, ``velocities`` and ``contact``; pages take the same kernels."""
+"""Parts of what is seen: ``shape``, ``velocities`` and ``contact``, whose kernels pages take too; and ``metadata``, the
+names, units and ranges of the fields of all structs, readable at run time.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +9,15 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 import numpy as np
 
+from continuum_grasp import __version__
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Rows
+from continuum_grasp.export.part import Argument, Call, Code, Part
 from continuum_grasp.export.parts.model import DRAWN, drawing, range_warning
 from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.template import fill
 from continuum_grasp.model import System
 
 Symbols = Mapping[str, ca.SX]
@@ -92,16 +96,13 @@ def _of_sections(
     count = (subject.sections,)
     struct = Struct(kind, text, tuple(Field(f, unit, said, shape=count) for f, (unit, said) in fields.items()))
 
-    def value(rows: Rows) -> Array:
-        return np.concatenate(list(kernel.evaluate(subject.real, **rows).values()), axis=1)
-
     call = Call(
         name,
         text + DRAWN,
         subject.acting(forces=False, drawn=True),
         Argument(struct.name, struct, "result"),
         _filled(kernel, subject.prefix) + range_warning(subject),
-        drawing(subject, value),
+        drawing(subject, kernel),
         codes=(Code.WARN_LEFT_RANGE,),
     )
     constants = {"SECTIONS": f"{subject.sections} /* from base to tip, of a shape and of velocities */"}
@@ -123,9 +124,6 @@ def contact(subject: Subject) -> Part:
         tuple(Field(name, unit, text, shape=count) for name, unit, text in TOUCH),
     )
 
-    def value(rows: Rows) -> Array:
-        return np.concatenate(list(kernel.evaluate(subject.real, **rows).values()), axis=1)
-
     call = Call(
         "touch",
         "Gaps, forces and places of all contacts, by the contact law of the scene with its friction. It warns where "
@@ -133,7 +131,7 @@ def contact(subject: Subject) -> Part:
         subject.acting(forces="w" in kernel.inputs),
         Argument("contacts", struct, "result"),
         _filled(kernel, subject.prefix) + range_warning(subject),
-        drawing(subject, value),
+        drawing(subject, kernel),
         codes=(Code.WARN_LEFT_RANGE,),
     )
     return Part("contact", (kernel, *subject.kernels), (call,), {"CONTACTS": f"{count[0]} /* {names} */"})
@@ -152,3 +150,28 @@ TOUCH = (
     ("normal_y", "1", ""),
 )
 """Fields of a contact: name, unit, what it is; those of ``contact_kernel`` in their order."""
+
+
+def metadata(subject: Subject) -> Part:
+    """Write functions that describe the structs of the other parts."""
+    prefix, real = subject.prefix, subject.real
+
+    def table(structs: Sequence[Struct]) -> str:
+        # Texts of one width and no pointers: tables of those are no constants in shared libraries.
+        entries = [(struct.name, field.name, field) for struct in structs for field in struct.fields]
+        rows = [
+            f'  {{"{of}", "{name}", "{f.unit}", {f.size}, {real.finite_literal(f.low)}, {real.finite_literal(f.high)}}}'
+            for of, name, f in entries
+        ]
+        words = {
+            "of": max(len(of) for of, _, _ in entries) + 1,
+            "name": max(len(name) for _, name, _ in entries) + 1,
+            "unit": max(len(f.unit) for _, _, f in entries) + 1,
+            "rows": ",\n".join(rows),
+            "count": f"{len(entries)}u",
+            "version": __version__,
+        }
+        return fill("metadata.c", {"p": prefix, "P": prefix.upper(), **words})
+
+    declared = fill("metadata.h", {"p": prefix, "P": prefix.upper()})
+    return Part("metadata", (), (), declarations=declared, describes=(f"src/{prefix}_metadata.c", table))
