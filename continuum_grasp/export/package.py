@@ -28,13 +28,13 @@ from continuum_grasp.export.readme import readme
 from continuum_grasp.export.source import (
     Given,
     Source,
-    count_of,
     names_of,
     parts_of,
     positive,
     prefix_of,
     sections_of,
     source_of,
+    substeps_of,
 )
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.targets import example_files, measure, target_of
@@ -240,17 +240,17 @@ def controller_of(scene: ControlScene) -> tuple[Contents, Loop]:
     """The controller of a closed loop alone, in double precision, without what tests and describes it."""
     kind = REALS["double"]
     loop = Loop.of(scene, kind, ["mpc"])
-    subject = Subject.of_loop(loop, "finger", kind)
+    subject = Subject("finger", kind, loop=loop)
     return _contents(subject, [PARTS["mpc"](subject)], names_of(scene)[0]), loop
 
 
 def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked, longest: float | None) -> Subject:
     """The model and the loop that it is part of, or a solver's loop alone."""
-    prefix, count = prefix_of(asked.prefix), None if asked.substeps is None else count_of(asked.substeps)
+    prefix, count = prefix_of(asked.prefix), substeps_of(asked.substeps)
     if isinstance(source.loop, RtiSolver):
         if asked.ranges:
             raise InputError("a solver of a problem takes any finite number: expected no ranges", key="ranges")
-        return Subject.of_loop(Loop.of_solver(source.loop, kind), prefix, kind)
+        return Subject(prefix, kind, loop=Loop.of_solver(source.loop, kind))
     around, ranges = source.surroundings, asked.ranges or {}
     subject = Subject.of(source.finger, prefix, kind, ranges, around, longest=longest, count=count)
     if source.loop is None:

@@ -36,6 +36,8 @@ from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.spectrum import SLIDING, spring_frequency
 
 T = TypeVar("T")
+_NO_STATE, _NO_INPUT = Struct("state", "", ()), Struct("input", "", ())
+"""Those of a solver."""
 
 
 @dataclass(frozen=True)
@@ -66,17 +68,17 @@ class Subject:
         How many are seen at once, evenly spaced from base to tip.
     """
 
-    finger: FingerModel | None
-    touching: System | None
-    finger_equations: Equations | None
     prefix: str
     real: Real
-    parameters: Struct | None
-    state: Struct
-    input: Struct
-    forces: Struct | None
-    guard: Kernel | None
-    find_rates: Callable[[], tuple[float, float]]
+    finger: FingerModel | None = None
+    touching: System | None = None
+    finger_equations: Equations | None = None
+    parameters: Struct | None = None
+    state: Struct = _NO_STATE
+    input: Struct = _NO_INPUT
+    forces: Struct | None = None
+    guard: Kernel | None = None
+    find_rates: Callable[[], tuple[float, float]] = lambda: (math.nan, math.nan)
     pressed: float = 0.0
     longest: float | None = None
     count: int | None = None
@@ -126,24 +128,6 @@ class Subject:
             pressed=pressed,
             longest=longest,
             count=count,
-        )
-
-    @staticmethod
-    def of_loop(loop: Loop, prefix: str, real: Real) -> Subject:
-        """A loop without the model of a finger."""
-        return Subject(
-            finger=None,
-            touching=None,
-            finger_equations=None,
-            prefix=prefix,
-            real=real,
-            parameters=None,
-            state=Struct("state", "", ()),
-            input=Struct("input", "", ()),
-            forces=None,
-            guard=None,
-            find_rates=lambda: (math.nan, math.nan),
-            loop=loop,
         )
 
     @property
