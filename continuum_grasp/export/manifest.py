@@ -30,6 +30,11 @@ FLAGS = {
 fuses multiplications with additions in vectors (x86 with FMA) in spite of -ffp-contract=off."""
 
 
+def strict_flags(version: str) -> list[str]:
+    """Those of a compiler, by what it says of its version."""
+    return FLAGS["strict"] + ([] if "clang" in version.lower() else FLAGS["gcc"])
+
+
 def manifest(
     contents: Contents,
     *,

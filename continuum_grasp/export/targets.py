@@ -103,22 +103,19 @@ def example_files(contents: Contents, target: str) -> dict[str, str]:
     core = _core(target) or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")
     sources = {f"examples/baremetal/{name}": f"examples/baremetal/{name}" for name in _BARE_METAL}
     found = {path: contents.fill(name, core=core) for path, name in sources.items()}
+    prefix, loop = subject.prefix, subject.loop
     if "step" in names:
-        sources = {
-            **{name: name for name in ("examples/loop.c", "tests/batch.c", "examples/cuda/batch.cu")},
-            f"examples/simulink/sfun_{subject.prefix}.c": "examples/simulink/sfun.c",
-            **{f"examples/ros2/{name}": f"examples/ros2/{name}" for name in (*_NODE, "src/node.cpp")},
-        }
         words = _step_words(subject)
+        sources = {name: name for name in ("examples/loop.c", "tests/batch.c", "examples/cuda/batch.cu")}
+        sources |= {f"examples/ros2/{name}": f"examples/ros2/{name}" for name in (*_NODE, "src/node.cpp")}
+        sources[f"examples/simulink/sfun_{prefix}.c"] = "examples/simulink/sfun.c"
         found |= {path: contents.fill(name, **words) for path, name in sources.items()}
-    if "mpc" in names and subject.loop is not None:
-        sources = {
-            "examples/control_loop.c": "examples/control/loop.c",
-            f"examples/simulink/sfun_{subject.prefix}_control.c": "examples/control/sfun.c",
-            "examples/ros2_control/src/node.cpp": "examples/control/node.cpp",
-            **{f"examples/ros2_control/{name}": f"examples/ros2/{name}" for name in _NODE},
-        }
-        words = _control_words(subject, subject.loop, contents.words["sources"].split())
+    if "mpc" in names and loop is not None:
+        words = _control_words(subject, loop, contents.words["sources"].split())
+        sources = {f"examples/ros2_control/{name}": f"examples/ros2/{name}" for name in _NODE}
+        sources["examples/ros2_control/src/node.cpp"] = "examples/control/node.cpp"
+        sources["examples/control_loop.c"] = "examples/control/loop.c"
+        sources[f"examples/simulink/sfun_{prefix}_control.c"] = "examples/control/sfun.c"
         found |= {path: contents.fill(name, **words) for path, name in sources.items()}
     return found
 

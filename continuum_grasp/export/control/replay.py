@@ -25,7 +25,7 @@ from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.source import SIZES, UNKNOWN
 from continuum_grasp.export.fields import REALS, Struct
 from continuum_grasp.export.layer import Contents, abi_of, library_files
-from continuum_grasp.export.manifest import FLAGS, write_files
+from continuum_grasp.export.manifest import strict_flags, write_files
 from continuum_grasp.export.part import ROW_FLAGS, Bad, Code, Part, Stateful, Vectors
 from continuum_grasp.export.vectors import bad_entries
 
@@ -68,8 +68,7 @@ class _Host:
         with tempfile.TemporaryDirectory() as work:
             write_files(Path(work), {**files, "host.c": source})
             sources = [name for name in files if name.startswith("src/") and name.endswith(".c")]
-            flags = FLAGS["strict"] + ([] if "clang" in compiler.version.lower() else FLAGS["gcc"])
-            flags = [*flags, "-O1", "-shared", "-fPIC", "-w", "-Iinclude", "-Itests"]
+            flags = [*strict_flags(compiler.version), "-O1", "-shared", "-fPIC", "-w", "-Iinclude", "-Itests"]
             line = [*compiler.command, *flags, *sources, "host.c", "-o", "host.so"]
             done = subprocess.run(line, cwd=work, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
             if done.returncode != 0:
