@@ -12,6 +12,15 @@ from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option, si
 from continuum_grasp.cli.output import Output, run_folder
 from continuum_grasp.errors import InputError
 
+Ranges = Annotated[
+    list[str] | None,
+    typer.Option("--range", metavar="NAME=LEAST:MOST", help="Range of a run-time parameter; repeatable."),
+]
+Substeps = Annotated[
+    int | None,
+    typer.Option("--substeps", metavar="N", help="Runge-Kutta steps within one (default: as stability asks for)."),
+]
+
 
 def export_c(
     config: Config,
@@ -36,17 +45,11 @@ def export_c(
     target: Annotated[
         str, typer.Option("--target", metavar="NAME", help="host, cortex-m4f, cortex-m7 or wasm.")
     ] = "host",
-    ranges: Annotated[
-        list[str] | None,
-        typer.Option("--range", metavar="NAME=LEAST:MOST", help="Range of a run-time parameter; repeatable."),
-    ] = None,
+    ranges: Ranges = None,
     step: Annotated[
         float | None, typer.Option("--step", metavar="SECONDS", help="Longest step (default: that of the scene).")
     ] = None,
-    substeps: Annotated[
-        int | None,
-        typer.Option("--substeps", metavar="N", help="Runge-Kutta steps within one (default: as stability asks for)."),
-    ] = None,
+    substeps: Substeps = None,
     sections: Annotated[
         int, typer.Option("--sections", metavar="N", help="Sections that shape and velocities give in one call.")
     ] = 25,

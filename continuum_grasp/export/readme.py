@@ -107,8 +107,9 @@ def _usage(contents: Contents) -> dict[str, object]:
         declared = [f"{prefix}_{a.kind.name} {a.name} = {{0}};" for a in inputs]
         declared += [f"{prefix}_{call.output.kind.name} {output};"] if output != "state" else []
         passed = [f"&{a.name}" if a.is_struct else f"{contents.subject.accurate_step:g}" for a in call.inputs]
-        begun = "state" in [a.name for a in inputs] and contents.subject.touching is not None
-        start = f"\ncode = {prefix}_state_init(&state); /* the object where the scene has it */" if begun else ""
+        start = ""
+        if "state" in [a.name for a in inputs] and contents.subject.touching is not None:
+            start = f"\ncode = {prefix}_state_init(&state); /* the object where the scene has it */"
         words = {"start": start, "name": call.name, "passed": ", ".join([*passed, f"&{output}"])}
     else:
         function = contents.stateful[-1]
