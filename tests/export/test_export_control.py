@@ -6,7 +6,7 @@ import ctypes
 import json
 import math
 import re
-from functools import lru_cache
+from functools import lru_cache, partial
 from types import SimpleNamespace
 
 import numpy as np

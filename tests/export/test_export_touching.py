@@ -16,7 +16,7 @@ from continuum_grasp.export.part import Code
 from continuum_grasp.export.parts import PARTS
 from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.vectors import press
+from continuum_grasp.export.vectors import press, vectors_of
 from continuum_grasp.scene.simulate import Scene
 from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run, shared_library
 from tests.marks import few
@@ -115,6 +115,27 @@ def test_contacts_are_taken_as_deep_as_they_may_be(name):
         codes = [PARTS[part](subject).calls[0].reference(rows)[1][0] for part in ("dynamics", "contact")]
         found.append(codes)
     assert found == [[Code.OK, Code.OK], [Code.ERR_RANGE, Code.WARN_LEFT_RANGE]]
+
+
+@pytest.mark.parametrize(("name", "force"), [("fixed", 0.2 / 0.075), ("disc", 0.2 / 0.15 + 0.981)])
+def test_contacts_bear_twice_what_drives_and_weight_press_with_at_rest(name, force):
+    """The greatest moment is 40 N at 5 mm, at the first station or the tip; the disc weighs 0.1 kg."""
+    assert subject_of(name).pressed == pytest.approx(2.0 * force / STIFFNESS, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["fixed", "on_table"])
+def test_vectors_press_and_slide(name):
+    """Over the whole range of depths, and a few beyond it; objects that are drawn at random would touch by chance."""
+    subject = subject_of(name)
+    vectors = vectors_of(subject, PARTS["contact"](subject).calls)[0]
+    count, good = len(subject.touching.touch_names), vectors.codes == Code.OK
+    gaps, forces = vectors.outputs[:, :count], vectors.outputs[:, count : 2 * count]
+    stations = [k for k, at in enumerate(subject.touching.touch_names) if at.startswith("finger.")]
+    assert (forces[good][:, stations] > 0.01).any(axis=1).mean() > 0.5
+    deepest = -gaps[:, stations].min(axis=1) / subject.pressed
+    assert 0.8 < deepest[good].max() <= 1.0
+    assert 1.0 < deepest[vectors.codes == Code.WARN_LEFT_RANGE].max() < 2.0
+    assert (np.abs(vectors.outputs[good, 2 * count : 3 * count]) > 0.01).any()
 
 
 @pytest.mark.parametrize("name", ["disc", "on_table", "fixed", "slip_speed"])
