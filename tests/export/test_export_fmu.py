@@ -24,7 +24,7 @@ from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c, export_fmu
-from continuum_grasp.export.fmu.units import base_unit
+from continuum_grasp.export.fmu.description import base_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
 from continuum_grasp.simulation.initial import initial_state
