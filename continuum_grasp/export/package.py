@@ -251,7 +251,9 @@ def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked, lon
         if asked.ranges:
             raise InputError("a solver of a problem takes any finite number: expected no ranges", key="ranges")
         return Subject(prefix, kind, loop=Loop.of_solver(source.loop, kind))
-    around, ranges = source.surroundings, asked.ranges or {}
+    # Estimator and controller have the object in a model of their own.
+    alone, ranges = {*OF_LOOPS, "metadata"}.issuperset(names), asked.ranges or {}
+    around = None if alone else source.surroundings
     subject = Subject.of(source.finger, prefix, kind, ranges, around, longest=longest, count=count)
     if source.loop is None:
         return subject
