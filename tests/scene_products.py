@@ -29,7 +29,7 @@ from continuum_grasp.environments.plants import plants_of
 from continuum_grasp.environments.spaces import observed_of
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import REALS
-from continuum_grasp.export.fmu import finger, loop_plant, touching
+from continuum_grasp.export.fmu import finger, loop_plant
 from continuum_grasp.export.fmu.variable import Count, Variable
 from continuum_grasp.export.mjcf.write import export_mjcf
 from continuum_grasp.export.ranges import input_fields
@@ -122,10 +122,10 @@ def package(scene: Scene) -> Iterator[object]:
     """What export-c makes of a finger."""
     source = source_of(scene, REALS["double"])
     yield source.title, source.finger, source.step, source.finger.range_use
-    subject = Subject.of(source.finger, "finger", REALS["double"], {}, None, 1)
+    subject = Subject.of(source.finger, "finger", REALS["double"], {}, source.surroundings)
     yield subject.parameters, subject.state, subject.input, subject.forces
-    if scene.object is not None:
-        yield System(source.finger.structure.asked[0], surroundings=source.surroundings).touch
+    if subject.touching is not None:
+        yield from (subject.touching.forward_dynamics, subject.touching.touch, subject.start)
 
 
 def page(scene: Scene) -> Iterator[object]:
@@ -189,20 +189,13 @@ def units_of_loop(scene: ControlScene) -> Iterator[object]:
     """What functional mock-up units of a closed loop have: the controller by its first setpoints, and the plant."""
     first = Loop.of(scene, REALS["double"], ["mpc"])
     yield from (names_of(scene), replace(first, setpoints=first.setpoints.rows(_INSTANTS[:1]), duration=0.0))
-    with patch.object(loop_plant, "moved_unit", _given):
+    with patch.object(loop_plant, "Unit", _given):
         yield {key: made for key, made in loop_plant.loop_plant_unit(scene, "unit").items() if key != "manifest"}
 
 
 def unit(scene: Scene) -> Iterator[object]:
-    """What a functional mock-up unit of a finger has; with an object as its simulation moves it."""
-    used = SimpleNamespace(statistics={"method": "ros2", "substeps": 4, "start_substeps": 8})
+    """What a functional mock-up unit of a finger has."""
     scene = resolve_fidelity(scene)[0]
-    if scene.object is not None:
-        with patch.object(touching, "moved_unit", _given), patch.object(touching, "simulate", return_value=used) as one:
-            made = touching.touching_unit(scene, "unit", step=None, substeps=None, ranges=None)
-        yield one.call_args.args[0].time.model_dump(exclude={"space_error"})
-        yield {key: value for key, value in made.items() if key != "manifest"}
-        return
     with (
         patch.object(finger, "library_of", _library),
         patch.object(finger, "Unit", _given),
@@ -223,7 +216,13 @@ def _variables(*given: Any, **_: Any) -> tuple[Any, ...]:
 
 def _library(*_: Any, **asked: Any) -> tuple[dict[str, str], dict[str, Any]]:
     structs = {"input": [], "state": [], "rate": []}
-    return {}, {"structs": structs, "nominal_parameters": {}, "steps": {"step": {"accurate_s": 1.0}}, **asked}
+    return {}, {
+        "structs": structs,
+        "nominal_parameters": {},
+        "steps": {"step": {"accurate_s": 1.0}},
+        "functions": {},
+        **asked,
+    }
 
 
 def page_of_loop(scene: ControlScene) -> Iterator[object]:

@@ -12,6 +12,15 @@ from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option, si
 from continuum_grasp.cli.output import Output, run_folder
 from continuum_grasp.errors import InputError
 
+Ranges = Annotated[
+    list[str] | None,
+    typer.Option("--range", metavar="NAME=LEAST:MOST", help="Range of a run-time parameter; repeatable."),
+]
+Substeps = Annotated[
+    int | None,
+    typer.Option("--substeps", metavar="N", help="Runge-Kutta steps within one (default: as stability asks for)."),
+]
+
 
 def export_c(
     config: Config,
@@ -36,14 +45,11 @@ def export_c(
     target: Annotated[
         str, typer.Option("--target", metavar="NAME", help="host, cortex-m4f, cortex-m7 or wasm.")
     ] = "host",
-    ranges: Annotated[
-        list[str] | None,
-        typer.Option("--range", metavar="NAME=LEAST:MOST", help="Range of a run-time parameter; repeatable."),
-    ] = None,
+    ranges: Ranges = None,
     step: Annotated[
         float | None, typer.Option("--step", metavar="SECONDS", help="Longest step (default: that of the scene).")
     ] = None,
-    substeps: Annotated[int, typer.Option("--substeps", metavar="N", help="Runge-Kutta steps within one.")] = 1,
+    substeps: Substeps = None,
     sections: Annotated[
         int, typer.Option("--sections", metavar="N", help="Sections that shape and velocities give in one call.")
     ] = 25,
@@ -66,10 +72,10 @@ def export_c(
     quiet: Quiet = False,
 ) -> None:
     """Write a finger, its estimator or controller as a C package: for a microcontroller, a host, or a browser."""
-    given = {"--real": real, "--what": what, "--range": ranges, "--step": step, "--error": error}
+    given = {"--real": real, "--what": what, "--range": ranges, "--step": step, "--substeps": substeps}
     given |= {
+        "--error": error,
         "--target": target != "host",
-        "--substeps": substeps != 1,
         "--sections": sections != 25,
         "--measure": measure,
     }
@@ -112,10 +118,6 @@ def export_c(
         )
     made = package.manifest
     errors = [f["relative_error"] for f in made["functions"].values() if "relative_error" in f]
-    # Estimator and controller have the object in their model, the plain functions only its forces.
-    own = {"estimator", "mpc", "metadata"}.issuperset(made["parts"]) or "contact" in made["parts"]
-    if made["configuration"].get("object") is not None and not own:
-        output.say("the object of the scene is no part of the model: what it presses with is given as forces")
     output.pairs(
         {
             "package": f"{folder} ({len(package.files)} files; start with README.md)",

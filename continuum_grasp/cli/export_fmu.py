@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from continuum_grasp.cli.export_c import ranges_of
+from continuum_grasp.cli.export_c import Ranges, Substeps, ranges_of
 from continuum_grasp.cli.options import Config, Json, Quiet, Set, named_path
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
@@ -36,14 +36,8 @@ def export_fmu(
         float | None,
         typer.Option("--step", metavar="SECONDS", help="Internal step of a simulated scene (default: the scene's)."),
     ] = None,
-    substeps: Annotated[
-        int | None,
-        typer.Option("--substeps", metavar="N", help="Runge-Kutta steps within one (default: as stability asks for)."),
-    ] = None,
-    ranges: Annotated[
-        list[str] | None,
-        typer.Option("--range", metavar="NAME=LEAST:MOST", help="Range of a run-time parameter; repeatable."),
-    ] = None,
+    substeps: Substeps = None,
+    ranges: Ranges = None,
     preview: Annotated[
         bool, typer.Option("--preview", help="Give the controller setpoints of every stage of its horizon.")
     ] = False,

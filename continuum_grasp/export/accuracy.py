@@ -14,7 +14,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import REALS, Real
 from continuum_grasp.export.part import Argument, Call, Code
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.vectors import reach_of, split
+from continuum_grasp.export.vectors import press, reach_of, split
 
 Array = NDArray[Any]
 
@@ -60,6 +60,7 @@ def error_bounds(subject: Subject, narrow: Call, wide: Call, seed: int) -> tuple
     arguments = subject.passed_to(narrow)
     low, high = reach_of(arguments)
     chunks = [_drawn(low, high, rng, ends=k >= _UNIFORM) for k in range(_UNIFORM + _ENDS)]
+    chunks = [press(subject, arguments, rows, rng) for rows in chunks]
     best: list[list[tuple[float, Array]]] = [[] for _ in range(narrow.output.size)]
     greatest = np.zeros(narrow.output.size)
     for k in range(_UNIFORM + _ENDS + _CLIMBS):

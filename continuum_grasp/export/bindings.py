@@ -13,15 +13,17 @@ from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import SECONDS, Call, Method, Stateful
 from continuum_grasp.export.subject import Subject
 
-_BEGUN = ("measurement", "reference", "command")
+_BEGUN = ("state", "measurement", "reference", "command")
 """Structs with a function that fills them with what they begin with."""
 _OPEN = ("measurement", "reference")
 """Structs of which a part may be given; the rest is as they begin: not measured, as the scene wants it."""
 
 
 def _begun(contents: Contents) -> list[str]:
-    names = {struct.name for struct in contents.structs}
-    return [name for name in _BEGUN if name in names and contents.stateful]
+    names = {struct.name for struct in contents.structs if contents.stateful} - {"state"}
+    if contents.calls and contents.subject.touching is not None:
+        names.add("state")
+    return [name for name in _BEGUN if name in names]
 
 
 def _has_diagnosis(contents: Contents) -> bool:
@@ -66,11 +68,14 @@ def _interface(contents: Contents) -> dict[str, object]:
 
 def _beginnings(subject: Subject) -> dict[str, dict[str, object]]:
     """What structs of a closed loop begin with; those that are not here with zeros."""
+    found: dict[str, dict[str, object]] = {}
+    if subject.touching is not None:
+        found["state"] = dict(zip((field.name for field in subject.state.fields), subject.start, strict=True))
     loop = subject.loop
     if loop is None:
-        return {}
+        return found
     wanted = zip(loop.reference.fields, loop.wanted, strict=True)
-    return {
+    return found | {
         "measurement": {field.name: math.nan for field in loop.measurement.fields},
         "reference": {field.name: [float(value)] * field.size for field, value in wanted},
         "command": {field.name: float(value) for field, value in zip(loop.command.fields, loop.before, strict=True)},
@@ -86,14 +91,17 @@ def _members(subject: Subject, function: Stateful) -> list[str]:
 def python_binding(contents: Contents) -> str:
     """A module with the structs and functions."""
     subject, calls, stateful = contents.subject, contents.calls, contents.stateful
-    begun = _beginnings(subject) if stateful else {}
+    begun = _beginnings(subject)
     return contents.fill(
         "examples/python/binding.py.txt",
         calls=calls,
         replayed=not calls,
         stateful_count=len(stateful),
         controlled=_has_diagnosis(contents),
-        structs="\n".join(_python_struct(struct, begun.get(struct.name)) for struct in contents.structs),
+        structs="\n".join(
+            _python_struct(struct, begun.get(struct.name) if struct.name in _begun(contents) else None)
+            for struct in contents.structs
+        ),
         diagnosis="".join(f'        ("{name}", {_PYTHON_KINDS[kind]}),  # {text}\n' for kind, name, text in DIAGNOSIS),
         parameters="" if subject.parameters is None else ', ("parameters", Parameters)',
         methods="".join(_python_call(call) for call in calls),

@@ -41,20 +41,7 @@ _C: dict[int, str] = OPERATORS | {
 """C by operation; arguments are names or literals."""
 _VECTORS = {*OPERATORS, ca.OP_INV}
 """Operations that C has for vectors, a literal among the arguments included."""
-_EACH = {
-    ca.OP_FABS: ("fabs", 1),
-    ca.OP_SIGN: ("sign", 1),
-    ca.OP_FMIN: ("fmin", 2),
-    ca.OP_FMAX: ("fmax", 2),
-    ca.OP_LT: ("lt", 2),
-    ca.OP_LE: ("le", 2),
-    ca.OP_EQ: ("eq", 2),
-    ca.OP_NE: ("ne", 2),
-    ca.OP_AND: ("and", 2),
-    ca.OP_OR: ("or", 2),
-    ca.OP_NOT: ("not", 1),
-    ca.OP_IF_ELSE_ZERO: ("if_else_zero", 2),
-}
+_EACH = {o: (_NAMES[o].removeprefix("OP_").lower(), 2 if "{1}" in c else 1) for o, c in _C.items() if o not in _VECTORS}
 """Operations that go lane by lane, with their count of arguments."""
 _LANES = _C | {o: f"each_{name}({', '.join(f'{{{k}}}' for k in range(n))})" for o, (name, n) in _EACH.items()}
 """C by operation on vectors."""

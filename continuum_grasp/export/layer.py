@@ -16,7 +16,7 @@ from continuum_grasp.export.part import Call, Code, Part, Stateful
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, System
 
 _LINE = 118
 """Characters of a line in the header, which is as wide as the sources of this package."""
@@ -116,7 +116,7 @@ def abi_of(contents: Contents) -> str:
     return "0x" + hashlib.sha256("\n".join(texts).replace(__version__, "").encode()).hexdigest()[:8] + "u"
 
 
-def _dimensions(model: FingerModel) -> dict[str, tuple[int, str]]:
+def _dimensions(model: FingerModel | System) -> dict[str, tuple[int, str]]:
     return {
         "N": (model.n, "bending coordinates"),
         "NX": (model.nx, "states"),
@@ -129,7 +129,7 @@ def _dimensions(model: FingerModel) -> dict[str, tuple[int, str]]:
 def _header(contents: Contents) -> str:
     subject, calls, codes = contents.subject, contents.calls, contents.codes
     prefix, big = subject.prefix, subject.prefix.upper()
-    dimensions = {} if not calls else _dimensions(subject.model)
+    dimensions = {} if not calls else _dimensions(subject.moving)
     lines = [f"#define {big}_{name} {size} /* {note} */" for name, (size, note) in dimensions.items()]
     constants = {name: value for part in contents.parts for name, value in part.constants.items()}
     lines += [f"#define {big}_{name} {value}" for name, value in constants.items()]
@@ -140,7 +140,8 @@ def _header(contents: Contents) -> str:
         for code, comma in zip(codes, commas, strict=True)
     )
     last = contents.stateful[-1] if contents.stateful else None
-    documented = [_documented(call, prefix) for call in calls]
+    begun = [contents.fill("state.h")] if _begun(contents) else []
+    documented = [*begun, *(_documented(call, prefix) for call in calls)]
     declared = [filled(part.declarations, contents.words) for part in contents.parts if part.declarations]
     return contents.fill(
         "header.h",
@@ -154,6 +155,11 @@ def _header(contents: Contents) -> str:
         parameters=f"\n  {prefix}_parameters parameters;" if subject.parameters else "",
         functions="\n".join(documented + declared),
     )
+
+
+def _begun(contents: Contents) -> list[Struct]:
+    """Structs of the model that do not begin with zeros: a state with an object."""
+    return [contents.subject.state] if contents.calls and contents.subject.touching is not None else []
 
 
 def _documented(call: Call, prefix: str) -> str:
@@ -187,7 +193,8 @@ def _layer_source(contents: Contents) -> str:
     subject, calls = contents.subject, contents.calls
     prefix, parameters = subject.prefix, subject.parameters
     inputs = each_once(a.kind for call in calls for a in call.inputs if isinstance(a.kind, Struct))
-    outputs = each_once(call.output.kind for call in calls if isinstance(call.output.kind, Struct))
+    begun = _begun(contents)
+    written = [*(call.output.kind for call in calls if isinstance(call.output.kind, Struct)), *begun]
     checked = inputs if parameters is None else [parameters, *inputs]
     sizes = [
         f"typedef char {prefix}_{struct.name}_has_no_padding"
@@ -195,8 +202,10 @@ def _layer_source(contents: Contents) -> str:
         for struct in contents.structs
     ]
     codes = [f'    case {prefix.upper()}_{code.name}: return "{code.text}";' for code in contents.codes]
-    nominal = zip(parameters.fields, subject.model.p_nominal, strict=True) if parameters else ()
+    nominal = zip(parameters.fields, subject.moving.p_nominal, strict=True) if parameters else ()
     functions = [subject.guard_function] if subject.guard else []
+    start = ", ".join(map(subject.real.literal, subject.start)) if begun else ""
+    functions += [contents.fill("state.c", start=start)] if begun else []
     functions += [_function(contents, call) for call in calls]
     functions += [part.definitions for part in contents.parts if part.definitions]
     return contents.fill(
@@ -206,7 +215,7 @@ def _layer_source(contents: Contents) -> str:
         modeled=calls,
         bounds="\n".join(_bounds(subject, struct) for struct in checked),
         readers="\n".join(struct.reader(prefix) for struct in checked),
-        writers="\n".join(struct.writer(prefix) for struct in outputs),
+        writers="\n".join(struct.writer(prefix) for struct in each_once(written)),
         check=contents.fill("check_numbers.c"),
         functions="\n".join(functions),
         nominal="".join(f"\n  model->parameters.{f.name} = {subject.real.literal(value)};" for f, value in nominal),

@@ -30,6 +30,11 @@ FLAGS = {
 fuses multiplications with additions in vectors (x86 with FMA) in spite of -ffp-contract=off."""
 
 
+def strict_flags(version: str) -> list[str]:
+    """Those of a compiler, by what it says of its version."""
+    return FLAGS["strict"] + ([] if "clang" in version.lower() else FLAGS["gcc"])
+
+
 def manifest(
     contents: Contents,
     *,
@@ -52,11 +57,19 @@ def manifest(
         "parts": [part.name for part in contents.parts],
         "model": None if model is None else model_description(model),
         "flags": FLAGS,
-        "dimensions": {} if model is None else {name: getattr(model, name) for name in ("n", "nx", "nu", "nw", "np")},
+        "dimensions": {}
+        if model is None
+        else {name: getattr(subject.moving, name) for name in ("n", "nx", "nu", "nw", "np")},
         "structs": {s.name: [entry(field) for field in s.fields] for s in contents.structs},
         "nominal_parameters": {}
         if model is None
-        else dict(zip((label.split(" ")[0] for label in model.p_names), map(float, model.p_nominal), strict=True)),
+        else dict(
+            zip(
+                (label.split(" ")[0] for label in subject.moving.p_names),
+                map(float, subject.moving.p_nominal),
+                strict=True,
+            )
+        ),
         "functions": {
             call.name: {
                 "inputs": [a.name if a.is_struct else entry(a.fields[0]) for a in call.inputs],
@@ -92,7 +105,7 @@ def manifest(
                 "shortest_s": a.fields[0].low,
                 "longest_s": a.fields[0].high,
                 **({"accurate_s": subject.accurate_step} if call.name == "step" else {}),
-                "substeps": subject.substeps,
+                "substeps": subject.substeps if call.name == "step" else subject.count or 1,
             }
             for call in contents.calls
             for a in call.inputs

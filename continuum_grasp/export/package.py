@@ -28,13 +28,13 @@ from continuum_grasp.export.readme import readme
 from continuum_grasp.export.source import (
     Given,
     Source,
-    count_of,
     names_of,
     parts_of,
     positive,
     prefix_of,
     sections_of,
     source_of,
+    substeps_of,
 )
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.targets import example_files, measure, target_of
@@ -45,17 +45,12 @@ from continuum_grasp.scene.control import ControlScene
 _ASKED_ERROR = 1e-2
 """Greatest relative error of single precision by default."""
 _ARGUMENT = "an argument of the functions"
-_FINGER_ALONE = "the package moves the finger; contact takes where the object is"
 _PACKAGE = Consumer(
     "export-c, operators",
     unneeded={
         **LIMITS_OF_BENDING,
         **dict.fromkeys(("actuation", "initial", "loads.force", "loads.moment"), _ARGUMENT),
         **{f"time.{key}": "steps are the caller's" for key in ("duration", "method", "tolerance", "space_error")},
-        **dict.fromkeys(
-            ("object.mass", "out_of_plane_gravity", "moment_of_inertia", "table", "supports", "object_moves"),
-            _FINGER_ALONE,
-        ),
         "finger.tendons.min_tension": "a limit of commands: tensions from zero on are taken",
     },
 )
@@ -98,7 +93,7 @@ def export_c(
     target: str = "host",
     ranges: Mapping[str, Sequence[float]] | None = None,
     step: float | None = None,
-    substeps: int = 1,
+    substeps: int | None = None,
     sections: int = 25,
     error: float | None = None,
     measured: bool = False,
@@ -123,11 +118,11 @@ def export_c(
     target : {"host", "cortex-m4f", "cortex-m7", "wasm"}
         Machine that it is for.
     ranges : mapping, optional
-        Least and greatest values of run-time parameters, by name.
+        Least and greatest values of run-time parameters, by name; of an object's contacts also ``contact_force`` [N].
     step : float, optional
         Longest step that will be asked for [s]; that of the scene where it has one.
-    substeps : int
-        Runge-Kutta steps within one.
+    substeps : int, optional
+        Runge-Kutta steps within one; as many as the longest step needs by default.
     sections : int
         Sections that shape and velocities give in one call, evenly spaced from base to tip.
     error : float, optional
@@ -175,7 +170,7 @@ class Asked(NamedTuple):
     target: str = "host"
     ranges: Mapping[str, Sequence[float]] | None = None
     step: float | None = None
-    substeps: int = 1
+    substeps: int | None = None
     sections: int = 25
     error: float | None = None
     measured: bool = False
@@ -192,7 +187,7 @@ def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[d
     if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
         longest = None
     subject = _subject(source, names, kind, asked, longest)
-    subject = replace(subject, sections=sections_of(asked.sections), surroundings=source.surroundings)
+    subject = replace(subject, sections=sections_of(asked.sections))
     # What is too large is refused before the spectral radius is looked for, which step needs.
     made = {name: PARTS[name](subject) for name in sorted(names, key=lambda name: name == "step")}
     parts = [made[name] for name in names]
@@ -220,7 +215,6 @@ def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[d
         files |= _further_files(contents, target, vectors)
     found = measure(files, target) if asked.measured else None
     if tested:
-        touching = "contact" not in names and (source.configuration or {}).get("object") is not None
         files["README.md"] = readme(
             contents,
             errors=errors,
@@ -228,7 +222,6 @@ def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[d
             measured=found,
             source=source.name,
             wasm=target == "wasm",
-            touching=touching,
         )
     values = manifest(
         contents,
@@ -247,18 +240,21 @@ def controller_of(scene: ControlScene) -> tuple[Contents, Loop]:
     """The controller of a closed loop alone, in double precision, without what tests and describes it."""
     kind = REALS["double"]
     loop = Loop.of(scene, kind, ["mpc"])
-    subject = Subject.of_loop(loop, "finger", kind)
+    subject = Subject("finger", kind, loop=loop)
     return _contents(subject, [PARTS["mpc"](subject)], names_of(scene)[0]), loop
 
 
 def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked, longest: float | None) -> Subject:
     """The model and the loop that it is part of, or a solver's loop alone."""
-    prefix, substeps = prefix_of(asked.prefix), count_of(asked.substeps)
+    prefix, count = prefix_of(asked.prefix), substeps_of(asked.substeps)
     if isinstance(source.loop, RtiSolver):
         if asked.ranges:
             raise InputError("a solver of a problem takes any finite number: expected no ranges", key="ranges")
-        return Subject.of_loop(Loop.of_solver(source.loop, kind), prefix, kind)
-    subject = Subject.of(source.finger, prefix, kind, asked.ranges or {}, longest, substeps)
+        return Subject(prefix, kind, loop=Loop.of_solver(source.loop, kind))
+    # Estimator and controller have the object in a model of their own.
+    alone, ranges = {*OF_LOOPS, "metadata"}.issuperset(names), asked.ranges or {}
+    around = None if alone else source.surroundings
+    subject = Subject.of(source.finger, prefix, kind, ranges, around, longest=longest, count=count)
     if source.loop is None:
         return subject
     return replace(subject, loop=Loop.of(source.loop, kind, [name for name in names if name in OF_LOOPS]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -12,10 +13,12 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.control.loop import identifiers, unit_of
 from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
+from continuum_grasp.model.system_equations import SystemEquations
 from continuum_grasp.scene.profile import Channel
 
 _USUAL_RATE = 10.0
@@ -26,19 +29,19 @@ _SPREAD = 2.0
 _SLIDING = 1.5
 """A friction state of a tendon that slides [1]."""
 
-_SIGNED = ("base_position", "base_angle", "gravity", "rest_curvature")
+_SIGNED = ("base_position", "object_", "base_angle", "gravity", "rest_curvature")
 """Parameters that may be below zero."""
 
 
-def parameter_fields(model: FingerModel, given: Mapping[str, Sequence[float]]) -> tuple[Field, ...]:
+def parameter_fields(model: FingerModel | System, given: Mapping[str, Sequence[float]]) -> tuple[Field, ...]:
     """Entries of the parameters, in ranges (least, greatest) that are given by name, or in usual ones.
 
     InputError if a range is none, goes below zero where the parameter cannot, leaves out the nominal value, is for no
     parameter, or is missing where the nominal value of zero gives no scale.
     """
-    found = []
-    for field, nominal in zip(_fields(model, model.p_names), model.p_nominal, strict=True):
-        low, high = _given(field.name, given[field.name]) if field.name in given else _usual(field.name, nominal, model)
+    own, found = finger_of(model), []
+    for field, nominal in zip(_fields(own, model.p_names), model.p_nominal, strict=True):
+        low, high = _given(field.name, given[field.name]) if field.name in given else _usual(field.name, nominal, own)
         if low < 0.0 and not field.name.startswith(_SIGNED):
             raise InputError(f"it cannot be below zero, got a range from {low:g}", key=f"ranges.{field.name}")
         if not low <= nominal <= high:
@@ -52,8 +55,14 @@ def parameter_fields(model: FingerModel, given: Mapping[str, Sequence[float]]) -
     return tuple(found)
 
 
-def state_fields(model: FingerModel, parameters: Sequence[Field]) -> tuple[Field, ...]:
+def finger_of(model: FingerModel | System) -> FingerModel:
+    """The finger of a system."""
+    return model.finger_model if isinstance(model, System) else model
+
+
+def state_fields(moving: FingerModel | System, parameters: Sequence[Field]) -> tuple[Field, ...]:
     """Entries of the state: bends within the declared range, rates, drives and friction states around usual ones."""
+    model = finger_of(moving)
     reach, states = _reach(model, parameters), [label.split(" ")[0] for label in model.friction_names]
     stiffness = _greatest(parameters, "bending_stiffness", model.finger.rod.stiffness)
     # E I / L times an angle is the moment that bends the whole rod by it.
@@ -70,7 +79,22 @@ def state_fields(model: FingerModel, parameters: Sequence[Field]) -> tuple[Field
             rate = field.name.endswith("_rate")
             size = _usual_drive(model, field.name.removesuffix("_rate")) or usual_moment
             found.append(field.around(size * (_USUAL_RATE if rate else 1.0)))
-    return tuple(found)
+    return (*found, *_object_fields(moving.x_names[model.nx :], model.finger.rod.length))
+
+
+_USUAL_OBJECT = {"rad": math.pi, "m/s": 0.1, "rad/s": 1.0, "1": 1.5, "N": 1.0, "N m": 0.01}
+"""Sizes of usual values of an object and its contacts by unit."""
+_HEIGHT = 1e-3
+"""The same of heights over the table [m]."""
+
+
+def _object_fields(labels: Sequence[str], reach: float) -> tuple[Field, ...]:
+    """Entries of an object and its contacts around usual sizes; lengths are usually up to ``reach`` [m]."""
+    named = zip(identifiers(labels), map(unit_of, labels), strict=True)
+    return tuple(
+        Field(name, unit).around(_HEIGHT if name == "object_z" else _USUAL_OBJECT.get(unit, reach))
+        for name, unit in named
+    )
 
 
 def _usual_drive(model: FingerModel, name: str) -> float | None:
@@ -108,11 +132,13 @@ def input_fields(model: FingerModel) -> tuple[Field, ...]:
     return tuple(found)
 
 
-def force_fields(model: FingerModel) -> tuple[Field, ...]:
-    """Entries of the forces, around those that bend the whole finger."""
+def force_fields(moving: FingerModel | System) -> tuple[Field, ...]:
+    """Entries of the forces, around those that bend the whole finger; then those on an object, and its table."""
+    model = finger_of(moving)
     rod = model.finger.rod
     usual = {"N": rod.stiffness / rod.length**2, "N m": rod.stiffness / rod.length}
-    return tuple(field.around(usual[field.unit]) for field in _fields(model, model.w_names))
+    own = tuple(field.around(usual[field.unit]) for field in _fields(model, model.w_names))
+    return (*own, *_object_fields(moving.w_names[model.nw :], _HEIGHT))
 
 
 def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:
@@ -141,7 +167,7 @@ def _given(name: str, pair: Sequence[float]) -> tuple[float, float]:
 
 
 def _usual(name: str, nominal: float, model: FingerModel) -> tuple[float, float]:
-    if name.startswith("base_position"):
+    if name.startswith(("base_position", "object_")):
         reach = 2.0 * model.finger.rod.length
         return nominal - reach, nominal + reach
     if name == "base_angle":
@@ -160,11 +186,43 @@ def _usual(name: str, nominal: float, model: FingerModel) -> tuple[float, float]
     return nominal / _SPREAD, _SPREAD * nominal
 
 
+CONTACT_FORCE = "contact_force"
+"""Name under which a range of the forces of contacts is given [N]."""
+_IMPACT = 2.0
+"""Greatest force of a contact that is taken, per that with which drives and weight press at rest [1]: a load that sets
+in at once makes twice its force."""
+_GRAVITY = 9.81
+"""Acceleration by which an object weighs [m/s2], whichever way it is held."""
+
+
+def contact_depth(system: System, given: Sequence[float] | None) -> float:
+    """Greatest depth that a contact is pressed in [m]: by a given greatest force, or by drives and weight.
+
+    Steps are as short as contacts up to that depth ask for; friction of one that bears more is stiffer.
+    """
+    around, model = system.surroundings, system.finger_model
+    if around is None or around.object is None or around.contact_law is None:
+        return 0.0
+    if given is not None:
+        low, force = _given(CONTACT_FORCE, given)
+        if low != 0.0 or force <= 0.0:
+            raise InputError(f"expected 0 and a force above it, got {low:g}:{force:g}", key=f"ranges.{CONTACT_FORCE}")
+    else:
+        rod, tendons = model.finger.rod, model.finger.tendon_list
+        moments = [tendon.greatest_offset * tendon.max_tension for tendon in tendons]
+        moment = max(moments, default=rod.stiffness * max(model.ranges) / rod.length)
+        weight = _GRAVITY * around.object.mass if around.object_moves else 0.0
+        force = _IMPACT * (moment / min((*model.contacts, rod.length)) + weight)
+    return max(force / around.contact_law.stiffness, 2.0 * around.contact_law.rounding)
+
+
 @dataclass(frozen=True)
 class JointRange:
-    """A range of several numbers together: of a matched tip's curvature, or of tensions that winches and motors leave.
+    """A range of several numbers together: of a matched tip's curvature, of tensions that winches and motors leave, and
+    of the depth of contacts.
 
-    Steps are as short as tensions up to ``max_tension`` ask for. Beyond, friction is stiffer than what was looked at.
+    Steps are as short as tensions up to ``max_tension`` and contacts up to their greatest force ask for. Beyond,
+    friction is stiffer than what was looked at.
     """
 
     guard: Kernel | None = None
@@ -175,44 +233,30 @@ class JointRange:
     """The condition as a sentence with the numbers of nominal parameters, by the struct (state, input) it is of."""
 
     @staticmethod
-    def of(model: FingerModel, equations: Equations) -> JointRange:
-        """That of a model; nothing where the tip is not matched and tensions are commanded."""
-        if model.structure.winches:
-            return JointRange._of_tensions(model, equations)
-        if not model.structure.matched:
-            return JointRange()
-        use = ca.SX(equations.full[-1]) * equations.lengths[-1] / model.ranges[-1]
-        given = ca.vertcat(equations.x, equations.u)
-        slopes = ca.Function("slopes", [given, equations.p], [ca.jacobian(use, given), use])
-        zero = np.zeros(given.numel())
-        slope, rest = (np.array(value).ravel() for value in slopes(zero, model.p_nominal))
-        names = [label.split(" ")[0] for label in (*model.x_names, *model.u_names)]
-        # The curvature is linear in state and input: its range is that of one number, or a half-space condition.
-        acting = np.flatnonzero(slope)
-        if len(acting) == 1 and not ca.depends_on(use, equations.p):
-            at = acting[0]  # -1 <= rest + slope x <= 1, solved for x
-            low, high = sorted(((-1.0 - rest[0]) / slope[at], (1.0 - rest[0]) / slope[at]))
-            return JointRange(limits={names[at]: (float(low), float(high))})
-        function = ca.Function("range_use", [equations.x, equations.u, equations.p], [use], ["x", "u", "p"], ["use"])
-        guard = Kernel("range_use", function, "Share of its bending range that the curvature of the tip takes.")
-        terms = " ".join(f"{slope[at]:+.6g} {names[at]}" for at in acting)
-        constant = f" {rest[0]:+.6g}" if rest[0] else ""
-        nominal = " with nominal parameters" if ca.depends_on(use, equations.p) else ""
-        note = f" The curvature of the tip must be in its range: -1 <= {terms.strip('+')}{constant} <= 1{nominal}."
-        return JointRange(guard, notes={"state" if at < len(model.x_names) else "input": note for at in acting})
+    def of(model: FingerModel, equations: Equations, pressed: float = 0.0) -> JointRange:
+        """That of a model; nothing where the tip is not matched, tensions are commanded, and nothing is touched.
 
-    @staticmethod
-    def _of_tensions(model: FingerModel, equations: Equations) -> JointRange:
-        tendons = model.finger.tendon_list
-        uses = zip(equations.moving.tendons.tensions, tendons, strict=True)
-        use = ca.SX(0.0)
-        for tension, tendon in uses:
-            use = ca.fmax(use, (1.0 / tendon.max_tension) * tension)
-        function = ca.Function("range_use", [equations.x, equations.p], [ca.cse(use)], ["x", "p"], ["use"])
-        guard = Kernel("range_use", function, "Share of its greatest that the greatest tension takes.")
-        most = ", ".join(f"{tendon.max_tension:g} N" for tendon in tendons)
-        note = f" Tensions that follow from it must be in their range, up to {most} (max_tension)."
-        return JointRange(guard, notes={"state": note})
+        ``pressed`` is the greatest depth of contacts [m].
+        """
+        limits: dict[str, tuple[float, float]] = {}
+        use, text, notes = None, "", dict[str, str]()
+        if model.structure.winches:
+            use, text, notes = _of_tensions(model, equations)
+        elif model.structure.matched:
+            use, text, notes, limits = _of_curvature(model, equations)
+        # The height of a table, which a contact may depend on, is no number that every function takes.
+        pairs = equations.pairs if isinstance(equations, SystemEquations) else []
+        gaps = [pair.gap for pair in pairs if pair.load is None and not ca.depends_on(ca.SX(pair.gap), equations.w)]
+        if gaps:
+            depth = functools.reduce(ca.fmax, [(-1.0 / pressed) * gap for gap in gaps], ca.SX(0.0))
+            use = depth if use is None else ca.fmax(ca.fabs(use), depth)
+            text = "Share of its range that the deepest contact takes, or what else is limited jointly."
+            note = f" Contacts must be in their range, up to a depth of {pressed:.3g} m."
+            notes = {**notes, "state": notes.get("state", "") + note}
+        if use is None:
+            return JointRange(limits=limits)
+        function = ca.Function("range_use", [equations.x, equations.u, equations.p], [use], ["x", "u", "p"], ["use"])
+        return JointRange(Kernel("range_use", function, text), limits, notes)
 
     def bounded(self, fields: tuple[Field, ...]) -> tuple[Field, ...]:
         """Entries of a struct, with the range of the number that sets the curvature."""
@@ -220,6 +264,42 @@ class JointRange:
             replace(f, low=self.limits[f.name][0], high=self.limits[f.name][1]) if f.name in self.limits else f
             for f in fields
         )
+
+
+def _of_tensions(model: FingerModel, equations: Equations) -> tuple[ca.SX, str, dict[str, str]]:
+    """Share that the greatest tension takes of its greatest, what it is in words, and the condition."""
+    tendons = model.finger.tendon_list
+    use = ca.SX(0.0)
+    for tension, tendon in zip(equations.moving.tendons.tensions, tendons, strict=True):
+        use = ca.fmax(use, (1.0 / tendon.max_tension) * tension)
+    most = ", ".join(f"{tendon.max_tension:g} N" for tendon in tendons)
+    note = f" Tensions that follow from it must be in their range, up to {most} (max_tension)."
+    return ca.cse(use), "Share of its greatest that the greatest tension takes.", {"state": note}
+
+
+def _of_curvature(
+    model: FingerModel, equations: Equations
+) -> tuple[ca.SX | None, str, dict[str, str], dict[str, tuple[float, float]]]:
+    """Share that the curvature of a matched tip takes of its range, or the range of the one number that sets it."""
+    use = ca.SX(equations.full[-1]) * equations.lengths[-1] / model.ranges[-1]
+    given = ca.vertcat(equations.x, equations.u)
+    slopes = ca.Function("slopes", [given, equations.p], [ca.jacobian(use, given), use])
+    nominal = np.pad(model.p_nominal, (0, equations.p.numel() - model.np))
+    slope, rest = (np.array(value).ravel() for value in slopes(np.zeros(given.numel()), nominal))
+    count = equations.x.numel()
+    names = [label.split(" ")[0] for label in (*model.x_names, *[""] * (count - model.nx), *model.u_names)]
+    # The curvature is linear in state and input: its range is that of one number, or a half-space condition.
+    acting = np.flatnonzero(slope)
+    if len(acting) == 1 and not ca.depends_on(use, equations.p):
+        at = acting[0]  # -1 <= rest + slope x <= 1, solved for x
+        low, high = sorted(((-1.0 - rest[0]) / slope[at], (1.0 - rest[0]) / slope[at]))
+        return None, "", {}, {names[at]: (float(low), float(high))}
+    terms = " ".join(f"{slope[at]:+.6g} {names[at]}" for at in acting)
+    constant = f" {rest[0]:+.6g}" if rest[0] else ""
+    at_nominal = " with nominal parameters" if ca.depends_on(use, equations.p) else ""
+    note = f" The curvature of the tip must be in its range: -1 <= {terms.strip('+')}{constant} <= 1{at_nominal}."
+    text = "Share of its bending range that the curvature of the tip takes."
+    return use, text, {"state" if at < count else "input": note for at in acting}, {}
 
 
 _DRIVE = r"(tension|length|motor_angle|torque|current|angle)_(\d+)"
@@ -247,6 +327,7 @@ _PATTERNS = (
     (r"load_(\d+)_along", "the same along the finger"),
     (r"load_(\d+)_moment", "moment of load {0}"),
     (r"base_position_([xy])", "world position of the base"),
+    (r"object_([xy])", "world position of the object"),
     (r"base_angle", "from the world's to the base's axes"),
     (r"gravity_([xy])", "world gravity"),
     (r"element_lengths(?:_(\d+))?", "length of the element"),

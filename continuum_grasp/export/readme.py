@@ -22,7 +22,6 @@ def readme(
     measured: Mapping[str, Any] | None,
     source: str,
     wasm: bool,
-    touching: bool,
 ) -> str:
     """The text."""
     subject, calls, stateful = contents.subject, contents.calls, contents.stateful
@@ -74,7 +73,6 @@ def readme(
         mpc="mpc" in names,
         skeletons={"step", "mpc"} & names,
         note=f"\n\n{textwrap.fill(note, 118)}" if note else "",
-        touching=calls and touching,
         wasm=wasm,
         cases=sum(vectors.values()),
     )
@@ -109,7 +107,10 @@ def _usage(contents: Contents) -> dict[str, object]:
         declared = [f"{prefix}_{a.kind.name} {a.name} = {{0}};" for a in inputs]
         declared += [f"{prefix}_{call.output.kind.name} {output};"] if output != "state" else []
         passed = [f"&{a.name}" if a.is_struct else f"{contents.subject.accurate_step:g}" for a in call.inputs]
-        words = {"name": call.name, "passed": ", ".join([*passed, f"&{output}"])}
+        start = ""
+        if "state" in [a.name for a in inputs] and contents.subject.touching is not None:
+            start = f"\ncode = {prefix}_state_init(&state); /* the object where the scene has it */"
+        words = {"start": start, "name": call.name, "passed": ", ".join([*passed, f"&{output}"])}
     else:
         function = contents.stateful[-1]
         names = (*function.types, *function.inputs, function.output)

@@ -144,17 +144,19 @@ def prefix_of(given: Any) -> str:
     return given
 
 
-def count_of(given: Any) -> int:
-    """A number of sub-steps."""
-    if type(given) is not int or not 1 <= given <= MOST_SUBSTEPS:
-        raise InputError(f"expected a whole number from 1 to {MOST_SUBSTEPS}, got {given!r:.60}", key="substeps")
-    return given
+def substeps_of(given: Any) -> int | None:
+    """A number of sub-steps; None where none is asked for."""
+    return None if given is None else _whole(given, 1, MOST_SUBSTEPS, "substeps")
 
 
 def sections_of(given: Any) -> int:
     """A number of sections that are seen at once."""
-    if type(given) is not int or not 2 <= given <= MOST_SECTIONS:
-        raise InputError(f"expected a whole number from 2 to {MOST_SECTIONS}, got {given!r:.60}", key="sections")
+    return _whole(given, 2, MOST_SECTIONS, "sections")
+
+
+def _whole(given: Any, least: int, most: int, key: str) -> int:
+    if type(given) is not int or not least <= given <= most:
+        raise InputError(f"expected a whole number from {least} to {most}, got {given!r:.60}", key=key)
     return given
 
 

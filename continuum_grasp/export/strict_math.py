@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -58,30 +59,19 @@ class _Series:
     scale: tuple[float, float]
     """What brings a subnormal number up for the square root, and what takes the root down again."""
 
-    @property
-    def exponential_series(self) -> list[float]:
-        """Taylor coefficients from the highest power down, as Horner's rule takes them."""
-        return [1.0 / math.factorial(k) for k in range(self.exponential, -1, -1)]
-
-    @property
-    def sine_series(self) -> list[float]:
-        """Coefficients of sin(x) / x in x^2."""
-        return [(-1.0) ** k / math.factorial(2 * k + 1) for k in range(self.sine - 1, -1, -1)]
-
-    @property
-    def cosine_series(self) -> list[float]:
-        """Coefficients of cos(x) in x^2."""
-        return [(-1.0) ** k / math.factorial(2 * k) for k in range(self.sine, -1, -1)]
-
-    @property
-    def logarithm_series(self) -> list[float]:
-        """Coefficients of 2 artanh(s) / s in s^2."""
-        return [2.0 / (2 * k + 1) for k in range(self.logarithm - 1, -1, -1)]
-
-    @property
-    def arctangent_series(self) -> list[float]:
-        """Coefficients of arctan(t) / t in t^2."""
-        return [(-1.0) ** k / (2 * k + 1) for k in range(self.arctangent - 1, -1, -1)]
+    @cached_property
+    def coefficients(self) -> dict[str, list[float]]:
+        """Series from the highest power down, as Horner's rule takes them: exp(x); sin(x) / x and cos(x) in x^2;
+        2 artanh(s) / s in s^2; arctan(t) / t in t^2.
+        """
+        series = {
+            "exp": [1.0 / math.factorial(k) for k in range(self.exponential + 1)],
+            "sin": [(-1.0) ** k / math.factorial(2 * k + 1) for k in range(self.sine)],
+            "cos": [(-1.0) ** k / math.factorial(2 * k) for k in range(self.sine + 1)],
+            "log": [2.0 / (2 * k + 1) for k in range(self.logarithm)],
+            "atan": [(-1.0) ** k / (2 * k + 1) for k in range(self.arctangent)],
+        }
+        return {name: values[::-1] for name, values in series.items()}
 
 
 _SERIES = {
@@ -145,8 +135,6 @@ def c_source(names: Iterable[str], real: Real, prefix: str) -> str:
         "zero": 0.0,
         "one": 1.0,
     }
-    series = {"exp": s.exponential_series, "sin": s.sine_series, "cos": s.cosine_series}
-    series |= {"log": s.logarithm_series, "atan": s.arctangent_series}
     words = {
         "p": prefix,
         "P": prefix.upper(),
@@ -159,8 +147,8 @@ def c_source(names: Iterable[str], real: Real, prefix: str) -> str:
         "sign_bit": real.width - 1,
         "up_power": round(math.log2(s.scale[0])),
         **{name: real.literal(value) for name, value in numbers.items()},
-        **{f"{name}_series": f"{{{', '.join(map(real.literal, values))}}}" for name, values in series.items()},
-        **{f"{name}_last": len(values) - 1 for name, values in series.items()},
+        **{f"{name}_series": f"{{{', '.join(map(real.literal, values))}}}" for name, values in s.coefficients.items()},
+        **{f"{name}_last": len(values) - 1 for name, values in s.coefficients.items()},
     }
     return "\n".join(fill(f"strict/{name}.c", words) for name in wanted)
 
@@ -228,7 +216,7 @@ def _exp(x: Array, real: Real) -> Array:
     # 2^k in two factors: k is one beyond the exponents of normal numbers where the result is just finite.
     first = np.trunc(k / t(2.0))
     with np.errstate(over="ignore", under="ignore"):
-        return _horner(s.exponential_series, r) * _power_of_two(first, real) * _power_of_two(k - first, real)
+        return _horner(s.coefficients["exp"], r) * _power_of_two(first, real) * _power_of_two(k - first, real)
 
 
 def _turn(x: Array, real: Real, quarters: int) -> Array:
@@ -237,7 +225,7 @@ def _turn(x: Array, real: Real, quarters: int) -> Array:
     k = _nearest(np.clip(x, -t(_MOST_ANGLE), t(_MOST_ANGLE)) * t(2.0 / math.pi))
     r = ((x - k * t(s.half_pi[0])) - k * t(s.half_pi[1])) - k * t(s.half_pi[2])
     square, at = r * r, (k.astype(np.int64) - quarters) & 3
-    cosine, sine = _horner(s.cosine_series, square), r * _horner(s.sine_series, square)
+    cosine, sine = _horner(s.coefficients["cos"], square), r * _horner(s.coefficients["sin"], square)
     # cos(r + at pi/2) is cos r, -sin r, -cos r, sin r for at = 0, 1, 2, 3.
     value = np.where(at & 1, sine, cosine)
     value = np.where((at == 1) | (at == 2), -value, value)
@@ -264,7 +252,7 @@ def _expm1(x: Array, real: Real) -> Array:
     k = _nearest(near * t(1.0 / math.log(2.0)))
     r = (near - k * t(s.ln2[0])) - k * t(s.ln2[1])
     scale = _power_of_two(k, real)
-    value = scale * (_horner(s.exponential_series[:-1], r) * r) + (scale - t(1))
+    value = scale * (_horner(s.coefficients["exp"][:-1], r) * r) + (scale - t(1))
     return np.asarray(np.where(np.abs(x) > 1, _exp(x, real) - t(1), value))
 
 
@@ -279,7 +267,7 @@ def _log(x: Array, real: Real) -> Array:
     beyond = m > t(math.sqrt(2.0))
     m, k = np.where(beyond, t(0.5) * m, m), np.where(beyond, k + 1, k).astype(t)
     ratio = (m - t(1)) / (m + t(1))
-    value = k * t(s.ln2[0]) + (k * t(s.ln2[1]) + ratio * _horner(s.logarithm_series, ratio * ratio))
+    value = k * t(s.ln2[0]) + (k * t(s.ln2[1]) + ratio * _horner(s.coefficients["log"], ratio * ratio))
     return np.asarray(np.where(x > 0, value, np.where(x < 0, t(np.nan), t(-np.inf))))
 
 
@@ -326,7 +314,7 @@ def _atan2(y: Array, x: Array, real: Real) -> Array:
     ratio = np.where(steep, b, a) / np.where(none, t(1), np.where(steep, a, b))
     turned = ratio > t(_TAN_EIGHTH)
     ratio = np.where(turned, (ratio - t(1)) / (ratio + t(1)), ratio)
-    value = ratio * _horner(s.arctangent_series, ratio * ratio)
+    value = ratio * _horner(s.coefficients["atan"], ratio * ratio)
     value = np.where(turned, t(0.25 * math.pi) + (value + t(0.5) * rest), value)
     value = np.where(steep, t(0.5 * math.pi) - (value - rest), value)
     value = np.where(x < 0, t(2) * t(0.5 * math.pi) - (value - t(2) * rest), value)

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
+from typing import TypeVar
 
 import casadi as ca
 import numpy as np
@@ -18,12 +19,25 @@ from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import Field, Real, Struct, outside
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Call, Rows
-from continuum_grasp.export.ranges import JointRange, force_fields, input_fields, parameter_fields, state_fields
+from continuum_grasp.export.ranges import (
+    CONTACT_FORCE,
+    JointRange,
+    contact_depth,
+    force_fields,
+    input_fields,
+    parameter_fields,
+    state_fields,
+)
 from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
+from continuum_grasp.model.system_equations import SystemEquations
 from continuum_grasp.scene.surroundings import Surroundings
-from continuum_grasp.simulation.spectrum import SLIDING
+from continuum_grasp.simulation.spectrum import SLIDING, spring_frequency
+
+T = TypeVar("T")
+_NO_STATE, _NO_INPUT = Struct("state", "", ()), Struct("input", "", ())
+"""Those of a solver."""
 
 
 @dataclass(frozen=True)
@@ -33,36 +47,43 @@ class Subject:
     Attributes
     ----------
     finger, finger_equations
-        Model, and its expressions for kernels of the whole state; None for a solver of a problem, whose package has
-        ``mpc`` alone.
+        Model, and the expressions of all that moves for kernels of the whole state; None for a solver of a problem,
+        whose package has ``mpc`` alone.
+    touching : System or None
+        The finger with the object of its scene, whose states follow those of the finger.
     parameters, forces : Struct or None
         None where the model has none.
     guard : Kernel or None
         (x, u, p) -> use: share of its range that the curvature of a matched tip takes, which is no coordinate.
-    find_radius : callable
-        The greatest spectral radius [1/s], which takes long to find in models of many elements.
+    find_rates : callable
+        The greatest spectral radius, and the rate that an accurate step resolves [1/s], which take long to find in
+        models of many elements.
+    pressed : float
+        Greatest depth of contacts [m].
+    longest, count : float and int, or None
+        Longest step [s] that is asked for, and Runge-Kutta steps within one; None where nothing is asked for.
     loop : Loop or None
         The closed loop that it is part of.
     sections : int
         How many are seen at once, evenly spaced from base to tip.
-    surroundings : Surroundings or None
-        What the finger may touch.
     """
 
-    finger: FingerModel | None
-    finger_equations: Equations | None
     prefix: str
     real: Real
-    parameters: Struct | None
-    state: Struct
-    input: Struct
-    forces: Struct | None
-    substeps: int
-    guard: Kernel | None
-    find_radius: Callable[[], float]
+    finger: FingerModel | None = None
+    touching: System | None = None
+    finger_equations: Equations | None = None
+    parameters: Struct | None = None
+    state: Struct = _NO_STATE
+    input: Struct = _NO_INPUT
+    forces: Struct | None = None
+    guard: Kernel | None = None
+    find_rates: Callable[[], tuple[float, float]] = lambda: (math.nan, math.nan)
+    pressed: float = 0.0
+    longest: float | None = None
+    count: int | None = None
     loop: Loop | None = None
     sections: int = 25
-    surroundings: Surroundings | None = None
 
     @staticmethod
     def of(
@@ -70,18 +91,29 @@ class Subject:
         prefix: str,
         real: Real,
         ranges: Mapping[str, Sequence[float]],
-        step: float | None,
-        substeps: int,
+        surroundings: Surroundings | None = None,
+        *,
+        longest: float | None = None,
+        count: int | None = None,
     ) -> Subject:
-        """Everything that the parts need to know of a model; ``step`` [s] is the longest one that is asked for."""
+        """Everything that the parts need to know of a model and of what it may touch."""
+        touching = _touching(model, surroundings)
+        model = model if touching is None else touching.finger_model
         if real.name == "float":
             check_solvable(model)
-        parameters, forces = parameter_fields(model, ranges), force_fields(model)
-        states = state_fields(model, parameters)
-        equations = Equations(model.structure)
-        joint = JointRange.of(model, equations)
+        moving = touching or model
+        given = {name: pair for name, pair in ranges.items() if name != CONTACT_FORCE or touching is None}
+        parameters, forces = parameter_fields(moving, given), force_fields(moving)
+        states = state_fields(moving, parameters)
+        if touching is None:
+            equations, pressed = Equations(model.structure), 0.0
+        else:
+            equations = SystemEquations(model.structure, touching.surroundings, touching.object_parameters)
+            pressed = contact_depth(touching, ranges.get(CONTACT_FORCE))
+        joint = JointRange.of(model, equations, pressed)
         return Subject(
             finger=model,
+            touching=touching,
             finger_equations=equations,
             prefix=prefix,
             real=real,
@@ -91,75 +123,88 @@ class Subject:
                 "input", "What drives the finger." + joint.notes.get("input", ""), joint.bounded(input_fields(model))
             ),
             forces=_struct("forces", "Forces on the finger.", forces),
-            substeps=substeps,
             guard=joint.guard,
-            find_radius=cache(partial(_checked_radius, model, states, parameters, step, substeps)),
-        )
-
-    @staticmethod
-    def of_loop(loop: Loop, prefix: str, real: Real) -> Subject:
-        """A loop without the model of a finger."""
-        return Subject(
-            finger=None,
-            finger_equations=None,
-            prefix=prefix,
-            real=real,
-            parameters=None,
-            state=Struct("state", "", ()),
-            input=Struct("input", "", ()),
-            forces=None,
-            substeps=1,
-            guard=None,
-            find_radius=lambda: math.nan,
-            loop=loop,
+            find_rates=cache(partial(_greatest_rates, model, touching, pressed, states, parameters)),
+            pressed=pressed,
+            longest=longest,
+            count=count,
         )
 
     @property
     def model(self) -> FingerModel:
         """The model of the finger; InputError where there is none."""
-        if self.finger is None:
-            raise InputError("this needs the model of a finger; a solver of a problem has mpc alone", key="what")
-        return self.finger
+        return _known(self.finger)
 
     @property
     def equations(self) -> Equations:
         """Its expressions; InputError where there is none."""
-        if self.finger_equations is None:
-            raise InputError("this needs the model of a finger; a solver of a problem has mpc alone", key="what")
-        return self.finger_equations
+        return _known(self.finger_equations)
 
     @property
     def stations(self) -> list[float]:
         """Positions of the sections that are seen at once [m]."""
         return [float(at) for at in np.linspace(0.0, sum(self.model.lengths), self.sections)]
 
+    @property
+    def moving(self) -> FingerModel | System:
+        """What the state is of: the finger, with the object where there is one."""
+        return self.model if self.touching is None else self.touching
+
     @cached_property
     def system(self) -> System:
-        """The same finger with what it may touch; positions of a fixed object stay run-time numbers."""
+        """The same as a system."""
         given, options = self.model.structure.asked
-        around = self.surroundings
-        fixed = around is not None and around.object is not None and not around.object_moves
-        own = ("object_x", "object_y") if fixed else ()
-        return System(given, surroundings=around, object_parameters=own, **options)
+        return self.touching or System(given, **options)
+
+    @property
+    def start(self) -> list[float]:
+        """A straight finger at rest, beside an object that is where the scene has it."""
+        return [0.0] * self.model.nx if self.touching is None else self.touching.state()
 
     @property
     def radius(self) -> float:
-        """Greatest spectral radius [1/s]; InputError if the longest step that was asked for is not stable."""
-        return self.find_radius()
+        """Greatest spectral radius [1/s]."""
+        return self.find_rates()[0]
+
+    @cached_property
+    def substeps(self) -> int:
+        """Runge-Kutta steps within one; InputError if the longest step that is asked for is not stable with them."""
+        if self.longest is None:
+            return self.count or 1
+        needed = max(1, math.ceil(self.longest * self.radius / STABLE))
+        while self.longest_of(needed) < self.longest and needed <= MOST_SUBSTEPS:
+            needed += 1
+        if needed <= (self.count or MOST_SUBSTEPS):
+            resolved = needed if self.touching is None else math.ceil(self.longest * self.find_rates()[1] / _ACCURATE)
+            return self.count or min(max(needed, resolved), MOST_SUBSTEPS)
+        # Advice that can be followed: the sub-steps that would do, or, where those are too many, the longest step.
+        if needed <= MOST_SUBSTEPS:
+            advice = f"needs {needed} sub-steps (substeps), or a model with fewer or longer elements"
+        else:
+            advice = (
+                f"would need {needed:.3g} sub-steps: with {MOST_SUBSTEPS} (substeps) steps up to "
+                f"{STABLE * MOST_SUBSTEPS / self.radius:.2g} s would do; take those, or a model with fewer or longer "
+                "elements"
+            )
+        raise InputError(
+            f"steps of {self.longest:g} s are too long: the fastest motion of this model changes at "
+            f"{self.radius:.4g} 1/s, so the Runge-Kutta method {advice}",
+            key="step",
+        )
+
+    def longest_of(self, substeps: int) -> float:
+        """Longest step of so many sub-steps that is stable [s]."""
+        return self.real.rounded(_floor(STABLE * substeps / self.radius))
 
     @property
     def longest_step(self) -> float:
         """Longest step that is stable [s]."""
-        return self.real.rounded(_floor(STABLE * self.substeps / self.radius))
+        return self.longest_of(self.substeps)
 
     @property
     def accurate_step(self) -> float:
         """Longest step without a warning [s]."""
-        return self.real.rounded(_floor(_ACCURATE * self.substeps / self.radius))
-
-    def substeps_for(self, step: float) -> int:
-        """Least number of sub-steps with which steps [s] are stable, up to ``MOST_SUBSTEPS``."""
-        return min(max(1, math.ceil(step * self.radius / STABLE)), MOST_SUBSTEPS)
+        return self.real.rounded(_floor(_ACCURATE * self.substeps / self.find_rates()[1]))
 
     def function(self, name: str, inputs: str, **outputs: ca.SX) -> ca.Function:
         """A function of space-separated inputs of the equations: x, u, w, s, p."""
@@ -227,6 +272,21 @@ class Subject:
         return () if self.guard is None else (self.guard,)
 
 
+def _known(part: T | None) -> T:
+    if part is None:
+        raise InputError("this needs the model of a finger; a solver of a problem has mpc alone", key="what")
+    return part
+
+
+def _touching(model: FingerModel, around: Surroundings | None) -> System | None:
+    """The finger with the object beside it, whose place stays a run-time number where it is fixed; None without one."""
+    if around is None or around.object is None or not (around.object_moves or around.contact_law):
+        return None
+    given, options = model.structure.asked
+    own = () if around.object_moves else ("object_x", "object_y")
+    return System(given, surroundings=around, object_parameters=own, **options)
+
+
 def _struct(name: str, text: str, fields: tuple[Field, ...]) -> Struct | None:
     return Struct(name, text, fields) if fields else None
 
@@ -246,6 +306,11 @@ MOST_SUBSTEPS = 1000
 """Within one step."""
 _CORNERS = 32
 """Corners of the box of parameters, all of them for up to five parameters."""
+_LANDING = 0.125
+"""Product of a sub-step and the fastest oscillation on a contact's spring up to which what lands on it is followed
+[1]: the tip of a finger of 0.18 m that swings against a disc is then off by 8e-6 m."""
+_OPEN = 1.0
+"""Gap of contacts that are open [m]."""
 _TAUT = 1.0
 """Tension of a tendon that is taut [N]."""
 _BETWEEN = 32
@@ -254,26 +319,47 @@ _BETWEEN = 32
 Array = NDArray[np.float64]
 
 
-def _greatest_radius(model: FingerModel, states: Sequence[Field], parameters: Sequence[Field]) -> float:
-    """Greatest spectral radius of the linearized motion [1/s].
+def _greatest_rates(
+    model: FingerModel,
+    touching: System | None,
+    pressed: float,
+    states: Sequence[Field],
+    parameters: Sequence[Field],
+) -> tuple[float, float]:
+    """Greatest spectral radius of the linearized motion, and the rate that an accurate step resolves [1/s].
 
     Taken at rest, without forces, over shapes within the bending range and the corners of the ranges of the parameters
     (some of them where they are many); without input, but with tendons that have friction or are wound up as tense as
-    they may be. NumericalError where it is not finite.
+    they may be, and contacts open, and pressed in as far as they may be [m]. Friction of contacts is stiff, and need
+    not be resolved: what lands on their springs must be. NumericalError where it is not finite.
     """
     rng = np.random.default_rng(0)  # a package must come out the same every time
-    reach, radius = np.array([field.high for field in states[: model.n]]), 0.0
-    for p in _corners(model, parameters, rng):
+    reach, radius, resolved = np.array([field.high for field in states[: model.n]]), 0.0, 0.0
+    moving = model if touching is None else touching
+    for p in _corners(moving, parameters, rng):
         for shape in _shapes(reach, rng):
-            for rest, u in _driven(model, shape, p):
+            for rest, u in _driven(model, shape, p[: model.np]):
                 x = np.concatenate([shape, np.zeros(model.n), rest])
-                jacobian = np.array(model.linearization(x, u, np.zeros(model.nw), p)[0])
-                if not np.isfinite(jacobian).all():
+                slopes = _slopes(moving, x, u, p, pressed)
+                if not np.isfinite(slopes).all():
                     raise NumericalError(
                         "the linearized motion is not finite at a corner of the parameters' ranges", state=x
                     )
-                radius = max(radius, float(np.abs(np.linalg.eigvals(jacobian)).max()))
-    return radius
+                found = [float(np.abs(np.linalg.eigvals(slope)).max()) for slope in slopes]
+                radius, resolved = max(radius, *found), max(resolved, found[0])
+                if touching is not None:
+                    resolved = max(resolved, spring_frequency(touching, slopes[1] - slopes[0]) / _LANDING)
+    return radius, resolved
+
+
+def _slopes(moving: FingerModel | System, x: Array, u: Array, p: Array, pressed: float) -> list[Array]:
+    """Jacobians of the motion by its state, of a finger's state: alone, or with open, then with closed contacts."""
+    w = np.zeros(moving.nw)
+    if isinstance(moving, FingerModel):
+        return [np.array(moving.linearization(x, u, w, p)[0])]
+    x = np.concatenate([x, moving.state()[len(x) :]])
+    gap = np.array(moving.touch(x, u, w, p)[0]).ravel()
+    return [np.array(moving.pressed_linearization(x, u, w, p, gap - wanted)) for wanted in (_OPEN, -pressed)]
 
 
 def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Array]]:
@@ -294,29 +380,6 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
     return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in ((0.0, SLIDING) if count else (0.0,))]
 
 
-def _checked_radius(
-    model: FingerModel, states: Sequence[Field], parameters: Sequence[Field], step: float | None, substeps: int
-) -> float:
-    """The greatest spectral radius [1/s]; a step [s] of so many sub-steps that is not stable is refused."""
-    radius = _greatest_radius(model, states, parameters)
-    if step is None or step * radius <= STABLE * substeps:
-        return radius
-    # Advice that can be followed: the sub-steps that would do, or, where those are too many, the longest step.
-    needed = math.ceil(step * radius / STABLE)
-    if needed <= MOST_SUBSTEPS:
-        advice = f"needs {needed} sub-steps (substeps), or a model with fewer or longer elements"
-    else:
-        advice = (
-            f"would need {needed:.3g} sub-steps: with {MOST_SUBSTEPS} (substeps) steps up to "
-            f"{STABLE * MOST_SUBSTEPS / radius:.2g} s would do; take those, or a model with fewer or longer elements"
-        )
-    raise InputError(
-        f"steps of {step:g} s are too long: the fastest motion of this model changes at {radius:.4g} 1/s, so the "
-        f"Runge-Kutta method {advice}",
-        key="step",
-    )
-
-
 def _shapes(reach: Array, rng: np.random.Generator) -> Array:
     """Straight, every bend at a limit (half of them, since the others mirror them), and in between."""
     count = len(reach)
@@ -328,7 +391,7 @@ def _shapes(reach: Array, rng: np.random.Generator) -> Array:
     return np.vstack([np.zeros(count), signs, between]) * reach
 
 
-def _corners(model: FingerModel, parameters: Sequence[Field], rng: np.random.Generator) -> list[Array]:
+def _corners(model: FingerModel | System, parameters: Sequence[Field], rng: np.random.Generator) -> list[Array]:
     """Nominal values and those at the ends of the ranges."""
     pairs = np.array([(field.low, field.high) for field in parameters]).reshape(-1, 2)
     if 2 ** len(pairs) <= _CORNERS:

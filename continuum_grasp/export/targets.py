@@ -103,22 +103,19 @@ def example_files(contents: Contents, target: str) -> dict[str, str]:
     core = _core(target) or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")
     sources = {f"examples/baremetal/{name}": f"examples/baremetal/{name}" for name in _BARE_METAL}
     found = {path: contents.fill(name, core=core) for path, name in sources.items()}
+    prefix, loop = subject.prefix, subject.loop
     if "step" in names:
-        sources = {
-            **{name: name for name in ("examples/loop.c", "tests/batch.c", "examples/cuda/batch.cu")},
-            f"examples/simulink/sfun_{subject.prefix}.c": "examples/simulink/sfun.c",
-            **{f"examples/ros2/{name}": f"examples/ros2/{name}" for name in (*_NODE, "src/node.cpp")},
-        }
         words = _step_words(subject)
+        sources = {name: name for name in ("examples/loop.c", "tests/batch.c", "examples/cuda/batch.cu")}
+        sources |= {f"examples/ros2/{name}": f"examples/ros2/{name}" for name in (*_NODE, "src/node.cpp")}
+        sources[f"examples/simulink/sfun_{prefix}.c"] = "examples/simulink/sfun.c"
         found |= {path: contents.fill(name, **words) for path, name in sources.items()}
-    if "mpc" in names and subject.loop is not None:
-        sources = {
-            "examples/control_loop.c": "examples/control/loop.c",
-            f"examples/simulink/sfun_{subject.prefix}_control.c": "examples/control/sfun.c",
-            "examples/ros2_control/src/node.cpp": "examples/control/node.cpp",
-            **{f"examples/ros2_control/{name}": f"examples/ros2/{name}" for name in _NODE},
-        }
-        words = _control_words(subject, subject.loop, contents.words["sources"].split())
+    if "mpc" in names and loop is not None:
+        words = _control_words(subject, loop, contents.words["sources"].split())
+        sources = {f"examples/ros2_control/{name}": f"examples/ros2/{name}" for name in _NODE}
+        sources["examples/ros2_control/src/node.cpp"] = "examples/control/node.cpp"
+        sources["examples/control_loop.c"] = "examples/control/loop.c"
+        sources[f"examples/simulink/sfun_{prefix}_control.c"] = "examples/control/sfun.c"
         found |= {path: contents.fill(name, **words) for path, name in sources.items()}
     return found
 
@@ -133,8 +130,13 @@ def _step_words(subject: Subject) -> dict[str, object]:
     state, first = subject.state.fields, subject.input.fields[0]
     parameters = [f.name for f in subject.parameters.fields] if subject.parameters is not None else []
     return {
+        "begin": f"  if (code >= 0) code = {prefix}_state_init(&state);\n"
+        if subject.touching is not None
+        else "  memset(&state, 0, sizeof state);\n",
+        "begin_each": f"\n    {prefix}_state_init(&states[k]);" if subject.touching is not None else "",
+        "begin_node": f"{{{', '.join(map(real.literal, subject.start))}}}" if subject.touching is not None else "{}",
         "forces": subject.forces is not None,
-        "nw": subject.model.nw,
+        "nw": subject.moving.nw,
         "node": f"{prefix}_node",
         "h": real.literal(subject.accurate_step),
         "h_plain": repr(subject.accurate_step),
@@ -144,14 +146,14 @@ def _step_words(subject: Subject) -> dict[str, object]:
         "first_input": first.name,
         "first_state": state[0].name,
         "reach": real.literal(0.5 * state[0].high),
-        "nx": subject.model.nx,
+        "nx": subject.moving.nx,
         "nu": subject.input.size,
         "ports": "1" if subject.forces is None else "2",
-        "most_port": max(subject.model.nx, subject.input.size, subject.model.nw),
+        "most_port": max(subject.moving.nx, subject.input.size, subject.moving.nw),
         "csv_head": "".join(f",{f.name} [{f.unit}]" for f in state),
         "csv_format": ",%.9g" * len(state),  # 9 digits say a float exactly
         "csv_values": "".join(f",\n           (double)state.{f.name}" for f in state),
-        "np": subject.model.np,
+        "np": subject.moving.np,
         "node_declares": _declared_parameters(parameters, "model_.parameters"),
         "node_reads": _read_parameters(prefix, {"model_.parameters": parameters}),
     }

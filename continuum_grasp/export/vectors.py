@@ -28,6 +28,8 @@ _DRAWN = 512
 """Rows that are drawn, of which those that are refused are few."""
 _REFUSED = 4
 """Rows taken of those that are refused."""
+_FREE = 24
+"""Rows of which the object stays where it is drawn."""
 _SIDES = 8
 """Rows with every bend at a limit."""
 _HARD = 5.0
@@ -65,6 +67,31 @@ def reach_of(arguments: Sequence[Argument]) -> tuple[Array, Array]:
     return low, high
 
 
+_DEPTHS = -0.2, 1.05
+"""Depths to which objects are pressed in rows, per the greatest that is taken: apart, pressed, and too deep."""
+
+
+def press(subject: Subject, arguments: Sequence[Argument], rows: Array, rng: np.random.Generator) -> Array:
+    """Rows with the object moved against a station of the finger each: by chance surfaces hardly ever touch."""
+    names = [field.name for a in arguments for field in a.numbers]
+    system = subject.touching
+    if system is None or not system.touch_names or "object_x" not in names:
+        return rows
+    given, count = split(rows, list(arguments)), len(rows)
+    whole = [given[key] if given[key].size else np.zeros((count, getattr(system, f"n{key}"))) for key in "xuwp"]
+    touch = system.touch.map(count)(*(np.asarray(one, dtype=float).T for one in whole))
+    gap, normal = np.array(touch[0]).T, np.array(touch[6]).reshape(2, count, -1)
+    stations = sum(name.startswith("finger.") for name in system.touch_names)
+    station, each = rng.integers(0, stations, count), np.arange(count)
+    depth = subject.pressed * rng.uniform(*_DEPTHS, count)
+    moved = rows.copy()
+    place = [names.index("object_x"), names.index("object_y")]
+    moved[:, place] += (normal[:, each, station] * (gap[each, station] + depth)).T
+    low, high = reach_of(arguments)
+    moved[:, place] = np.clip(moved[:, place], low[place], high[place])
+    return moved
+
+
 def split(rows: Array, arguments: list[Argument]) -> dict[str, Array]:
     """Rows by the arrays of the arguments; empty ones for those that a function does not have."""
     found, start = {}, 0
@@ -85,8 +112,9 @@ def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
     low, high = np.maximum(low, -most), np.minimum(high, most)
     rows = rng.uniform(low, high, (_DRAWN, len(fields)))
     first = 0 if subject.parameters is None else subject.parameters.size
-    nominal, at_rest = np.array(subject.model.p_nominal), np.clip(np.zeros(len(fields)), low, high)
-    state = slice(first, first + subject.model.nx)
+    nominal, at_rest = np.array(subject.moving.p_nominal), np.clip(np.zeros(len(fields)), low, high)
+    state = slice(first, first + subject.moving.nx)
+    at_rest[state] = subject.start
     sides = rows[5 : 5 + _SIDES]
     bends = slice(first, first + subject.model.n)
     sides[:, bends] = np.where(rng.integers(0, 2, (_SIDES, subject.model.n)) == 1, high[bends], low[bends])
@@ -95,15 +123,16 @@ def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
         rows[k, state][: subject.model.n] = bend
         rows[k, -1] = high[-1] if not arguments[-1].is_struct else rows[k, -1]
     rows[: len(_TINY), :first] = nominal
+    rows[_FREE:] = press(subject, arguments, rows[_FREE:], rng)
     # Moments and inputs that throw a matched tip out of its range, though each is in its own.
-    driven = slice(first + 2 * subject.model.n, first + subject.model.nx + subject.model.nu)
+    driven = slice(first + 2 * subject.model.n, first + subject.moving.nx + subject.model.nu)
     limits = np.array([f.high for f in fields])
     rows[4, driven] = np.minimum(_HARD * most, limits)[driven]
     if any(argument.drawn for argument in arguments):
         # Bends and rates whose squares overflow: the function must refuse its own result.
         rows[3, state][: 2 * subject.model.n] = 0.5 * subject.real.greatest
         beyond = rows[5 + _SIDES : 5 + 2 * _SIDES]
-        beyond[:, state] *= rng.uniform(1.0, _DRAWN_BEYOND, (len(beyond), subject.model.nx))
+        beyond[:, state] *= rng.uniform(1.0, _DRAWN_BEYOND, (len(beyond), subject.moving.nx))
     return rows
 
 

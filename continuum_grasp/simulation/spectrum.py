@@ -25,22 +25,26 @@ def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -
     All contacts of the system are closed; elastic forces of the finger are left out. States are (count, nx).
     """
     system: System = core.model
-    n, pose = system.n, system.object_states
-    count = pose.stop - pose.start
-    places = np.r_[0:n, pose]
-    accelerations = np.r_[n : 2 * n, pose.stop : pose.stop + count]
     largest = 0.0
     for x in np.atleast_2d(states):
         still = _at_rest(system, x)
         gap = core.touch(still, u, w, p)[0]
         closed, opened = gap + _full(system), -np.abs(gap) - 1.0
-        # Closed less open is what the contacts add: the finger's own stiffness cancels.
         slopes = [core.pressed_linearization(still, u, w, p, press) for press in (closed, opened)]
-        springs = (slopes[0] - slopes[1])[np.ix_(accelerations, places)]
-        if not np.all(np.isfinite(springs)):
-            return math.inf
-        largest = max(largest, math.sqrt(float(np.abs(np.linalg.eigvals(springs)).max(initial=0.0))))
+        largest = max(largest, spring_frequency(system, slopes[0] - slopes[1]))
     return largest
+
+
+def spring_frequency(system: System, closing: Array) -> float:
+    """Fastest oscillation [rad/s] on the springs of contacts, from the Jacobian with them closed less that with them
+    open, in which the finger's own stiffness cancels; infinite where the numbers are not finite.
+    """
+    n, pose = system.n, system.object_states
+    accelerations = np.r_[n : 2 * n, pose.stop : pose.stop + pose.stop - pose.start]
+    springs = closing[np.ix_(accelerations, np.r_[0:n, pose])]
+    if not np.all(np.isfinite(springs)):
+        return math.inf
+    return math.sqrt(float(np.abs(np.linalg.eigvals(springs)).max(initial=0.0)))
 
 
 def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:

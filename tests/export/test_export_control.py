@@ -6,7 +6,7 @@ import ctypes
 import json
 import math
 import re
-from functools import lru_cache
+from functools import lru_cache, partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +17,7 @@ from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.control.status import Status
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
-from continuum_grasp.export.control.loop import identifiers, unit_of
+from continuum_grasp.export.control.loop import Loop, identifiers, unit_of
 from continuum_grasp.export.control.replay import _Finger
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
 from continuum_grasp.export.fields import REALS
@@ -82,6 +82,7 @@ def test_vectors_have_late_measurements_with_the_noise_of_sensors():
     stages = SimpleNamespace(substeps=1, stage=0.01, nd=2, p_nominal=())
     given = {"period": 0.01, "periods": 2, "first": np.zeros(2), "measurement_names": ("tip_x [m]", "tension_1 [N]")}
     loop = SimpleNamespace(stages=stages, estimation=estimation, **given)
+    loop.measured = partial(Loop.measured, loop)
     finger = _Finger(loop, np.random.default_rng(0))
     found = []
     for k in range(count):

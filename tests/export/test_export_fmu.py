@@ -24,11 +24,11 @@ from continuum_grasp.control.ocp.setpoints import setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c, export_fmu
-from continuum_grasp.export.fmu.units import base_unit
+from continuum_grasp.export.fmu.description import base_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
-from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
+from tests.export.test_export_touching import scene as touching_scene
 from tests.export_cases import TENDONS, loop_scene, needs, run, shared_library
 from tests.marks import few
 from tests.rods import ROOT
@@ -530,60 +530,32 @@ def test_the_command(tmp_path):
 
 # The object inside.
 
-_LAW = {"stiffness": 800.0, "friction": 0.4, "dissipation": 1.0, "rounding": 2e-4, "slip_speed": 0.01}
-_PUSHER = {
-    "finger": {
-        "rod": {"length": 0.15, "linear_density": 0.03, "bending_stiffness": 0.01},
-        "half_thickness": 0.005,
-        "damping": {"material": 5e-5},
-        "tendons": {"offset": 0.005, "max_tension": 40.0, "time_constant": 0.02},
-    },
-    "gravity": [0.0, 0.0],
-    "contact_law": _LAW,
-    "fidelity": {"family": "arc", "elements": 1},
-    "actuation": {"tensions": [15.0, 0.0]},
-    "initial": {"pose": "straight"},
-    "time": {"duration": 0.2, "step": 0.002},
-}
-"""A finger that bends to the left within 0.2 s, beside an object."""
-_DISC = {"shape": "circle", "diameter": 0.04, "mass": 0.1}
-_MOVING = {"object_moves": True, "out_of_plane_gravity": 9.81, "table": {"friction": 0.2, "friction_radius": 0.013}}
-_TWO = {"fidelity": {"family": "arc", "elements": 2}}
-TOUCHING = {
-    "pushed": {"object": {**_DISC, "position": [-0.04, 0.13]}, **_MOVING},
-    "mirrored": {
-        "object": {**_DISC, "position": [0.04, 0.13]},
-        **_MOVING,
-        "actuation": {"tensions": [0.0, 15.0]},
-    },
-    "fixed": {"object": {**_DISC, "position": [-0.06, 0.115]}, "contacts": [0.075], **_TWO},
-    "without_friction": {
-        "object": {"shape": "box", "width": 0.03, "height": 0.06, "mass": 0.1, "position": [-0.06, 0.1]},
-        "object_moves": True,
-        "contact_law": {"stiffness": 800.0, "friction": 0.0},
-        "contacts": [0.075],
-        **_TWO,
-    },
-}
 
-
-@pytest.mark.parametrize("name", few(list(TOUCHING), 1))
-def test_an_object_moves_and_presses_as_in_simulate(name, tmp_path):
-    """Under a tension that holds, where an FMU takes the very steps of ``simulate``."""
-    scene = Scene.model_validate({"schema_version": 1, **_PUSHER, **TOUCHING[name]})
-    truth = cg.simulate(scene)
-    (unit,) = export_fmu(scene, tmp_path, fmi=["2"], name=name)
+@pytest.mark.parametrize("name", few(["disc", "on_table", "fixed", "box"], 1))
+def test_an_object_moves_as_by_steps_of_the_c_package_to_the_bit(name, tmp_path):
+    """Its states, its contacts and their parameters; what a package does is compared with ``simulate`` elsewhere."""
+    given = touching_scene(name).replaced(time={"duration": 0.2, "step": 0.001})
+    (unit,) = export_fmu(given, tmp_path, fmi=["2"], name=name)
     assert validate_fmu(str(unit.file)) == []
     fmpy.extract(str(unit.file), str(unit.file.with_suffix("")))
-    one, h = Instance(unit), scene.time.step
-    for k, x in enumerate(truth.x):
-        assert one.get("state.") == pytest.approx(x, rel=1e-6, abs=1e-6 * np.abs(truth.x).max())
-        for field in ("gap", "normal_force", "friction"):
-            found = [value for at in one.names("contact.") if at.endswith(f".{field}") for value in one.get(at)]
-            expected = getattr(truth.contacts, field)[k]
-            assert found == pytest.approx(expected, rel=1e-5, abs=1e-6 * max(1.0, np.abs(expected).max()))
-        if k < len(truth.x) - 1:
-            one.step(k * h, h)
-    assert truth.contacts.normal_force.max() > 0.05
+    one, h = Instance(unit, begin=False), given.time.step
+    fixed = [0.001, 0.0] if one.names("parameters.") else []
+    one.set("parameters.", one.get("parameters.") + fixed)
+    one.begin()
+    export_c(given, tmp_path / "package", real="double", what=["step", "kinematics", "contact"])
+    finger, library = shared_library(tmp_path / "package", tmp_path, "-O1")
+    if fixed:
+        library.model.parameters.object_x += fixed[0]
+    x, u = finger.State(*one.get("state.")), finger.Input(*one.get("input."))
+    forces = [finger.Forces(*one.get("forces."))] if one.names("forces.") else []
+    pressed = 0.0
+    for k in range(200):
+        seen = library.touch(x, u, *(forces if "table" in one.names("contact.")[-1] else []))
+        assert one.get("contact.").tolist() == [value for field, _ in seen._fields_ for value in getattr(seen, field)]
+        pressed = max(pressed, *seen.normal_force)
+        one.step(k * h, h)
+        x = library.step(x, u, *forces, h)
+        assert one.get("state.").tolist() == [getattr(x, field) for field, _ in x._fields_]
+    assert pressed > 0.05
     one.fmu.terminate()
     one.fmu.freeInstance()

@@ -70,7 +70,7 @@ def test_steps_have_order_two_and_long_ones_stay(tmp_path):
 )
 def test_what_compilers_take_minutes_for_is_refused_first(family, elements, parts, tmp_path, monkeypatch):
     # The spectral radius is the costliest number of a package: nothing is looked for before sizes are known.
-    monkeypatch.setattr(subject, "_greatest_radius", lambda *model: pytest.fail("looked for the spectral radius"))
+    monkeypatch.setattr(subject, "_greatest_rates", lambda *model: pytest.fail("looked for the spectral radius"))
     given = cg.FingerModel(cg.Finger(**PASSIVE), family=family, elements=elements)
     with pytest.raises(InputError, match=r"of about \d{5,} instructions.*take fewer elements"):
         export_c(given, tmp_path, what=parts)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import json
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +73,8 @@ def packages(tmp_path_factory):
     found = {}
     for file in (DISC, MUG):
         folder = tmp_path_factory.mktemp(file.stem)
-        manifest = export_c(file, folder, what=["contact", "metadata"], target="wasm").manifest
+        what, ranges = ["dynamics", "contact", "metadata"], {"contact_force": (0.0, 1e6)}
+        manifest = export_c(file, folder, what=what, target="wasm", ranges=ranges).manifest
         (folder / "build").mkdir()
         found[file] = (folder, manifest, *shared_library(folder, folder / "build"))
     return found
@@ -87,7 +87,7 @@ def test_contact_is_that_of_the_system(file, packages):
     given = cg.load(file)
     fixed = not given.object_moves
     system = System(given, object_parameters=("object_x", "object_y") if fixed else ())
-    rng, own, forces = np.random.default_rng(2), system.finger_model.nx, system.finger_model.nw
+    rng, own = np.random.default_rng(2), system.finger_model.nx
     half, worst = 0.5 * given.object.diameter, 0.0
     for _ in range(20):
         x, p = np.array(system.state()), np.array(system.p_nominal)
@@ -101,20 +101,18 @@ def test_contact_is_that_of_the_system(file, packages):
             p[-2:] = place
         else:
             x[own : own + 2] = place
-        acting = finger.State(*x[:own]), finger.Input(*u)
-        touched = (
-            [finger.Object(*x[own:], *p[-2:])]
-            if fixed
-            else [finger.Object(*x[own:]), finger.Object_Forces(*w[forces:])]
-        )
-        seen = library.touch(*acting, *touched)
+        if fixed:
+            library.model.parameters.object_x, library.model.parameters.object_y = place
+        acting = finger.State(*x), finger.Input(*u)
+        given_forces = [finger.Forces(*w)] if system.nw else []
+        seen = library.touch(*acting, *([] if fixed else given_forces))
         values = dict(zip(system.touch.name_out(), map(np.array, system.touch(x, u, w, p)), strict=True))
         for field, _ in seen._fields_:
             name, _, axis = field.rpartition("_")
             value = values[name]["xy".index(axis)] if axis in ("x", "y") else values[field].ravel()
             np.testing.assert_allclose(list(getattr(seen, field)), value, rtol=1e-9, atol=1e-9)
         worst = max(worst, values["normal_force"].max())
-        rates = library.touching_dynamics(*acting, finger.Forces(*w[:forces]), *touched)
+        rates = library.dynamics(*acting, *given_forces)
         expected = np.array(system.forward_dynamics(x, u, w, p)).ravel()
         found = [getattr(rates, field) for field, _ in rates._fields_]
         np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-9 * abs(expected).max())
@@ -202,8 +200,7 @@ def test_compilers_have_nothing_to_say_and_no_input_breaks_it(real, tmp_path):
 def test_every_argument_has_a_range(name):
     given = cg.load(name) if not isinstance(name, str) else scene(name)
     source = source_of(given, REALS["double"])
-    own = Subject.of(source.finger, "finger", REALS["double"], {}, None, 1)
-    own = replace(own, surroundings=source.surroundings)
+    own = Subject.of(source.finger, "finger", REALS["double"], {}, source.surroundings)
     touches = ["contact"] if isinstance(name, Path) else []
     calls = [call for part in ("dynamics", "kinematics", "shape", *touches) for call in PARTS[part](own).calls]
     fields = [field for call in calls for taken in own.passed_to(call) for field in taken.fields]
@@ -224,7 +221,7 @@ def test_contact_functions_of_any_bits_under_sanitizers(touched, tmp_path):
     """Huge, tiny and missing numbers, one at a time and all at once: an error, or finite results."""
     changes = {"object": {**touched, "position": [0.15, 0.095]}, "object_moves": True, "fidelity.family": "arc"}
     given = cg.load(DISC, changes)
-    export_c(given, tmp_path / "made", what=["kinematics", "contact"])
+    export_c(given, tmp_path / "made", what=["dynamics", "step", "kinematics", "contact"])
     flags = (*STRICT, "-O0", SANITIZE, "-fno-sanitize-recover=all")
     vectors, fuzz = compile_programs("gcc", tmp_path / "made", tmp_path, "main fuzz", *flags)
     assert " 0 of" in run(vectors)

@@ -216,15 +216,18 @@ class Loop:
     @property
     def measured_at_start(self) -> Array:
         """What is measured of the first state under the command before (ny), without noise."""
-        e, s = self.estimation, self.stages
-        found: Array = self.first
-        if e is not None:
-            # The filter compares mixing @ measurement with its outputs; the pseudo-inverse leads back.
-            outputs = np.array(e.outputs(self.first, self.before, s.p_nominal)[0]).ravel()
-            found = np.linalg.pinv(e.mixing) @ outputs
         low, high = np.transpose(self.measurement.bounded)
-        within: Array = np.clip(found, low, high)
+        within: Array = np.clip(self.measured(self.first, self.before), low, high)
         return within
+
+    def measured(self, z: Array, u: Array) -> Array:
+        """What is measured of states, and disturbances, under a command (ny), without noise."""
+        e = self.estimation
+        if e is None:
+            return z
+        # The filter compares mixing @ measurement with its outputs; the pseudo-inverse leads back.
+        found: Array = np.linalg.pinv(e.mixing) @ np.array(e.outputs(z, u, self.stages.p_nominal)[0]).ravel()
+        return found
 
     @cached_property
     def known(self) -> Struct | None:

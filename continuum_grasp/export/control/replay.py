@@ -25,7 +25,7 @@ from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.source import SIZES, UNKNOWN
 from continuum_grasp.export.fields import REALS, Struct
 from continuum_grasp.export.layer import Contents, abi_of, library_files
-from continuum_grasp.export.manifest import FLAGS, write_files
+from continuum_grasp.export.manifest import strict_flags, write_files
 from continuum_grasp.export.part import ROW_FLAGS, Bad, Code, Part, Stateful, Vectors
 from continuum_grasp.export.vectors import bad_entries
 
@@ -68,8 +68,7 @@ class _Host:
         with tempfile.TemporaryDirectory() as work:
             write_files(Path(work), {**files, "host.c": source})
             sources = [name for name in files if name.startswith("src/") and name.endswith(".c")]
-            flags = FLAGS["strict"] + ([] if "clang" in compiler.version.lower() else FLAGS["gcc"])
-            flags = [*flags, "-O1", "-shared", "-fPIC", "-w", "-Iinclude", "-Itests"]
+            flags = [*strict_flags(compiler.version), "-O1", "-shared", "-fPIC", "-w", "-Iinclude", "-Itests"]
             line = [*compiler.command, *flags, *sources, "host.c", "-o", "host.so"]
             done = subprocess.run(line, cwd=work, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
             if done.returncode != 0:
@@ -117,8 +116,6 @@ class _Finger:
         s = loop.stages
         self._parts = max(1, math.ceil(s.substeps * loop.period / s.stage - 1e-9))
         self.x = loop.first[: s.nd].copy()
-        # The filter compares mixing @ measurement with its outputs; the pseudo-inverse leads back.
-        self._mixing = None if loop.estimation is None else np.linalg.pinv(loop.estimation.mixing)
         self._then: list[Array] = []
 
     def advance(self, u: Array) -> None:
@@ -133,11 +130,9 @@ class _Finger:
     def measured(self, u: Array) -> Array:
         """What is measured now, of as long ago as measurements are late."""
         loop, e = self._loop, self._loop.estimation
-        if e is None or self._mixing is None:
+        if e is None:
             return self.x.copy()
-        z = np.zeros(e.nz)
-        z[: e.nx] = self.x
-        value = self._mixing @ np.array(e.outputs(z, u, loop.stages.p_nominal)[0]).ravel()
+        value = loop.measured(np.concatenate([self.x, np.zeros(e.nz - e.nx)]), u)
         self._then = [*self._then[-loop.periods :], value] if loop.periods else [value]
         noise = np.array([1e-4 if "[m]" in name else 1e-2 for name in loop.measurement_names])
         found: Array = self._then[0] + noise * self._rng.standard_normal(len(noise))

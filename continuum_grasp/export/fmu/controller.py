@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from continuum_grasp.export.fmu.library import STRICT, library_of
-from continuum_grasp.export.fmu.variable import Count, Group, Unit, Variable, variables_of
+from continuum_grasp.export.fmu.variable import STRICT, Count, Group, Unit, Variable, library_of, variables_of
 from continuum_grasp.export.source import names_of
 from continuum_grasp.scene.control import ControlScene
 

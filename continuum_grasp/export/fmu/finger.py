@@ -7,12 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.accuracy.choose import resolve_fidelity
 from continuum_grasp.export.fields import REALS
-from continuum_grasp.export.fmu.library import STRICT, library_of
-from continuum_grasp.export.fmu.moved import tip_variables
-from continuum_grasp.export.fmu.touching import touching_unit
-from continuum_grasp.export.fmu.variable import Count, Group, Kind, Unit, Variable, variables_of
+from continuum_grasp.export.fmu.variable import (
+    STRICT,
+    Count,
+    Group,
+    Kind,
+    Unit,
+    Variable,
+    contact_variables,
+    library_of,
+    tip_variables,
+    variables_of,
+)
 from continuum_grasp.export.parts.model import has_linearization
 from continuum_grasp.export.source import positive, source_of
 from continuum_grasp.export.subject import Subject
@@ -30,25 +37,20 @@ def finger_unit(
     ranges: Mapping[str, Sequence[float]] | None,
 ) -> Unit:
     """The finger of a scene, with its object where it has one."""
-    scene, _ = resolve_fidelity(scene)
-    if scene.object is not None:
-        return touching_unit(scene, identifier, step=positive(step, "step"), substeps=substeps, ranges=ranges)
     source = source_of(scene, REALS["double"])
-    model = source.finger
-    subject = Subject.of(model, identifier, REALS["double"], ranges or {}, None, 1)
-    linear = has_linearization(subject)
-    what = ["dynamics", "step", "kinematics", *(["linearization"] if linear else [])]
+    subject = Subject.of(source.finger, identifier, REALS["double"], ranges or {}, source.surroundings)
+    model, moving = subject.model, subject.moving
+    touching = [] if subject.touching is None else subject.touching.touch_names
+    # Forces of contacts have no derivatives here.
+    linear = not touching and has_linearization(subject)
+    what = ["dynamics", "step", "kinematics", *["linearization"] * linear, *["contact"] * bool(touching)]
     internal = positive(step, "step") or source.step
-    if substeps is None and internal is not None:
-        substeps = subject.substeps_for(internal)
-    sources, manifest = library_of(
-        scene, what=what, prefix=identifier, ranges=ranges, step=internal, substeps=substeps or 1
-    )
+    sources, manifest = library_of(scene, what=what, prefix=identifier, ranges=ranges, step=internal, substeps=substeps)
     structs: dict[str, Any] = manifest["structs"]
     internal = internal or manifest["steps"]["step"]["accurate_s"]
     # Of a model that takes the tip moment to be constant, the input is a number that is given once.
     acts: Kind = "fixed" if model.structure.moment_is_constant else "input"
-    signals, state = Signals(scene, model), np.asarray(initial_state(scene, model), dtype=float)
+    signals, state = Signals(scene, model, nw=moving.nw), np.asarray(initial_state(scene, moving), dtype=float)
     parameters = list(manifest["nominal_parameters"].values())
     groups = [
         Group("FMU_INPUTS", variables_of("input", acts, structs["input"], signals.u(0.0)[0][: model.nu])),
@@ -56,14 +58,16 @@ def finger_unit(
         Group("FMU_PARAMETERS", variables_of("parameters", "tunable", structs.get("parameters", []), parameters)),
         Group("FMU_STATE", variables_of("state", "state", structs["state"], state)),
         Group("FMU_TIP", tip_variables()),
+        *([Group("FMU_CONTACTS", tuple(contact_variables(touching)))] if touching else []),
         Group("FMU_RATES", _rates(structs["rate"]) if linear else ()),
     ]
     words: dict[str, Any] = {"forces": bool(groups[1].variables), "parameters": bool(parameters)}
-    words["acting"] = ", &forces" if words["forces"] else ""
+    words |= {"acting": ", &forces" if words["forces"] else "", "contacts": bool(touching)}
+    words["touched"] = ", &forces" if "forces" in manifest["functions"].get("touch", {}).get("inputs", ()) else ""
     return Unit(
         identifier=identifier,
         title=source.title,
-        what="a planar continuum finger",
+        what="a planar continuum finger" + " with the object that it touches" * (subject.touching is not None),
         step=internal,
         stop=scene.time.duration if scene.time is not None else 1.0,
         groups=tuple(groups),

@@ -1,7 +1,12 @@
-"""The plant of a closed loop: finger, drives, surroundings and late sensors, as ``run_closed_loop`` has them."""
+"""The plant of a closed loop: finger, drives, surroundings and late sensors, as ``run_closed_loop`` has them.
+
+Its C is CasADi's, from the same expressions as in Python, with the mathematical library of the machine: it agrees to
+rounding, not to the last bit.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import math
 
 import casadi as ca
@@ -10,12 +15,16 @@ from continuum_grasp.closed_loop.plant import Sensors, choose_method
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
-from continuum_grasp.export.fmu.moved import labeled, moved_unit, shown
-from continuum_grasp.export.fmu.variable import Group, Unit
+from continuum_grasp.export.casadi_source import generated_c
+from continuum_grasp.export.fmu.variable import Count, Group, Unit, contact_variables, labeled, tip_variables
+from continuum_grasp.export.part import Code
+from continuum_grasp.export.parts.seen import by_component
 from continuum_grasp.export.source import names_of
+from continuum_grasp.export.template import fill
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
 
+_CODES = (Code.OK, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT)
 _START = "an input, which begins with what the scene has at time zero"
 _UNIT = Consumer(
     "export-fmu",
@@ -46,33 +55,63 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
     ahead = step_function(model, method.name)(x, u, u, u, w, w, w, ca.DM(model.p), step)
     values = {
         "plant_step": ahead,
-        "shown": model.function("shown", seen=shown(position, angle, model.touch))(x, u, w),
+        "shown": model.function("shown", seen=ca.vertcat(ca.vec(position), angle, *by_component(model.touch).values()))(
+            x, u, w
+        ),
         "measured": sensors.value(x, u, w),
     }
-    command = labeled("command", "input", model.u_names, rest)
-    return moved_unit(
+    named = [
+        ca.Function(f"{identifier}_{name}", [x, u, w, p], [value], list("xuwp"), ["to"])
+        for name, value in values.items()
+    ]
+    source, header = generated_c(f"{identifier}_plant", named)
+    seen = (*tip_variables(), *contact_variables(model.system.touch_names))
+    big = identifier.upper()
+    texts = "".join(f'    case {big}_{c.name}: return "{c.text}";\n' for c in _CODES)
+    codes = ", ".join(f"{big}_{c.name} = {int(c)}" for c in _CODES)
+    return Unit(
         identifier=identifier,
         title=names_of(scene)[0],
         what="the plant of its closed loop",
         step=step,
         stop=scene.duration or 1.0,
-        functions={name: ca.Function(name, [x, u, w, p], [value]) for name, value in values.items()},
         groups=(
-            Group("FMU_INPUTS", command.variables),
+            Group("FMU_INPUTS", labeled("command", "input", model.u_names, rest).variables),
             labeled("forces", "input", model.w_names, model.forces(0.0)[0]),
             Group("FMU_PARAMETERS", ()),
             labeled("noise", "input", measured if noisy else (), [0.0] * (len(measured) if noisy else 0)),
             labeled("state", "state", model.x_names, model.start),
+            Group("FMU_TIP", seen),
+            labeled("measurement", "output", measured, [0.0] * len(measured)),
         ),
-        touching=model.system.touch_names,
-        results=(labeled("measurement", "output", measured, [0.0] * len(measured)),),
+        counts=(Count("code", "of the last step: 0 done, below what was refused"),),
+        continuous=True,
+        linear=False,
+        feedthrough=any(named[1].jac_sparsity(0, k).nnz() for k in (1, 2)),
+        glue=("loop_plant_types.c", "loop_plant.c"),
         words={
-            "substeps": 1,
+            "nx": model.nx,
+            "nu": model.nu,
+            "shown": len(seen),
+            "given": max(4, *(f.sz_arg() for f in named)),
+            "found": max(1, *(f.sz_res() for f in named)),
+            "work": max(1, *(f.sz_w() for f in named)),
+            "whole_work": max(1, *(f.sz_iw() for f in named)),
             "past": whole + 2,
             "part": repr(late - whole if abs(late - round(late)) >= 1e-6 else 0.0),
             "ny": len(measured),
             "rest": ", ".join(repr(float(each)) for each in rest),
             "noise": " + values[FMU_NOISE + k]" if noisy else "",
         },
-        manifest={"integrator": method.name, "configuration": scene.model_dump(mode="json")},
+        sources={
+            f"{identifier}.h": fill("fmu/plant.h", {"p": identifier, "P": big, "codes": codes, "texts": texts}),
+            f"{identifier}_plant.h": header,
+            f"{identifier}_plant.c": source,
+        },
+        flags=("-std=c99",),
+        manifest={
+            "configuration_hash": hashlib.sha256(source.encode()).hexdigest()[:16],
+            "integrator": method.name,
+            "configuration": scene.model_dump(mode="json"),
+        },
     )

@@ -9,6 +9,11 @@ from typing import Any, Literal
 
 from numpy.typing import NDArray
 
+from continuum_grasp.export.control.loop import identifiers, unit_of
+from continuum_grasp.export.manifest import FLAGS
+from continuum_grasp.export.package import Asked, package_files
+from continuum_grasp.export.parts.seen import TOUCH
+
 Kind = Literal["input", "tunable", "fixed", "state", "output", "rate"]
 _C_KINDS = {
     "input": "FMU_INPUT",
@@ -166,3 +171,40 @@ def variables_of(
             )
         )
     return tuple(found)
+
+
+_TIP = (
+    ("x", "m", "of the tip in the world"),
+    ("y", "m", "of the tip in the world"),
+    ("angle", "rad", "of the tip; its tangent is (-sin, cos) of it"),
+)
+
+
+def tip_variables() -> tuple[Variable, ...]:
+    """Position and angle of the tip."""
+    return tuple(Variable(f"tip.{name}", unit, text, "output") for name, unit, text in _TIP)
+
+
+def contact_variables(touching: Sequence[str]) -> list[Variable]:
+    """Gaps, forces and places of contacts by their names."""
+    names = identifiers(touching)
+    return [Variable(f"contact.{at}.{field}", unit, text, "output") for field, unit, text in TOUCH for at in names]
+
+
+def labeled(group: str, kind: Kind, labels: Sequence[str], starts: Sequence[float] | NDArray[Any]) -> Group:
+    """Variables of labels ``name [unit]``, with their values to begin with."""
+    named = zip(identifiers(labels), labels, starts, strict=True)
+    own = tuple(Variable(f"{group}.{name}", unit_of(label), "", kind, float(start)) for name, label, start in named)
+    return Group(f"FMU_{group.upper()}", own)
+
+
+_OF_LIBRARY = ("include/", "src/")
+"""Folders of a package that its library is made of."""
+STRICT = (*FLAGS["strict"], *FLAGS["gcc"])
+"""Flags of gcc with which results are the same bits everywhere."""
+
+
+def library_of(given: Any, **options: Any) -> tuple[dict[str, str], dict[str, Any]]:
+    """Headers and sources of a package in double precision by file name, and what its manifest holds."""
+    files, manifest = package_files(given, Asked("double", **options), tested=False)
+    return {path.rpartition("/")[2]: text for path, text in files.items() if path.startswith(_OF_LIBRARY)}, manifest

@@ -32,7 +32,8 @@ from continuum_grasp.export.fmu.finger import finger_unit
 from continuum_grasp.export.fmu.loop_plant import loop_plant_unit
 from continuum_grasp.export.fmu.rest import rest_of
 from continuum_grasp.export.fmu.variable import Unit
-from continuum_grasp.export.source import chosen, count_of, names_of, prefix_of
+from continuum_grasp.export.manifest import strict_flags
+from continuum_grasp.export.source import chosen, names_of, prefix_of, substeps_of
 from continuum_grasp.export.template import fill
 from continuum_grasp.results import replacing
 from continuum_grasp.scene.control import ControlScene
@@ -142,7 +143,7 @@ def export_fmu(
     scene = scene_of(given, (Scene, ControlScene))
     own = prefix_of(name) if name is not None else identifier_of(given, scene)
     versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
-    makers = _makers(scene, own, what, step, None if substeps is None else count_of(substeps), ranges, preview)
+    makers = _makers(scene, own, what, step, substeps_of(substeps), ranges, preview)
     files = {(kind, fmi): Path(folder) / f"{own}_{kind}_fmi{fmi}.fmu" for kind in makers for fmi in versions}
     for file in files.values():
         check_file(file, is_unit)
@@ -287,7 +288,7 @@ def _compiled(unit: Unit, files: Mapping[str, str], suffix: str, work: Path) -> 
     compiler = find_compiler()
     if compiler is None:
         raise InputError(f"no C compiler for the binary: {why_no_compiler()}; or leave the binary out", key="binary")
-    flags = [flag for flag in unit.flags if flag.startswith(("-std", "-ff", "-fno-m")) or _is_gcc(compiler.version)]
+    flags = [flag for flag in strict_flags(compiler.version) if flag in unit.flags]
     sources = {Path(name).name: text for name, text in files.items() if name.startswith("sources/")}
     level = "-O1" if max(text.count("\n") for text in sources.values()) > _LONG else "-O2"
     line = [*compiler.command, *flags, "-O0" if quick_compile() else level, "-w", "-fPIC", "-fvisibility=hidden"]
@@ -307,10 +308,6 @@ def _compiled(unit: Unit, files: Mapping[str, str], suffix: str, work: Path) -> 
         list(pool.map(lambda stem: run("-c", f"{stem}.c"), missing))
     run("-shared", *(f"{stem}.o" for stem in stems), "-o", f"unit{suffix}", "-lm")
     return (folder / f"unit{suffix}").read_bytes()
-
-
-def _is_gcc(version: str) -> bool:
-    return "clang" not in version.lower()
 
 
 def _page(unit: Unit) -> str:

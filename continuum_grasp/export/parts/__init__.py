@@ -7,9 +7,8 @@ from collections.abc import Callable
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.parts.control import estimator, mpc
 from continuum_grasp.export.parts.implicit import implicit_step
-from continuum_grasp.export.parts.metadata import metadata
 from continuum_grasp.export.parts.model import dynamics, kinematics, linearization, statics, step
-from continuum_grasp.export.parts.seen import contact, shape, velocities
+from continuum_grasp.export.parts.seen import contact, metadata, shape, velocities
 from continuum_grasp.export.subject import Subject
 
 __all__ = ["ASKED_FOR", "OF_LOOPS", "PARTS"]

@@ -14,7 +14,7 @@ from continuum_grasp.core.integrators.sdirk2 import correct, predict
 from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Rows
-from continuum_grasp.export.parts.model import LEAST_PART, check_derivatives, codes_of, moment_note
+from continuum_grasp.export.parts.model import LEAST_PART, check_derivatives, codes_of, moment_note, step_codes
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 from continuum_grasp.model.planar import column
@@ -34,25 +34,22 @@ _UNSOLVED = 1e-1
 def implicit_step(subject: Subject) -> Part:
     """Write the implicit step in time."""
     real, prefix = subject.real, subject.prefix
-    check_derivatives(subject.model, "implicit_step")
+    check_derivatives(subject.moving, "implicit_step")
     slope, guess, first, last, size = kernels = _kernels(subject)
-    longest = real.rounded(subject.substeps * LONGEST)
+    substeps = subject.count or 1
+    longest = real.rounded(substeps * LONGEST)
     length = Field("h", "s", "step", LEAST_PART * longest, longest, longest)
 
     def reference(rows: Rows) -> tuple[Array, Array]:
         result, moved = steps(rows)
         codes = np.where(moved[:, 0] > real.dtype(_UNSOLVED), Code.ERR_STEP, codes_of(result))
-        codes = np.where(subject.refused(rows), Code.ERR_RANGE, codes)
-        coarse = (codes == Code.OK) & (moved[:, 0] > real.dtype(SETTLED))
-        codes = np.where(coarse, Code.WARN_COARSE_STEP, codes)
-        left = (codes >= 0) & subject.out_of_range({**rows, "x": result})
-        return result, np.where(left, Code.WARN_LEFT_RANGE, codes)
+        return result, step_codes(subject, rows, result, codes, moved[:, 0] > real.dtype(SETTLED))
 
     def steps(rows: Rows) -> tuple[Array, Array]:
         # The order of operations is that of implicit_step.c, for the same bits.
-        part = rows["h"] / real.dtype(subject.substeps)
+        part = rows["h"] / real.dtype(substeps)
         x, moved = rows["x"], np.zeros_like(part)
-        for _ in range(subject.substeps):
+        for _ in range(substeps):
             base, before = x, dict[str, Array]()
             for stage in (first, last):
                 given = {"h": part, **slope.evaluate(real, **{**rows, "x": base})}
@@ -73,7 +70,7 @@ def implicit_step(subject: Subject) -> Part:
         "p": prefix,
         "P": prefix.upper(),
         "nonzeros": slope.outputs["jacobian"],
-        "substeps": real.literal(subject.substeps),
+        "substeps": real.literal(substeps),
         "settled": real.literal(SETTLED),
         "unsolved": real.literal(_UNSOLVED),
         "slope_base": call_of(slope, x="base"),
@@ -94,13 +91,13 @@ def implicit_step(subject: Subject) -> Part:
         subject.guard_source,
         (Code.WARN_COARSE_STEP, Code.WARN_LEFT_RANGE, Code.ERR_STEP),
     )
-    constants = {"IMPLICIT_SUBSTEPS": str(subject.substeps), "LONGEST_IMPLICIT_STEP": real.literal(longest)}
+    constants = {"IMPLICIT_SUBSTEPS": str(substeps), "LONGEST_IMPLICIT_STEP": real.literal(longest)}
     return Part("implicit_step", (*kernels, *subject.kernels), (call,), constants)
 
 
 def _kernels(subject: Subject) -> tuple[Kernel, Kernel, Kernel, Kernel, Kernel]:
     """Slope with its Jacobian; first guess of a stage; both stages; and the size of the last one's correction."""
-    eq, model = subject.equations, subject.model
+    eq, moving = subject.equations, subject.moving
     rate = ca.densify(column(eq.state_rate))
     given = {"x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}
     slope = straight_function("slope", given, {"rate": rate, "jacobian": ca.jacobian(rate, eq.x)})
@@ -109,9 +106,9 @@ def _kernels(subject: Subject) -> tuple[Kernel, Kernel, Kernel, Kernel, Kernel]:
     for name, is_first in (("first", True), ("last", False)):
         text = f"Second Newton iteration of the {name} stage."
         found.append((name, _whole(correct(name, slope, is_first, with_derivatives=False)), text))
-    x, at = ca.SX.sym("x", model.nx), ca.SX.sym("at", model.nx)
+    x, at = ca.SX.sym("x", moving.nx), ca.SX.sym("at", moving.nx)
     off: ca.SX = ca.SX(0.0)
-    for j, field in enumerate(subject.state.fields[: model.n]):
+    for j, field in enumerate(subject.state.fields[: moving.n]):
         off = ca.fmax(off, ca.fabs((1.0 / field.high) * (x[j] - at[j])))
     size = straight_function("size", {"x": x, "at": at}, {"off": off})
     found.append(("size", size, "Last correction of a step, per range of the bending coordinates."))

@@ -5,7 +5,7 @@ A step is one of the classical Runge-Kutta method of order 4, which calls the dy
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
@@ -18,7 +18,7 @@ from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
 from continuum_grasp.export.template import fill
-from continuum_grasp.model import FingerModel
+from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.memory import direction
 from continuum_grasp.model.planar import column
 from continuum_grasp.model.sweep import Builder
@@ -27,10 +27,10 @@ from continuum_grasp.model.sweep import Builder
 def _dynamics_kernel(subject: Subject) -> Kernel:
     """The kernel of the equations of motion."""
     text = "Rate of change xd of the state x; equation of motion."
-    if subject.model.sweeps:
+    if subject.moving.sweeps:
         driven = subject.model.drive_rates if subject.equations.drives_feel_motion else None
         return SweptKernel("dynamics", Builder(subject.equations).kernels(), text, driven)
-    return Kernel("dynamics", subject.model.forward_dynamics, text)
+    return Kernel("dynamics", subject.moving.forward_dynamics, text)
 
 
 def codes_of(result: Array) -> Array:
@@ -38,11 +38,16 @@ def codes_of(result: Array) -> Array:
     return np.where(np.isfinite(result).all(axis=1), Code.OK, Code.ERR_RESULT)
 
 
+def _outputs(subject: Subject, kernel: Kernel, rows: Rows) -> Array:
+    """Outputs of a kernel, one behind the other."""
+    return np.concatenate(list(kernel.evaluate(subject.real, **rows).values()), axis=1)
+
+
 def refusing(subject: Subject, kernel: Kernel) -> Reference:
-    """Reference of a function that refuses states out of range, and has no warnings; outputs one behind the other."""
+    """Reference of a function that refuses states out of range, and has no warnings."""
 
     def reference(rows: Rows) -> tuple[Array, Array]:
-        result = np.concatenate(list(kernel.evaluate(subject.real, **rows).values()), axis=1)
+        result = _outputs(subject, kernel, rows)
         return result, np.where(subject.refused(rows), Code.ERR_RANGE, codes_of(result))
 
     return reference
@@ -83,8 +88,8 @@ def statics(subject: Subject) -> Part:
         ),
     )
     u, w, p = (subject.model.statics.sx_in(k) for k in range(1, 4))
-    x = ca.SX.sym("x", subject.model.nx)
-    states = ca.vertsplit(x)[x.numel() - len(subject.model.friction_names) :]
+    x = ca.SX.sym("x", subject.moving.nx)
+    states = ca.vertsplit(x)[subject.model.nx - len(subject.model.friction_names) : subject.model.nx]
     sliding = subject.model.structure.tendon_friction_states
     states = [ca.SX(direction(z)) for z in states[:sliding]] + states[sliding:]
     history = [ca.vertcat(*states, 0.0)] if states else []
@@ -95,7 +100,8 @@ def statics(subject: Subject) -> Part:
     )
     call = Call(
         "statics",
-        "Balance of the finger at rest in a state, whose rates are not read.",
+        "Balance of the finger at rest in a state, whose rates are not read."
+        + (" What touches it is left out." if subject.touching is not None else ""),
         subject.acting(),
         Argument("balance", balance, "result"),
         f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', balance='result')}\n",
@@ -137,7 +143,7 @@ def kinematics(subject: Subject) -> Part:
             acting,
             output,
             f"  {tip_kernel.call(prefix, x='x', u='u', p='p', at='result')}\n{warning}",
-            drawing(subject, lambda rows: tip_kernel.evaluate(subject.real, **rows)["at"]),
+            drawing(subject, tip_kernel),
             codes=codes,
         ),
         Call(
@@ -146,7 +152,7 @@ def kinematics(subject: Subject) -> Part:
             (*acting, Argument("s", position, "s")),
             output,
             f"  {section_kernel.call(prefix, x='x', u='u', s='&s', p='p', at='result')}\n{warning}",
-            drawing(subject, lambda rows: section_kernel.evaluate(subject.real, **rows)["at"]),
+            drawing(subject, section_kernel),
             codes=codes,
         ),
     )
@@ -156,8 +162,8 @@ def kinematics(subject: Subject) -> Part:
 
 def linearization(subject: Subject) -> Part:
     """Derivatives of the rates and of the tip by state, input and forces."""
-    check_derivatives(subject.model, "linearization")
-    eq, n = subject.equations, subject.model
+    check_derivatives(subject.moving, "linearization")
+    eq, n = subject.equations, subject.moving
     rate = ca.densify(column(eq.state_rate))
     tip = ca.vertcat(eq.section_position.column(), eq.section_angle)
     tip = ca.substitute(tip, eq.s, ca.SX(sum(eq.lengths)))
@@ -194,7 +200,7 @@ _PER_STATE = 0.3
 clothoids, 4 to 15 elements."""
 
 
-def check_derivatives(model: FingerModel, name: str) -> None:
+def check_derivatives(model: FingerModel | System, name: str) -> None:
     """Refuse derivatives of a model by its states that are too much code for certain, before they are found."""
     check_size(name, round(_PER_STATE * model.nx * model.instructions))
 
@@ -218,11 +224,11 @@ def range_warning(subject: Subject) -> str:
     return f"  if ({beyond}) code = {big}_WARN_LEFT_RANGE;\n"
 
 
-def drawing(subject: Subject, value: Callable[[Rows], Array]) -> Reference:
-    """Reference of such a function, from the value of its output."""
+def drawing(subject: Subject, kernel: Kernel) -> Reference:
+    """Reference of such a function."""
 
     def reference(rows: Rows) -> tuple[Array, Array]:
-        result = value(rows)
+        result = _outputs(subject, kernel, rows)
         codes = codes_of(result)
         beyond = subject.out_of_range(rows) | outside(subject.input, rows["u"])
         return result, np.where((codes == Code.OK) & beyond, Code.WARN_LEFT_RANGE, codes)
@@ -248,6 +254,14 @@ def moment_note(subject: Subject) -> str:
     return ""
 
 
+def step_codes(subject: Subject, rows: Rows, result: Array, codes: Array, coarse: Array) -> Array:
+    """Codes of steps to a result, from those of the result itself, and of which steps are too long to be accurate."""
+    codes = np.where(subject.refused(rows), Code.ERR_RANGE, codes)
+    codes = np.where((codes == Code.OK) & coarse, Code.WARN_COARSE_STEP, codes)
+    left = (codes >= 0) & subject.out_of_range({**rows, "x": result})
+    return np.where(left, Code.WARN_LEFT_RANGE, codes)
+
+
 _STEP = "State after a step of h under constant input and forces, by the Runge-Kutta method of order 4."
 LEAST_PART = 1e-6
 """Shortest step, per the longest, so that zero is refused."""
@@ -260,13 +274,8 @@ def step(subject: Subject) -> Part:
     length = Field("h", "s", "step", LEAST_PART * longest, longest, longest)
 
     def reference(rows: Rows) -> tuple[Array, Array]:
-        h = rows["h"]
         result = runge_kutta(rows)
-        codes = np.where(subject.refused(rows), Code.ERR_RANGE, codes_of(result))
-        coarse_ones = (codes == Code.OK) & (h[:, 0] > real.dtype(coarse))
-        codes = np.where(coarse_ones, Code.WARN_COARSE_STEP, codes)
-        left = (codes >= 0) & subject.out_of_range({**rows, "x": result})
-        return result, np.where(left, Code.WARN_LEFT_RANGE, codes)
+        return result, step_codes(subject, rows, result, codes_of(result), rows["h"][:, 0] > real.dtype(coarse))
 
     def runge_kutta(rows: Rows) -> Array:
         # The order of operations is that of step.c and batch.c, for the same bits.

@@ -1,21 +1,23 @@
-"""Parts of what is seen of a finger: ``shape``, ``velocities`` and ``contact``; pages take the same kernels."""
+"""Parts of what is seen: ``shape``, ``velocities`` and ``contact``, whose kernels pages take too; and ``metadata``, the
+names, units and ranges of the fields of all structs, readable at run time.
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 import casadi as ca
 import numpy as np
 
+from continuum_grasp import __version__
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.control.loop import identifiers, unit_of
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Rows
-from continuum_grasp.export.parts.model import DRAWN, drawing, range_warning, rate_fields, refusing
+from continuum_grasp.export.part import Argument, Call, Code, Part
+from continuum_grasp.export.parts.model import DRAWN, drawing, range_warning
 from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.template import fill
 from continuum_grasp.model import System
 
 Symbols = Mapping[str, ca.SX]
@@ -83,11 +85,9 @@ def velocities(subject: Subject) -> Part:
 
 
 def _finger(subject: Subject) -> tuple[list[float], dict[str, ca.SX], ca.SX, ca.SX, ca.SX]:
-    """Where sections are, symbols of the finger, and what the system has of them: what it touches moves no section."""
-    model, system = subject.model, subject.system
-    given = {"x": ca.SX.sym("x", model.nx), "u": ca.SX.sym("u", model.nu), "p": ca.SX.sym("p", model.np)}
-    x = ca.vertcat(given["x"], ca.SX.zeros(system.nx - model.nx))
-    return subject.stations, given, x, given["u"], ca.vertcat(given["p"], ca.SX.zeros(system.np - model.np))
+    """Where sections are, and symbols of state, input and parameters."""
+    given = {name: ca.SX.sym(name, getattr(subject.system, f"n{name}")) for name in "xup"}
+    return subject.stations, given, given["x"], given["u"], given["p"]
 
 
 def _of_sections(
@@ -96,16 +96,13 @@ def _of_sections(
     count = (subject.sections,)
     struct = Struct(kind, text, tuple(Field(f, unit, said, shape=count) for f, (unit, said) in fields.items()))
 
-    def value(rows: Rows) -> Array:
-        return np.concatenate(list(kernel.evaluate(subject.real, **rows).values()), axis=1)
-
     call = Call(
         name,
         text + DRAWN,
         subject.acting(forces=False, drawn=True),
         Argument(struct.name, struct, "result"),
         _filled(kernel, subject.prefix) + range_warning(subject),
-        drawing(subject, value),
+        drawing(subject, kernel),
         codes=(Code.WARN_LEFT_RANGE,),
     )
     constants = {"SECTIONS": f"{subject.sections} /* from base to tip, of a shape and of velocities */"}
@@ -113,66 +110,31 @@ def _of_sections(
 
 
 def contact(subject: Subject) -> Part:
-    """Write gaps and forces of all contacts, and the motion of finger and object under them."""
-    model, system = subject.model, subject.system
-    if not system.touch_names:
+    """Write gaps and forces of all contacts."""
+    system = subject.touching
+    if system is None or not system.touch_names:
         raise InputError("contact needs an object and its contact_law in the scene: leave the part out", key="what")
-    states, forces = _object_fields(system, subject), _force_fields(system, model.nw)
     names = ", ".join(system.touch_names)
-    taken = [
-        Argument(
-            "object", Struct("object", "What is touched: where it is, how it moves, how contacts slide.", states), "o"
-        )
-    ]
-    if forces:
-        text = "What else acts on the object, and where the table is."
-        taken.append(Argument("object_forces", Struct("object_forces", text, forces), "v"))
-    given = {"x": model.nx, "u": model.nu, "w": model.nw, "p": model.np, "o": len(states), "v": len(forces)}
-    of = {name: ca.SX.sym(name, size) for name, size in given.items()}
-    own = system.nx - model.nx
-    x, w = ca.vertcat(of["x"], of["o"][:own]), ca.vertcat(of["w"], of["v"])
-    p = ca.vertcat(of["p"], of["o"][own:])
-    kernel = contact_kernel(system, of, x, of["u"], w, p)
+    of = {name: ca.SX.sym(name, getattr(system, f"n{name}")) for name in "xuwp"}
+    kernel = contact_kernel(system, of, *of.values())
     count = (len(system.touch_names),)
     struct = Struct(
         "contacts",
         f"Contacts with the object, in this order: {names}. Normals are the object's, outward; zero on a table.",
         tuple(Field(name, unit, text, shape=count) for name, unit, text in TOUCH),
     )
-    calls = [
-        Call(
-            "touch",
-            "Gaps, forces and places of all contacts, by the contact law of the scene with its friction.",
-            (*subject.acting(forces="w" in kernel.inputs and bool(model.nw)), *taken),
-            Argument("contacts", struct, "result"),
-            _filled(kernel, subject.prefix),
-            refusing(subject, kernel),
-            subject.guard_source,
-        )
-    ]
-    kernels = [kernel]
-    if not model.sweeps:
-        rates = (*rate_fields(subject.state.fields), *rate_fields(states[:own]))
-        rate = ca.densify(system.forward_dynamics(x, of["u"], w, p))
-        function = straight_function("touching_dynamics", of, {"xd": rate})
-        kernels.append(
-            Kernel("touching_dynamics", function, "Rate of change of finger and object; equation of motion.")
-        )
-        struct = Struct("touching_rate", "Rate of change of each entry of the state, then of the object.", rates)
-        calls.append(
-            Call(
-                "touching_dynamics",
-                "Rate of change of the state and of the object, which press on each other. It is stiff: implicit "
-                "steps, or short ones.",
-                (*subject.acting(), *taken),
-                Argument("rate", struct, "result"),
-                _filled(kernels[-1], subject.prefix),
-                refusing(subject, kernels[-1]),
-                subject.guard_source,
-            )
-        )
-    constants = {"CONTACTS": f"{count[0]} /* {names} */"}
-    return Part("contact", (*kernels, *subject.kernels), tuple(calls), constants)
+
+    call = Call(
+        "touch",
+        "Gaps, forces and places of all contacts, by the contact law of the scene with its friction. It warns where "
+        "the state is beyond what a step takes.",
+        subject.acting(forces="w" in kernel.inputs),
+        Argument("contacts", struct, "result"),
+        _filled(kernel, subject.prefix) + range_warning(subject),
+        drawing(subject, kernel),
+        codes=(Code.WARN_LEFT_RANGE,),
+    )
+    return Part("contact", (kernel, *subject.kernels), (call,), {"CONTACTS": f"{count[0]} /* {names} */"})
 
 
 TOUCH = (
@@ -188,27 +150,28 @@ TOUCH = (
     ("normal_y", "1", ""),
 )
 """Fields of a contact: name, unit, what it is; those of ``contact_kernel`` in their order."""
-_USUAL = {"rad": math.pi, "m/s": 0.1, "rad/s": 1.0, "1": 1.5, "N": 1.0, "N m": 0.01}
-"""Sizes of usual values by unit."""
-_HEIGHT = 1e-3
-"""The same of heights over the table [m]."""
 
 
-def _object_fields(system: System, subject: Subject) -> tuple[Field, ...]:
-    """Entries of the state behind those of the finger, and the position of an object that does not move."""
-    labels = [*system.x_names[subject.model.nx :], *system.p_names[subject.model.np :]]
-    return _fields(labels, subject.model.finger.rod.length)
+def metadata(subject: Subject) -> Part:
+    """Write functions that describe the structs of the other parts."""
+    prefix, real = subject.prefix, subject.real
 
+    def table(structs: Sequence[Struct]) -> str:
+        # Texts of one width and no pointers: tables of those are no constants in shared libraries.
+        entries = [(struct.name, field.name, field) for struct in structs for field in struct.fields]
+        rows = [
+            f'  {{"{of}", "{name}", "{f.unit}", {f.size}, {real.finite_literal(f.low)}, {real.finite_literal(f.high)}}}'
+            for of, name, f in entries
+        ]
+        words = {
+            "of": max(len(of) for of, _, _ in entries) + 1,
+            "name": max(len(name) for _, name, _ in entries) + 1,
+            "unit": max(len(f.unit) for _, _, f in entries) + 1,
+            "rows": ",\n".join(rows),
+            "count": f"{len(entries)}u",
+            "version": __version__,
+        }
+        return fill("metadata.c", {"p": prefix, "P": prefix.upper(), **words})
 
-def _force_fields(system: System, first: int) -> tuple[Field, ...]:
-    return _fields(system.w_names[first:], _HEIGHT)
-
-
-def _fields(labels: Sequence[str], reach: float) -> tuple[Field, ...]:
-    """Entries around usual sizes; lengths are usually up to ``reach`` [m]."""
-    found = []
-    for name, label in zip(identifiers(labels), labels, strict=True):
-        unit = unit_of(label)
-        usual = _HEIGHT if name == "object_z" else _USUAL.get(unit, reach)
-        found.append(Field(name, unit, "").around(usual))
-    return tuple(found)
+    declared = fill("metadata.h", {"p": prefix, "P": prefix.upper()})
+    return Part("metadata", (), (), declarations=declared, describes=(f"src/{prefix}_metadata.c", table))

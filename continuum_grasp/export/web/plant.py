@@ -20,6 +20,7 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators.sdirk2 import GAMMA
+from continuum_grasp.export.control.loop import unit_of
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.parts.implicit import SETTLED
@@ -258,8 +259,3 @@ def plant_of_loop(scene: ControlScene, of: PlantModel | None = None) -> tuple[We
         system, model.symbols, rate, model.acting, sensed, model.start, model.rest_input, signals, own.p, model.x_names
     )
     return plant, sensors
-
-
-def unit_of(name: str) -> str:
-    """The unit behind a name."""
-    return name.partition("[")[2].removesuffix("]")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -49,11 +49,11 @@ class Record:
     x: list[Any]
     u: list[Any]
     w: list[Any]
-    z: list[Any] | None
-    known: list[Any] | None
-    changes: list[Any]
-    reference: list[Any] | None
-    dt: float
+    z: list[Any] | None = None
+    known: list[Any] | None = None
+    changes: Sequence[Any] = ()
+    reference: list[Any] | None = None
+    dt: float = 0.0
 
     def frames(self) -> dict[str, Any]:
         """What is played back."""
@@ -111,15 +111,14 @@ def loop_record(run: ControlRun, plant: WebPlant, changes: Sequence[Any] = ()) -
     for name, column in zip(run.disturbance_names, run.disturbance.T, strict=True):
         z[:, run.estimated_names.index(name)] = column
     columns = _columns(run.x_names, run.x), _columns(run.u_names, u), _columns(run.readings.plant.w_names, run.w)
-    known = run.given_parameters
-    return _record(
-        plant,
-        run.t,
-        *columns,
-        z=np.vstack([z, z[-1:]]),
-        known=np.vstack([known, known[-1:]]),
-        reference=run.r,
-        changes=changes,
+    found, known = _record(plant, run.t, *columns), run.given_parameters
+    chosen, at = frames_of(run.t), np.arange(0.0, run.t[-1] + found.dt, found.dt)
+    return replace(
+        found,
+        z=rounded(np.vstack([z, z[-1:]])[chosen]),
+        known=rounded(np.vstack([known, known[-1:]])[chosen]),
+        reference=rounded(np.array([np.interp(at, run.t, column) for column in run.r.T]).T),
+        changes=[{k: v if k == "t" else rounded([v])[0] for k, v in one.items()} for one in changes],
     )
 
 
@@ -127,17 +126,7 @@ def _columns(names: Any, rows: Array) -> dict[str, Array]:
     return dict(zip(names, rows.T, strict=True))
 
 
-def _record(
-    plant: WebPlant,
-    t: Array,
-    x: dict[str, Array],
-    u: dict[str, Array],
-    w: dict[str, Array],
-    z: Array | None = None,
-    known: Array | None = None,
-    reference: Array | None = None,
-    changes: Sequence[Any] = (),
-) -> Record:
+def _record(plant: WebPlant, t: Array, x: dict[str, Array], u: dict[str, Array], w: dict[str, Array]) -> Record:
     missing = [name for name in (*plant.x_names, *plant.u_names) if name not in {**x, **u}]
     if missing:
         lacks = ", ".join(missing[:3])
@@ -145,18 +134,6 @@ def _record(
     nothing, chosen = np.zeros(len(t)), frames_of(t)
     forces = [w.get(name, nothing) if k not in plant.hands else nothing for k, name in enumerate(plant.system.w_names)]
     rows = [x[name] for name in plant.x_names], [u[name] for name in plant.u_names], forces
-    step = max(float(np.diff(t).min()), 0.005)
-    at = np.arange(0.0, t[-1] + step, step)
-    wanted = None if reference is None else np.array([np.interp(at, t, column) for column in reference.T]).T
     state, given, pushing = (rounded(np.array(of).reshape(len(of), len(t)).T[chosen]) for of in rows)
-    return Record(
-        [float(f"{v:.7g}") for v in t[chosen]],
-        state,
-        given,
-        pushing,
-        z=None if z is None else rounded(z[chosen]),
-        known=None if known is None else rounded(known[chosen]),
-        changes=[{k: v if k == "t" else rounded([v])[0] for k, v in one.items()} for one in changes],
-        reference=None if wanted is None else rounded(wanted),
-        dt=step,
-    )
+    step = max(float(np.diff(t).min()), 0.005)
+    return Record([float(f"{v:.7g}") for v in t[chosen]], state, given, pushing, dt=step)

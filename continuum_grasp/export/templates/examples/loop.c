@@ -13,8 +13,7 @@ int main(void)
   const <<p>>_real h = <<h>>;
   const int steps = (int)(1 / h);
   int k, code = <<p>>_init(&model);
-  memset(&state, 0, sizeof state);
-  memset(&input, 0, sizeof input);<<if forces>>
+<<begin>>  memset(&input, 0, sizeof input);<<if forces>>
   memset(&forces, 0, sizeof forces);<<end>>
   printf("time [s]<<csv_head>>,code\n");
   for (k = 0; k <= steps && code >= 0; ++k) {

@@ -17,14 +17,18 @@ static fmu_level fmu_show(fmu_instance *f)
   <<p>>_input input;<<if forces>>
   <<p>>_forces forces;<<end>>
   <<p>>_section section;
-  <<p>>_rate rate;
+  <<p>>_rate rate;<<if contacts>>
+  <<p>>_contacts contacts;<<end>>
   double *values = f->data.values;
-  int code<<if linear>>, k<<end>>;
+  int code<<if linear>>, k<<end>><<if contacts>>, k<<end>>;
   fmu_taken(f, &model, &state, &input<<acting>>);
   if ((code = <<p>>_tip(&model, &state, &input, &section)) < 0) return fmu_judged(f, "tip", code);
   values[FMU_TIP] = section.x;
   values[FMU_TIP + 1] = section.y;
-  values[FMU_TIP + 2] = section.angle;
+  values[FMU_TIP + 2] = section.angle;<<if contacts>>
+  /* A state that is out of its ranges is still drawn; its contacts are not known. */
+  for (k = 0; k < (int)(sizeof contacts / sizeof *values); ++k) values[FMU_CONTACTS + k] = NAN;
+  if (<<p>>_touch(&model, &state, &input<<touched>>, &contacts) >= 0) memcpy(values + FMU_CONTACTS, &contacts, sizeof contacts);<<end>>
   code = <<p>>_dynamics(&model, &state, &input<<acting>>, &rate);
   if (code < 0 && f->data.mode != FMU_STEPPING) return fmu_judged(f, "dynamics", code);<<if linear>>
   /* A state that no step takes is still drawn; it has no rate. */

@@ -59,7 +59,7 @@ class Node : public rclcpp::Node {
   }
 
   <<p>>_model model_{};
-  <<p>>_state state_{};
+  <<p>>_state state_<<begin_node>>;
   <<p>>_input input_{};<<if forces>>
   <<p>>_forces forces_{};<<end>>
   <<p>>_real h_;

@@ -1,7 +1,6 @@
-typedef struct {<<if late>>
+typedef struct {
   double past[<<past>>][<<nx>> + <<nu>>]; /* the last one first: a state, and the command that led to it */
-  int begun;<<end>><<if prompt>>
-  int nothing; /* its state is among the variables */<<end>>
+  int begun;
 } fmu_model;
 typedef struct {
   double w[<<work>>];
