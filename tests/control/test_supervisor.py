@@ -210,6 +210,28 @@ def test_an_old_image_near_the_setpoint_trips(changes, seed, share, axes, within
     assert np.linalg.norm(found.tip[found.t < first(found, "tripped")][-1] - found.tip[199]) < 0.02
 
 
+WINCHES = "configs/mpc/winches.yaml"
+
+
+@pytest.mark.deep
+def test_an_old_image_from_the_start_trips_winches_with_slack_cables():
+    scene = load(WINCHES, ("finger.tendons.drive.pretension=0 N", "duration=0.8"))
+    plant = Faulty(scene, start=0.0)
+    plant.last = plant.measure()
+    plant._sensors = held(1.0)
+    found = run_closed_loop(scene, controller=Controller(scene, deadline=math.inf), plant=plant)
+    assert first(found, "tripped") < 0.6
+    assert _TRIPS[Trip.UNANSWERED] in found.health_texts[-1]
+
+
+@pytest.mark.deep
+def test_a_tip_that_friction_holds_is_no_old_image():
+    """It answers none of what winches move to hold it, five seconds long."""
+    scene = load(WINCHES, ("plant.seed=106", "plant.fidelity.elements=4", "duration=8.0"))
+    found = run_closed_loop(scene, controller=Controller(scene, deadline=math.inf))
+    assert set(found.health) == {"ok"}
+
+
 UNLAGGED = ("fidelity.family=clothoid", "finger.tendons.time_constant=null", "estimator.measured.tension=null")
 
 

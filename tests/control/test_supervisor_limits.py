@@ -59,7 +59,7 @@ Settings = _structure(
     "Settings",
     a=("window delay rungs", INT),
     b=("sensor shape drive cause", INTS),
-    c=("still noise change", TWO),
+    c=("still noise hidden change", TWO),
     d=("tip setpoint", INT),
     e=("far", REAL),
 )
@@ -107,6 +107,7 @@ class Watch:
             INTS(-1, 0),
             TWO(STILL, -1.0),
             TWO(*NOISE),
+            TWO(0.0, 0.0),
             TWO(*CHANGE),
             0,
             0,
@@ -369,6 +370,14 @@ def test_an_old_image_trips_by_a_reading_and_by_all_of_a_device(kind, start, tri
     assert (watch.state.silent[0], watch.state.together[0]) == (12.0, 12.0)
     moving(watch, 10.0, 10.0, 30)
     assert (watch.state.silent[0], watch.state.together[0]) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(("caused", "more"), [(2.999, False), (3.001, True)])
+def test_what_friction_may_hold_is_no_evidence(caused, more):
+    watch = Watch()
+    watch.settings.hidden = TWO(9.0, 0.0)
+    moving(watch, caused, 0.0, 20)
+    assert (watch.state.silent[0] > 0.0) == more
 
 
 def test_a_reading_that_moves_does_not_hide_one_that_is_old():

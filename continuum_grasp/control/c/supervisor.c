@@ -94,7 +94,8 @@ static int supervisor_silent(supervisor_state *state, const supervisor_settings 
     /* over half a window, as in ekf_settings.fade */
     state->usual[j] += 2 * (seen->y[j] - state->usual[j]) / (real)o->window;
     const real by_drives = seen->expected[j] / o->noise[j], by_all = (seen->y[j] - state->usual[j]) / o->noise[j];
-    const real share = (real)SUPERVISOR_ANSWER * by_drives * by_drives, lasting = state->before[j] * by_all;
+    const real beyond = by_drives * by_drives - o->hidden[j], lasting = state->before[j] * by_all;
+    const real share = beyond > 0 ? (real)SUPERVISOR_ANSWER * beyond : 0;
     state->before[j] = by_all;
     supervisor_mean(o, &state->common[j], by_drives * by_all);
     supervisor_mean(o, &state->caused[j], 0);

@@ -57,6 +57,7 @@ typedef struct {
   int cause[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* entry of the command that moves a measurement; -1: all */
   real still[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* a reading that moves by no more is at rest; below 0: not tested */
   real noise[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* standard deviation of a reading; below 0: not compared with drives */
+  real hidden[SUPERVISOR_SIZE(CONTROLLER_NM)];  /* squared motion by drives that friction may hold, in variances of a reading */
   real change[RTI_NU];        /* of the command per call at activity 1 */
   int tip, setpoint;          /* first of two measurements and of two setpoints of the tip; -1: none */
   real far;                   /* distance from the setpoint beyond which a tip is away [m] */
