@@ -14,7 +14,7 @@ from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.reach import check_reach
+from continuum_grasp.scene.reach import check_references
 from continuum_grasp.scene.simulate import Fidelity, FingerScene, Initial
 from continuum_grasp.scene.value import Duration, Length, doubt
 
@@ -117,7 +117,7 @@ class ControlScene(FingerScene):
                     raise ValueError(f"controller.cost.{key}.of: expected some of {known}, got {name!r:.60}")
         if cost.shape is not None:
             self.finger.rod.check_sections("controller.cost.shape", cost.shape.at)
-        check_reach(self.finger, "reference", dict(given), () if cost.shape is None else cost.shape.at, self.object)
+        check_references(self, cost, self.object_moves)
         if given.input is not None:
             width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
             expected = len(self.input_limits[0])
@@ -228,11 +228,6 @@ class ControlScene(FingerScene):
     def lag(self) -> float | None:
         """Shortest time constant of the drive [s]; None: an input acts at once."""
         return self.controller.input.lag(self.finger)
-
-    @property
-    def contact_names(self) -> tuple[str, ...]:
-        """Names of the contacts that the finger may have with an object."""
-        return (*[f"finger.{k + 1}" for k in range(len(self.contacts))], "finger.tip")
 
     @property
     def tracked_contacts(self) -> tuple[str, ...]:

@@ -58,6 +58,16 @@ SEVERAL_MODELS = Consumer(
 )
 _NONE = "has no effect: neither tendons nor bending have friction"
 _HISTORY = beside("a finger without friction", lambda scene: not scene.finger.has_friction, "initial.reached_by", _NONE)
+_CELLS = beside(
+    "a finger without dry friction or quadratic damping",
+    lambda scene: (
+        not scene.finger.damping.dry_friction
+        and not scene.finger.damping.quadratic
+        and "quadratic_damping" not in (*scene.parameters, *(one.name for one in getattr(scene, "estimate", ())))
+    ),
+    "finger.damping.friction_cells",
+    "has no effect: these are cells of finger.damping.dry_friction and finger.damping.quadratic",
+)
 
 
 class Fidelity(Value):
@@ -207,8 +217,14 @@ class FingerScene(Surroundings):
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Names of model parameters that stay run-time arguments of the generated functions."""
 
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """Names of the contacts that the finger may have with an object."""
+        return (*[f"finger.{k + 1}" for k in range(len(self.contacts))], "finger.tip")
+
     def _check(self) -> None:
         _HISTORY.check(self)
+        _CELLS.check(self)
         length = self.finger.rod.length
         for k, at in enumerate(self.contacts):
             if at >= length:

@@ -168,6 +168,7 @@ MUG, POST = "configs/simulate/close_on_mug.yaml", "configs/mpc/wrap_post.yaml"
     [
         ("object", lambda: solve_elastica(cg.load(MUG))),
         ("object", lambda: cg.accuracy_report(cg.load(MUG))),
+        ("finger.damping.friction_cells", lambda: cg.load(MUG, ["finger.damping.friction_cells=3"])),
         ("plant.noise", lambda: cg.load(POST, ["estimator=null", "plant.noise=2.0"])),
         ("plant.object_mass", lambda: PlantModel(cg.load(POST, ["plant.object_mass=1.1"]))),
     ],
