@@ -116,7 +116,7 @@ def test_goals_that_pull_or_bend_too_far_are_refused():
     with pytest.raises(InputError, match="contacts push") as caught:
         cg.load(scene, ["grasp=null", "contacts=[0.1]", "goal.contact_force=[0.0, -1.0]"])
     assert caught.value.key == "goal.contact_force"
-    with pytest.raises(InputError, match="expected -1.2 to 1.2 rad"):
+    with pytest.raises(InputError, match=r"expected -1\.2 to 1\.2 rad"):
         cg.load(CONFIGS / "plan" / "tip_to_point.yaml", ["fidelity.bending_range=1.2", "goal={bending: [0.1, 1.3]}"])
 
 
