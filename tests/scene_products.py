@@ -241,7 +241,8 @@ def search(scene: PlanScene) -> Iterator[object]:
     yield from (assembly.nlp.f, assembly.nlp.g, assembly.low, assembly.high, made.x0, made.first, made.problem.before)
     yield from ([(one.name, one.lower, one.upper, one.scale) for one in assembly.blocks], options.starts)
     yield from (made.budget.left, options.time_limit, options.method, options.tolerance, options.max_iterations)
-    yield from ([vars(one) for one in made.problem.goal], scene.check, scene.name)
+    yield from ([vars(one) for one in made.problem.goal], scene.check, scene.name, made.motion.exact)
+    yield from (made.motion.prediction.p_names, made.motion.prediction.p_nominal)
 
 
 def model(scene: Scene) -> Iterator[object]:
@@ -313,21 +314,8 @@ WALKS = (
     Walk("mpc --compare, NMPC to convergence", ControlScene, converged),
     Walk("export-fmu", ControlScene, units_of_loop),
     Walk("export-web", ControlScene, page_of_loop),
-    # Not tried: keys of which the scenes have no other value, and those that only a solver's run would show.
-    Walk(
-        "plan",
-        PlanScene,
-        search,
-        (
-            "bounds.curvature",
-            "bounds.penalty",
-            "parameters",
-            "input",
-            "solver",
-            "moment_of_inertia",
-            "out_of_plane_gravity",
-        ),
-    ),
+    # Plans touch fixed objects alone, and a fixed object has neither.
+    Walk("plan", PlanScene, search, ("moment_of_inertia", "out_of_plane_gravity")),
     Walk("missions", MissionScene, carried_out),
 )
 """All that are tried; one more is one line, and where it has keys that it does not take, a ``Consumer``."""
