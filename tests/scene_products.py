@@ -36,6 +36,10 @@ from continuum_grasp.export.ranges import input_fields
 from continuum_grasp.export.source import names_of, source_of
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.web.plant import plant_of_loop, plant_of_scene
+from continuum_grasp.identification.blocks import PosesBlock
+from continuum_grasp.identification.data import Poses, Reading, TipPath
+from continuum_grasp.identification.path_block import PathBlock
+from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.mission import assignment
 from continuum_grasp.mission import plant as mission_plant
 from continuum_grasp.model import FingerModel, System
@@ -278,6 +282,18 @@ def carried_out(mission: MissionScene) -> Iterator[object]:
     yield from (mission.phases.lift_share, mission.phases.squeeze_share, mission.trials, mission.turn)
 
 
+def fitted(scene: Scene) -> Iterator[object]:
+    """What identify predicts at the scene's values: a shape at rest and a short motion, without an object."""
+    known = scene.replaced(**{name: getattr(Surroundings(), name) for name in _AROUND})
+    unknowns = read_unknowns(known, ["clamp_angle"])
+    tip = [Reading(axis, [0.01, 0.02]) for axis in "xy"]
+    for block in (
+        PosesBlock(known, Poses(tip), unknowns),
+        PathBlock(known, TipPath([0.01, 0.02], measured=tip), unknowns),
+    ):
+        yield from (block.predict(np.zeros(1)), block.entries)
+
+
 @dataclass(frozen=True)
 class Walk:
     """A consumer of which all keys of a kind of scene are tried, by what it makes of them."""
@@ -308,6 +324,7 @@ WALKS = (
     Walk("export-fmu", Scene, unit),
     Walk("export-c, operators", Scene, model, ("time", "name", *_AROUND, *_OF_TOUCH)),
     Walk("the exact rod (accuracy)", Scene, measured_choices, _AROUND),
+    Walk("identify", Scene, fitted, _AROUND),
     Walk("environments", ControlScene, lanes),
     Walk("export-c of closed loops", ControlScene, loop),
     Walk("mpc", ControlScene, run),

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value
@@ -238,7 +238,15 @@ class Excitation(Value):
 
 
 _FIT = Consumer(
-    "identify", refused={"object": "has no place here: measurements are of the finger alone, leave the object out"}
+    "identify",
+    refused={"object": "has no place here: measurements are of the finger alone, leave the object out"},
+    unneeded={
+        **LIMITS_OF_BENDING,
+        **dict.fromkeys(("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts"),
+        **dict.fromkeys(("finger.tendons.min_tension", "finger.tendons.max_tension"), "limits of commands"),
+        "time": "rows have times of their own",
+        "name": "of reports",
+    },
 )
 
 
