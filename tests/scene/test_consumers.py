@@ -12,7 +12,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene.consumer import CONSUMERS, Consumer
 from continuum_grasp.scene.control import ControlScene
@@ -128,7 +128,7 @@ def ignored(walk: Walk, found: list[Place]) -> str:
             try:
                 if any(a != b for a, b in zip_longest(parts(walk.make(scene)), before)):
                     return ""
-            except SolverError:
+            except (NumericalError, SolverError):
                 return ""
             except InputError as error:
                 if error.key and error.key.split("[")[0] in key:
