@@ -163,7 +163,9 @@ def test_rows_and_origins_of_shapes_at_rest(names, seeds):
         ):
             found, (meant, _, size) = doubts(rows, seed)[0], words.partition(" by ")
             assert meant in found
-            assert float(re.search(r"by (\S+) ", found)[1]) == pytest.approx(float(size or 1.0), rel=0.2)
+            assert float(re.search(r"by (\S+) ", found)[1]) == pytest.approx(
+                float(size or 1.0), rel=0.35
+            )  # one step leads near
 
 
 @pytest.mark.parametrize(("share", "reported"), [(0.99, False), (1.01, True)])
