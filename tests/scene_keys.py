@@ -251,6 +251,14 @@ _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
     },
 }
 _TRACKED = {"tip": [0.0, 0.15]}
+_MOTOR = {
+    "kind": "motor",
+    "pretension": 2.0,
+    "winch_radius": 0.008,
+    "inertia": 4e-5,
+    "viscous_friction": 2e-4,
+    "torque_max": 0.4,
+}
 _PLANS: dict[str, tuple[str, dict[str, Any]]] = {
     "tracking": (
         "past_a_post",
@@ -274,6 +282,30 @@ _PLANS: dict[str, tuple[str, dict[str, Any]]] = {
             "solver": {"substeps": 4, "starts": 2},
         },
     ),
+    "soft bounds": (
+        "past_a_post",
+        {
+            "parameters": ["bending_stiffness"],
+            "bounds": {"curvature": 20.0, "speed": 20.0, "penalty": {"linear": 2.0, "quadratic": 20.0}},
+            "solver": {"method": "sqp", "hessian": "gauss_newton"},
+        },
+    ),
+    "tip moment": ("tip_to_point", {"finger.tendons": None, "input": {"moment_max": 0.2, "time_constant": 0.02}}),
+    **{
+        f"motor, {key}": (
+            "release",
+            {
+                "finger.tendons.drive": {**_MOTOR, **own},
+                "input": {key: [-0.2, 0.2], "form": "linear"},
+                "goal": {"tip": {"value": [-0.0362, 0.1749], "weight": 1e6}},
+            },
+        )
+        for key, own in (
+            ("angles", {"position_gain": 2.0, "rate_gain": 0.02}),
+            ("torques", {}),
+            ("currents", {"torque_constant": 0.02}),
+        )
+    },
 }
 CHANGES: dict[type[BaseModel], dict[str, tuple[str, dict[str, Any]]]] = {
     Scene: _CHANGES,

@@ -36,6 +36,10 @@ from continuum_grasp.export.ranges import input_fields
 from continuum_grasp.export.source import names_of, source_of
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.web.plant import plant_of_loop, plant_of_scene
+from continuum_grasp.identification.blocks import PosesBlock
+from continuum_grasp.identification.data import Poses, Reading, TipPath
+from continuum_grasp.identification.path_block import PathBlock
+from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.mission import assignment
 from continuum_grasp.mission import plant as mission_plant
 from continuum_grasp.model import FingerModel, System
@@ -240,7 +244,8 @@ def search(scene: PlanScene) -> Iterator[object]:
     yield from (assembly.nlp.f, assembly.nlp.g, assembly.low, assembly.high, made.x0, made.first, made.problem.before)
     yield from ([(one.name, one.lower, one.upper, one.scale) for one in assembly.blocks], options.starts)
     yield from (made.budget.left, options.time_limit, options.method, options.tolerance, options.max_iterations)
-    yield from ([vars(one) for one in made.problem.goal], scene.check, scene.name)
+    yield from ([vars(one) for one in made.problem.goal], scene.check, scene.name, made.motion.exact)
+    yield from (made.motion.prediction.p_names, made.motion.prediction.p_nominal)
 
 
 def model(scene: Scene) -> Iterator[object]:
@@ -276,6 +281,18 @@ def carried_out(mission: MissionScene) -> Iterator[object]:
     yield from (mission.phases.lift_share, mission.phases.squeeze_share, mission.trials, mission.turn)
 
 
+def fitted(scene: Scene) -> Iterator[object]:
+    """What identify predicts at the scene's values: a shape at rest and a short motion, without an object."""
+    known = scene.replaced(**{name: getattr(Surroundings(), name) for name in _AROUND})
+    unknowns = read_unknowns(known, ["clamp_angle"])
+    tip = [Reading(axis, [0.01, 0.02]) for axis in "xy"]
+    for block in (
+        PosesBlock(known, Poses(tip), unknowns),
+        PathBlock(known, TipPath([0.01, 0.02], measured=tip), unknowns),
+    ):
+        yield from (block.predict(np.zeros(1)), block.entries)
+
+
 @dataclass(frozen=True)
 class Walk:
     """A consumer of which all keys of a kind of scene are tried, by what it makes of them."""
@@ -306,27 +323,15 @@ WALKS = (
     Walk("export-fmu", Scene, unit),
     Walk("export-c, operators", Scene, model, ("time", "name", *_AROUND, *_OF_TOUCH)),
     Walk("accuracy by the exact rod", Scene, measured_choices, _AROUND),
+    Walk("identify", Scene, fitted, _AROUND),
     Walk("environments", ControlScene, lanes),
     Walk("export-c of closed loops", ControlScene, loop),
     Walk("mpc", ControlScene, run),
     Walk("mpc --compare, NMPC to convergence", ControlScene, converged),
     Walk("export-fmu", ControlScene, units_of_loop),
     Walk("export-web", ControlScene, page_of_loop),
-    # Not tried: keys of which the scenes have no other value, and those that only a solver's run would show.
-    Walk(
-        "plan",
-        PlanScene,
-        search,
-        (
-            "bounds.curvature",
-            "bounds.penalty",
-            "parameters",
-            "input",
-            "solver",
-            "moment_of_inertia",
-            "out_of_plane_gravity",
-        ),
-    ),
+    # Plans touch fixed objects alone, and a fixed object has neither.
+    Walk("plan", PlanScene, search, ("moment_of_inertia", "out_of_plane_gravity")),
     Walk("missions", MissionScene, carried_out),
 )
 """All that are tried; one more is one line, and where it has keys that it does not take, a ``Consumer``."""

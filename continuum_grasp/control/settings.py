@@ -39,6 +39,9 @@ holds the tip of configs/mpc/steady_tip.yaml within 2.4 mm (r.m.s.), 16 times wi
 _STILL = 1e-3
 """Change of a reading, relative to its sensor's standard deviation, up to which it is at rest [1]: 20 readings of white
 noise in a row stay within it once in 1e60 cases, at a tenth of the declared noise once in 1e45."""
+_HELD = 3.0
+"""Motion by drives that friction in the tendons, of which the model knows little, may hold, in standard deviations of a
+reading [1]: in configs/mpc/winches.yaml a tip that rests answers none of the 1 to 2 that the noise causes."""
 _CROSSING = 0.1
 """Time in which a fully active command crosses its range where its rate has no tighter limit [s]: that of the shipped
 scenes (59 N at 600 N/s)."""
@@ -132,6 +135,7 @@ def solver_fields(stages: Stages, calls: Calls, precision: str) -> list[Field]:
         Field("cause", none, whole=True),
         Field("still", none),
         Field("noise", none),
+        Field("hidden", 0 * none),
         Field("change", np.ones(stages.nu)),
         *[Field(name, -1, whole=True) for name in ("tip", "setpoint")],
         Field("far", 1.0),
@@ -242,6 +246,7 @@ def _supervisor_fields(
         Field("still", [_STILL * measurement_std(scene, name) if checks_frozen else -1.0 for name in names]),
         # A finger that touches something is held by it, whatever its drives do: then below zero.
         Field("noise", [measurement_std(scene, name) if free else -1.0 for name in names]),
+        Field("hidden", [_HELD**2 if scene.finger.has_tendon_friction else 0.0] * len(names)),
         # Divisors in the C: not zero where an input cannot move.
         Field("change", np.maximum(rate * period, 1e-12)),
         Field("tip", _first("tip_x [m]", names), whole=True),

@@ -61,6 +61,9 @@ class Block:
     free = False
     """Whether that motion is free, so that a part from its start is fitted before the whole."""
 
+    begins_there = False
+    """Whether a free motion begins at the first row, wherever that is in time."""
+
     def predict(self, values: Array) -> tuple[Array, Array]:
         """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last.
 

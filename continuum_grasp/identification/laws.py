@@ -1,13 +1,15 @@
-"""Whether residuals have the structure that a wrong law of the material or of the damping leaves.
+"""Whether residuals have the structure that a wrong law of material or damping leaves, or a slip in the data.
 
-One Gauss-Newton step is taken towards a model with further laws (a score test; C. R. Rao, 1948), so that all samples
-count by their noise: quadratic damping of motions, a stiffness that depends on the bend, and a friction with memory by
-which shapes at rest depend on the direction of loading.
+One Gauss-Newton step is taken towards a model with further parameters (a score test; C. R. Rao, 1948), so that all
+samples count by their noise: quadratic damping of motions, a stiffness that depends on the bend, a friction with memory
+by which shapes at rest depend on the direction of loading, rows that are late, an origin that is elsewhere. What is
+surest is named, and others of its kind, law or data, are tested beside it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -29,6 +31,10 @@ _MATTERS = 1e-3
 models of real fingers are off, and ten times what two integrators differ by."""
 _WIDTH = "width"
 """Target of half the width of a loop of one reading."""
+_LATE, _BEFORE, _ORIGIN = "late", "before", "origin"
+"""Targets of times by which rows of motions are late, in samples; of readings of another row; of what positions are
+off along an axis [m]."""
+_SLIPS = (_LATE, _BEFORE, _ORIGIN)
 
 
 def doubts_of_laws(problem: Problem, solution: Solution, given: Given, build: Build) -> list[str]:
@@ -39,23 +45,52 @@ def doubts_of_laws(problem: Problem, solution: Solution, given: Given, build: Bu
         with suppress(ContinuumGraspError):
             further += _of_law(name, problem, solution, given, build)
     further += _widths(problem, solution.predictions)
-    if not further:
-        return []
+    further += _late(problem, solution.predictions)
+    further += _origins(problem)
+    readings = [own for *_, own in _series(problem)]
+    about = [(problem.measured[own] - problem.measured[own].mean()) / solution.sigma[own] for own in readings]
+    least, named = _MATTERS * float(np.linalg.norm(np.concatenate([*about, [0.0]]))), list[Further]()
+    doubts = list[str]()
+    chances = len(further)  # all make one verdict together
+    while further:
+        judged = [_judged(problem, solution, [*named, one], least, chances) for one in further]
+        k = max(range(len(further)), key=lambda k: judged[k][0])
+        share, step, deviation = judged[k]
+        if share <= 1.0:
+            break
+        chosen = further[k]
+        doubts.append(_words(problem, chosen[0], step, deviation))
+        named.append(chosen)
+        # Where data are wrong, laws cannot be judged, and either leaves residuals of the other kind.
+        kind = _kind(chosen)
+        further = [one for one in further if one is not chosen and _kind(one) == kind]
+    return doubts
+
+
+def _kind(further: Further) -> str:
+    return further[0].target if further[0].target in _SLIPS else "law"
+
+
+def _judged(
+    problem: Problem, solution: Solution, further: Sequence[Further], least: float, chances: int
+) -> tuple[float, float, float]:
+    """Of the last one: step per what noise makes of it, 0 where it matters less than ``least``; step; deviation."""
     tried, slopes = zip(*further, strict=True)
     jacobian, residuals = problem.weighted(solution, np.column_stack(slopes))
     step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
     left: Array = np.asarray(residuals + jacobian @ step)
-    unknowns = [*problem.unknowns, *tried]
-    found = infer(unknowns, step, jacobian, left, solution.inflation, series=problem.series)
-    readings = _series(problem)
-    about = [(problem.measured[own] - problem.measured[own].mean()) / solution.sigma[own] for *_, own in readings]
-    least, doubts = _MATTERS * float(np.linalg.norm(np.concatenate(about))), list[str]()
-    for k, one in enumerate(tried, len(problem.unknowns)):
-        others, own = np.delete(jacobian, k, axis=1), step[k] * jacobian[:, k]
-        beyond = own - others @ np.linalg.lstsq(others, own, rcond=None)[0]
-        if abs(step[k]) > surely(found.freedom) * found.deviations[k] and float(np.linalg.norm(beyond)) > least:
-            doubts.append(_words(problem, one, float(step[k]), float(found.deviations[k])))
-    return doubts
+    found = infer([*problem.unknowns, *tried], step, jacobian, left, solution.inflation, series=problem.series)
+    own = step[-1] * jacobian[:, -1]
+    beyond = own - jacobian[:, :-1] @ np.linalg.lstsq(jacobian[:, :-1], own, rcond=None)[0]
+    sure = surely(found.freedom, chances) * found.deviations[-1]
+    if tried[-1].target == _BEFORE and round(float(step[-1])) != 1:  # there is no row between two
+        return 0.0, 0.0, 0.0
+    matters = math.isfinite(sure) and float(np.linalg.norm(beyond)) > least
+    return (
+        abs(float(step[-1])) / max(float(sure), 1e-300) if matters else 0.0,
+        float(step[-1]),
+        float(found.deviations[-1]),
+    )
 
 
 def _words(problem: Problem, further: Unknown, step: float, deviation: float) -> str:
@@ -65,6 +100,11 @@ def _words(problem: Problem, further: Unknown, step: float, deviation: float) ->
         memory = "of another law than the model's" if friction else "which the model does not have"
         width = f"by {2.0 * abs(step):.2g} {further.unit}"
         return f"rows depend on the direction of loading, {width}: friction with memory, {memory} ({further.name})"
+    if further.target in _SLIPS:
+        cause = "their times or conditions are not those of the scene"
+        if further.target == _ORIGIN:
+            cause = "their origin is not that of the scene, or finger.base.position is elsewhere"
+        return f"{further.name} by {step:.3g} +/- {deviation:.2g} {further.unit}: {cause}"
     if further.target == "softening_ratio":
         law = "it stiffens where it is bent far"
         if step < 0.0:
@@ -120,6 +160,37 @@ def _widths(problem: Problem, predictions: Array) -> list[Further]:
             size, unit = float(np.ptp(predictions[rows])), problem.entries[rows[0]].unit
             found.append((Unknown(name, unit, _WIDTH, 1.0, False, 0.0, -math.inf, math.inf, size), slope))
     return found
+
+
+def _late(problem: Problem, predictions: Array) -> list[Further]:
+    """By how many samples rows of motions are late, and whether readings are those of the row before or behind."""
+    motions, before, behind = np.zeros((3, len(predictions)))
+    for block, part in zip(problem.blocks, problem.parts, strict=True):
+        t = np.array(list(dict.fromkeys(one.at for one in block.entries)))
+        rows = predictions[part].reshape(t.size, -1)
+        if block.moves and not block.begins_there:
+            motions[part] = -(np.gradient(rows, t, axis=0) * np.gradient(t)[:, None]).ravel()
+        elif not block.moves:
+            before[part] = (np.vstack([rows[:1], rows[:-1]]) - rows).ravel()
+            behind[part] = (np.vstack([rows[1:], rows[-1:]]) - rows).ravel()
+    return [
+        *_directions("rows of motions are late", "samples", _LATE, motions),
+        *_directions("readings are those of the row before their conditions,", "rows", _BEFORE, before),
+        *_directions("readings are those of the row behind their conditions,", "rows", _BEFORE, behind),
+    ]
+
+
+def _origins(problem: Problem) -> list[Further]:
+    """What positions of all sets are off along an axis."""
+    found = []
+    for axis in "xy":
+        slope = np.array([float(one.quantity == axis) for one in problem.entries])
+        found += _directions(f"positions are off along {axis}", "m", _ORIGIN, slope)
+    return found
+
+
+def _directions(name: str, unit: str, target: str, slope: Array) -> list[Further]:
+    return [(Unknown(name, unit, target, 1.0, True, 0.0, -math.inf, math.inf, 1.0), slope)] if slope.any() else []
 
 
 def _of_law(name: str, problem: Problem, solution: Solution, given: Given, build: Build) -> list[Further]:

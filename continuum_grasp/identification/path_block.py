@@ -56,6 +56,7 @@ class PathBlock(Block):
         self._driven = Driven(scene, self._all, readings, passed) if self.own or passed else plain
         self._driven.check(unknowns, data.name)
         self.free = self._driven.signals.constant
+        self.begins_there = self.free and self._measured is not None
         self._model = self._driven.model
         self._motion = _Motion(self._driven, t, 0.0 if self._measured is None else float(t[0]))
         self._read = self._driven.readings.map(t.size)

@@ -13,7 +13,7 @@ from continuum_grasp.scene.cost import Reference, RowSamples
 from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.reach import check_reach
+from continuum_grasp.scene.reach import check_references
 from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.value import Duration, doubt
 
@@ -191,7 +191,7 @@ class ControlScene(CommandedScene):
                     raise ValueError(f"controller.cost.{key}.of: expected some of {known}, got {name!r:.60}")
         if cost.shape is not None:
             self.finger.rod.check_inside("controller.cost.shape.at[{}]", cost.shape.at)
-        check_reach(self.finger, "reference", dict(given), () if cost.shape is None else cost.shape.at, self.object)
+        check_references(self, cost, self.object_moves)
         if given.input is not None:
             width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
             expected = len(self.input_limits[0])
@@ -250,11 +250,6 @@ class ControlScene(CommandedScene):
     @property
     def limits(self) -> InputLimits:
         return self.controller.input
-
-    @property
-    def contact_names(self) -> tuple[str, ...]:
-        """Names of the contacts that the finger may have with an object."""
-        return (*[f"finger.{k + 1}" for k in range(len(self.contacts))], "finger.tip")
 
     @property
     def tracked_contacts(self) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, beside
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value, check_below
@@ -240,13 +240,23 @@ class Excitation(Value):
             raise ValueError(f"duration = {self.duration} s is shorter than 200 samples of {self.sample} s")
 
 
-_ALONE = "has no place here: measurements are of the finger alone, leave the object out"
+_FIT = Consumer(
+    "identify",
+    refused={"object": "has no place here: measurements are of the finger alone, leave the object out"},
+    unneeded={
+        **LIMITS_OF_BENDING,
+        **dict.fromkeys(("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts"),
+        **dict.fromkeys(("finger.tendons.min_tension", "finger.tendons.max_tension"), "limits of commands"),
+        "time": "rows have times of their own",
+        "name": "of reports",
+    },
+)
 
 
 class IdentifyScene(Scene):
     """A scene, the parameters of it that are unknown, and the measurements that are to determine them."""
 
-    REFUSALS = (Consumer("identify", {"object": _ALONE}),)
+    REFUSALS = (_FIT,)
 
     estimate: Annotated[tuple[Estimate, ...], Field(strict=False, min_length=1)]
     """Parameters that are to be found."""

@@ -12,7 +12,7 @@ from continuum_grasp.scene.controller import Bounds, CommandedScene, InputLimits
 from continuum_grasp.scene.cost import Cost, Reference, Row
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.reach import check_reach
+from continuum_grasp.scene.reach import check_reach, check_references, ranges_of_model
 from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.surroundings import ContactLaw
@@ -258,7 +258,13 @@ class PlanScene(CommandedScene):
             self.finger.rod.check_inside("goal.shape.at[{}]", goal.shape.at)
         # The base of a plan with a grasp is that of the grasp, which is not known yet.
         if self.grasp is None:
-            check_reach(self.finger, "goal", goal.targets, () if goal.shape is None else goal.shape.at)
+            check_reach(
+                self.finger,
+                "goal",
+                goal.targets,
+                () if goal.shape is None else goal.shape.at,
+                ranges=ranges_of_model(self),
+            )
         anything = (goal.tip, goal.bending, goal.shape, goal.contact_force, goal.input, self.grasp)
         if self.objective != "tracking" and all(aim is None for aim in anything):
             raise ValueError("goal: give tip, bending, shape, contact_force or input (only tracking may do without)")
@@ -271,8 +277,7 @@ class PlanScene(CommandedScene):
             raise ValueError("cost is missing, which objective: tracking needs")
         if self.cost is not None:
             self.reference.check(self.cost, "cost")
-            tracked = () if self.cost.shape is None else self.cost.shape.at
-            check_reach(self.finger, "reference", dict(self.reference), tracked, self.object)
+            check_references(self, self.cost)
         places = (*self.contacts, self.finger.rod.length)
         for k, load in enumerate(self.loads):
             # The model has forces as inputs at its contacts and tip alone.

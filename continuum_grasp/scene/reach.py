@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.cost import CircleReference
+from continuum_grasp.scene.cost import CircleReference, Cost
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.value import doubt
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.simulate import FingerScene
 
 _ROUNDING = 1e-6
 """Share of a reach by which a number may exceed it [1]: the tip of a straight finger, written with six digits."""
@@ -22,12 +26,14 @@ def check_reach(
     given: Mapping[str, Any],
     at: Sequence[float] = (),
     body: GraspObject | None = None,
-    ranges: Sequence[float] = (),
+    ranges: Sequence[float] | Callable[[], Sequence[float]] = (),
+    touching: Sequence[float] = (),
+    moves: bool = True,
 ) -> None:
     """Refuse goals and setpoints that a finger cannot meet, however it bends.
 
     A section of an inextensible rod is as far from its base as it is along the rod, or nearer. An object is touched
-    where it is as far as the tip, or farther by its own extent and half the finger's thickness.
+    where it is as far as the tip, or farther by its own extent and half the finger's thickness. Contacts push.
 
     Parameters
     ----------
@@ -36,13 +42,18 @@ def check_reach(
         Where they stand in the scene, such as ``goal``.
     given : mapping of str to value
         Rows, constant, over time or on a circle: x, y [m] of ``tip``, ``shape`` and of an object's ``position`` or
-        ``object_position``, ``bending`` and ``tip_angle`` [rad]; nothing else is compared, nor functions of time.
+        ``object_position``, ``bending``, ``tip_angle`` and ``object_angle`` [rad], ``contact_force`` [N] and ``gap``
+        [m]; nothing else is compared, nor functions of time.
     at : sequence of float
         Positions along the finger of the points of ``shape`` [m].
     body : GraspObject, optional
         The object that is to be touched.
-    ranges : sequence of float
-        Bending range of each element of the model [rad]; without these, angles are not compared.
+    ranges : sequence of float or callable
+        Bending range of each element of the model [rad], or what finds them; without these, angles are not compared.
+    touching : sequence of float
+        Positions along the finger of the places of ``gap`` [m].
+    moves : bool
+        Whether the object moves: then a gap has no greatest value.
 
     Raises
     ------
@@ -50,9 +61,23 @@ def check_reach(
         With the key of the first that is out of reach, its value and the reach.
     """
     length, base = finger.rod.length, finger.base
-    touched = length + (finger.thickness_radius + max(part.extent for part in body.parts) if body else 0.0)
+    half = finger.thickness_radius
+    touched = length + (half + max(part.extent for part in body.parts) if body else 0.0)
     reaches = {"tip": [length], "shape": at, "object_position": [touched], "position": [touched]}
-    bends = {"bending": (0.0, ranges), "tip_angle": (base.angle, [sum(ranges)] if ranges else [])}
+    limits: dict[str, tuple[str, str, Iterable[tuple[float, float]]]] = {
+        "contact_force": ("N", "contacts push", itertools.repeat((0.0, math.inf))),
+    }
+    if callable(ranges):
+        ranges = ranges() if given.get("bending") is not None or given.get("tip_angle") is not None else ()
+    if ranges:
+        bent, whole = "the bending range of the model, fidelity.bending_range", sum(ranges)
+        limits["bending"] = "rad", bent, [(-one, one) for one in ranges]
+        limits["tip_angle"] = "rad", bent, [(base.angle - whole, base.angle + whole)]
+    if body is not None:
+        limits["object_angle"] = "rad", "a turn", [(body.angle - 2.0 * math.pi, body.angle + 2.0 * math.pi)]
+        apart, deepest = body.distance(base.position), -2.0 * body.size - half
+        near = [(deepest, math.inf) if moves else (max(deepest, apart - one - half), apart + one) for one in touching]
+        limits["gap"] = "m", "the distance of the object", near
     for name, value in given.items():
         for where, row in _rows(f"{key}.{name}" if key else name, value):
             for x, y, reach in zip(row[::2], row[1::2], reaches.get(name, ()), strict=False):
@@ -60,21 +85,42 @@ def check_reach(
                 if far > reach * (1.0 + _ROUNDING):
                     words = f"({x:g}, {y:g}) m is {far:.4g} m from the finger's base"
                     raise InputError(f"out of reach: {words}, expected {reach:.4g} m at most", key=where)
-            middle, most = bends.get(name, (0.0, ()))
-            for angle, reach in zip(row, most, strict=False):
-                if abs(angle - middle) > reach * (1.0 + _ROUNDING):
-                    words = f"expected {middle - reach:.4g} to {middle + reach:.4g} rad, the bending range of the model"
-                    raise InputError(f"out of reach: {words} (fidelity.bending_range), got {angle:g} rad", key=where)
+            unit, why, pairs = limits.get(name, ("", "", ()))
+            for number, (low, high) in zip(row, pairs, strict=False):
+                margin = _ROUNDING * (high - low if math.isfinite(high) else abs(low))
+                if not low - margin <= number <= high + margin:
+                    words = f"{low:.4g} {unit} or more" if math.isinf(high) else f"{low:.4g} to {high:.4g} {unit}"
+                    raise InputError(f"out of reach: expected {words} ({why}), got {number:g} {unit}", key=where)
         if isinstance(value, CircleReference):
             center, limit = math.dist(value.center, base.position), length * (1.0 + _ROUNDING)
-            near, far = abs(center - value.radius), center + value.radius
-            if near > limit:
-                words = f"the circle is nowhere nearer than {near:.4g} m to the finger's base"
+            near_by, far = abs(center - value.radius), center + value.radius
+            if near_by > limit:
+                words = f"the circle is nowhere nearer than {near_by:.4g} m to the finger's base"
                 raise InputError(f"out of reach: {words}, expected {length:.4g} m at most", key=f"{key}.tip")
             if far > limit:
                 doubt(
                     f"{key}.tip is up to {far:.4g} m from the finger's base, which is out of its reach of {length:g} m"
                 )
+
+
+def check_references(scene: Any, cost: Cost, moves: bool = False) -> None:
+    """Refuse setpoints ``reference`` of a scene that its finger cannot meet; ``moves``: whether the object does."""
+    places = dict(zip(scene.contact_names, (*scene.contacts, scene.finger.rod.length), strict=True))
+    gaps = [places[name] for name in cost.tracked_gaps(scene.contact_names) if name in places]
+    at = () if cost.shape is None else cost.shape.at
+    check_reach(scene.finger, "reference", dict(scene.reference), at, scene.object, ranges_of_model(scene), gaps, moves)
+
+
+def ranges_of_model(scene: FingerScene) -> Callable[[], tuple[float, ...]]:
+    """What finds the bending range of each element of the model that a scene gets [rad]."""
+
+    def found() -> tuple[float, ...]:
+        from continuum_grasp.model.structure import Structure  # builds on scenes
+
+        asked = {key: getattr(scene.fidelity, key) for key in ("family", "elements", "bending_range")}
+        return Structure(scene.finger, {"contacts": scene.contacts, **asked}).ranges  # type: ignore[typeddict-item]
+
+    return found
 
 
 def _rows(key: str, value: Any) -> Iterator[tuple[str, Sequence[float]]]:

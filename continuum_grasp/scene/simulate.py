@@ -184,6 +184,16 @@ class FingerScene(Configuration, Surroundings):
 
     REFUSALS: ClassVar[tuple[Consumer, ...]] = (
         beside("scenes without friction", lambda s: not s.finger.has_friction, "initial.reached_by", _NONE),
+        beside(
+            "scenes without dry friction or quadratic damping",
+            lambda s: (
+                not s.finger.damping.dry_friction
+                and not s.finger.damping.quadratic
+                and "quadratic_damping" not in (*s.parameters, *(one.name for one in getattr(s, "estimate", ())))
+            ),
+            "finger.damping.friction_cells",
+            "has no effect: these are cells of finger.damping.dry_friction and finger.damping.quadratic",
+        ),
     )
 
     finger: Finger
@@ -197,6 +207,11 @@ class FingerScene(Configuration, Surroundings):
     """How finely the finger is modeled."""
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Names of model parameters that stay run-time arguments of the generated functions and controllers."""
+
+    @property
+    def contact_names(self) -> tuple[str, ...]:
+        """Names of the contacts that the finger may have with an object."""
+        return (*[f"finger.{k + 1}" for k in range(len(self.contacts))], "finger.tip")
 
     def _check(self) -> None:
         length = self.finger.rod.length

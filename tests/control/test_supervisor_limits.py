@@ -59,7 +59,7 @@ Settings = _structure(
     "Settings",
     a=("window delay rungs", INT),
     b=("sensor shape drive cause", INTS),
-    c=("still noise change", TWO),
+    c=("still noise hidden change", TWO),
     d=("tip setpoint", INT),
     e=("far", REAL),
 )
@@ -70,7 +70,7 @@ State = _structure(
     c=("path", TWO),
     d=("mismatch", THREE),
     e=("activity", REAL),
-    f=("echo usual before caused silent", TWO),
+    f=("echo usual before common caused silent together", TWO),
     g=("calls rung raises since calm doubted late", INT),
     h=("swinging contradicted away unseen implausible tripped trips since_rearmed suspect", INT),
 )
@@ -107,6 +107,7 @@ class Watch:
             INTS(-1, 0),
             TWO(STILL, -1.0),
             TWO(*NOISE),
+            TWO(0.0, 0.0),
             TWO(*CHANGE),
             0,
             0,
@@ -323,47 +324,70 @@ def moving(watch, caused, moved, calls=1):
     return report
 
 
+def evidence(caused, common, lasting, most=0.0):
+    """Log-likelihood of white noise over noise with a known part, whose square in it is 0.3 of what drives cause."""
+    part = max(0.3 * caused**2, most * (1.0 - 1.0 / W))
+    return (0.15 * caused**2 - abs(common) - lasting) * part / (1.0 + part) ** 2
+
+
 @pytest.mark.parametrize(
-    ("caused", "moved", "most", "expected"),
+    ("caused", "moved", "state"),
     [
-        (2.0, 0.0, 0.0, 0.15 * 4.0 / 1.4),
-        (2.0, 0.3, 0.0, 0.0),  # a share of 0.15
-        (2.0, 0.6, 0.0, -0.6 / 1.4),
-        (2.0, 0.0, 1000.0, 0.6 / (1.0 + 0.1 * 950.0)),  # after a great motion
-        (10.0, -2.99, 0.0, 1.0),
-        (10.0, -3.01, 0.0, -1.0),  # a push that the drives balance
-        (10.0, 2.99, 0.0, -1.0),
-        (0.0, 3.01, 0.0, -1.0),
-        (0.0, 2.99, 0.0, 0.0),
+        (2.0, 0.0, {}),
+        (2.0, 0.6, {}),
+        (2.0, 0.6, {"before": 1.0}),  # what lasts from one reading to the next is no noise
+        (2.0, 0.6, {"before": -1.0}),
+        (2.0, 0.0, {"common": 1.0}),
+        (2.0, 0.0, {"common": -1.0}),  # nor what is in step with the drives, against them where they are late
+        (2.0, 0.0, {"caused": 300.0}),  # after a great motion
+        (10.0, 0.0, {"before": -2.0}),
+        (3.0, 3.0, {"before": 3.0}),
     ],
 )
-def test_evidence_of_an_old_image_by_call(caused, moved, most, expected):
-    watch = Watch(silent=(10.0, 0.0), caused=(most, 0.0))
+def test_evidence_of_an_old_image_by_call(caused, moved, state):
+    watch = Watch(silent=(5.0, 0.0), together=(6.0, 0.0), **{name: (value, 0.0) for name, value in state.items()})
+    common = state.get("common", 0.0) * (1.0 - 1.0 / W) + caused * moved / W
+    more = min(max(evidence(caused, common, state.get("before", 0.0) * moved, state.get("caused", 0.0)), -1.0), 1.0)
     moving(watch, caused, moved)
-    assert watch.state.silent[0] == pytest.approx(10.0 + expected, abs=1e-12)
-    assert watch.state.caused[0] == pytest.approx(max(caused**2, most * (1.0 - 1.0 / W)))
+    assert watch.state.silent[0] == pytest.approx(5.0 + more, abs=1e-12)
+    assert watch.state.together[0] == pytest.approx(6.0 + more, abs=1e-12)
+    assert watch.state.before[0] == pytest.approx(moved)
+    assert watch.state.common[0] == pytest.approx(common)
+    assert watch.state.caused[0] == pytest.approx(max(0.3 * caused**2, state.get("caused", 0.0) * (1.0 - 1.0 / W)))
     watch.settings.noise = TWO(-1.0, 0.1)  # below zero: not compared
     moving(watch, caused, moved)
-    assert watch.state.silent[0] == pytest.approx(10.0 + expected, abs=1e-12)
+    assert watch.state.silent[0] == pytest.approx(5.0 + more, abs=1e-12)
 
 
-@pytest.mark.parametrize(("before", "expected"), [(0.0, 0.0), (1.0, -0.6 / 1.4), (-1.0, 0.6 / 1.4)])
-def test_what_lasts_from_one_reading_to_the_next_is_no_noise(before, expected):
-    """Twice their product counts against an old image; here beside a share of 0.15, which counts nothing."""
-    watch = Watch(silent=(10.0, 0.0), before=(before, 0.0))
-    moving(watch, 2.0, 0.3)
-    assert watch.state.silent[0] == pytest.approx(10.0 + expected, abs=1e-12)
-    assert watch.state.before[0] == pytest.approx(0.3)
+@pytest.mark.parametrize(("start", "trip"), [(0.999, False), (1.001, True)])
+@pytest.mark.parametrize("kind", ["silent", "together"])
+def test_an_old_image_trips_by_a_reading_and_by_all_of_a_device(kind, start, trip):
+    more = evidence(3.0, 0.0, 0.0)
+    watch = Watch(**{kind: (start * (12.0 - more), 0.0)})
+    assert moving(watch, 3.0, 0.0).reason == (Trip.UNANSWERED if trip else Trip.NONE)
+    assert not trip or watch.state.suspect == 0
+    moving(watch, 10.0, 0.0, 60)
+    assert (watch.state.silent[0], watch.state.together[0]) == (12.0, 12.0)
+    moving(watch, 10.0, 10.0, 30)
+    assert (watch.state.silent[0], watch.state.together[0]) == (0.0, 0.0)
 
 
-def test_an_old_image_trips_after_two_windows_of_evidence():
+@pytest.mark.parametrize(("caused", "more"), [(2.999, False), (3.001, True)])
+def test_what_friction_may_hold_is_no_evidence(caused, more):
     watch = Watch()
-    assert moving(watch, 10.0, 0.0, 2 * W - 1).reason == Trip.NONE
-    assert (moving(watch, 10.0, 0.0).reason, watch.state.suspect) == (Trip.UNANSWERED, 0)
-    moving(watch, 10.0, 0.0, 5)
-    assert watch.state.silent[0] == 2 * W
-    moving(watch, 10.0, 10.0, 2 * W + 5)
-    assert watch.state.silent[0] == 0.0
+    watch.settings.hidden = TWO(9.0, 0.0)
+    moving(watch, caused, 0.0, 20)
+    assert (watch.state.silent[0] > 0.0) == more
+
+
+def test_a_reading_that_moves_does_not_hide_one_that_is_old():
+    watch = Watch()
+    watch.settings.sensor, watch.settings.cause = INTS(0, 0), INTS(-1, -1)
+    for _ in range(60):
+        watch.put(usual=(0.0, -10.0 * NOISE[1] / (1.0 - 2.0 / W)))
+        report = watch.judge(y=(0.0, 0.0), expected=(10.0 * NOISE[0], 10.0 * NOISE[1]))
+    assert report.reason == Trip.UNANSWERED
+    assert (watch.state.silent[1], watch.state.together[0]) == (0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -444,11 +468,12 @@ TRIPPED = {"tripped": Trip.AWAY, "trips": 1}
 )
 def test_a_trip_is_left_where_all_is_well(state, left):
     counts = dict.fromkeys(("swinging", "away", "implausible", "since"), 9)
-    watch = Watch(**{**TRIPPED, **counts, "silent": (9.0, 0.0), **state})
+    watch = Watch(**{**TRIPPED, **counts, "silent": (9.0, 0.0), "together": (9.0, 0.0), **state})
     assert watch.rearm() is left
     if left:
         after = watch.state
         assert (after.tripped, after.rung, after.since_rearmed, after.away, after.silent[0]) == (0, 2, 0, 0, 0.0)
+        assert after.together[0] == 0.0
         assert (after.swinging, after.implausible, after.since) == (0, 0, 0)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Scene
-from tests.identification_cases import LENGTH, ROD, STIFFNESS
+from tests.identification_cases import LENGTH, ROD, STIFFNESS, elastica, loaded_scene
 from tests.marks import few
 from tests.rods import rod_scene
 
@@ -55,6 +56,7 @@ class Releases:
             damping["initial.reached_by"] = "pulling"
         run = cg.simulate(scene.changed({"fidelity.family": "clothoid", **damping}))
         self.t, self.tip, self.scene, self.built = run.t[1:], run.tip[1:], scene, dict[Any, Problem]()
+        self.start = run.tip[0]
         self.unknowns = read_unknowns(scene, KNOWN)
         self.problem = self.build([(self.path(0.0), scene)], self.unknowns)
 
@@ -100,6 +102,72 @@ def test_noise_alone_makes_no_law_wrong(scene, noise, seeds):
 def test_other_laws_of_damping_are_named(scene, noise, damping, words):
     releases = Releases(scene, **damping)
     assert all(any(words in one for one in releases.doubts(noise, seed)) for seed in range(2))
+
+
+@pytest.mark.parametrize("noise", few([3e-4, 1e-4], 1))
+@pytest.mark.parametrize("scene", few([SLENDER, PRINTED], 1))
+@pytest.mark.parametrize(
+    ("rows", "shift", "words"),
+    [
+        (-1, 0.0, "rows of motions are late by 1"),
+        (1, 0.0, "rows of motions are late by -1"),
+        (0, 0.01, "positions are off along x by 0.01"),
+    ],
+)
+def test_rows_that_are_late_and_an_origin_elsewhere_are_named(scene, noise, rows, shift, words):
+    """Alone, and with their size, whatever the parameters took of it."""
+    releases = Releases(scene)
+    releases.tip = np.roll(releases.tip, -rows, axis=0) + np.array([shift, 0.0])
+    if rows < 0:
+        releases.tip[0] = releases.start
+    releases.t, releases.tip = releases.t[:-1], releases.tip[:-1]
+    releases.built.clear()
+    releases.problem = releases.build([(releases.path(0.0), scene)], releases.unknowns)
+    for seed in range(2):
+        (found,) = releases.doubts(noise, seed)
+        said, step, deviation = re.match(r"(.*) by (\S+) \+/- (\S+) ", found).groups()
+        meant, size = words.split(" by ")
+        assert said == meant
+        assert float(step) == pytest.approx(float(size), abs=max(4.0 * float(deviation), 0.1 * abs(float(size))))
+
+
+@pytest.mark.parametrize("seeds", few([3, 300], 1))
+@pytest.mark.parametrize("names", [KNOWN[:1], [KNOWN[0], "clamp_angle"]])
+def test_rows_and_origins_of_shapes_at_rest(names, seeds):
+    """Tips of the exact rod with noise of a millimeter: 1 % are doubted, and all of another row or origin."""
+    loads = np.linspace(0.0, 0.2, 8)
+    clean, scene = np.array([elastica(load)[:2] for load in loads]), loaded_scene(2)
+    poses = Poses([Reading("x", clean[:, 0]), Reading("y", clean[:, 1])], {"load_1_y": -loads})
+    built: dict[Any, Problem] = {}
+
+    def build(given, unknowns) -> Problem:
+        key = tuple(one.name for one in unknowns)
+        if key not in built:
+            built[key] = Problem([PosesBlock(scene, poses, unknowns)], unknowns, "squares")
+        return built[key]
+
+    problem = build(None, read_unknowns(scene, names))
+
+    def doubts(rows: np.ndarray, seed: int) -> list[str]:
+        problem.measured = (rows + 1e-3 * np.random.default_rng(seed).standard_normal(clean.shape)).ravel()
+        return doubts_of_laws(problem, problem.solve(lambda share: None), [(poses, scene)], build)
+
+    assert sum(bool(doubts(clean, seed)) for seed in range(seeds)) <= 0.01 * seeds
+    late, early = np.vstack([clean[:1], clean[:-1]]), np.vstack([clean[1:], clean[-1:]])
+    for seed in range(min(seeds, 20)):
+        for rows, words in (
+            (late, "those of the row before"),
+            (early, "those of the row behind"),
+            (clean + np.array([0.01, 0.0]), "off along x by 0.01"),
+            (clean + np.array([0.0, 0.01]), "off along"),  # what the stiffness takes of it may leave an error of x
+        ):
+            found, (meant, _, size) = doubts(rows, seed)[0], words.partition(" by ")
+            assert meant in found
+            if words == "off along":
+                continue
+            assert float(re.search(r"by (\S+) ", found)[1]) == pytest.approx(
+                float(size or 1.0), rel=0.35
+            )  # one step leads near
 
 
 @pytest.mark.parametrize(("share", "reported"), [(0.99, False), (1.01, True)])

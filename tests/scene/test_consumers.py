@@ -12,7 +12,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene.consumer import CONSUMERS, Consumer
 from continuum_grasp.scene.control import ControlScene
@@ -129,7 +129,7 @@ def ignored(walk: Walk, found: list[Place]) -> str:
             try:
                 if any(a != b for a, b in zip_longest(parts(walk.make(scene)), before)):
                     return ""
-            except SolverError:
+            except (NumericalError, SolverError):
                 return ""
             except InputError as error:
                 if error.key and error.key.split("[")[0] in key:
@@ -190,6 +190,7 @@ MUG, POST = "configs/simulate/close_on_mug.yaml", "configs/mpc/wrap_post.yaml"
     [
         ("object", lambda: solve_elastica(cg.load(MUG))),
         ("object", lambda: cg.accuracy_report(cg.load(MUG))),
+        ("finger.damping.friction_cells", lambda: cg.load(MUG, ["finger.damping.friction_cells=3"])),
         ("plant.noise", lambda: cg.load(POST, ["estimator=null", "plant.noise=2.0"])),
         ("plant.object_mass", lambda: PlantModel(cg.load(POST, ["plant.object_mass=1.1"]))),
     ],

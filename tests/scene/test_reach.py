@@ -95,3 +95,71 @@ def test_an_object_is_touched_as_far_as_its_outline_is_from_the_tip():
     with pytest.raises(InputError, match=r"reference.object_position: out of reach"):
         scene.changed({"reference.object_position": [x, y + 1.001 * reach]})
     scene.changed({"reference.object_position": [x, y + 0.999 * reach]})
+
+
+def test_fixed_objects_are_as_far_from_a_section_as_from_the_base_up_to_its_length():
+    """The distance from a disc of radius R at (a, 0) of a section s along the finger: |a| - R +- s."""
+    scene = cg.load(CONFIGS / "mpc" / "wrap_post.yaml")
+    (x, y), body = scene.finger.base.position, scene.object
+    apart = math.dist(body.position, (x, y)) - 0.5 * body.diameter
+    assert refused(scene, "gap", [apart + LENGTH]) == ("", "")
+    key, words = refused(scene, "gap", [apart + 1.001 * LENGTH])
+    assert key == "reference.gap"
+    assert f"{apart + LENGTH:.4g} m" in words
+    least = max(apart - LENGTH - scene.finger.thickness_radius, -2.0 * body.size - scene.finger.thickness_radius)
+    assert refused(scene, "gap", [0.999 * least]) == ("", "")
+    assert refused(scene, "gap", [1.001 * least])[0] == "reference.gap"
+
+
+def test_goals_that_pull_or_bend_too_far_are_refused():
+    scene = CONFIGS / "plan" / "close_on_mug.yaml"
+    with pytest.raises(InputError, match="contacts push") as caught:
+        cg.load(scene, ["grasp=null", "contacts=[0.1]", "goal.contact_force=[0.0, -1.0]"])
+    assert caught.value.key == "goal.contact_force"
+    with pytest.raises(InputError, match=r"expected -1\.2 to 1\.2 rad"):
+        cg.load(CONFIGS / "plan" / "tip_to_point.yaml", ["fidelity.bending_range=1.2", "goal={bending: [0.1, 1.3]}"])
+
+
+def refused(scene, name, row) -> tuple[str, str]:
+    """Key and message of a setpoint, both empty where it is taken."""
+    try:
+        scene.changed({f"reference.{name}": row})
+    except InputError as error:
+        return str(error.key), error.message
+    return "", ""
+
+
+@pytest.mark.parametrize(
+    ("file", "changes", "name", "least", "most"),
+    [
+        ("wrap_post", [], "contact_force", 0.0, math.inf),
+        ("turn_bar", [], "object_angle", -2.0 * math.pi, 2.0 * math.pi),
+        ("turn_bar", [], "gap", None, math.inf),
+        *[
+            (
+                "steady_tip",
+                [f"controller.cost={{{name}: 1.0, effort: 1.0}}", f"reference={{{name}: {row}}}"],
+                name,
+                a,
+                b,
+            )
+            for name, row, a, b in (("tip_angle", 0.1, -2.4, 2.4), ("bending", [0.1, 0.1], -1.2, 1.2))
+        ],
+    ],
+)
+def test_numbers_out_of_range_are_refused_with_it(file, changes, name, least, most):
+    """Angles of two elements of 1.2 rad about the base; whole turns of objects; contacts that pull."""
+    changes = [*changes, *(["fidelity.bending_range=1.2"] if file == "steady_tip" else [])]
+    scene = cg.load(CONFIGS / "mpc" / f"{file}.yaml", changes)
+    rest = [0.1] if name == "bending" else []
+    if least is None:
+        least = -2.0 * scene.object.size - scene.finger.thickness_radius
+    for limit, outward in ((least, -1.0), (most, 1.0)):
+        if math.isinf(limit):
+            assert refused(scene, name, [1e6]) == ("", "")
+            continue
+        size = 1e-3 * max(abs(limit), 1.0)
+        assert refused(scene, name, [limit - outward * size, *rest]) == ("", "")
+        key, words = refused(scene, name, [limit + outward * size, *rest])
+        assert key == f"reference.{name}"
+        assert f"{limit:.4g}" in words

@@ -20,14 +20,11 @@
 
 #define SUPERVISOR_ECHO 0.15    /* mean product of successive normalized innovations of a drive: -0.2 where it is known, 0.2 to
                                    0.45 of a loop that swings by 9 to 15 mm with an unknown delay of three periods */
-#define SUPERVISOR_ANSWER 0.15  /* share of the motion that drives cause in a reading: 0.5 in noise at rest and on a finger of
-                                   twice the stiffness, within 0.01 of zero in an old image */
-#define SUPERVISOR_LASTING 2.0  /* weight of the product of successive readings, which is none of noise: by it, drives three and
-                                   four times as slow as stated, whose answer comes too late to be in step, trip nothing */
-#define SUPERVISOR_UNSURE 0.1   /* variance of that motion, per the greatest lately: what is left of a great one is wrong, and the
-                                   evidence that a nominal loop gathers falls from 58 to 14 calls */
-#define SUPERVISOR_MOVED 9.0    /* mean squared motion of a reading, in variances, that is none of an old image, even with twice
-                                   the noise: a push from outside moves it so, though the command then holds it */
+#define SUPERVISOR_ANSWER 0.15  /* mean product of successive readings of a live image, per squared motion that drives cause: half
+                                   of it where friction of three times the model's holds the finger, 0.3 to 1 else */
+#define SUPERVISOR_EVIDENCE 12.0        /* log-likelihood ratio that an image is old: 1 in 160,000; greatest of 17,000 calls of
+                                   loops with every kind of wrong plant 8.4. A tip that friction of 0.3 holds, of which the
+                                   model has none, reaches it once in 13,000 calls */
 
 /* Count the calls in a row for which a condition holds, up to `most`; whether it has held for that many. */
 static int supervisor_lasted(int *count, int condition, int most)
@@ -82,38 +79,39 @@ static int supervisor_blind(supervisor_state *state, const supervisor_settings *
   return lost || (frozen && state->unseen >= o->window + o->window / 2);
 }
 
-/* Gather the evidence that a device shows an old image, which is whether it has for two windows: by log-likelihood, call by
- * call, that its readings are noise alone rather than noise and a share of the motion that drives cause, both about slow
- * means, or any motion that lasts (CUSUM, E. S. Page, doi:10.2307/2333009). No call counts more than one, and nothing counts
- * below none, so that neither a great motion nor a long past one decides. */
+/* Gather the evidence that a device shows an old image, in one of its readings or in all together; whether it suffices. By
+ * log-likelihood, call by call (CUSUM, E. S. Page, doi:10.2307/2333009): noise alone has no product of successive readings
+ * and no mean product with the motion that drives cause, both about slow means; a live image, however late or stiff, has
+ * one of them, a share of that motion's square. The weight is that of a known square in white noise; by the greatest lately,
+ * since what is left of a great motion is wrong. No call counts more than one, nothing counts below none. */
 static int supervisor_silent(supervisor_state *state, const supervisor_settings *o, const supervisor_evidence *seen,
                              int sensor)
 {
-  real caused = 0, moved = 0, common = 0, lasting = 0, rows = 0;
-  real *most = &state->caused[sensor], *silent = &state->silent[sensor];
+  const real enough = (real)SUPERVISOR_EVIDENCE;
+  real together = 0, most = 0;
   for (int j = 0; j < CONTROLLER_NM; ++j) {
     if (o->sensor[j] != sensor || o->noise[j] < 0 || (seen->verdict[j] != CG_USED && seen->verdict[j] != CG_REOPENED)) continue;
     if (!state->calls) state->usual[j] = seen->y[j];
     /* over half a window, as in ekf_settings.fade */
     state->usual[j] += 2 * (seen->y[j] - state->usual[j]) / (real)o->window;
     const real by_drives = seen->expected[j] / o->noise[j], by_all = (seen->y[j] - state->usual[j]) / o->noise[j];
-    caused += by_drives * by_drives;
-    moved += by_all * by_all;
-    common += by_drives * by_all;
-    lasting += state->before[j] * by_all;
+    const real beyond = by_drives * by_drives - o->hidden[j], lasting = state->before[j] * by_all;
+    const real share = beyond > 0 ? (real)SUPERVISOR_ANSWER * beyond : 0;
     state->before[j] = by_all;
-    ++rows;
+    supervisor_mean(o, &state->common[j], by_drives * by_all);
+    supervisor_mean(o, &state->caused[j], 0);
+    if (state->caused[j] < 2 * share) state->caused[j] = 2 * share;
+    const real common = state->common[j] < 0 ? -state->common[j] : state->common[j], scale = 1 + state->caused[j];
+    real more = (share - common - lasting) * state->caused[j] / (scale * scale);
+    cg_limit(&more, -1, 1);
+    state->silent[j] += more;
+    cg_limit(&state->silent[j], 0, enough);
+    if (most < state->silent[j]) most = state->silent[j];
+    together += more;
   }
-  if (rows > 0) {
-    *most -= *most / (real)o->window;
-    if (*most < caused / rows) *most = caused / rows;
-    const real alive = common + (real)SUPERVISOR_LASTING * lasting;
-    real more = ((real)SUPERVISOR_ANSWER * caused - alive) / rows / (1 + (real)SUPERVISOR_UNSURE * *most);
-    cg_limit(&more, -1, moved > (real)SUPERVISOR_MOVED * rows ? -1 : 1);
-    *silent += more;
-    cg_limit(silent, 0, (real)(2 * o->window));
-  }
-  return *silent >= (real)(2 * o->window);
+  state->together[sensor] += together;
+  cg_limit(&state->together[sensor], 0, enough);
+  return most >= enough || state->together[sensor] >= enough;
 }
 
 /* Means over a window, and the device that contradicts most. */
@@ -232,6 +230,7 @@ int supervisor_rearm(supervisor_state *state, const supervisor_settings *o)
   state->tripped = state->swinging = state->contradicted = state->away = state->since = state->calm = 0;
   state->implausible = 0;
   memset(state->silent, 0, sizeof state->silent);
+  memset(state->together, 0, sizeof state->together);
   state->since_rearmed = 0;
   state->rung = o->rungs;
   return 1;

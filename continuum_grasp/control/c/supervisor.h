@@ -57,6 +57,7 @@ typedef struct {
   int cause[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* entry of the command that moves a measurement; -1: all */
   real still[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* a reading that moves by no more is at rest; below 0: not tested */
   real noise[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* standard deviation of a reading; below 0: not compared with drives */
+  real hidden[SUPERVISOR_SIZE(CONTROLLER_NM)];  /* squared motion by drives that friction may hold, in variances of a reading */
   real change[RTI_NU];        /* of the command per call at activity 1 */
   int tip, setpoint;          /* first of two measurements and of two setpoints of the tip; -1: none */
   real far;                   /* distance from the setpoint beyond which a tip is away [m] */
@@ -70,8 +71,10 @@ typedef struct {
   real echo[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* of drives, over five windows */
   real usual[SUPERVISOR_SIZE(CONTROLLER_NM)];   /* slow means of readings */
   real before[SUPERVISOR_SIZE(CONTROLLER_NM)];  /* last readings about them, in standard deviations */
-  /* of devices that show the shape: greatest squared motion that drives cause lately, evidence of an old image in calls */
-  real caused[SUPERVISOR_SIZE(CONTROLLER_NS)], silent[SUPERVISOR_SIZE(CONTROLLER_NS)];
+  /* of devices that show the shape: mean product with the motion that drives cause, greatest square of it lately as far as a
+   * live image shows it, evidence of an old image [log-likelihood] in each reading and in all of a device */
+  real common[SUPERVISOR_SIZE(CONTROLLER_NM)], caused[SUPERVISOR_SIZE(CONTROLLER_NM)];
+  real silent[SUPERVISOR_SIZE(CONTROLLER_NM)], together[SUPERVISOR_SIZE(CONTROLLER_NS)];
   int calls;                  /* since the start, up to `delay` */
   int rung, raises;           /* fourfold raises of the weight now, and ever */
   int since;                  /* calls since the last change of the rung */
