@@ -45,7 +45,7 @@ FAULTS: tuple[Fault, ...] = (
     # scene
     *_in(
         "scene/profile.py",
-        ("total += 0.5 * (b - a)", "total += 0.505 * (b - a)"),
+        ("values = half * _WEIGHTS * density(s)", "values = 1.01 * half * _WEIGHTS * density(s)"),
         tests="scene/test_graded_rods.py model/test_graded.py",
     ),
     *_in(
@@ -350,7 +350,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "closed_loop/plant_model.py",
-        ("compliance = 0.5 * (b - a)", "compliance = 0.505 * (b - a)"),
+        ("lambda s: 1.0 / finger.profile.bending_stiffness(s)", "lambda s: 1.01 / finger.profile.bending_stiffness(s)"),
         tests="closed_loop",
     ),
     *_in(

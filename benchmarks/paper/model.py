@@ -15,6 +15,7 @@ from benchmarks.paper.slips import DYNAMIC, AsPrinted
 from benchmarks.paper.two_arcs import Terms, TwoArcs
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.acting import Acting
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
 from continuum_grasp.model.structure import Structure
@@ -177,15 +178,14 @@ class _PaperEquations(Equations):
         force = self.terms.contact_jacobian.T @ at_contact + self.terms.tip_jacobian.T @ at_tip
         return [force[i] for i in (0, 1)]
 
-    @cached_property
-    def net_force(self) -> list[Scalar]:
+    def net_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
         """M qdd, (43)."""
         if self._variant in _APPENDIX:
             reading = _APPENDIX[self._variant]
             _, outer = appendix.right_hand_side(self.arcs, self.theta, self.qd, *self.point_forces, reading)
         else:
             outer = ca.vertcat(*self.external_force) - self.terms.bias - self.terms.gravity
-        return [outer[i] + self.moving.actuation[i] - self.elastic[i] - self.damping[i] for i in (0, 1)]
+        return [outer[i] + acting.actuation[i] - self.elastic[i] - self.damping[i] for i in (0, 1)]
 
     @cached_property
     def kinetic_energy(self) -> Scalar:

@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.chain import Place
-from continuum_grasp.scene.families import ONE_TURN
+from continuum_grasp.scene.families import DEFAULT_RANGE, ONE_TURN
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
 from continuum_grasp.scene.profile import Profile
 
-DEFAULT_RANGE = 2 * math.pi / 3
-"""Bending range of one element by default [rad]; equation (44) of the paper."""
 WHOLE_RANGE = 8 * math.pi / 3
 """Bending range by default of all elements together [rad]: twice 240 degrees, from five elements on below that of one.
 With 32 elements it saves two of eight quadrature nodes."""

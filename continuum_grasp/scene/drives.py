@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import Consumer, excludes, needs
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Extent, NonNegative, Positive, TimeConstant, Value
 
@@ -20,8 +21,17 @@ COMMANDS = {
 """Name and unit of what a finger takes, by its key in ``actuation``."""
 
 
+_AT = "finger.tendons.drive"
+_SERVO = "has no effect: under position_gain the input is an angle"
+_ONE_FLANK = "has no effect per_tendon: a tendon loads one flank alone; see slack"
+
+
 class _Winch(Value):
     """What winches have in common."""
+
+    REFUSALS: ClassVar[tuple[Consumer, ...]] = (
+        excludes("drives", "slack", "pretension", "and pretension exclude each other", _AT),
+    )
 
     arrangement: Literal["one_pulley", "per_tendon"] = "per_tendon"
     """one_pulley: one drive winds up the first of two tendons by as much as it pays out the second; per_tendon: each
@@ -30,10 +40,6 @@ class _Winch(Value):
     """Tension of the straight finger while the drives are at zero [N]."""
     slack: Distance = 0.0
     """How far a drive must wind up until its tendon is taut on the straight finger [m]."""
-
-    def _check(self) -> None:
-        if self.pretension > 0.0 and self.slack > 0.0:
-            raise ValueError("pretension and slack exclude each other")
 
 
 class LengthDrive(_Winch):
@@ -65,6 +71,15 @@ class LengthDrive(_Winch):
 class MotorDrive(_Winch):
     """A motor that turns a winch."""
 
+    REFUSALS = (
+        needs("drives", "presliding_angle", "coulomb_friction", at=_AT),
+        excludes("drives", "torque_constant", "position_gain", _SERVO, _AT),
+        needs("drives", "rate_gain", "position_gain", at=_AT),
+        needs("drives", "backlash", "gear_stiffness", at=_AT),
+        needs("drives", "gear_stiffness", "backlash", at=_AT),
+        excludes("drives", "backlash", "arrangement=per_tendon", _ONE_FLANK, _AT),
+    )
+
     kind: Literal["motor"]
     """A motor under a commanded torque, current or angle."""
     winch_radius: Annotated[Extent, Field(examples=[0.008, "8 mm"])]
@@ -93,21 +108,6 @@ class MotorDrive(_Winch):
     """Play of the gear, as an angle of the drum from flank to flank [rad]; of one_pulley."""
     gear_stiffness: Annotated[Positive, Field(examples=[20.0]), Unit("N m/rad")] | None = None
     """Stiffness of the gear at the drum [N m/rad]; needed for backlash, without it a part of ``series_stiffness``."""
-
-    def _check(self) -> None:
-        if self.presliding_angle is not None and self.coulomb_friction == 0.0:
-            raise ValueError("presliding_angle has no effect without coulomb_friction")
-        if self.position_gain is not None and self.torque_constant is not None:
-            raise ValueError("torque_constant has no effect: under position_gain the input is an angle")
-        if self.rate_gain > 0.0 and self.position_gain is None:
-            raise ValueError("rate_gain needs position_gain")
-        self._check_backlash()
-
-    def _check_backlash(self) -> None:
-        if (self.backlash > 0.0) != (self.gear_stiffness is not None):
-            raise ValueError("backlash and gear_stiffness need each other")
-        if self.backlash > 0.0 and self.arrangement == "per_tendon":
-            raise ValueError("backlash has no effect per_tendon: a tendon loads one flank alone; see slack")
 
     @property
     def key(self) -> str:

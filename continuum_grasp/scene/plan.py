@@ -12,7 +12,7 @@ from continuum_grasp.scene.controller import Bounds, CommandedScene, InputLimits
 from continuum_grasp.scene.cost import Cost, Reference, Row
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.reach import check_reach, check_references, ranges_of_model
+from continuum_grasp.scene.reach import check_reach, check_references, stated_ranges
 from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.surroundings import ContactLaw
@@ -126,8 +126,13 @@ class PlanBounds(Bounds):
     is hardly defined; on one pulley the bend decides."""
 
 
+_CONVEX = "needs gauss_newton for method: sqp, since its QPs have to be convex"
+
+
 class PlanSolver(SolverOptions):
     """The solver, and what it is given."""
+
+    REFUSALS = (beside("plan by sqp", lambda solver: solver.method == "sqp", "hessian=exact", _CONVEX, "solver"),)
 
     hessian: Literal["exact", "gauss_newton"] = "exact"
     """gauss_newton: without the curvature of the motion and of the bounds."""
@@ -177,7 +182,6 @@ _STATELESS = (
     "plans need friction that is a smooth function of the speed of slip: give slip_speed (0.01 m/s, for example), or "
     "friction: 0; check.contact_law may be another one"
 )
-_CONVEX = "needs gauss_newton for method: sqp, since its QPs have to be convex"
 _GIVEN = "needs a duration that is given"
 _COLLOCATION = "solver.points solver.degree"
 _ITS_OWN = "has no effect on method: single_shooting, which has its own; leave it out"
@@ -194,7 +198,6 @@ _PLANS = (
         "contact_law",
         _STATELESS,
     ),
-    beside("plan by sqp", lambda s: s.solver.method == "sqp", "solver.hessian=exact", _CONVEX),
     beside("plan of a free duration", lambda s: isinstance(s.duration, DurationRange), "loads.force.times", _GIVEN),
     beside("plan by collocation", lambda s: s.transcription == "collocation", "solver.substeps", "is of shooting"),
     beside("plan by shooting", lambda s: s.transcription != "collocation", _COLLOCATION, "is of method: collocation"),
@@ -263,7 +266,7 @@ class PlanScene(CommandedScene):
                 "goal",
                 goal.targets,
                 () if goal.shape is None else goal.shape.at,
-                ranges=ranges_of_model(self),
+                ranges=stated_ranges(self),
             )
         anything = (goal.tip, goal.bending, goal.shape, goal.contact_force, goal.input, self.grasp)
         if self.objective != "tracking" and all(aim is None for aim in anything):

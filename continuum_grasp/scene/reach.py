@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.cost import CircleReference, Cost
+from continuum_grasp.scene.families import DEFAULT_RANGE
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.value import doubt
@@ -26,7 +27,7 @@ def check_reach(
     given: Mapping[str, Any],
     at: Sequence[float] = (),
     body: GraspObject | None = None,
-    ranges: Sequence[float] | Callable[[], Sequence[float]] = (),
+    ranges: Sequence[float] = (),
     touching: Sequence[float] = (),
     moves: bool = True,
 ) -> None:
@@ -48,8 +49,8 @@ def check_reach(
         Positions along the finger of the points of ``shape`` [m].
     body : GraspObject, optional
         The object that is to be touched.
-    ranges : sequence of float or callable
-        Bending range of each element of the model [rad], or what finds them; without these, angles are not compared.
+    ranges : sequence of float
+        Bending range of each element [rad]; without these, angles are not compared.
     touching : sequence of float
         Positions along the finger of the places of ``gap`` [m].
     moves : bool
@@ -67,8 +68,6 @@ def check_reach(
     limits: dict[str, tuple[str, str, Iterable[tuple[float, float]]]] = {
         "contact_force": ("N", "contacts push", itertools.repeat((0.0, math.inf))),
     }
-    if callable(ranges):
-        ranges = ranges() if given.get("bending") is not None or given.get("tip_angle") is not None else ()
     if ranges:
         bent, whole = "the bending range of the model, fidelity.bending_range", sum(ranges)
         limits["bending"] = "rad", bent, [(-one, one) for one in ranges]
@@ -108,19 +107,17 @@ def check_references(scene: Any, cost: Cost, moves: bool = False) -> None:
     places = dict(zip(scene.contact_names, (*scene.contacts, scene.finger.rod.length), strict=True))
     gaps = [places[name] for name in cost.tracked_gaps(scene.contact_names) if name in places]
     at = () if cost.shape is None else cost.shape.at
-    check_reach(scene.finger, "reference", dict(scene.reference), at, scene.object, ranges_of_model(scene), gaps, moves)
+    check_reach(scene.finger, "reference", dict(scene.reference), at, scene.object, stated_ranges(scene), gaps, moves)
 
 
-def ranges_of_model(scene: FingerScene) -> Callable[[], tuple[float, ...]]:
-    """What finds the bending range of each element of the model that a scene gets [rad]."""
-
-    def found() -> tuple[float, ...]:
-        from continuum_grasp.model.structure import Structure  # builds on scenes
-
-        asked = {key: getattr(scene.fidelity, key) for key in ("family", "elements", "bending_range")}
-        return Structure(scene.finger, {"contacts": scene.contacts, **asked}).ranges  # type: ignore[typeddict-item]
-
-    return found
+def stated_ranges(scene: FingerScene) -> list[float]:
+    """Greatest bending range of each element of a scene [rad]; none where it does not say how many there are, or
+    where stops are what limits them.
+    """
+    elements, reach = scene.fidelity.elements, scene.fidelity.bending_range
+    if elements is None or (reach is None and scene.finger.stops is not None):
+        return []
+    return [DEFAULT_RANGE if reach is None else reach] * (elements if isinstance(elements, int) else len(elements))
 
 
 def _rows(key: str, value: Any) -> Iterator[tuple[str, Sequence[float]]]:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, field_validator
 
-from continuum_grasp.scene.drives import LengthDrive, MotorDrive, WinchDrive
+from continuum_grasp.scene.consumer import excludes, needs
+from continuum_grasp.scene.drives import WinchDrive
 from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Friction, Length, NonNegative, Positive, TimeConstant, Value
@@ -27,8 +28,20 @@ _LEAST_OFFSET = 1e-6
 Offset = Annotated[float, Field(ge=-1e4, le=1e4), Unit("m")]
 
 
+_AT, _COMMANDED = "finger.tendons", "has no effect where the tension is commanded: give a drive"
+
+
 class _Tensions(Value):
     """What one tendon's drive and guides are."""
+
+    REFUSALS = (
+        needs("finger", "axial_stiffness series_stiffness", "drive", _COMMANDED, _AT),
+        needs("finger", "conduit_bend", "friction", at=_AT),
+        excludes(
+            "finger", "min_tension", "drive", "must be zero: drives cannot maintain it; see drive.pretension", _AT
+        ),
+        excludes("finger", "time_constant", "drive", "is that of commanded tensions: leave it out", _AT),
+    )
 
     min_tension: Annotated[NonNegative, Unit("N")] = 0.0
     """Least tension [N]."""
@@ -64,31 +77,14 @@ class _Tensions(Value):
         return given
 
     def _check(self) -> None:
-        if self.drive is None:
+        if self.drive is not None:
             for key in ("axial_stiffness", "series_stiffness"):
-                if getattr(self, key) is not None:
-                    raise ValueError(f"{key} has no effect where the tension is commanded: give a drive")
-        else:
-            self._check_drive(self.drive)
+                if getattr(self, key) is None:
+                    raise ValueError(
+                        f"{key} is needed: under drive.kind: {self.drive.kind} the tension follows from it"
+                    )
         if self.min_tension >= self.max_tension:
             raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
-        if self.conduit_bend > 0.0 and self.friction == 0.0:
-            raise ValueError("conduit_bend has no effect without friction")
-
-    def _check_drive(self, drive: LengthDrive | MotorDrive) -> None:
-        for key in ("axial_stiffness", "series_stiffness"):
-            if getattr(self, key) is None:
-                raise ValueError(f"{key} is needed: under drive.kind: {drive.kind} the tension follows from it")
-        if self.min_tension > 0.0:
-            raise ValueError(
-                f"min_tension must be zero under drive.kind: {drive.kind}, which cannot maintain one; see "
-                "drive.pretension"
-            )
-        if self.time_constant is not None:
-            raise ValueError(
-                f"time_constant is that of commanded tensions; under drive.kind: {drive.kind} leave it out"
-                + ("" if isinstance(drive, MotorDrive) else ", drive has its own")
-            )
 
 
 class Tendons(_Tensions):

@@ -172,7 +172,7 @@ def test_a_slip_speed_needs_no_state(speed, share):
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"presliding": 1e-4, "slip_speed": 1e-3}, "exclude each other"),
+        ({"presliding": 1e-4, "slip_speed": 1e-3}, "no effect beside slip_speed"),
         ({"stiffness": 0.0}, "stiffness"),
         ({"friction": -0.1}, "friction"),
         ({"rounding": 0.0}, "rounding"),
