@@ -65,11 +65,8 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "scene/drives.py",
-        (
-            "if self.rate_gain > 0.0 and self.position_gain is None:",
-            "if self.rate_gain >= 0.0 and self.position_gain is None:",
-        ),
-        tests="scene",
+        ('excludes("drives", "slack", "pretension"', 'needs("drives", "slack", "pretension"'),
+        tests="scene simulation/test_winches.py",
     ),
     *_in(
         "scene/simulate.py",

@@ -24,7 +24,7 @@
                                    of it where friction of three times the model's holds the finger, 0.3 to 1 else */
 #define SUPERVISOR_EVIDENCE 12.0        /* log-likelihood ratio that an image is old: 1 in 160,000; greatest of 17,000 calls of
                                    loops with every kind of wrong plant 8.4. A tip that friction of 0.3 holds, of which the
-                                   model has none, reaches it once in 13,000 calls */
+                                   model has none, reached it once in 6,790 calls */
 
 /* Count the calls in a row for which a condition holds, up to `most`; whether it has held for that many. */
 static int supervisor_lasted(int *count, int condition, int most)
