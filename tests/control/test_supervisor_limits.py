@@ -363,11 +363,11 @@ def test_evidence_of_an_old_image_by_call(caused, moved, state):
 @pytest.mark.parametrize("kind", ["silent", "together"])
 def test_an_old_image_trips_by_a_reading_and_by_all_of_a_device(kind, start, trip):
     more = evidence(3.0, 0.0, 0.0)
-    watch = Watch(**{kind: (start * (12.0 - more), 0.0)})
+    watch = Watch(**{kind: (start * (20.0 - more), 0.0)})
     assert moving(watch, 3.0, 0.0).reason == (Trip.UNANSWERED if trip else Trip.NONE)
     assert not trip or watch.state.suspect == 0
     moving(watch, 10.0, 0.0, 60)
-    assert (watch.state.silent[0], watch.state.together[0]) == (12.0, 12.0)
+    assert (watch.state.silent[0], watch.state.together[0]) == (20.0, 20.0)
     moving(watch, 10.0, 10.0, 30)
     assert (watch.state.silent[0], watch.state.together[0]) == (0.0, 0.0)
 

@@ -22,9 +22,9 @@
                                    0.45 of a loop that swings by 9 to 15 mm with an unknown delay of three periods */
 #define SUPERVISOR_ANSWER 0.15  /* mean product of successive readings of a live image, per squared motion that drives cause: half
                                    of it where friction of three times the model's holds the finger, 0.3 to 1 else */
-#define SUPERVISOR_EVIDENCE 12.0        /* log-likelihood ratio that an image is old: 1 in 160,000; greatest of 17,000 calls of
-                                   loops with every kind of wrong plant 8.4. A tip that friction of 0.3 holds, of which the
-                                   model has none, reached it once in 6,790 calls */
+#define SUPERVISOR_EVIDENCE 20.0        /* log-likelihood ratio that an image is old: of three million calls of loops whose
+                                   fingers are stiffer or softer by a fifth none reaches it, and 16 every 180,000th of a
+                                   nitinol rod's. A tip that friction of 0.3 holds, of which the model has none, may */
 
 /* Count the calls in a row for which a condition holds, up to `most`; whether it has held for that many. */
 static int supervisor_lasted(int *count, int condition, int most)
