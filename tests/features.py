@@ -20,6 +20,7 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.identification import Poses, Reading
 from continuum_grasp.identification.fitting import _block
 from continuum_grasp.identification.unknowns import read_unknowns
+from continuum_grasp.planning.search import Search
 from continuum_grasp.scene.consumer import CONSUMERS
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.grasp import GraspScene
@@ -232,7 +233,7 @@ def _problem(scene: GraspScene) -> Iterator[object]:
 
 def _fit(scene: Scene) -> Iterator[object]:
     """What identification predicts of poses."""
-    whole = IdentifyScene.model_validate({**dict(scene), "estimate": [{"name": "bending_stiffness"}]})
+    whole = IdentifyScene(**{**dict(scene), "estimate": [{"name": "bending_stiffness"}]})
     given = {name.partition(" ")[0]: np.full(2, 1e-3) for name in scene.finger.input_labels}
     poses = Poses([Reading("bend", [0.3, 0.6])], given)
     yield _block(whole, poses, read_unknowns(whole, whole.estimate)).predict(np.ones(1))
@@ -252,6 +253,11 @@ def _compared(scene: Scene) -> Iterator[object]:
 
 def _motion(scene: Scene) -> Iterator[object]:
     yield cg.simulate(scene).x
+
+
+def _sought(scene: PlanScene) -> Iterator[object]:
+    """What a plan begins from; of one with an object by collocation, without sub-steps that follow its contacts."""
+    yield Search(scene if scene.object is None else scene.changed({"method": "collocation"})).x0
 
 
 def _resolved(make: Callable[[Any], Iterator[object]]) -> Callable[[Any], Iterator[object]]:
@@ -294,7 +300,7 @@ VERBS = (
     ),
     _verb("mpc --compare", ControlScene, products.converged, "mpc --compare, NMPC to convergence"),
     _verb("environments", ControlScene, products.lanes, "environments"),
-    _verb("plan", PlanScene, products.search),
+    _verb("plan", PlanScene, _sought),
     _verb("grasp, sweep, design", GraspScene, _problem),
     _verb("mission", MissionScene, products.carried_out),
 )
