@@ -51,9 +51,9 @@ def test_every_command_runs(after_all_commands):
             1,
             "touch",
             "finger_model m; finger_state s = {0}; finger_input u = {0}; finger_init(&m); "
-            "return !(tip_force(&m, &s, &u, 0.18, 0.04) > 0) || tip_force(&m, &s, &u, 1, 1) != 0;",
+            "return !(tip_force(&m, &s, &u, 0.18, 0.04) > 0) || tip_force(&m, &s, &u, 0.4, 0.4) != 0;",
         ),
-        (2, "control", "return loop_start() < 0 || loop_tick(-0.02f, 0.177f) != 0;"),
+        (3, "control", "return loop_start() < 0 || loop_tick(-0.02f, 0.177f) != 0;"),
     ],
 )
 def test_its_c_compiles_and_runs(k, name, main, after_all_commands, tmp_path):

@@ -33,7 +33,7 @@ _UNIT = Consumer(
         **LIMITS_OF_BENDING,
         **{f"actuation.tensions.{key}": _START for key in ("times", "interpolation")},
         **dict.fromkeys(("loads.force.times", "reference", "plant.seed"), _START),
-        "time.space_error": "of simulate",
+        **dict.fromkeys(("time.space_error", "time.method", "time.tolerance"), "of simulate"),
         "finger.tendons.min_tension": "a limit of commands: tensions from zero on are taken",
         "controller.deadline": "the caller has the clock, and says whether the last command was late",
     },
