@@ -78,6 +78,15 @@ def test_distances_are_those_of_sampled_outlines(way, shape):
     assert task.rough_distance(np.array([task.frame.point(0j)]))[0] < 0.0
 
 
+def test_a_process_that_had_no_compiler_for_a_while_has_one_again(monkeypatch):
+    if kernel.library() is None:
+        pytest.skip("no C compiler")
+    with monkeypatch.context() as without_compiler:
+        without_compiler.setenv("CC", "")
+        assert kernel.library() is None
+    assert kernel.library() is not None
+
+
 @pytest.mark.parametrize("shape", SHAPES)
 def test_compiled_distances_are_those_of_numpy(monkeypatch, shape):
     if kernel.library() is None:

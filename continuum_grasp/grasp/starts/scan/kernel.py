@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -16,9 +17,14 @@ from continuum_grasp.core.compiler import CompileError, find_compiler
 Array = NDArray[Any]
 
 
-@cache
 def library() -> ctypes.CDLL | None:
     """The library, compiled unless it is in the cache; None where that cannot be."""
+    # A process that had no compiler for a while, or another one, is not bound to what it had then.
+    return _library(os.environ.get("CC"), os.environ.get("PATH"))
+
+
+@cache
+def _library(_named: str | None, _path: str | None) -> ctypes.CDLL | None:
     compiler = find_compiler()
     if compiler is None:
         return None
