@@ -77,6 +77,7 @@ PLACES = {
     "Softening": "finger.softening.",
     "PointMass": "finger.masses.",
     "Tendons": "finger.tendons.",
+    "Chamber": "finger.pressure.",
     "LengthDrive": "finger.tendons.drive.",
     "MotorDrive": "finger.tendons.drive.",
     "BasePose": "finger.base.",
@@ -95,7 +96,8 @@ ELSEWHERE = {"RodSection", "RodSamples", "SpiRob", "RodFactors", "Tendon", "Stop
 """Classes whose keys are in the part of docs/configurations.md on fingers that are not uniform."""
 WRITTEN = {"LearnedResidual", "ResidualTraining"}
 """Classes of files that the package writes."""
-NESTED = {"finger.rod", "finger.damping", "finger.masses", "finger.tendons", "finger.base", "contact_law", "table"}
+NESTED = {"finger.rod", "finger.damping", "finger.masses", "finger.base", "contact_law", "table"}
+NESTED |= {"finger.tendons", "finger.pressure"}
 """Keys that the page has with those below them."""
 
 

@@ -59,6 +59,18 @@ SCENES = {
         finger={"rest_curvature": BENT},
         loads=[force(1.0, (0.05, -0.1))],
     ),
+    "chambers inside": rod_scene(
+        RODS["step"],
+        gravity=ACROSS,
+        finger={
+            "tendons": None,
+            "pressure": [
+                {"area": 1e-4, "offset": -0.02, "max_pressure": 1e6, "start": 0.2, "to": 0.75, "stiffness_share": 0.3},
+                {"area": 1e-4, "offset": -0.02, "max_pressure": 1e6, "contracts": True, "to": 0.5},
+            ],
+        },
+        actuation={"pressures": [6e5, 2e5]},
+    ),
     "fifty notches": rod_scene(MANY_STEPS, gravity=ACROSS, loads=[force(1.0, (0.0, 0.5))]),
 }
 

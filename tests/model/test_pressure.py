@@ -1,4 +1,4 @@
-"""Pressure chambers: closed forms at rest and of the lag, virtual work, mirror images, beside tendons, and by others."""
+"""Pressure chambers: closed forms at rest and of the lag, virtual work, mirror images, and beside tendons."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
 from continuum_grasp import FingerModel
 from continuum_grasp.errors import InputError
+from continuum_grasp.identification import TipPath
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.signals import Signals
+from tests.export_cases import needs, shared_library
 
 LENGTH, STIFFNESS = 0.12, 1.5e-3
 ROD = {"length": LENGTH, "bending_stiffness": STIFFNESS, "linear_density": 0.17}
@@ -123,7 +127,10 @@ def test_pressure_does_the_work_that_becomes_energy(family):
     found = cg.simulate(made)
     after = found.t >= 0.04
     turn = np.array(
-        [np.sum(np.array(found.model.bending(q, u, found.model.p_nominal))) for q, u in zip(found.q, found.u)]
+        [
+            np.sum(np.array(found.model.bending(q, u, found.model.p_nominal)))
+            for q, u in zip(found.q, found.u, strict=True)
+        ]
     )
     balance = (found.kinetic + found.potential - 2e4 * PER_PASCAL * turn)[after]
     assert np.ptp(balance) < 1e-6 * found.kinetic.max()
@@ -142,17 +149,84 @@ def test_the_exact_rod_agrees():
     assert solve_elastica(made).tip == pytest.approx(found.tip, abs=5e-6 * LENGTH)
 
 
+def test_area_and_lag_are_found_from_a_motion():
+    # The data are those of one mode's equation of motion, integrated by scipy: a finger of one arc whose tip is light.
+    made = scene(
+        {**CHAMBER, "time_constant": 0.05},
+        family="arc",
+        **{"fidelity.elements": 1, "finger.masses": [], "time": {"duration": 0.6, "step": 0.01}},
+        actuation={"pressures": [{"times": [0.0, 0.05, 0.3, 0.35], "values": [0.0, 4e4, 4e4, 1e4]}]},
+    )
+    model, signals = FingerModel(made), Signals(made, FingerModel(made))
+    t = np.linspace(0.0, 0.6, 61)
+
+    def rate(now, y):
+        # 30 % more area and 40 % more lag than the scene has.
+        bend, turning, pressure = y
+        moment = 1.3 * PER_PASCAL * pressure - STIFFNESS / LENGTH * bend - 4e-5 / LENGTH * turning
+        q, rest = np.array([bend]), (np.zeros(model.nu), model.p_nominal)
+        bias = float(model.bias(q, np.array([turning]), *rest))
+        pull = (float(signals.u(now)[0][0]) - pressure) / (1.4 * 0.05)
+        return [turning, (moment - bias) / float(model.mass_matrix(q, *rest)), pull]
+
+    bend = solve_ivp(rate, (0.0, 0.6), [0.0] * 3, t_eval=t, rtol=1e-9, atol=1e-9, max_step=0.01).y[0][1:]
+    x, y = -LENGTH * (1.0 - np.cos(bend)) / bend, LENGTH * np.sin(bend) / bend
+    found = cg.identify(made, TipPath(t[1:], x, y), parameters=["chamber_area", "drive_time_constant"])
+    assert found.values == pytest.approx([1.3 * 4e-5, 1.4 * 0.05], rel=1e-4)
+
+
+def test_a_controller_reaches_the_tip_of_a_pressure():
+    # Constant curvature: the tip is on the circle of that angle.
+    angle = 0.8
+    loop = cg.load(
+        "configs/mpc/chambers.yaml", {"reference.tip": tip_of(angle), "plant.stiffness": 1.0, "duration": 1.2}
+    )
+    found = cg.run_closed_loop(loop)
+    assert set(found.status) == {"solved"}
+    assert np.linalg.norm(found.tip[-1] - tip_of(angle)) < 2e-4
+    # Pressures that hold it: M = EI angle / L.
+    stiffness = loop.finger.rod.stiffness
+    held = found.u[-1] @ [-PER_PASCAL, PER_PASCAL]
+    assert held == pytest.approx(stiffness * angle / LENGTH, rel=0.02)
+
+
+def tip_of(angle):
+    return [-LENGTH * (1.0 - math.cos(angle)) / angle, LENGTH * math.sin(angle) / angle]
+
+
+@needs("cc")
+def test_an_exported_step_is_the_motion_of_simulate(tmp_path):
+    timing = {"duration": 0.2, "step": 0.002, "method": "reference"}
+    first = {**CHAMBER, "time_constant": 0.05}
+    made = scene(first, {**CHAMBER, "offset": 0.003}, family="arc", time=timing, **{"fidelity.elements": 2})
+    held = made.changed(
+        {"initial.pose": "rest", "actuation": {"pressures": [2e4, {"times": [0.0, 0.1], "values": [2e4, 5e4]}]}}
+    )
+    truth = cg.simulate(held)
+    cg.export_c(held, tmp_path / "package", what=["step", "kinematics"], real="double")
+    finger, library = shared_library(tmp_path / "package", tmp_path, "-O1")
+    x = finger.State(*truth.x[0])
+    for k in range(len(truth.t) - 1):
+        for part in (np.arange(8) + 0.5) / 8:
+            u = (1.0 - part) * truth.u[k] + part * truth.u[k + 1]
+            x = library.step(x, finger.Input(*u), timing["step"] / 8)
+            assert library.code == 0
+    tip = library.tip(x, finger.Input(*truth.u[-1]))
+    assert math.hypot(tip.x - truth.tip[-1, 0], tip.y - truth.tip[-1, 1]) < 2e-5 * LENGTH
+    with pytest.raises(finger.Error, match="out of its range"):
+        library.step(x, finger.Input(7e4, 0.0), timing["step"] / 8)
+
+
 def test_what_is_wrong_is_said_with_its_key():
-    for changes, key, text in (
+    for changes, text in (
         (
             {"actuation": {"tensions": [1.0]}},
-            "",
             "tensions is not what this finger takes, which has no tendons and pressure",
         ),
-        ({"actuation": {"pressures": [1.0, 2.0]}}, "", r"one entry per chamber \(1\), got 2"),
-        ({"actuation": {"pressures": [7e4]}}, "", "outside min_pressure = 0.0 Pa to max_pressure = 60000.0 Pa"),
-        ({"finger.pressure[0].start": 0.2}, "", "is beyond the finger's length"),
-        ({"fidelity.family": "matched_clothoid", "finger.pressure[0].time_constant": 0.1}, "", "lag"),
+        ({"actuation": {"pressures": [1.0, 2.0]}}, r"one entry per chamber \(1\), got 2"),
+        ({"actuation": {"pressures": [7e4]}}, "outside min_pressure = 0.0 Pa to max_pressure = 60000.0 Pa"),
+        ({"finger.pressure[0].start": 0.2}, "is beyond the finger's length"),
+        ({"fidelity.family": "matched_clothoid", "finger.pressure[0].time_constant": 0.1}, "lag"),
     ):
         with pytest.raises(InputError, match=text):
             scene(CHAMBER).changed(changes)
