@@ -278,9 +278,9 @@ def sensor_expressions(scene: ControlScene, plant: PlantModel) -> dict[str, dict
         found["tip"] = dict(zip(("tip_x [m]", "tip_y [m]"), ca.vertsplit(plant.tip), strict=True))
     if measured.tension is not None:
         wound = plant.scene.finger.winches
-        own = plant.nu - len(plant.scene.finger.chambers)
-        names = [f"tension_{k + 1} [N]" for k in range(plant.tensions.numel())] if wound else plant.u_names[:own]
-        tensions = ca.vertsplit(plant.tensions if wound else plant.drive[:own])
+        count = plant.nu - len(plant.scene.finger.chambers)
+        names = [f"tension_{k + 1} [N]" for k in range(plant.tensions.numel())] if wound else plant.u_names[:count]
+        tensions = ca.vertsplit(plant.tensions if wound else plant.drive[:count])
         found["tension"] = dict(zip(names, tensions, strict=True))
     states = plant.named_states
     for sensor, word in (("length", "length_"), ("angle", "motor_angle_"), ("pressure", "pressure_")):

@@ -185,8 +185,8 @@ class PlantModel(Remade):
     @property
     def drive(self) -> ca.SX:
         """What the drive exerts: tensions [N], or the tip moment [N m]; then what is commanded of chambers [Pa]."""
-        lagging = self._x[self.system.nx : self.system.nx + self._lags]
-        return ca.vertcat(lagging, self._u[self._lags :])
+        lagging = ca.vertsplit(self._x)[self.system.nx : self.system.nx + self._lags]
+        return ca.vertcat(ca.SX(0, 1), *lagging, *ca.vertsplit(self._u)[self._lags :])
 
     @cached_property
     def _drive_rates(self) -> ca.SX:

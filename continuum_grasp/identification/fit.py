@@ -313,9 +313,9 @@ def _with_parameter(scene: Any, target: str, value: float) -> Any:
     elif target.startswith(("tendon_", "drive_", "chamber_")):
         owner, _, key = target.partition("_")
         own = f"drive.{key}" if owner == "drive" and finger.winches else key
-        changes = {f"{place}.{own}": value for place in finger.stated("tendons") if owner != "chamber"}
+        changes = {f"{place}.{own}": value for place in finger.places_of("tendons") if owner != "chamber"}
         if owner == "chamber" or key == "time_constant":
-            changes = {**changes, **{f"{place}.{key}": value for place in finger.stated("pressure")}}
+            changes = {**changes, **{f"{place}.{key}": value for place in finger.places_of("pressure")}}
     elif target == "tip_mass":
         others = [mass for mass in finger.masses if not math.isclose(mass.at, finger.rod.length, rel_tol=1e-9)]
         changes = {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}

@@ -112,8 +112,8 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     elif name in OF_DRIVE:
         pass
     elif name == LAG and not finger.winches:
-        pulls = (*finger.tendon_list, *finger.chambers)
-        nominal, unit = max(one.time_constant or 0.0 for one in pulls), "s"
+        lags = [one.time_constant for one in finger.tendon_list] + [one.time_constant for one in finger.chambers]
+        nominal, unit = max(lag or 0.0 for lag in lags), "s"
     elif name == "rest_curvature" and rod.own_rest_curvature:
         raise InputError(
             "state the rest_curvature of the finger, not that of its rod, to estimate it", key=f"{key}.name"

@@ -161,7 +161,7 @@ class Finger(Value):
                 doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {own}; is it in grams? (expected: kg)")
 
         self._check_tendons()
-        for key, chamber in zip(self.stated("pressure"), self.chambers, strict=True):
+        for key, chamber in zip(self.places_of("pressure"), self.chambers, strict=True):
             chamber.check_inside(key, length)
         if self.stops is not None:
             self._check_stops(self.stops)
@@ -369,7 +369,7 @@ class Finger(Value):
         changed = self.with_tendons(time_constant=time_constant)
         return changed.replaced(pressure=tuple(c.replaced(time_constant=time_constant) for c in self.chambers) or None)
 
-    def stated(self, key: str) -> tuple[str, ...]:
+    def places_of(self, key: str) -> tuple[str, ...]:
         """Where the finger states what it has one or several of, by its key: tendons, pressure."""
         given = getattr(self, key)
         if isinstance(given, tuple):

@@ -278,8 +278,9 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
             parts = {name: of / first for name, of in zip(model.u_names, moment.arms, strict=True)}
             found.append(_Compared("tension", f"net_input_{k + 1} [{unit}]", model.x[moment.state] / arm, parts))
     if asked.pressure is not None:
-        names = [name for name in model.x_names if name.startswith("pressure_")]
-        found += [_Compared("pressure", name, model.x[model.x_names.index(name)], {name: 1.0}) for name in names]
+        for k, name in enumerate(model.x_names):
+            if name.startswith("pressure_"):
+                found.append(_Compared("pressure", name, model.x[k], {name: 1.0}))
     if asked.bending is not None:
         angles = ca.vertsplit(ca.vec(model.sections(asked.bending.at)(model.x, model.u, p)[1]))
         for k, angle in enumerate(angles):
