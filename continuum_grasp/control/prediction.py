@@ -300,7 +300,7 @@ class Prediction(Remade):
         """Torques that position servos ask for, as shares of what their motors have; none without such servos [1]."""
         found: list[ca.SX] = []
         drives = self.scene.finger.winches
-        for k, (drive, at) in enumerate(zip(drives, self.driven if drives else (), strict=True)):
+        for k, (drive, at) in enumerate(zip(drives, self.driven, strict=False)):
             if isinstance(drive, MotorDrive) and drive.position_gain is not None:
                 angle, rate = self.x[at.state], self.x[at.state + 1]
                 asked = drive.position_gain * (self.u[k] - angle) - drive.rate_gain * rate

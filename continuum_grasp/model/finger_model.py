@@ -236,15 +236,19 @@ class FingerModel(Functions):
         ``pulled``: winches not where u leaves them, but where (the first of) their tendons have this tension [N].
         Parameters p are nominal where not given.
         """
+        lags = self.structure.lag_at(np.asarray(u, dtype=float).ravel().tolist())
         if not self.structure.winches:
-            return self.structure.lag_at(np.asarray(u, dtype=float).ravel().tolist())
+            return lags
         states = np.zeros(len(self.friction_names))
         if np.size(friction_states):
             states[:] = np.ravel(friction_states)
         of, by = (self._drives_at_rest, u) if pulled is None else (self._drives_drawn, pulled)
         given = [np.asarray(v, dtype=float) for v in (q, by, self.p_nominal if p is None else p)]
         history = [np.append(states, 0.0)] if states.size else []
-        return [float(v) for v in np.array(of(*given, *history)).ravel()]
+        found = [float(v) for v in np.array(of(*given, *history)).ravel()]
+        # Lags come first, which no tension of a winch tells.
+        own = len(self.structure.states["lag"])
+        return [*lags[:own], *found[own:]] if pulled is None else [*lags[:own], *found]
 
     def drives_at_rest(self) -> ca.Function:
         """``(q, u, p (, history)) -> lag``: states of lags, winches and motors, as `drives_at` gives them."""

@@ -71,6 +71,10 @@ class Chamber(Value):
         if self.start >= length:
             raise ValueError(f"{key}.start = {self.start} m is not before the finger's tip at {length} m")
 
+    def shape(self, length: float) -> Curve:
+        """One where it is and zero elsewhere, along a finger of a length [m]."""
+        return self.along(length, 1.0, 0.0)
+
     def along(self, length: float, inside: float, outside: float) -> Curve:
         """One value where it is and another elsewhere, along a finger of a length [m]."""
         from continuum_grasp.scene.profile import Curve
@@ -86,7 +90,7 @@ class Chamber(Value):
 
         arms = tuple(float(k == entry) for k in range(inputs))
         to = length if self.to is None else self.to
-        return Channel(self.along(length, 1.0, 0.0), to, arms, self.time_constant, order=1, gain=self.arm)
+        return Channel(self.shape(length), to, arms, self.time_constant, order=1, gain=self.arm)
 
 
 ChamberList = Annotated[tuple[Chamber, ...], Field(strict=False, min_length=1, max_length=16)]

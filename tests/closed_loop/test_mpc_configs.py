@@ -52,7 +52,7 @@ def test_pressures_take_a_stiffer_finger_to_its_setpoints():
     found = checked(run("chambers", 2.0, "plant.noise=0.0", ARCS))
     # Before it foresees the next setpoint, and at the end; the estimated moment makes up for the stiffness.
     off = np.linalg.norm(found.tracked[:, :2] - found.r[:, :2], axis=1)
-    assert off[[40, -1]] == pytest.approx(0.0, abs=1e-3)
+    assert off[[36, -1]] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_loops_without_margin_for_dead_time_are_doubted():

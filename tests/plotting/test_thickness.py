@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.plotting.drawing.bodies import finger_outline, mass_positions, tendon_path
+from continuum_grasp.plotting.drawing.bodies import finger_outline, mass_positions, side_path
 from continuum_grasp.plotting.drawing.style import Z
 from tests.rods import rod_scene, without_compiler  # noqa: F401
 
@@ -77,10 +77,10 @@ def test_tendons_run_at_their_offset_to_their_end():
     rod = cg.Rod(**MATERIAL, sections=STEPS)
     tendons = [{"offset": 0.005, "to": 0.15, "max_tension": 1.0}, {"offset": [-0.006, -0.002], "max_tension": 1.0}]
     first, second = cg.Finger(rod=rod, tendons=tendons).tendon_list
-    path = tendon_path(first, STRAIGHT, cg.Finger(rod=rod))
+    path = side_path(first, STRAIGHT, cg.Finger(rod=rod))
     assert path[:, 0] == pytest.approx(np.full(len(path), -0.005))  # the -X side
     assert path[-1].tolist() == pytest.approx([-0.005, 0.15])
-    path = tendon_path(second, STRAIGHT, cg.Finger(rod=rod))
+    path = side_path(second, STRAIGHT, cg.Finger(rod=rod))
     assert path[:, 0] == pytest.approx(0.006 - 0.004 * path[:, 1] / LENGTH)
 
 

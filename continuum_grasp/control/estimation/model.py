@@ -275,7 +275,8 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
             first = next(arm for arm in moment.arms if arm)
             runtime = "tendon_offset [m]" in model.p_names
             arm = p[model.p_names.index("tendon_offset [m]")] if runtime else first
-            parts = {name: of / first for name, of in zip(model.u_names, moment.arms, strict=True)}
+            inputs = model.u_names[: model.nu - len(scene.finger.chambers)]
+            parts = {name: of / first for name, of in zip(inputs, moment.arms, strict=False)}
             found.append(_Compared("tension", f"net_input_{k + 1} [{unit}]", model.x[moment.state] / arm, parts))
     if asked.pressure is not None:
         for k, name in enumerate(model.x_names):
@@ -303,7 +304,7 @@ def _of_drives(asked: Measured, model: Prediction, winches: tuple[Winch, ...], p
         tensions = model.tensions(model.x, model.u, p)
         for k in range(tensions.numel()):
             add("tension", f"tension_{k + 1} [N]", tensions[k])
-    moving = list(enumerate(zip(winches, model.driven, strict=True)))
+    moving = list(enumerate(zip(winches, model.driven, strict=False)))
     sensor = "angle" if isinstance(winches[0], Motor) else "length"
     if getattr(asked, sensor) is not None:
         for k, (winch, driven) in moving:

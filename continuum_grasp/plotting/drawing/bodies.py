@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from continuum_grasp.scene.finger import Finger
     from continuum_grasp.scene.objects import GraspObject
+    from continuum_grasp.scene.pressure import Chamber
     from continuum_grasp.scene.supports import Support
     from continuum_grasp.scene.tendons import Tendon
 
@@ -67,8 +68,8 @@ def finger_outline(
     return np.concatenate([points + across, end, (points - across)[::-1]])
 
 
-def tendon_path(
-    tendon: Tendon,
+def side_path(
+    side: Tendon | Chamber,
     backbone: Array,
     finger: Finger,
     *,
@@ -76,14 +77,16 @@ def tendon_path(
     angle: Array | None = None,
     unit: float = 1.0,
 ) -> Array:
-    """Where a tendon runs (points, 2), from the base to its end; arguments as of `finger_outline`."""
+    """Where a tendon or a chamber runs (points, 2), towards the tip; arguments as of `finger_outline`."""
     line, s, angle = _placed(backbone, finger, s, angle)
     length = finger.rod.length
-    to = tendon.end(length)
-    at = np.append(s[s < to], to)
+    begin, to = getattr(side, "start", 0.0), length if side.to is None else side.to
+    at = np.concatenate([[begin], s[(s > begin) & (s < to)], [to]])
     turn = np.interp(at, s, angle)
+    shape = side.shape(length)
+    along = np.append(shape(at[:1], tip_side=True), shape(at[1:]))
     # The X axis of a section points away from tendons of positive offset.
-    offset = -unit * ends(tendon.offset)[0] * tendon.shape(length)(at)
+    offset = -unit * ends(side.offset)[0] * along
     points = np.column_stack([np.interp(at, s, line[:, k]) for k in (0, 1)])
     return np.asarray(points + offset[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1))
 
@@ -165,7 +168,7 @@ def shows_thickness(finger: Finger) -> bool:
 
 
 def _tendons_change(finger: Finger) -> bool:
-    return any(channel.shape.constant is None for channel in finger.channels)
+    return bool(finger.chambers) or any(channel.shape.constant is None for channel in finger.channels)
 
 
 def draw_thickness(ax: Axes, backbone: Array, finger: Finger, **style: Any) -> list[Any]:
@@ -174,9 +177,12 @@ def draw_thickness(ax: Axes, backbone: Array, finger: Finger, **style: Any) -> l
     if _tendons_change(finger):
         look: dict[str, Any] = {"color": INK, "linewidth": 0.7, "linestyle": (0, (4, 2)), "zorder": Z.TENDON}
         look |= {key: value for key, value in style.items() if key == "animated"}
-        for path in (tendon_path(tendon, backbone, finger) for tendon in finger.tendon_list):
+        for path in (side_path(tendon, backbone, finger) for tendon in finger.tendon_list):
             drawn += ax.plot(*path.T, **look)
             drawn += ax.plot(*path[-1], "o", markersize=2.5, **{**look, "linestyle": "none"})
+        for path in (side_path(chamber, backbone, finger) for chamber in finger.chambers):
+            wide = {"linewidth": 3.0, "linestyle": "-", "alpha": 0.35, "solid_capstyle": "butt"}
+            drawn += ax.plot(*path.T, **{**look, **wide})
     return drawn
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet, show_box
-from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, tendon_path
+from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, side_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
 from continuum_grasp.plotting.drawing.style import INK, SLATE, Z
 from continuum_grasp.plotting.grasp.friction import friction_rows, plot_friction
@@ -192,7 +192,7 @@ def _draw_fingers(ax: Axes, view: GraspView, tendons: bool) -> list[Array]:
         look = {"facecolor": lighter(color, 0.78), "edgecolor": edge, "linewidth": 1.1, "linestyle": style}
         draw_body(ax, body, alpha=1.0 if view.found else 0.6, joinstyle="round", **look)
         for tendon in _tendons_inside(finger) if tendons else ():
-            path = tendon_path(tendon, finger=finger, **view.path(name))
+            path = side_path(tendon, finger=finger, **view.path(name))
             ax.plot(*path.T, color=edge, linewidth=0.7, linestyle=(0, (4, 2)), zorder=Z.TENDON)
         ax.plot(*line.T, color=edge, linewidth=1.5, zorder=Z.CENTERLINE)
         if view.found:  # dots where elements meet
