@@ -59,7 +59,13 @@ def doubts_of_laws(problem: Problem, solution: Solution, given: Given, build: Bu
         if share <= 1.0:
             break
         chosen = further[k]
-        doubts.append(_words(problem, chosen[0], step, deviation))
+        text = _words(problem, chosen[0], step, deviation)
+        for other, (own, size, scatter) in zip(further, judged, strict=True):
+            # With what the parameters take of them, errors along both axes may look alike.
+            if other is not chosen and other[0].target == chosen[0].target == _ORIGIN and own > 1.0:
+                beside, _, _ = _judged(problem, solution, [*named, other, chosen], least, chances)
+                text += f"; or {_slip(other[0], size, scatter)}" if beside <= 1.0 else ""
+        doubts.append(text)
         named.append(chosen)
         # Where data are wrong, laws cannot be judged, and either leaves residuals of the other kind.
         kind = _kind(chosen)
@@ -104,7 +110,7 @@ def _words(problem: Problem, further: Unknown, step: float, deviation: float) ->
         cause = "their times or conditions are not those of the scene"
         if further.target == _ORIGIN:
             cause = "their origin is not that of the scene, or finger.base.position is elsewhere"
-        return f"{further.name} by {step:.3g} +/- {deviation:.2g} {further.unit}: {cause}"
+        return f"{_slip(further, step, deviation)}: {cause}"
     if further.target == "softening_ratio":
         law = "it stiffens where it is bent far"
         if step < 0.0:
@@ -116,6 +122,10 @@ def _words(problem: Problem, further: Unknown, step: float, deviation: float) ->
             law = "small swings lose more of it, as dry friction makes them, of the bending or in the tendons"
         what = _law("damping", problem)
     return f"{what} does not fit: {law} ({further.name} is off by {step:.2g} +/- {deviation:.2g} {further.unit})"
+
+
+def _slip(further: Unknown, step: float, deviation: float) -> str:
+    return f"{further.name} by {step:.3g} +/- {deviation:.2g} {further.unit}"
 
 
 def _has(problem: Problem) -> dict[str, bool]:
