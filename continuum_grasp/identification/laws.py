@@ -59,13 +59,7 @@ def doubts_of_laws(problem: Problem, solution: Solution, given: Given, build: Bu
         if share <= 1.0:
             break
         chosen = further[k]
-        text = _words(problem, chosen[0], step, deviation)
-        for other, (own, size, scatter) in zip(further, judged, strict=True):
-            # With what the parameters take of them, errors along both axes may look alike.
-            if other is not chosen and other[0].target == chosen[0].target == _ORIGIN and own > 1.0:
-                beside, _, _ = _judged(problem, solution, [*named, other, chosen], least, chances)
-                text += f"; or {_slip(other[0], size, scatter)}" if beside <= 1.0 else ""
-        doubts.append(text)
+        doubts.append(_words(problem, chosen[0], step, deviation))
         named.append(chosen)
         # Where data are wrong, laws cannot be judged, and either leaves residuals of the other kind.
         kind = _kind(chosen)
@@ -110,7 +104,7 @@ def _words(problem: Problem, further: Unknown, step: float, deviation: float) ->
         cause = "their times or conditions are not those of the scene"
         if further.target == _ORIGIN:
             cause = "their origin is not that of the scene, or finger.base.position is elsewhere"
-        return f"{_slip(further, step, deviation)}: {cause}"
+        return f"{further.name} by {step:.3g} +/- {deviation:.2g} {further.unit}: {cause}"
     if further.target == "softening_ratio":
         law = "it stiffens where it is bent far"
         if step < 0.0:
@@ -122,10 +116,6 @@ def _words(problem: Problem, further: Unknown, step: float, deviation: float) ->
             law = "small swings lose more of it, as dry friction makes them, of the bending or in the tendons"
         what = _law("damping", problem)
     return f"{what} does not fit: {law} ({further.name} is off by {step:.2g} +/- {deviation:.2g} {further.unit})"
-
-
-def _slip(further: Unknown, step: float, deviation: float) -> str:
-    return f"{further.name} by {step:.3g} +/- {deviation:.2g} {further.unit}"
 
 
 def _has(problem: Problem) -> dict[str, bool]:
