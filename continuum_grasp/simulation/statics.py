@@ -134,8 +134,8 @@ class Search:
         rate, weakest = float(np.abs(squares).max()), float(squares.real.min())
         shift, (forces, floor), falls = rate, self._scales(q), False
         for count in range(iterations, iterations + _MAX_ITERATIONS):
-            # What Newton's method still lowers is no rounding.
-            scale = forces if falls else max(forces, floor)
+            # What Newton's method still lowers, or did not try yet, is no rounding.
+            scale = forces if falls or shift > 1e-9 * rate else max(forces, floor)
             if np.abs(missing).max() <= _TOLERANCE * scale and shift < 1e-3 * rate:
                 return q, count
             # Directions that the loads make unstable are turned, so that the step still goes down the energy.
