@@ -38,8 +38,9 @@ Array = NDArray[np.float64]
 
 SCENES = {
     "circle": ("mpc/tip_circle.yaml", "double", 0.25),
-    "circle, float": ("mpc/tip_circle.yaml", "float", 0.15),
-    "zones": ("mpc/keep_out.yaml", "double", 0.2),
+    "circle, float": ("mpc/tip_circle.yaml", "float", 0.1),
+    "zones": ("mpc/keep_out.yaml", "double", 0.15),
+    "contact": ("mpc/wrap_post.yaml", "double", 0.1),
     "saturation": ("mpc/saturation.yaml", "double", 0.1),
     "moment": ("mpc/nitinol_moment.yaml", "double", 0.15),
     "state": ("", "double", 0.15),

@@ -265,7 +265,7 @@ def _motion(scene: Scene) -> Iterator[object]:
 
 
 def _sought(scene: PlanScene) -> Iterator[object]:
-    """What a plan begins from; of one with an object by collocation, without sub-steps that follow its contacts."""
+    """What a plan begins from; of one with an object by collocation, since few intervals refuse its sub-steps."""
     yield Search(scene if scene.object is None else scene.changed({"method": "collocation"})).x0
 
 

@@ -1,6 +1,4 @@
-"""Every key of simulated scenes and of closed loops, in scenes that together have all of them, with other values that
-it can have.
-"""
+"""Every key of every kind of scene, in scenes that together have all of them, with other values that it can have."""
 
 from __future__ import annotations
 
@@ -17,11 +15,17 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 import continuum_grasp as cg
+from continuum_grasp.scene.assembly import apply_override, placed
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.design import Design
+from continuum_grasp.scene.document import KeyPath, dotted
+from continuum_grasp.scene.document import Place as Origin
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.identify import IdentifyScene
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.sweep import Sweep
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 _CORNERS = [[0.02, -0.01], [0.02, 0.03], [-0.02, 0.02]]
@@ -85,9 +89,20 @@ _SHIPPED: dict[type[BaseModel], dict[str, dict[str, Any]]] = {
         "close_on_mug": {"intervals": 4, "grasp": None, "goal.contact_force": [0.0, 1.0], "contacts": [0.1]},
     },
     MissionScene: {"mug": {}, "turn_block": {}, "mug_hard": {}, "cup_lying": {}, "mug_servo": {}},
+    IdentifyScene: {"own_finger": {}, "winch_finger": {}},
+    Sweep: {"finger_design": {}, "mug_uncertain": {}},
+    Design: {"tolerances": {}, "ten_objects": {}},
 }
 """Shipped scenes by kind, and what is changed in all of them."""
-_FOLDERS = {Scene: "simulate", ControlScene: "mpc", PlanScene: "plan", MissionScene: "mission"}
+_FOLDERS = {
+    Scene: "simulate",
+    ControlScene: "mpc",
+    PlanScene: "plan",
+    MissionScene: "mission",
+    IdentifyScene: "identify",
+    Sweep: "sweep",
+    Design: "design",
+}
 _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "samples": ("close_on_mug", {"finger.rod": {"length": 0.1, "samples": _SPREAD}, **_OWN_ROD}),
     "loads": ("three_tendons", {"loads": [_MOMENT, _FORCE], "actuation": {"tensions": [3.0, 4.0, 5.0]}}),
@@ -331,11 +346,102 @@ _PLANS: dict[str, tuple[str, dict[str, Any]]] = {
         )
     },
 }
+_WEIGHED = {"kind": "static", "file": "own_finger_weights.csv"}
+_SHOWN = {"quantity": "bend", "column": "weight_g", "unit": "rad", "since": 0.01, "at": 0.1, "minus": "weight_g"}
+_RANG = {"frequency": {"column": "weight_g", "unit": "Hz", "zero": -1.0}, "mode": 1, "holdout_rows": [1]}
+_DECAYS = {
+    "kind": "frequencies",
+    "mode": 2,
+    "frequency": {"column": "weight_g", "zero": -2.0},
+    "decay_rate": "weight_g",
+}
+_MILLI = {"name": "load_1_y", "column": "weight_g", "unit": "mN"}
+_RUNG = {"kind": "ring_down", "file": "own_finger_ring_down.csv", "window": [0.2, 2.0], "mode": 2}
+_SET = {"name": "one", "where": [{"column": "weight_g", "equals": ["0", "5", "10"]}], "set": ["gravity=[0.0, -9.8]"]}
+_FITS: dict[str, tuple[str, dict[str, Any]]] = {
+    "static": (
+        "own_finger",
+        {
+            "estimate": [{"name": "youngs_modulus", "second_moment": 1e-12, "start": 6e9, "sigma": 1e8}],
+            "data": [{**_WEIGHED, **_SET, "measured": [{**_SHOWN, "scale": 1e-3, "zero": 0.1, "sigma": 1e-3}]}],
+        },
+    ),
+    "per set": (
+        "own_finger",
+        {
+            "estimate": [{"name": "clamp_angle", "per": "set", "min": -0.5, "max": 0.5}],
+            "data": [{**_WEIGHED, **_SET, "sequence": True, "holdout_rows": [1], "measured": [_SHOWN]}],
+            "loss": "huber",
+        },
+    ),
+    "rung": (
+        "own_finger",
+        {"data": [{**_RUNG, "t": {"column": "t [s]", "scale": 2.0}, "signals": ["y [px]", "y [px]"]}]},
+    ),
+    "frequencies": ("own_finger", {"data": [{**_WEIGHED, **_SET, **_RANG, "kind": "frequencies"}]}),
+    "decays": ("own_finger", {"data": [{**_WEIGHED, **_DECAYS, "conditions": [_MILLI]}]}),
+    "started": (
+        "winch_finger",
+        {
+            "data[0].start": "estimated",
+            "data[0].t": {"column": "t", "scale": 2.0},
+            "data[0].x": {"column": "tip_y", "unit": "mm"},
+            "data[0].y": "tip_x",
+            "data[0].start_prior": {"bend": 0.1, "rate": 1.0},
+            "data[0].window": [0.1, 1.0],
+            "data[0].at": 0.17,
+        },
+    ),
+}
+_DRAWN = {
+    "contacts.friction": {"choice": [0.4, 0.5]},
+    "object.mass": {"uniform": [0.2, 0.3]},
+    "object.diameter": {"log_uniform": [0.07, 0.08]},
+    "finger.tendons.offset": {"normal": [0.005, 1e-4]},
+}
+_FOLLOWS = {
+    "object.position[0]": {"key": "object.diameter", "times": 0.5, "plus": 1e-3},
+    "finger.rod.linear_density": {"key": "object.mass", "times": 0.2},
+}
 CHANGES: dict[type[BaseModel], dict[str, tuple[str, dict[str, Any]]]] = {
     Scene: _CHANGES,
     ControlScene: _LOOPS,
     PlanScene: _PLANS,
     MissionScene: {"more contacts": ("mug", {"more_contacts": [0.05], "estimator.delay": 0.0})},
+    IdentifyScene: _FITS,
+    Sweep: {
+        "drawn": (
+            "mug_uncertain",
+            {
+                "scene": "../grasp/mug_arcs.yaml",
+                "set": {"solver.effort": "normal"},
+                "sample": {"count": 5, "seed": 1, "keys": _DRAWN},
+                "follow": _FOLLOWS,
+                "record": ["quality.epsilon_l1"],
+                "pareto": [{"x": "object.mass", "y": "tension_max"}],
+            },
+        ),
+    },
+    Design: {
+        "limited": (
+            "tolerances",
+            {
+                "scene": "../grasp/mug.yaml",
+                "set": {"solver.effort": "quick"},
+                "cases": {"light": {"object.mass": 0.2}},
+                "follow": {
+                    "object.diameter": {"key": "finger.tendons.offset", "times": 16.0, "plus": 1e-3},
+                    "finger.rod.linear_density": {"key": "finger.rod.bending_stiffness", "times": 5.0},
+                },
+                "limits": {"tension": {"min": 1.0, "max": 50.0}},
+                "variables": {
+                    "finger.tendons.offset": {"min": 0.003, "max": 0.006, "start": 0.004, "name": "e"},
+                    "finger.rod.bending_stiffness": {"min": 0.004, "max": 0.009, "spacing": "log"},
+                },
+                "tolerances": {"contacts.friction": {"share": 0.05}, "object.mass": {"amount": 0.01}},
+            },
+        ),
+    },
 }
 """Scenes beside the shipped ones, by kind: name of one of these, and changes."""
 NOT_ALONE = {
@@ -346,6 +452,8 @@ NOT_ALONE = {
     "initial.motor_angles": "it needs an equilibrium",
     "initial.friction_states": "initial.reached_by must be state",
     "finger.tendons.drive.arrangement": "it changes the number of inputs",
+    "data.file": "another file has other columns",
+    "data.where.column": "another column has other texts",
 }
 """Keys of which no other value is tried, and why."""
 _MOST_PLACES = 12
@@ -355,7 +463,7 @@ _NUMBERS: tuple[float, ...] = (1e-6, 1e-4, 1e-3, 0.01, 0.1, 1.0, 10.0, 1e3, 1e5)
 
 
 _SCENES = (Scene, ControlScene, GraspScene)
-_BEFORE = {ControlScene: (Scene,), **dict.fromkeys((PlanScene, MissionScene), _SCENES)}
+_BEFORE = {ControlScene: (Scene,), IdentifyScene: (Scene,), **dict.fromkeys((PlanScene, MissionScene), _SCENES)}
 """Kinds of scenes of which the classes are left out."""
 
 
@@ -364,10 +472,19 @@ class Place:
     """A key in one scene."""
 
     base: str
-    path: str
+    path: KeyPath
     key: str  # without indices and names of entries
     field: FieldInfo
     value: Any
+
+    def changed(self, scene: Any, value: Any) -> Any:
+        """The scene with another value; entries with dots in their names are replaced with all beside them."""
+        if not any("." in str(part) for part in self.path):
+            return scene.changed({dotted(self.path): value})
+        origin = Origin("test")
+        document = placed(scene, origin)
+        apply_override(document, self.path, placed(value, origin))
+        return scene.changed({str(self.path[0]): document.value[self.path[0]]})
 
 
 @cache
@@ -406,7 +523,8 @@ def keys(root: type[BaseModel]) -> dict[str, set[str]]:
     found: dict[str, set[str]] = defaultdict(set)
     for kind in classes(root) - {one for of in _BEFORE.get(root, ()) for one in classes(of)}:
         for name, field in kind.model_fields.items():
-            if not is_tag(field):
+            inherited = any(issubclass(root, of) and name in of.model_fields for of in _BEFORE.get(root, ()))
+            if not is_tag(field) and not (kind is root and inherited):
                 found[owner(kind, name).__name__].add(name)
     return found
 
@@ -416,23 +534,23 @@ def places(root: type[BaseModel]) -> dict[str, dict[str, list[Place]]]:
     """By declaring class and field, where it is in the scenes; without words that choose the class."""
     found: dict[str, dict[str, list[Place]]] = defaultdict(lambda: defaultdict(list))
 
-    def walk(base: str, value: Any, path: str, key: str) -> None:
+    def walk(base: str, value: Any, path: KeyPath, key: str) -> None:
         if isinstance(value, BaseModel):
             for name, field in type(value).model_fields.items():
                 one = getattr(value, name)
-                inner = f"{path}.{name}".removeprefix("."), f"{key}.{name}".removeprefix(".")
+                inner = (*path, field.alias or name), f"{key}.{name}".removeprefix(".")
                 if not is_tag(field):
                     found[owner(type(value), name).__name__][name].append(Place(base, *inner, field, one))
                 walk(base, one, *inner)
         elif isinstance(value, tuple):
             for k, one in enumerate(value):
-                walk(base, one, f"{path}[{k}]", key)
+                walk(base, one, (*path, k), key)
         elif isinstance(value, dict):
             for name, one in value.items():
-                walk(base, one, f"{path}.{name}", key)
+                walk(base, one, (*path, name), key)
 
     for base, scene in bases(root).items():
-        walk(base, scene, "", "")
+        walk(base, scene, (), "")
     for fields in found.values():
         for name, own in fields.items():
             values = [one.value for one in own]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cache
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import patch
@@ -24,6 +26,7 @@ from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.design.optimize import _space_of as space_of
 from continuum_grasp.environments import sensing
 from continuum_grasp.environments.plants import plants_of
 from continuum_grasp.environments.spaces import observed_of
@@ -39,6 +42,9 @@ from continuum_grasp.export.web.plant import plant_of_loop, plant_of_scene
 from continuum_grasp.identification.blocks import PosesBlock
 from continuum_grasp.identification.data import Poses, Reading, TipPath
 from continuum_grasp.identification.path_block import PathBlock
+from continuum_grasp.identification.read import plain_scene, read_data
+from continuum_grasp.identification.segments import Design as Excited
+from continuum_grasp.identification.segments import patterns_of
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.mission import assignment
 from continuum_grasp.mission import plant as mission_plant
@@ -46,15 +52,20 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.planning.search import Search
 from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.design import Design
+from continuum_grasp.scene.identify import Excitation, IdentifyScene
 from continuum_grasp.scene.loads import Actuation, Samples
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.scene.simulate import EXACT_ROD, Fidelity, Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
+from continuum_grasp.scene.sweep import Sweep
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.modes import modes
 from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.sweeps.plan import plan_of
 
+CONFIGS = Path(__file__).parents[1] / "configs"
 _AROUND = tuple(Surroundings.model_fields)
 _INSTANTS = np.linspace(0.0, 2.0, 9)
 """At which setpoints are compared [s]."""
@@ -293,6 +304,36 @@ def fitted(scene: Scene) -> Iterator[object]:
         yield from (block.predict(np.zeros(1)), block.entries)
 
 
+def read_and_sought(scene: IdentifyScene) -> Iterator[object]:
+    """What identify reads of the shipped files and seeks, and the commands that it begins to design."""
+    yield from (read_unknowns(scene, scene.estimate), scene.loss)
+    yield [{**vars(one), "scene": None, "own": one.scene} for one in read_data(scene, [CONFIGS / "identify"])]
+    if scene.finger.tendons is not None:
+        yield from (excited(plain_scene(scene), scene.excitation), scene.excitation.sample)
+
+
+@cache
+def excited(scene: Scene, options: Excitation) -> Scene:
+    """A finger under the commands that the design of an excitation begins with."""
+    design = Excited(scene, patterns_of(scene), options)
+    return design.scene(np.ones(len(design.parts)) / len(design.parts), 1.0)
+
+
+def of_sweep(sweep: Sweep) -> Iterator[object]:
+    """Which scenes a sweep consists of, what its table holds, and its pictures."""
+    plan = plan_of(sweep)
+    yield from (plan.variation.base, len(plan), [plan.point(k) for k in range(min(len(plan), 9))])
+    yield from (plan.keys, plan.columns, plan.units, plan.pictures)
+
+
+def of_design(design: Design) -> Iterator[object]:
+    """What a design chooses, and the scenes, costs and options of its search."""
+    space = space_of(design, ())
+    yield from (space.coordinates, space.following, space.tolerated, space.start)
+    yield [space.scene(case, space.start) for case in space.cases]
+    yield from (design.expressions, [*design.limits.values()], design.over, design.solver)
+
+
 @dataclass(frozen=True)
 class Walk:
     """A consumer of which all keys of a kind of scene are tried, by what it makes of them."""
@@ -333,5 +374,8 @@ WALKS = (
     # Plans touch fixed objects alone, and a fixed object has neither.
     Walk("plan", PlanScene, search, ("moment_of_inertia", "out_of_plane_gravity")),
     Walk("missions", MissionScene, carried_out),
+    Walk("identify", IdentifyScene, read_and_sought),
+    Walk("sweep", Sweep, of_sweep, ("name",)),
+    Walk("design", Design, of_design, ("name",)),
 )
 """All that are tried; one more is one line, and where it has keys that it does not take, a ``Consumer``."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.ocp.bounds import ABSENT
+from continuum_grasp.errors import InputError
 from continuum_grasp.nlp import Block
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.motion import Motion
@@ -25,6 +26,8 @@ _TARGET = 0.6
 _TARGET_OF_INPUTS = 1.5
 """The same where inputs alone are unknowns: half of where the method is unstable. What is that fast is overdamped, and
 a finer simulation checks the plan."""
+_MOST_SUBSTEPS = 10_000
+"""Sub-steps per interval up to which their expressions are built [1]: 5 ms and 0.1 MB each."""
 _PARTS = 4
 """Places per interval at which the finger stays out of zones [1], the last one at the node."""
 _OUTSIDE_WHEN_RELAXED = 100.0
@@ -54,12 +57,21 @@ class Grid:
 
 
 def default_substeps(motion: Motion) -> int:
-    """Runge-Kutta steps per interval that the stiffness asks for."""
+    """Runge-Kutta steps per interval that the stiffness asks for; InputError where these are too many."""
     scene = motion.scene
     rate = motion.prediction.fastest_rate(*(np.array(limit) for limit in scene.input_limits))
     longest = min(scene.duration_range[1], _LONGER * motion.first_duration)
     target = _TARGET_OF_INPUTS if scene.transcription == "single_shooting" else _TARGET
-    return max(1, math.ceil(longest / scene.intervals * rate / target))
+    found = max(1, math.ceil(longest / scene.intervals * rate / target))
+    if found > _MOST_SUBSTEPS:
+        repair = "" if scene.sudden else "take method: collocation, or "
+        raise InputError(
+            f"{scene.transcription} follows motions of up to {rate:.2g} 1/s, for which each of {scene.intervals} "
+            f"intervals needs {found:,} sub-steps, more than {_MOST_SUBSTEPS:,}: {repair}raise intervals"
+            + (", or lower contact_law.stiffness" if scene.object is not None else ""),
+            key="method",
+        )
+    return found
 
 
 def add_shooting(

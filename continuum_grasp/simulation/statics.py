@@ -86,7 +86,7 @@ class Search:
                 advice="a bending stiffness or mass is so small or large that the matrices have no usable numbers, or "
                 "the start is far outside the bending range: check units, or give a guess nearer to the shape",
             ) from error
-        residual = float(np.abs(missing).max() / self._scale(q))
+        residual = float(np.abs(missing).max() / max(self._scales(q)))
         given = self._u, self._w, self._p
         found = Equilibrium(q, *given, steady, margin, residual, iterations, self._model, history=self._history)
         return replace(found, warnings=(*warnings, *map(str, found.limits)))
@@ -132,8 +132,10 @@ class Search:
         # motion without inertia, K + shift M, whose shift falls with the residual, down to Newton's method.
         squares = np.linalg.eigvals(np.linalg.solve(mass, stiffness))
         rate, weakest = float(np.abs(squares).max()), float(squares.real.min())
-        shift, scale = rate, self._scale(q)
+        shift, (forces, floor), falls = rate, self._scales(q), False
         for count in range(iterations, iterations + _MAX_ITERATIONS):
+            # What Newton's method still lowers, or did not try yet, is no rounding.
+            scale = forces if falls or shift > 1e-9 * rate else max(forces, floor)
             if np.abs(missing).max() <= _TOLERANCE * scale and shift < 1e-3 * rate:
                 return q, count
             # Directions that the loads make unstable are turned, so that the step still goes down the energy.
@@ -150,8 +152,9 @@ class Search:
             mass = self._core.mass_matrix(q, self._u, self._p)
             weakest = float(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real.min())
             shift = float(np.clip(shift * min(0.5, after_size / max(before_size, 1e-300)), 1e-12 * rate, rate))
-            scale = self._scale(q)
-            if after_size > max(2.0 * before_size, _TOLERANCE * scale):  # too far: back towards the damped motion
+            (forces, floor), falls = self._scales(q), bool(after_size < 0.1 * before_size)
+            # Too far: back towards the damped motion.
+            if after_size > max(2.0 * before_size, _TOLERANCE * forces, _TOLERANCE * floor):
                 shift = min(10.0 * max(shift, 1e-6 * rate), rate)
         raise SolverError(
             "no equilibrium found",
@@ -161,8 +164,8 @@ class Search:
             "fidelity.bending_range, or give a guess nearer to the shape",
         )
 
-    def _scale(self, q: Array) -> float:
-        """Size of the forces that balance."""
+    def _scales(self, q: Array) -> tuple[float, float]:
+        """Size of the forces that balance, and that below which they may be rounding."""
         core, u, w, p = self._core, self._u, self._w, self._p
         parts = [
             core.elastic(q, u, p),
@@ -174,7 +177,7 @@ class Search:
         # Where nothing loads the finger, or tendons pull alike: a bend of a part in 1e4 of the range, of which the
         # tolerance is rounding.
         floor = 1e-4 * np.abs(core.statics(q, u, w, p, *self._friction)[1]).max() * self._reach()
-        return max(float(max(np.abs(part).max(initial=0.0) for part in parts)), float(floor))
+        return float(max(np.abs(part).max(initial=0.0) for part in parts)), float(floor)
 
     def _stability(self, q: Array) -> tuple[float, Array, bool]:
         """Smallest stiffness eigenvalue in the metric of the mass matrix, its direction, and the verdict."""

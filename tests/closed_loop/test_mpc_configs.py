@@ -50,9 +50,11 @@ def test_shipped_loops_have_margin_for_dead_time(path):
 
 def test_pressures_take_a_stiffer_finger_to_its_setpoints():
     found = checked(run("chambers", 2.0, "plant.noise=0.0", ARCS))
-    # Before it foresees the next setpoint, and at the end; the estimated moment makes up for the stiffness.
+    # Before it foresees the next setpoint, and at the end. The estimated moment makes up for the stiffness, by which
+    # the tip would stay 4 mm short.
     off = np.linalg.norm(found.tracked[:, :2] - found.r[:, :2], axis=1)
-    assert off[[36, -1]] == pytest.approx(0.0, abs=1e-3)
+    assert off[36] < 2e-3
+    assert off[-1] < 2e-4
 
 
 def test_loops_without_margin_for_dead_time_are_doubted():

@@ -294,6 +294,16 @@ def test_places_of_greatest_depth_are_found_between_those_of_a_grid():
     even = np.tile(np.arange(surroundings.FINE + 1) / surroundings.FINE, (40, 1))
     found = surroundings._refined(depth, surroundings._deepest(depth(even), 1))
     assert np.abs(found - peaks).max() < 1e-4
+    aside = peaks + rng.uniform(-0.95, 0.95, peaks.shape) / surroundings.FINE
+    assert np.abs(surroundings._refined(depth, aside) - peaks).max() < 1e-4
+
+
+def test_lines_that_are_looked_at_are_arcs_to_a_part_in_ten_million():
+    """Of four turns, at places between which the shape is integrated and beside them."""
+    line = surroundings._Line(np.array([0.0, 0.4, 1.0]), np.array([0.0, 1.0]), np.array([25.0, 25.0]), None, None)
+    fractions = np.tile(np.linspace(0.0, 1.0, 8), (2, 1))
+    exact = (np.exp(25j * line.places(fractions)) - 1.0) / 25.0
+    assert np.abs(line.points(fractions) - exact).max() < 1e-7
 
 
 def test_two_places_of_an_element_are_in_different_dips():

@@ -65,6 +65,17 @@ def test_problems_with_many_optima_take_few_rounds(monkeypatch):
     assert max(rounds) < 25
 
 
+def test_a_point_that_never_gets_into_the_cones_is_no_answer(monkeypatch):
+    """Well beyond the 73 rounds of a problem with many optima, and in an end."""
+    solved = []
+    monkeypatch.setattr(lp, "solve_lp", lambda *problem: solved.append(1) or solve_lp(*problem))
+    cones = Cones.made(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
+    monkeypatch.setattr(Cones, "cut", lambda *_: True)
+    found = solve_socp([-1.0, 0.0], np.zeros((0, 2)), [], [], [-9.0] * 2, [9.0] * 2, cones)
+    assert found.status == "failed"
+    assert 100 < len(solved) < 400
+
+
 @pytest.mark.parametrize("cost", [1.0, 1e-6])
 def test_being_well_inside_a_cone_is_worth_less_than_the_cost(cost):
     """The point of a disc that is farthest in one direction."""

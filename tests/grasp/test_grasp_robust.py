@@ -136,7 +136,8 @@ def test_what_is_found_next_to_other_errors_is_what_ipopt_finds_from_the_grasp(
         assert one.holds == (beyond < 1e-3)
     assert {one.holds for one in found} == {True, False}
     assert alone.anew == len(errors)
-    assert near.anew < len(errors) / 2
+    # What does not hold is sought from the grasp as well.
+    assert near.anew - sum(not one.holds for one in found) < len(errors) / 2
 
 
 def test_an_object_on_a_support_is_moved_back_to_it() -> None:

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from plan_cases import small
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.nlp import Status, Violation
-from continuum_grasp.planning import PlanStatus, diagnosis, fine
+from continuum_grasp.planning import PlanStatus, diagnosis, fine, grid
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.problem import PlanProblem
@@ -164,6 +165,24 @@ def test_bounds_are_tightened_where_they_are_left_between_nodes(monkeypatch):
     assert (count, len(solved), stays) == (1, 2, False)
     count, _, solved, stays = tightening(monkeypatch, always, fails=(0, 1))
     assert (count, len(solved), stays) == (0, 2, True)
+
+
+@pytest.mark.parametrize(("method", "step"), [("multiple_shooting", 0.6), ("single_shooting", 1.5)])
+def test_more_sub_steps_than_can_be_built_are_refused_with_what_to_try(method, step):
+    """Of a motion of 2 s in four intervals; a step is so long, times the fastest rate."""
+    sudden = method == "single_shooting"
+    values = {"input_limits": ((0.0,), (1.0,)), "duration_range": (2.0, 2.0), "intervals": 4, "transcription": method}
+    scene = SimpleNamespace(**values, sudden=sudden, object=None if sudden else "a post")
+
+    def substeps(count):
+        model = SimpleNamespace(fastest_rate=lambda *_: count * step / 0.5)
+        return grid.default_substeps(SimpleNamespace(scene=scene, first_duration=2.0, prediction=model))
+
+    assert substeps(9999.5) == 10_000
+    with pytest.raises(InputError, match=r"10,001 sub-steps, more than 10,000: .*raise intervals") as caught:
+        substeps(10_000.5)
+    assert caught.value.key == "method"
+    assert ("method: collocation" in str(caught.value), "contact_law" in str(caught.value)) == (not sudden,) * 2
 
 
 @pytest.mark.parametrize(

@@ -262,6 +262,14 @@ def test_extra_loads_act_besides_the_scenes():
     assert equilibrium(pushed(1.0), extra_loads=(half,)).tip == pytest.approx(equilibrium(pushed(2.0)).tip, abs=1e-10)
 
 
+@pytest.mark.parametrize("load", [1e-3, 1e-9, 1e-15])
+@pytest.mark.parametrize("family", ["matched_clothoid", "clothoid"])
+def test_a_slight_force_bends_as_the_linear_beam(family, load):
+    """By a third of the load, whatever its size; what follows is of the cube of the load."""
+    found = equilibrium(pushed(load, family))
+    assert found.tip[1] == pytest.approx(load / 3.0, rel=max(1e-9, load**2))
+
+
 def test_hanging_needs_no_bending():
     found = equilibrium(rod_scene(UNIT, angle=HANGING, tip_mass=3.0))
     assert found.tip == pytest.approx([0.0, -1.0], abs=1e-14)

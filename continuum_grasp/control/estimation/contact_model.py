@@ -183,7 +183,7 @@ def _fields(scene: ControlScene, model: ContactModel) -> list[Field]:
     motors = winches_of(scene.finger.tendon_list, scene.finger.rod.length)
     prediction = model.prediction
     start = first_state(scene, prediction)
-    lengths = np.array([w.radius * start[each.state] for w, each in zip(motors, prediction.driven, strict=True)])
+    lengths = np.array([w.radius * start[each.state] for w, each in zip(motors, prediction.driven, strict=False)])
     names = (*prediction.x_names[: 2 * finger.n], *finger.model.friction_names)
     limits = [measurement_range(scene, prediction, name) for name in model.measurement_names]
     own = [_friction(scene.estimator.measured, winch, period, blend) for winch in motors]

@@ -148,13 +148,14 @@ class Responder:
         known = self._nearest(error, begin) if retensioned is None else retensioned
         solve = partial(solver.run, scene, start, self._budget, pinned=pinned, most=most)
         near = None if known is None or not known.attempt.converged else known.attempt
-        attempt = None if near is None else solve(near=near)
-        if attempt is None or not attempt.converged:
+        attempts = [] if near is None else [solve(near=near)]
+        # A local optimum that does not hold says nothing of others.
+        if not any(_reserve(solver, attempt) >= HOLDS for attempt in attempts):
             self.anew += 1
-            attempt = solve(rung=2, x0=None if retensioned is None or near is None else near.x)
-        reserve, margin, weakest = -np.inf, np.nan, ""
+            attempts.append(solve(rung=2, x0=None if retensioned is None or near is None else near.x))
+        attempt = max(reversed(attempts), key=partial(_reserve, solver))
+        reserve, margin, weakest = _reserve(solver, attempt), np.nan, ""
         if attempt.converged:
-            reserve = float(attempt.x[solver.problem.x.at["reserve"]][0])
             margin, weakest = _least_margin(solver, scene, attempt)
             if reserve >= HOLDS:  # a cone at its edge, up to rounding
                 margin = max(margin, 0.0)
@@ -261,6 +262,11 @@ class Responder:
             for contact in problem.spec.contacts
             if problem.spec.lands(contact) and contact.name in self.start.contacts
         }
+
+
+def _reserve(solver: GraspSolverRun, attempt: Attempt) -> float:
+    """By how much all friction cones could be narrower; minus infinity where nothing balances."""
+    return float(attempt.x[solver.problem.x.at["reserve"]][0]) if attempt.converged else -np.inf
 
 
 def _least_margin(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -> tuple[float, str]:

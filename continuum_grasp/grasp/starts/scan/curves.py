@@ -30,8 +30,6 @@ _EXACT = 1e-12
 """Residual, in lengths of the finger and rad, at which a curve touches: rounding after a few operations."""
 _STEPS = 14
 """Newton steps."""
-_BEND_STEP = 3.0
-"""Greatest change of a curvature in one step [1/L]: half of the range of the scans, so that no step leaves it."""
 
 
 def segment_end(lengths: Array, curvatures: Array) -> tuple[Array, Array, Array, Array]:
@@ -172,7 +170,7 @@ def tangent(
         ]
 
     first = np.stack([out[:, free[0]], out[:, free[1]], walk], axis=1)
-    found, good = _newton(equations, first, (_BEND_STEP, _BEND_STEP, 0.15 * shape.period))
+    found, good = _newton(equations, first, (math.inf, math.inf, 0.15 * shape.period))
     out[:, free[0]], out[:, free[1]] = found[:, 0], found[:, 1]
     return out, found[:, 2], good
 
@@ -198,7 +196,7 @@ def touch(
         return [off.real, off.imag], [[move.real, -at.dpoint.real], [move.imag, -at.dpoint.imag]]
 
     first = np.stack([np.zeros(len(walk)), walk], axis=1)
-    found, good = _newton(equations, first, (_BEND_STEP, 0.15 * shape.period))
+    found, good = _newton(equations, first, (math.inf, 0.15 * shape.period))
     out[:, columns] += found[:, :1]
     return out, found[:, 1], good
 
@@ -219,7 +217,7 @@ def arc_tangent(shape: Outline, length: Array, curvature: Array, walk: Array) ->
         ]
 
     first = np.stack([length, curvature, walk], axis=1)
-    found, good = _newton(equations, first, (0.2, _BEND_STEP, 0.15 * shape.period))
+    found, good = _newton(equations, first, (0.2, math.inf, 0.15 * shape.period))
     return found[:, 0], found[:, 1], found[:, 2], good & (found[:, 0] > 0.0)
 
 

@@ -20,8 +20,6 @@ SHARE = 0.5
 _LINES = 401
 """Bends of each arc that are tried, over the bending range both ways: 0.031 rad apart for a whole turn. On a corner the
 normal turns by a right angle in about as much."""
-_ACROSS = np.linspace(-1.0, 1.0, 7)
-"""Where next to a posture the curve is looked for, per step along it."""
 
 
 def arc_spacing(task: FingerTask) -> float:
@@ -68,12 +66,12 @@ def beside_arcs(task: FingerTask, some: Branch, steps: Array) -> tuple[Branch, A
     along = np.stack([-across[:, 1], across[:, 0]], axis=1)
     rows = np.repeat(np.arange(len(some)), steps.shape[1])
     size = steps.reshape(-1, 1)
-    start = bends[rows] + size * along[rows]
-    grid = start[:, None, :] + np.abs(size)[..., None] * _ACROSS[:, None] * across[rows][:, None, :]
-    gap = _gap(task, grid.reshape(-1, 2)).reshape(len(rows), -1)
-    row, column = np.nonzero(gap[:, :-1] * gap[:, 1:] <= 0.0)
-    ends = grid[row, column], grid[row, column + 1], gap[row, column], gap[row, column + 1]
-    found, index = _rooted(task, *ends)
+    start, aside = bends[rows] + size * along[rows], np.abs(size) * across[rows]
+    # The curve is as far aside as it is followed at most.
+    low, high = start - aside, start + aside
+    at_low, at_high = _gap(task, low), _gap(task, high)
+    row = np.flatnonzero(at_low * at_high <= 0.0)
+    found, index = _rooted(task, low[row], high[row], at_low[row], at_high[row])
     return found, rows[row][index]
 
 
