@@ -70,7 +70,7 @@ class ModelScene(Protocol):
 
 
 class DriveState(NamedTuple):
-    """What a drive has reached, a state of the model.
+    """A state of the model by which a drive follows its commands.
 
     A bending moment, a tension or a pressure that follows the inputs late, a length, or the angle of a motor.
     """

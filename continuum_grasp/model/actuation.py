@@ -33,7 +33,7 @@ class InputLayout:
 
 @dataclass(frozen=True)
 class Lag:
-    """How what acts follows what is commanded."""
+    """A lag of first order, or a critically damped one of second order, between a command and the value that acts."""
 
     time_constant: float  # [s]
     order: int  # 1, or 2: critically damped, for known moments, whose rate and acceleration a matched tip needs

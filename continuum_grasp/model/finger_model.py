@@ -247,8 +247,7 @@ class FingerModel(Functions):
         history = [np.append(states, 0.0)] if states.size else []
         found = [float(v) for v in np.array(of(*given, *history)).ravel()]
         # Lags come first, which no tension of a winch tells.
-        own = len(self.structure.states["lag"])
-        return [*lags[:own], *found[own:]] if pulled is None else [*lags[:own], *found]
+        return found if pulled is None else [*lags[: len(self.structure.states["lag"])], *found]
 
     def drives_at_rest(self) -> ca.Function:
         """``(q, u, p (, history)) -> lag``: states of lags, winches and motors, as `drives_at` gives them."""

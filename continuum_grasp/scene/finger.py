@@ -365,7 +365,7 @@ class Finger(Value):
         return self if tendons is None else self.replaced(tendons=tendons.replaced(**changes))
 
     def with_lags(self, time_constant: float | None) -> Self:
-        """The same whose tensions and pressures follow with a time constant [s], or at once."""
+        """A copy whose tensions and pressures lag by a time constant [s]; None: they follow at once."""
         changed = self.with_tendons(time_constant=time_constant)
         return changed.replaced(pressure=tuple(c.replaced(time_constant=time_constant) for c in self.chambers) or None)
 

@@ -80,7 +80,7 @@ _OF_TENDONS = ("tensions", "lengths", "torques", "currents", "angles")
 
 
 def by_key(keys: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
-    """What ``actuation`` has, of commands by the key of each."""
+    """Keys and values of an ``actuation``, of one command per key given: commands of one key together, in order."""
     given: dict[str, Any] = {}
     for key, value in zip(keys, values, strict=True):
         given[key] = value if key == "tip_moment" else (*given.get(key, ()), value)

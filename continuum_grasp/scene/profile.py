@@ -135,7 +135,7 @@ class Curve:
         return Curve(self.edges, tuple(tuple(factor * one for one in c) for c in self.coefficients))
 
     def times(self, factors: Curve) -> Curve:
-        """The same times a function of steps, which are positive."""
+        """The product with a positive function that is constant between its edges."""
         inner = sorted(self.edges[1:-1] + factors.edges[1:-1])
         starts = [0.0, *(b for a, b in pairwise([0.0, *inner]) if b - a > _SAME * self.edges[-1])]
         pieces = []

@@ -10,6 +10,8 @@ from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
 from continuum_grasp import FingerModel
+from continuum_grasp.control.estimation.model import estimation_of
+from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import TipPath
 from continuum_grasp.rod import solve_elastica
@@ -112,8 +114,10 @@ def test_beside_tendons_forces_add_up(tendons, lag):
 
 def test_a_pressure_follows_its_command_by_a_lag_of_first_order():
     ramp = {"times": [0.0, 1.0], "values": [0.0, 5e4], "interpolation": "linear"}
-    found = cg.simulate(scene({**CHAMBER, "time_constant": 0.05}, actuation={"pressures": [ramp]}))
+    lagging = {**CHAMBER, "time_constant": 0.05}
+    found = cg.simulate(scene(lagging, lagging, actuation={"pressures": [ramp, 1e4]}))
     place = found.model.x_names.index("pressure_1 [Pa]")
+    assert found.acting == pytest.approx(found.x[:, place : place + 2])  # what bends it is the states, each its own
     late = 5e4 * (found.t - 0.05 * (1.0 - np.exp(-found.t / 0.05)))
     assert found.x[:, place] == pytest.approx(late, abs=1.0)
 
@@ -215,6 +219,27 @@ def test_an_exported_step_is_the_motion_of_simulate(tmp_path):
     assert math.hypot(tip.x - truth.tip[-1, 0], tip.y - truth.tip[-1, 1]) < 2e-5 * LENGTH
     with pytest.raises(finger.Error, match="out of its range"):
         library.step(x, finger.Input(7e4, 0.0), timing["step"] / 8)
+
+
+@pytest.mark.parametrize("name", ["winches", "motor_servo"])
+def test_drives_and_sensors_beside_a_chamber_are_told_apart(name):
+    chamber = {**CHAMBER, "time_constant": 0.05}
+    changes = {"finger.pressure": chamber, "fidelity.family": "clothoid", "plant": {}}
+    made = cg.load(f"configs/mpc/{name}.yaml", {**changes, "estimator.measured.pressure": 200.0})
+    model = Prediction(made)
+    alone = Prediction(made.changed({"finger.pressure": None, "estimator.measured.pressure": None}))
+    # A winch that holds a tension says nothing of the pressure, which is the commanded one.
+    u = np.append(np.zeros(alone.nu), 3e4)
+    q = np.zeros(model.system.n)
+    held = model.system.finger_model.drives_at(q, u, pulled=5.0)
+    same = alone.system.finger_model.drives_at(q, u[:-1], pulled=5.0)
+    assert held == pytest.approx([3e4, *same])
+    # The states that drives follow are those of winches, then the pressure; servos are those of winches alone.
+    names = [model.x_names[one.state] for one in model.driven]
+    assert names == [*(alone.x_names[one.state] for one in alone.driven), "pressure_1 [Pa]"]
+    assert [one.rate == () for one in model.driven] == [False] * len(alone.driven) + [True]
+    assert model.servo_torques.shape == alone.servo_torques.shape
+    assert estimation_of(made, model).measurement_names.count("pressure_1 [Pa]") == 1
 
 
 def test_what_is_wrong_is_said_with_its_key():
