@@ -222,7 +222,7 @@ def test_an_exported_step_is_the_motion_of_simulate(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["winches", "motor_servo"])
-def test_drives_and_sensors_beside_a_chamber_are_told_apart(name):
+def test_drives_and_sensors_beside_a_chamber_are_distinct(name):
     chamber = {**CHAMBER, "time_constant": 0.05}
     changes = {"finger.pressure": chamber, "fidelity.family": "clothoid", "plant": {}}
     made = cg.load(f"configs/mpc/{name}.yaml", {**changes, "estimator.measured.pressure": 200.0})
