@@ -442,8 +442,8 @@ FAULTS: tuple[Fault, ...] = (
         tests="simulation/test_drives_at_rest.py simulation/test_winches.py",
     ),
     *_in(
-        "grasp/problem/graded_model.py",
-        ("-2.0 * self._shares.halves[k]", "2.0 * self._shares.halves[k]"),
+        "grasp/problem/graded_backbone.py",
+        ("lean = (first - middle * work) / (b - a)", "lean = (first + middle * work) / (b - a)"),
         tests="grasp/test_graded_grasps.py",
     ),
     *_in(

@@ -114,9 +114,7 @@ def _curvatures(problem: Unknowns, contact: Touch) -> tuple[ca.SX, ca.SX]:
     side = ca.dot(contact.normal, ca.vertcat(ca.cos(finger.angles[end]), ca.sin(finger.angles[end])))
     bent = side * bent / finger.number("length")
     # The skin is a parallel curve of the backbone: radii differ by half the thickness.
-    lean = finger.lean(spec)
-    upright = 1.0 if lean is None else ca.sqrt(1.0 - lean**2)
-    return ours, -bent / (upright - finger.half(spec) * bent)
+    return ours, -bent / (ca.sqrt(1.0 - finger.lean(spec) ** 2) - finger.half(spec) * bent)
 
 
 def _force_change(contact: Touch, change: ca.SX, turn: ca.SX) -> ca.SX:
@@ -128,7 +126,7 @@ def _slope(finger: UnitFinger, touching: list[Touch]) -> ca.SX:
     """Derivative of (missing force, ends, angles, what is drawn in of the tendons) with respect to (q, u, w), in units
     and axes of the finger.
     """
-    share, sizes = finger.number("force share"), (("q", finger.q.numel()), ("u", 3), ("w", finger.loads_size))
+    share, sizes = finger.number("force share"), (("q", finger.q.numel()), ("u", 3), ("w", finger.model.nw))
     q, u, w = (ca.SX.sym(name, size) for name, size in sizes)
     missing = finger.missing_force(q, u, w)
     ends, angles = finger.joints_at(q, u)

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.polynomial import Chebyshev, Polynomial
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
@@ -30,8 +29,6 @@ MOST_PANELS = 16
 """Most parts of a finger on which a curve is one polynomial: every element has Gauss nodes in each of them."""
 MOST_STEEP = 0.7
 """Greatest slope of half the thickness [1]: the skin then leans by 45 degrees, and discs cover no steeper one."""
-_MASS_DEGREE = 12
-"""Degree of the mass beyond a section where the density is an exponential: rounding for densities 1:100 in a panel."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +51,6 @@ class GradedSpec:
     """Structure of the curves of a graded finger; thickness and depth have panels of their own."""
 
     curves: tuple[CurveSpec, ...]
-    channels: int
 
     @property
     def size(self) -> int:
@@ -92,7 +88,7 @@ class GradedSpec:
                 "give fewer sections or samples",
                 key="rod",
             )
-        return GradedSpec(tuple(each.spec for each in made), len(setup.finger.channels))
+        return GradedSpec(tuple(each.spec for each in made))
 
 
 @dataclass(frozen=True)
@@ -116,29 +112,22 @@ def _group(name: str) -> str:
     return name if name in ("thickness", "depth") else "statics"
 
 
-def _edges(setup: FingerSetup, weighs: bool) -> Array:
-    """Ends of the panels of the statics [m]."""
-    finger, length = setup.finger, setup.finger.profile.length
-    places = [at for channel in finger.channels for at in channel.shape.breaks]
-    if weighs:
-        places += [mass.at for mass in finger.masses]
-    return with_places((0.0, length), [at for at in (*finger.profile.breaks, *places) if at < length])
-
-
 def _curves(setup: FingerSetup, weighs: bool) -> list[_Made]:
-    """All curves of a finger: per E I (its mean) and L where they have units."""
+    """All curves of a finger: per E I (its mean), rho A at its base and L where they have units."""
     finger, profile, length = setup.finger, setup.finger.profile, setup.finger.profile.length
-    edges = _edges(setup, weighs)
+    (channel,) = finger.channels  # a grasp has a pair of tendons, which run alike
+    breaks = [at for at in (*profile.breaks, *channel.shape.breaks) if at < length]
+    edges = with_places((0.0, length), breaks)
     found = [
         _made("stiffness", profile.bending_stiffness, edges, 1.0 / setup.stiffness),
         _made("rest", profile.rest_curvature, edges, length),
         _alone("thickness", skin(profile.half_thickness), 1.0 / length),
-        *(_made(f"channel_{k}", channel.shape, edges, 1.0) for k, channel in enumerate(finger.channels)),
+        _made("channel", channel.shape, edges, 1.0),
     ]
     if finger.strain_limit is not None and profile.half_depth is not None:
         found.append(_alone("depth", profile.half_depth, 1.0 / length))
     if weighs:
-        found.append(_mass_beyond(setup, edges))
+        found.append(_made("density", profile.linear_density, edges, 1.0 / finger.rod.mass_per_length))
     return found
 
 
@@ -158,34 +147,6 @@ def _made(name: str, curve: Curve, edges: Array, scale: float) -> _Made:
             row[0] += np.log(scale)
         rows.append(row if curve.exponential else scale * row)
     return _Made(CurveSpec(name, len(rows), degree, curve.exponential), edges / edges[-1], np.array(rows))
-
-
-def _mass_beyond(setup: FingerSetup, edges: Array) -> _Made:
-    """Mass of rod and point masses beyond a section, per that of the rod with the density at its base."""
-    finger, length = setup.finger, float(edges[-1])
-    made = _made("density", finger.profile.linear_density, edges, 1.0 / finger.rod.mass_per_length)
-    rows: list[Polynomial] = []
-    for coefficients, (a, b) in zip(made.coefficients, pairwise(edges / length), strict=True):
-        density = Polynomial(coefficients)
-        if made.spec.exponential:
-            places = 0.5 * (b - a) * (np.polynomial.chebyshev.chebpts1(_MASS_DEGREE + 1) + 1.0)
-            fit = Chebyshev.fit(places, np.exp(density(places)), _MASS_DEGREE, domain=[0.0, b - a])
-            density = fit.convert(kind=Polynomial)
-        rows.append(density.integ())
-    beyond, own = 0.0, finger.rod.mass_per_length * length
-    out: list[Array] = []
-    degree = max(len(row.coef) for row in rows) - 1
-    masses = list(finger.masses)
-    for row, (a, b) in reversed(list(zip(rows, pairwise(edges), strict=True))):
-        here = [mass for mass in masses if mass.at > b - 1e-9 * length]
-        masses = [mass for mass in masses if mass not in here]
-        beyond += sum(mass.mass for mass in here) / own
-        beyond += float(row((b - a) / length))
-        coefficients = np.zeros(degree + 1)
-        coefficients[: len(row.coef)] = -row.coef
-        coefficients[0] += beyond
-        out.append(coefficients)
-    return _Made(CurveSpec("mass", len(out), degree, False), edges / length, np.array(out[::-1]))
 
 
 class GradedCurves:

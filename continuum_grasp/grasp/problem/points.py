@@ -108,9 +108,9 @@ def bending_arrays(
         # Nodes have the stiffness of their base side; at a jump, the element beyond bends by another curvature.
         stiffness, beyond = (profile.bending_stiffness(ends, tip_side=side) for side in (False, True))
         moments = q * setup.stiffness / length
-        if finger.statics.matched:
-            amplitudes = [np.dot(c.arms, pulls) for c in setup.finger.channels]
-            moments = moments + sum(a * c.shape(ends) for a, c in zip(amplitudes, setup.finger.channels, strict=True))
+        if finger.model.structure.matched:
+            (channel,) = setup.finger.channels
+            moments = moments + np.dot(channel.arms, pulls) * channel.shape(ends)
         bent, nodes = moments / stiffness, np.eye(ends.size)
         first = nodes[:-1] * (stiffness / beyond)[:-1, None]
         shapes = np.stack([first, nodes[1:]], axis=1)

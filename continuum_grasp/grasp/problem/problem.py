@@ -71,9 +71,8 @@ class GraspProblem(Unknowns):
         if spec.joint >= 0 and finger.spec.stations:
             return
         along = ca.vertcat(-ca.sin(finger.angles[end]), ca.cos(finger.angles[end]))
-        tilt, lean = ca.dot(along, contact.normal), finger.lean(spec)
         # The finger is as thick as discs along it: where these grow, the skin leans by the slope of the radius.
-        tilt -= 0.0 if lean is None else lean
+        tilt = ca.dot(along, contact.normal) - finger.lean(spec)
         if spec.joint >= 0:
             require(f"contact tangency, {spec.name}", tilt, "rad", key)
         else:

@@ -46,6 +46,7 @@ class FingerSpec:
     friction_cells: int  # per element; 0: the tendons have no friction
     bending_cells: int  # per element, of dry friction in bending; 0: there is none
     branches: int  # of dry friction in bending
+    friction_states: int
     weighs: bool  # whether its own weight acts
     preshaped: bool  # whether it is curved at rest
     tip_heavy: bool  # whether there is a mass on the tip
@@ -81,10 +82,11 @@ class FingerSpec:
             friction_cells=setup.tendons.friction_cells if setup.tendons.friction > 0.0 else 0,
             bending_cells=setup.bending_cells,
             branches=len(finger.damping.dry_friction),
+            friction_states=setup.friction_states,
             weighs=weighs,
             preshaped=graded is None and finger.profile.rest_curvature.constant != 0.0,
-            tip_heavy=graded is None and weighs and len(inner) < len(finger.masses),
-            masses=len(inner) if weighs and graded is None else 0,
+            tip_heavy=weighs and len(inner) < len(finger.masses),
+            masses=len(inner) if weighs else 0,
             strained=finger.strain_limit is not None,
             free=finger.base_free is not None,
             bending_range=next((r for r in _RANGES if setup.bending_range <= r), setup.bending_range),

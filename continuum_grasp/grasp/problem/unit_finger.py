@@ -17,6 +17,7 @@ import numpy as np
 from continuum_grasp.grasp.problem.blocks import Columns, rotation
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.backbone import Backbone
 from continuum_grasp.model.winches import SOFT, soft
 from continuum_grasp.scene.damping import Damping, DryFriction
 from continuum_grasp.scene.finger import Finger, PointMass
@@ -40,9 +41,17 @@ class UnitFinger:
     def __init__(self, spec: FingerSpec, x: Columns, numbers: Columns, tip: ca.SX) -> None:
         """Add the finger's unknowns to ``x``; its tip bears a contact's (N, f, lift) in units of the problem."""
         self.spec, self._numbers = spec, numbers
-        size = self._build()
+        self._optional = {
+            "gravity": spec.weighs,
+            "rest_curvature": spec.preshaped,
+            "tendon_friction": spec.friction_cells > 0,
+            "tip_mass": spec.tip_heavy,
+            **{f"dry_friction_{k + 1}_{key}": True for k in range(spec.branches) for key in ("stiffness", "moment")},
+        }
+        self.model = self._model()
+        self.backbone = self._backbone()
         name, number = spec.name, self.number
-        self.q = x(f"{name}.q", size)  # bending coordinates of the unit finger
+        self.q = x(f"{name}.q", self.model.n)  # bending coordinates of the unit finger
         # Positions of the middle contacts, as parts of the length.
         self.joints = [x(f"{name}.joint_{k}") if on else number(f"joint_{k}") for k, on in enumerate(spec.touching)]
         self.pulls = x(f"{name}.pulls", 2)  # tensions times offset, in E I / L of the finger
@@ -60,16 +69,9 @@ class UnitFinger:
         # World positions (2, N) of the elements' ends, and world angles (N,) there.
         self.ends, self.angles = self.world(ends), angles + self.base[2]
 
-    def _build(self) -> int:
-        """Build the mechanics; the number of coordinates."""
+    def _model(self) -> FingerModel:
+        """The model of the finger, uniform."""
         spec = self.spec
-        self._optional = {
-            "gravity": spec.weighs,
-            "rest_curvature": spec.preshaped,
-            "tendon_friction": spec.friction_cells > 0,
-            "tip_mass": spec.tip_heavy,
-            **{f"dry_friction_{k + 1}_{key}": True for k in range(spec.branches) for key in ("stiffness", "moment")},
-        }
         # The values only state what there is: the run-time argument replaces them.
         unit = Finger(
             rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0),
@@ -87,7 +89,8 @@ class UnitFinger:
             ),
         )
         contacts = tuple(count / spec.elements for count in spec.before)
-        self.model = FingerModel(
+        own = ["element_lengths"] if spec.graded is None else []
+        return FingerModel(
             unit,
             contacts=contacts,
             gravity=(0.0, 0.0),
@@ -95,15 +98,20 @@ class UnitFinger:
             elements=(1.0 / spec.elements,) * spec.elements,
             bending_range=spec.bending_range,
             accuracy=spec.accuracy or ACCURACY,
-            parameters=("element_lengths", *(name for name, wanted in self._optional.items() if wanted)),
+            parameters=(*own, *(name for name, wanted in self._optional.items() if wanted)),
             loads=tuple(MomentLoad(at=at, moment=0.0) for at in (*contacts, 1.0)),
             tip_force=True,
         )
-        self._backbone = self.model.backbone()
-        return self.model.n
+
+    def _backbone(self) -> Backbone:
+        return self.model.backbone()
+
+    def _along(self) -> list[ca.SX]:
+        """Run-time arguments of the backbone beside those of the model that differ along the finger."""
+        return []
 
     def _parameters(self) -> ca.SX:
-        values = [ca.SX(ca.vertcat(*self.element_lengths(self.joints)))]
+        values = [ca.SX(ca.vertcat(*self.element_lengths(self.joints))), *self._along()]
         if self.spec.weighs:
             values.append(rotation(-self.base[2]) @ self.number("weight", 2))
         values += [self.number(key) for key, wanted in self._optional.items() if wanted and key != "gravity"]
@@ -121,24 +129,19 @@ class UnitFinger:
         """Half thickness at a contact, in units of the problem."""
         return self.half_at(self.end_of(contact)) * self.number("length")
 
-    def lean(self, contact: ContactSpec) -> ca.SX | None:
-        """Slope of the half thickness along the finger at a contact; None where there is none."""
-        return None
+    def lean(self, contact: ContactSpec) -> ca.SX:
+        """Slope of the half thickness along the finger at a contact."""
+        return ca.SX(0.0)
 
     def joints_at(self, q: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Positions (2, N) and angles (N,) of the ends of the elements of the unit finger."""
-        ends, angles = self._backbone.joints(q, u, self.p)
+        ends, angles = self.backbone.joints(q, u, self.p)
         return ends, angles
 
     def drawn(self, q: ca.SX, u: ca.SX) -> ca.SX:
         """How far the bend draws in the first tendon and pays out the other, per offset at the base [rad]."""
         turn: ca.SX = self.joints_at(q, u)[1][-1]
         return turn
-
-    @property
-    def loads_size(self) -> int:
-        """Number of entries of the model's loads."""
-        return self.model.nw
 
     @cached_property
     def guarded(self) -> tuple[ca.SX, list[int], list[bool], ca.SX]:
@@ -164,8 +167,8 @@ class UnitFinger:
         places, the ends of the elements being between both.
         """
         even = (np.arange(self.guards) + 0.5) / self.guards
-        points = self._backbone.fixed_places(even.tolist())(self.q, self.u, self.p)
-        probed = self._backbone.places(self.probes)(self.q, self.u, fractions, self.p)
+        points = self.backbone.fixed_places(even.tolist())(self.q, self.u, self.p)
+        probed = self.backbone.places(self.probes)(self.q, self.u, fractions, self.p)
         owners = [k for k in range(self.spec.elements) for _ in even]
         return points, owners, probed, self.number("thickness") * self.number("length")
 
@@ -177,7 +180,7 @@ class UnitFinger:
 
     def section(self, s: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Position and angle of the unit finger at a place."""
-        point, angle = self._backbone.section(self.q, self.u, s, self.p)
+        point, angle = self.backbone.section(self.q, self.u, s, self.p)
         return point, angle
 
     def world(self, points: ca.SX) -> ca.SX:
@@ -209,29 +212,20 @@ class UnitFinger:
     def missing_force(self, q: ca.SX, u: ca.SX, w: ca.SX) -> ca.SX:
         """Generalized force that is missing for rest under inputs and loads, in E I / L."""
         masses = [ca.vertcat(self.number(f"mass_{k}"), self.number(f"mass_{k}.at")) for k in range(self.spec.masses)]
-        missing: ca.SX = self._missing(q, u, w, ca.horzcat(ca.SX(2, 0), *masses), *self.history, self.p)
+        missing: ca.SX = self._missing(q, u, w, ca.horzcat(ca.SX(2, 0), *masses), self.history, self.p)
         return missing
 
     @property
-    def history(self) -> list[ca.SX]:
-        """Friction states of tendons and bending, where there are any."""
-        return [self.number("friction_history", self.friction_states + 1)] if self.friction_states else []
-
-    @property
-    def friction_states(self) -> int:
-        """Number of states of friction."""
-        return self.model.structure.friction_states
-
-    def mean_shares(self) -> ca.SX:
-        """Mean along the finger of the tension of each tendon, per that at the base."""
-        means: ca.SX = self._backbone.mean_shares(self.q, self.u, *self.history, self.p)
-        return means
+    def history(self) -> ca.SX:
+        """Friction states of tendons and bending, and whether they are moved; empty where there are none."""
+        states = self.spec.friction_states
+        return self.number("friction_history", states + 1) if states else ca.SX(0, 1)
 
     def compliances(self) -> list[ca.SX]:
         """Elongation of each tendon, per length, per pull at the drive."""
         means: list[Any] = [1.0, 1.0]
         if self.spec.friction_cells:
-            means = ca.vertsplit(self.mean_shares())
+            means = ca.vertsplit(self.backbone.mean_shares(self.q, self.u, self.history, self.p))
         return [self.number("series") + self.number("axial") * mean for mean in means]
 
     def drive_rows(self) -> ca.SX:
@@ -267,7 +261,7 @@ class UnitFinger:
 
     @cached_property
     def _missing(self) -> ca.Function:
-        return self._backbone.missing(self.spec.masses)
+        return self.backbone.missing(self.spec.masses)
 
     @cached_property
     def _curvatures(self) -> ca.Function:

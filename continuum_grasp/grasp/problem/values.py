@@ -162,14 +162,12 @@ def _graded_values(setup: FingerSetup, start: FingerStart, weighs: bool) -> Valu
     finger, profile = setup.finger, setup.finger.profile
     nodes = node_places(setup, start.joints)
     segments = np.repeat(np.diff([0.0, *start.joints, profile.length]), _counts(setup))
-    arms = [np.asarray(channel.arms) / setup.tendons.offset for channel in finger.channels]
+    (channel,) = finger.channels
     return {
         "curves": curve_numbers(setup, weighs),
         "shares": np.diff(nodes) / segments,
         "node stiffness": profile.bending_stiffness(nodes) / setup.stiffness,
-        # Column after column: of all channels at one node, or of one tendon.
-        "node shapes": np.stack([channel.shape(nodes) for channel in finger.channels]).ravel(order="F"),
-        "arms": np.stack(arms).ravel(order="F"),
+        "node shapes": channel.shape(nodes),
         "curvature_limit": finger.strain_limit or 0.0,
     }
 
