@@ -21,7 +21,7 @@ from continuum_grasp.model.collocated import CollocatedLink
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.link import Link
-from continuum_grasp.model.planar import Scalar, column
+from continuum_grasp.model.planar import Scalar, column, matrix
 from continuum_grasp.model.quadrature import RANGES, Collocation, collocation, node_count, running_weights
 
 _MOST_NODES = 16
@@ -154,10 +154,16 @@ class Backbone:
         """World positions (2, K) at fractions (1, K) of an element."""
         return cast(_Uniform, self.elements[element][0]).at(fractions)
 
-    def fixed_places(self, fractions: Sequence[float]) -> ca.Function:
-        """``(q, u, p)``: world positions (2, count N) at fractions (count,) of every element."""
-        points = [self._at(k, np.array([fractions])) for k in range(len(self.elements))]
-        return self._function("fixed_places", [], [ca.horzcat(*points)])
+    def fixed_places(self, count: int) -> tuple[ca.Function, list[int]]:
+        """``(q, u, p)``: world positions (2, K) of places on every element, ``count`` at most, and where along the
+        finger these are (K,); and the elements that they are on.
+        """
+        even, points, places = (np.arange(count) + 0.5) / count, [], []
+        for k, element in enumerate(self.elements):
+            points.append(self._at(k, even[None]))
+            places += [element[0].start + share * self.lengths[k] for share in even.tolist()]
+        owners = [k for k in range(len(self.elements)) for _ in even]
+        return self._function("fixed_places", [], [ca.horzcat(*points), column(places)]), owners
 
     @cached_property
     def section(self) -> ca.Function:
@@ -174,6 +180,25 @@ class Backbone:
             way, bend = panel.section(s)
             point, angle = point + way, angle + bend
         return point, angle
+
+    @cached_property
+    def curvatures(self) -> ca.Function:
+        """``(q, u, f, p)``: what a strain limit is for, at fractions f of the elements too where it changes along them;
+        curvatures (degree + 1, N) at the ``places`` of the elements; and bends, these times their lengths.
+        """
+        eq = self._eq
+        at, bends = (matrix(list(zip(*rows, strict=True))) for rows in (eq.curvatures, eq.greatest_bends))
+        return self._function("curvatures", [ca.SX.sym("f", 0)], [column(eq.curvature), at, bends])
+
+    @cached_property
+    def drawn(self) -> ca.Function:
+        """``(q, u, p)``: how far the bend draws in the first tendon, per offset at the base."""
+        return self._function("drawn", [], [self._angles[-1]])
+
+    @cached_property
+    def stored(self) -> ca.Function:
+        """``(q, u, p)``: coordinates, and the curvature at the tip, which a matched tip has from the moments there."""
+        return self._function("stored", [], [self._eq.q, self._eq.curvatures[-1][-1]])
 
     def missing(self, masses: int = 0) -> ca.Function:
         """``(q, u, w, m, history, p)``: generalized force (n,) that is missing for rest.

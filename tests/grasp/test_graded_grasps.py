@@ -11,10 +11,9 @@ from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.fine import FIRST, with_elements
 from continuum_grasp.grasp.problem.blocks import Columns
-from continuum_grasp.grasp.problem.graded_curves import GradedSpec, curve_numbers
-from continuum_grasp.grasp.problem.graded_finger import GradedUnitFinger
+from continuum_grasp.grasp.problem.curves import CurvesSpec, curve_numbers
 from continuum_grasp.grasp.problem.structure import FingerSpec
-from continuum_grasp.grasp.problem.unit_finger import PRESLIDING
+from continuum_grasp.grasp.problem.unit_finger import PRESLIDING, UnitFinger
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.skin import skin
 from continuum_grasp.model import FingerModel
@@ -78,7 +77,7 @@ def test_equal_sections_give_the_uniform_fingers_grasp(friction):
         changes[f"fingers.{name}.strain_limit"] = None
         changes[f"fingers.{name}.half_thickness"] = finger.thickness_radius
     graded = uniform.changed(changes)
-    assert all(GradedSpec.of(setup, True).edges["statics"] == 2 for setup in graded.setups)
+    assert all(CurvesSpec.of(setup, True).edges["statics"] == 2 for setup in graded.setups)
     one, other = optimize_grasp(uniform), optimize_grasp(graded)
     assert other.certificate.passed
     for key in ("contact_positions", "contact_forces", "left.tensions", "left.q", "left.backbone", "right.tensions"):
@@ -126,7 +125,7 @@ def test_forces_are_those_of_the_model_of_motion(cells):
     (setup, offset), rng = sticky(cells), np.random.default_rng(cells)
     finger, stiffness, nodes = setup.finger, setup.stiffness, np.cumsum([0.0, *LENGTHS])
     spec = replace(FingerSpec.of(setup, frozenset(), True), elements=4, accuracy=1e-10, bending_range=2.0)
-    resting = GradedUnitFinger(spec, Columns(), Columns(), ca.SX.zeros(3))
+    resting = UnitFinger(spec, Columns(), Columns(), ca.SX.zeros(3))
     (channel,) = finger.channels
     branches = [number for each in DRY["dry_friction"] for number in (each["stiffness"], each["moment"] * LENGTH)]
     own = finger.rod.mass_per_length * LENGTH

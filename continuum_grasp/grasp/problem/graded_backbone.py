@@ -11,7 +11,6 @@ The laws of tendons and sections are those of the model: what they see of each e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
@@ -20,12 +19,12 @@ from typing import Any
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.graded_curves import GradedCurves, GradedSpec
+from continuum_grasp.grasp.problem.curves import Curves, CurvesSpec
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.backbone import Backbone, Panel
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.laws.section import Port
-from continuum_grasp.model.planar import Scalar, column
+from continuum_grasp.model.planar import Scalar, column, matrix
 from continuum_grasp.model.quadrature import collocation, node_count
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_friction import Cell
@@ -74,12 +73,12 @@ class GradedBackbone(Backbone):
 
     elements: list[list[_Part]]  # type: ignore[assignment]
 
-    def __init__(self, model: FingerModel, spec: GradedSpec) -> None:
+    def __init__(self, model: FingerModel, spec: CurvesSpec) -> None:
         made = model.structure
         count, self._matched = len(made.lengths), made.matched
         sizes = {"lengths": count, "curves": spec.size, "scales": count + 1, "known": count + 1}
         own = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
-        self.curves, self._scales, self._known = GradedCurves(spec, own["curves"]), own["scales"], own["known"]
+        self.curves, self._scales, self._known = Curves(spec, own["curves"]), own["scales"], own["known"]
         lengths = ca.vertsplit(own["lengths"])
         self.ends = [ca.SX(0.0), *accumulate(lengths)]
         varies = any(curve.name == "stiffness" and curve.degree for curve in spec.curves)
@@ -233,38 +232,33 @@ class GradedBackbone(Backbone):
         )
         return self._function("drawn", [], [whole])
 
-    @cached_property
-    def nodes(self) -> ca.Function:
-        """``(q, u, p)``: positions (2, K) of the Gauss nodes, and their places along the finger (K,)."""
-        parts: Sequence[_Part] = [part for element in self.elements for part in element]
-        places = [s for part in parts for s, _ in part.nodes]
-        return self._function("nodes", [], [ca.horzcat(*(part.points for part in parts)), column(places)])
-
-    @cached_property
-    def node_counts(self) -> list[int]:
-        """Number of nodes of each element."""
-        return [sum(len(part.nodes) for part in element) for element in self.elements]
+    def fixed_places(self, count: int) -> tuple[ca.Function, list[int]]:
+        """Some of the Gauss nodes, which cost nothing."""
+        points, places, owners = list[ca.SX](), list[Scalar](), list[int]()
+        for k, element in enumerate(self.elements):
+            at = ca.horzsplit(ca.horzcat(*(part.points for part in element)))
+            nodes = [s for part in element for s, _ in part.nodes]
+            few = min(len(nodes), count)
+            picks = [int((j + 0.5) * len(nodes) / few) for j in range(few)]
+            points += [at[j] for j in picks]
+            places += [nodes[j] for j in picks]
+            owners += [k] * few
+        return self._function("fixed_places", [], [ca.horzcat(*points), column(places)]), owners
 
     @cached_property
     def curvatures(self) -> ca.Function:
-        """``(q, u, p)``: curvature (2, N) at both ends of each element, from inside, and the same times lengths."""
-        sides = [
-            ca.vertcat(self._curvature(k, a, tip_side=True), self._curvature(k, b))
-            for k, (a, b) in enumerate(pairwise(self.ends))
-        ]
-        at = ca.horzcat(*sides)
-        return self._function("curvatures", [], [at, at * ca.repmat(column(self.lengths).T, 2, 1)])
-
-    @cached_property
-    def strains(self) -> ca.Function:
-        """``(q, u, f, p)``: curvature times half the depth at both ends of each element, and at a fraction f (N,)."""
-        f, found, curves = ca.SX.sym("f", len(self.elements)), [], self.curves
+        curves, strained = self.curves, "depth" in self.curves.names
+        f, sides, strains = ca.SX.sym("f", len(self.elements) * strained), [], []
         for k, (a, b) in enumerate(pairwise(self.ends)):
-            for s, tip_side in ((a, True), (b, False), (a + f[k] * (b - a), False)):
-                found.append(self._curvature(k, s, tip_side=tip_side) * curves.at("depth", s, tip_side=tip_side))
-        return self._function("strains", [f], [ca.vertcat(*found)])
+            sides.append([self._curvature(k, a, tip_side=True), self._curvature(k, b)])
+            if strained:
+                for s, tip_side in ((a, True), (b, False), (a + f[k] * (b - a), False)):
+                    strains.append(self._curvature(k, s, tip_side=tip_side) * curves.at("depth", s, tip_side=tip_side))
+        at = matrix(list(zip(*sides, strict=True)))
+        limited = column(strains) if strained else at
+        return self._function("curvatures", [f], [limited, at, at * ca.repmat(column(self.lengths).T, 2, 1)])
 
     @cached_property
-    def nodal_moments(self) -> ca.Function:
-        """``(q, u, p)``: moments r (N + 1,) at the nodes."""
-        return self._function("nodal", [], [column(self.nodal)])
+    def stored(self) -> ca.Function:
+        """Moments r (N + 1,) at the nodes."""
+        return self._function("stored", [], [column(self.nodal), self.nodal[-1]])

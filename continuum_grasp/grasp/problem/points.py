@@ -8,7 +8,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.problem.graded_finger import GradedUnitFinger
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Touch
@@ -54,8 +53,7 @@ def _finger_start(setup: FingerSetup, finger: UnitFinger, whole: Start, units: U
     tendons, start = setup.tendons, whole.fingers[setup.name]
     length, stiffness = setup.finger.rod.length, setup.stiffness
     joints = [s / length for s in start.joints]
-    graded = isinstance(finger, GradedUnitFinger)
-    lengths = np.diff(node_places(setup, start.joints)) / length if graded else np.array(finger.element_lengths(joints))
+    lengths = np.diff(node_places(setup, start.joints)) / length
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     knots, curvatures = np.array([start.knots]) / length, np.array([start.curvatures]) * length
     tensions = whole.tensions.get(setup.name, (tendons.min_tension,) * 2)
@@ -82,7 +80,7 @@ def _coordinates(setup: FingerSetup, finger: UnitFinger, lengths: Array, knots: 
     """Coordinates of the unit finger near a shape, curvatures being linear between knots (1, K) along it."""
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     size = finger.q.numel()
-    if isinstance(finger, GradedUnitFinger):
+    if setup.graded:
         # Elastic curvatures at the nodes.
         length = setup.finger.rod.length
         above = curvature_at(knots, curvatures, ends[None])[0] - length * setup.finger.profile.rest_curvature(
@@ -103,7 +101,7 @@ def bending_arrays(
 ) -> Values:
     """Coordinates above rest, their shapes and the curvature at the tip, as a result stores them (SI)."""
     length, profile = setup.finger.rod.length, setup.finger.profile
-    if isinstance(finger, GradedUnitFinger):
+    if setup.graded:
         ends = np.concatenate([[0.0], np.cumsum(lengths)])
         # Nodes have the stiffness of their base side; at a jump, the element beyond bends by another curvature.
         stiffness, beyond = (profile.bending_stiffness(ends, tip_side=side) for side in (False, True))

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import casadi as ca
 
 from continuum_grasp.grasp.problem.blocks import Columns, Rows, rotation
-from continuum_grasp.grasp.problem.graded_finger import GradedUnitFinger
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import ContactSpec, ProblemSpec
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
@@ -52,10 +51,8 @@ class Unknowns:
         size = 3 if spec.gravity == "out_of_plane" else 2
         forces = {c.name: ca.vertcat(self.x(f"force, {c.name}", size), ca.SX.zeros(3 - size)) for c in spec.contacts}
         tips = {c.finger: forces[c.name] for c in spec.contacts if c.joint == -1}
-        self.fingers: list[UnitFinger] = [
-            (UnitFinger if finger.graded is None else GradedUnitFinger)(
-                finger, self.x, self.numbers, tips.get(k, ca.SX.zeros(3))
-            )
+        self.fingers = [
+            UnitFinger(finger, self.x, self.numbers, tips.get(k, ca.SX.zeros(3)))
             for k, finger in enumerate(spec.fingers)
         ]
         self.contacts = [self._touch(contact, forces[contact.name]) for contact in spec.contacts]

@@ -1,4 +1,6 @@
-"""The curves of a graded finger in units of its own: their structure, their numbers, and their values as expressions.
+"""The curves along a finger in units of its own: their structure, their numbers, and their values as expressions.
+
+Of a uniform finger it is its thickness alone; the model has all else that it is.
 
 Between the places where a curve jumps or has a kink (the *panels*) every curve is a polynomial of the distance from
 the panel's start, or the exponential of one. Their coefficients are run-time numbers: fingers of one structure share
@@ -47,8 +49,8 @@ class CurveSpec:
 
 
 @dataclass(frozen=True)
-class GradedSpec:
-    """Structure of the curves of a graded finger; thickness and depth have panels of their own."""
+class CurvesSpec:
+    """Structure of the curves along a finger; thickness and depth have panels of their own."""
 
     curves: tuple[CurveSpec, ...]
 
@@ -58,16 +60,19 @@ class GradedSpec:
         return sum(self.edges.values()) + sum(curve.size for curve in self.curves)
 
     @property
+    def graded(self) -> bool:
+        """Whether the finger changes along its length."""
+        return len(self.curves) > 1
+
+    @property
     def edges(self) -> dict[str, int]:
         """Number of inner edges, of those curves that have their own and of all others together."""
         return {_group(curve.name): curve.panels - 1 for curve in self.curves}
 
     @staticmethod
-    def of(setup: FingerSetup, weighs: bool) -> GradedSpec | None:
-        """The structure of a finger's curves; None for what is the same everywhere."""
-        if not setup.graded:
-            return None
-        if family_class(setup.family).degree != 1:
+    def of(setup: FingerSetup, weighs: bool) -> CurvesSpec:
+        """The structure of a finger's curves."""
+        if setup.graded and family_class(setup.family).degree != 1:
             raise InputError(
                 f"elements of family {setup.family} do not follow a finger that changes along its length in a grasp: "
                 "take matched_clothoid",
@@ -88,7 +93,7 @@ class GradedSpec:
                 "give fewer sections or samples",
                 key="rod",
             )
-        return GradedSpec(tuple(each.spec for each in made))
+        return CurvesSpec(tuple(each.spec for each in made))
 
 
 @dataclass(frozen=True)
@@ -101,7 +106,7 @@ class _Made:
 
 
 def curve_numbers(setup: FingerSetup, weighs: bool) -> Array:
-    """The run-time numbers of a graded finger's curves, as `GradedCurves` takes them."""
+    """The run-time numbers of a finger's curves, as `Curves` takes them."""
     made = _curves(setup, weighs)
     edges = {_group(each.spec.name): each.edges[1:-1] for each in made}
     return np.concatenate([*edges.values(), *(each.coefficients.ravel() for each in made)])
@@ -115,13 +120,16 @@ def _group(name: str) -> str:
 def _curves(setup: FingerSetup, weighs: bool) -> list[_Made]:
     """All curves of a finger: per E I (its mean), rho A at its base and L where they have units."""
     finger, profile, length = setup.finger, setup.finger.profile, setup.finger.profile.length
+    thickness = _alone("thickness", skin(profile.half_thickness), 1.0 / length)
+    if not setup.graded:
+        return [thickness]
     (channel,) = finger.channels  # a grasp has a pair of tendons, which run alike
     breaks = [at for at in (*profile.breaks, *channel.shape.breaks) if at < length]
     edges = with_places((0.0, length), breaks)
     found = [
         _made("stiffness", profile.bending_stiffness, edges, 1.0 / setup.stiffness),
         _made("rest", profile.rest_curvature, edges, length),
-        _alone("thickness", skin(profile.half_thickness), 1.0 / length),
+        thickness,
         _made("channel", channel.shape, edges, 1.0),
     ]
     if finger.strain_limit is not None and profile.half_depth is not None:
@@ -149,16 +157,16 @@ def _made(name: str, curve: Curve, edges: Array, scale: float) -> _Made:
     return _Made(CurveSpec(name, len(rows), degree, curve.exponential), edges / edges[-1], np.array(rows))
 
 
-class GradedCurves:
-    """The curves of a graded finger as expressions of the position, per its length."""
+class Curves:
+    """The curves along a finger as expressions of the position, per its length."""
 
-    def __init__(self, spec: GradedSpec, numbers: ca.SX) -> None:
+    def __init__(self, spec: CurvesSpec, numbers: ca.SX) -> None:
         self.spec, start = spec, 0
         self._breaks: dict[str, list[ca.SX]] = {}
         for group, count in spec.edges.items():
             self._breaks[group] = [numbers[start + k] for k in range(count)]
             start += count
-        self.breaks = self._breaks["statics"]
+        self.breaks = self._breaks.get("statics", [])
         self.names = frozenset(curve.name for curve in spec.curves)
         self._curves: dict[str, tuple[CurveSpec, ca.SX]] = {}
         for curve in spec.curves:
