@@ -135,13 +135,13 @@ def test_forces_are_those_of_the_model_of_motion(cells):
         *(*LENGTHS / LENGTH, *curve_numbers(setup, True), *finger.profile.bending_stiffness(nodes) / stiffness),
         *(*channel.shape(nodes), *weight, 0.3, MASSES[1]["mass"] / own, *np.array(branches) / stiffness),
     ]
-    inner = [MASSES[0]["mass"] / own, 0.45]
+    missing, statics = resting.backbone.missing(1), moving(setup, GRAVITY).statics
+    inner, loads = [MASSES[0]["mass"] / own, 0.45], np.zeros(resting.model.nw)
     for moved, bent in ((0.0, 8.0), (1.0, 8.0), (1.0, 4e-3)):  # at last within the presliding
         q, pulls, history = bent * rng.normal(size=5), rng.uniform(1.0, 30.0, 2), history_of(cells, moved, rng)
         u = resting.input(ca.DM(pulls * offset * LENGTH / stiffness), 0.0)
-        loads = np.zeros(resting.model.nw)
-        found = stiffness * np.array(resting.backbone.missing(1)(q * LENGTH, u, loads, inner, history, p)).ravel()
-        true = np.array(moving(setup, GRAVITY).statics(q, pulls, [0.0, 0.0], [], history)[0]).ravel()
+        found = stiffness * np.array(missing(q * LENGTH, u, loads, inner, history, p)).ravel()
+        true = np.array(statics(q, pulls, [0.0, 0.0], [], history)[0]).ravel()
         assert found == pytest.approx(true, abs=1e-12 * np.abs(true).max())
 
 

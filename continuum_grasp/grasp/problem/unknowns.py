@@ -62,6 +62,15 @@ class Unknowns:
         """World position of the object's center of mass (2,)."""
         return self.pose[:2] + rotation(self.pose[2]) @ self.numbers("center of mass", 2)
 
+    def loads(self, index: int) -> ca.SX:
+        """The loads on a finger's model by its contacts."""
+        finger, touching = self.fingers[index], [c for c in self.contacts if c.spec.finger == index]
+        share, back = finger.number("force share"), rotation(-finger.base[2])
+        forces = {c.spec.joint: back @ c.world / share for c in touching}
+        # Friction acts on the skin: it turns the backbone by its arm, half the thickness.
+        couples = {c.spec.joint: -finger.half_at(finger.end_of(c.spec)) * c.force[1] / share for c in touching}
+        return finger.loads(forces, couples)
+
     def _touch(self, contact: ContactSpec, force: ca.SX) -> Touch:
         name, number, surface = contact.name, self.numbers, contact.surface
         if contact.finger < 0 and not self.spec.free:  # a fixed object: numbers in place of unknowns
