@@ -198,7 +198,7 @@ class Backbone:
     @cached_property
     def stored(self) -> ca.Function:
         """``(q, u, p)``: coordinates, and the curvature at the tip, which a matched tip has from the moments there."""
-        return self._function("stored", [], [self._eq.q, self._eq.curvatures[-1][-1]])
+        return self._function("stored", [], [self._eq.q, ca.SX(self._eq.curvatures[-1][-1])])
 
     def missing(self, masses: int = 0) -> ca.Function:
         """``(q, u, w, m, history, p)``: generalized force (n,) that is missing for rest.

@@ -243,9 +243,10 @@ class TendonForces:
 
     def _lengths_of(self, cells: CellSet) -> tuple[float, list[Scalar]]:
         """Length of the first cell [m], and those of all as its multiples."""
-        unit, found = cells.cells[0].length, list[Scalar]()
-        for cell in cells.cells:
-            share: Scalar = cell.length / unit if abs(cell.length - unit) > 1e-12 * unit else 1.0
+        lengths, found = [float(cell.length) for cell in cells.cells], list[Scalar]()
+        unit = lengths[0]
+        for cell, length in zip(cells.cells, lengths, strict=True):
+            share: Scalar = length / unit if abs(length - unit) > 1e-12 * unit else 1.0
             if self._par.is_runtime("element_lengths"):
                 share *= self._lengths[cell.element] / self._made.lengths[cell.element]
             found.append(share)
@@ -353,8 +354,8 @@ class TendonForces:
                 mean = sum(side * part for side, part in zip(cells.sides, parts, strict=True))
                 lean = half * sum(parts)
                 forces, scale = total[cell.element], self._scale(cell.element)
-                for i, (work, first) in enumerate(zip(cell.work, cell.lean, strict=True)):
-                    forces[i] += (size * work * scale[i]) * mean
+                for i, (own, first) in enumerate(zip(cell.work, cell.lean, strict=True)):
+                    forces[i] += (size * own * scale[i]) * mean
                     if not is_zero(first):
                         forces[i] += first * scale[i] * ((-2.0 * cell.most * size) * lean)
         return total

@@ -137,7 +137,7 @@ def _integrals(family: Family, channel: Channel, element: int, a: float, b: floa
     return total[0], total[1], total[2]
 
 
-def rounded(bend: Scalar, share: float) -> Scalar:
+def rounded(bend: Scalar, share: Scalar) -> Scalar:
     """A bend [rad] without sign, smooth when straight: b^2 / sqrt(b^2 + (1e-3 rad share)^2)."""
     square, rounding = bend * bend, _BEND_ROUNDING * share
     return square / ca.sqrt(square + rounding * rounding)

@@ -174,27 +174,30 @@ class Curves:
             self._curves[curve.name] = curve, coefficients
             start += curve.size
 
-    def on(self, name: str, panel: int, s: Any) -> ca.SX:
-        """A curve in a panel."""
-        spec, coefficients = self._curves[name]
-        distance = s - (self._breaks[_group(name)][panel - 1] if panel else 0.0)
-        value = coefficients[spec.degree, panel]
-        for k in range(spec.degree - 1, -1, -1):
-            value = value * distance + coefficients[k, panel]
-        return ca.exp(value) if spec.exponential else value
+    def on(self, panel: int, s: Any) -> Callable[[str], ca.SX]:
+        """Values of the curves of the statics in one of their panels."""
+        return lambda name: self._on(name, panel, s)
 
-    def at(self, name: str, s: Any, *, tip_side: bool = False) -> ca.SX:
-        """A curve anywhere; where it jumps, on the base side or the other."""
-        return self._piece(name, lambda panel, at: self.on(name, panel, at), s, tip_side)
+    def at(self, s: Any, *, tip_side: bool = False) -> Callable[[str], ca.SX]:
+        """Values of the curves anywhere; where one jumps, on the base side or the other."""
+        return lambda name: self._piece(name, lambda panel, at: self._on(name, panel, at), s, tip_side)
 
     def slope(self, name: str, s: Any) -> ca.SX:
         """Derivative of a curve anywhere, per length; on the base side of a kink."""
 
         def derivative(panel: int, at: Any) -> ca.SX:
             place = ca.SX.sym("s")
-            return ca.substitute(ca.jacobian(self.on(name, panel, place), place), place, at)
+            return ca.substitute(ca.jacobian(self._on(name, panel, place), place), place, at)
 
         return self._piece(name, derivative, s, False)
+
+    def _on(self, name: str, panel: int, s: Any) -> ca.SX:
+        spec, coefficients = self._curves[name]
+        distance = s - (self._breaks[_group(name)][panel - 1] if panel else 0.0)
+        value = coefficients[spec.degree, panel]
+        for k in range(spec.degree - 1, -1, -1):
+            value = value * distance + coefficients[k, panel]
+        return ca.exp(value) if spec.exponential else value
 
     def _piece(self, name: str, value: Callable[[int, Any], ca.SX], s: Any, tip_side: bool) -> ca.SX:
         breaks = self._breaks[_group(name)]

@@ -11,11 +11,12 @@ The laws of tendons and sections are those of the model: what they see of each e
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import replace
 from functools import cached_property
 from itertools import accumulate, pairwise
-from typing import Any
+from typing import Any, cast
 
 import casadi as ca
 
@@ -37,21 +38,16 @@ class _Part(Panel):
     """A part of an element between two breaks of the curves."""
 
     def __init__(self, backbone: GradedBackbone, element: int, number: int, *place: Any) -> None:
-        self._backbone, self._on = backbone, (element, number)
+        self._backbone, self._element, self._number = backbone, element, number
         super().__init__(*place)
 
     def up_to(self, s: Scalar | None) -> tuple[Scalar, ca.SX, Scalar]:
-        width = self.length
+        width, curvature = self.length, self._backbone.curvature
         if s is not None:
             width = ca.fmin(ca.fmax(s, self.start), self.start + self.length) - self.start
-        bent = column([self._backbone.curvature(*self._on, self.start + width * u) for u in self.rule.nodes.tolist()])
+        places = [self.start + width * u for u in self.rule.nodes.tolist()]
+        bent = column([curvature(self._element, s, self._backbone.curves.on(self._number, s)) for s in places])
         return width, width * (ca.DM(self.rule.running) @ bent), width * ca.dot(ca.DM(self.rule.weights), bent)
-
-    @property
-    def nodes(self) -> list[tuple[Scalar, Scalar]]:
-        """Places along the finger, and weights of integrals over the part."""
-        rule = zip(self.rule.nodes.tolist(), self.rule.weights.tolist(), strict=True)
-        return [(self.start + self.length * u, self.length * weight) for u, weight in rule]
 
     @property
     def points(self) -> ca.SX:
@@ -60,8 +56,10 @@ class _Part(Panel):
 
     @property
     def first_moment(self) -> ca.SX:
-        density = [weight * self._backbone.curves.on("density", self._on[1], s) for s, weight in self.nodes]
-        return self.points @ column(density)
+        nodes = zip(self.rule.nodes.tolist(), self.rule.weights.tolist(), strict=True)
+        density = self._backbone.curves.on
+        masses = [weight * density(self._number, self.start + self.length * u)("density") for u, weight in nodes]
+        return self.points @ (self.length * column(masses))
 
 
 class GradedBackbone(Backbone):
@@ -70,8 +68,6 @@ class GradedBackbone(Backbone):
     These are the lengths of the elements, the curves, the moment per coordinate at each node and the tendons' shape
     there, at the places where the search began, then those of a model of a uniform finger of the same structure.
     """
-
-    elements: list[list[_Part]]  # type: ignore[assignment]
 
     def __init__(self, model: FingerModel, spec: CurvesSpec) -> None:
         made = model.structure
@@ -111,23 +107,29 @@ class GradedBackbone(Backbone):
         """Share of the moment at a place on an element that is that of its end."""
         return (s - self.ends[k]) / (self.ends[k + 1] - self.ends[k])
 
+    def _hats(self, k: int, s: Any) -> ca.SX:
+        """Moment at a place on an element per coordinate (2,) of its ends."""
+        late = self._late(k, s)
+        return ca.vertcat(1.0 - late, late) * self._scales[k : k + 2]
+
     def _moment(self, k: int, s: Any) -> ca.SX:
         """Moment r."""
         return self.nodal[k] + (self.nodal[k + 1] - self.nodal[k]) * self._late(k, s)
 
-    def curvature(self, k: int, part: int, s: Any) -> ca.SX:
-        """Curvature in a part of an element."""
-        curves, moment = self.curves, self._moment(k, s)
+    def curvature(self, k: int, s: Any, value: Callable[[str], ca.SX]) -> ca.SX:
+        """Curvature at a place on an element, by the values of the curves there."""
+        moment = self._moment(k, s)
         if self._matched:
-            moment += self._pulls * curves.on("channel", part, s)
-        return curves.on("rest", part, s) + moment / curves.on("stiffness", part, s)
+            moment += self._pulls * value("channel")
+        return value("rest") + moment / value("stiffness")
 
-    def _curvature(self, k: int, s: Any, *, tip_side: bool = False) -> ca.SX:
-        """Curvature anywhere on an element."""
-        curves, side, moment = self.curves, {"tip_side": tip_side}, self._moment(k, s)
-        if self._matched:
-            moment += self._pulls * curves.at("channel", s, **side)
-        return curves.at("rest", s, **side) + moment / curves.at("stiffness", s, **side)
+    def _nodes(self, a: Any, b: Any) -> list[tuple[Callable[[str], ca.SX], ca.SX, ca.SX]]:
+        """Gauss nodes between two places of an element: values of the curves there, places, and weights."""
+        rule, found = list(zip(self._rule.nodes.tolist(), self._rule.weights.tolist(), strict=True)), []
+        for part, (low, high) in enumerate(pairwise(self._edges(a, b))):
+            places = [(low + (high - low) * u, (high - low) * weight) for u, weight in rule]
+            found += [(self.curves.on(part, s), s, weight) for s, weight in places]
+        return found
 
     def _edges(self, a: Any, b: Any) -> list[Any]:
         """Ends of the parts between two places of an element, some without length."""
@@ -152,13 +154,10 @@ class GradedBackbone(Backbone):
         the tendons run; with their shape; and with the place too.
         """
         total = ca.SX.zeros(3, 3)
-        for part, (low, high) in enumerate(pairwise(self._edges(a, b))):
-            for u, weight in zip(self._rule.nodes.tolist(), self._rule.weights.tolist(), strict=True):
-                s = low + (high - low) * u
-                shape, late = self.curves.on("channel", part, s), self._late(k, s)
-                hats = ca.vertcat(1.0 - late, late) * self._scales[k : k + 2] / self.curves.on("stiffness", part, s)
-                own = ((high - low) * weight) * ca.vertcat(hats, self.curves.on("rest", part, s))
-                total += ca.horzcat(ca.if_else(shape != 0.0, own, 0.0), shape * own, shape * own * s)
+        for value, s, weight in self._nodes(a, b):
+            shape, hats = value("channel"), self._hats(k, s) / value("stiffness")
+            own = weight * ca.vertcat(hats, value("rest"))
+            total += ca.horzcat(ca.if_else(shape != 0.0, own, 0.0), shape * own, shape * own * s)
         return total
 
     def _bounds(self, k: int, count: int) -> list[tuple[Any, Any]]:
@@ -182,36 +181,30 @@ class GradedBackbone(Backbone):
 
     def _ports(self, count: int) -> list[Port]:
         """Where the laws of the sections see the curvature above rest, so many on each element."""
-        found, base = [], self.curves.at("stiffness", 0.0)
+        found, base = [], self.curves.at(0.0)("stiffness")
         for k in range(len(self.ends) - 1):
             for a, b in self._bounds(k, count):
-                measure = ca.SX(0.0)
-                for part, (low, high) in enumerate(pairwise(self._edges(a, b))):
-                    for u, weight in zip(self._rule.nodes.tolist(), self._rule.weights.tolist(), strict=True):
-                        stiffness = self.curves.on("stiffness", part, low + (high - low) * u)
-                        measure += ((high - low) * weight) * (stiffness / base)
-                # By the stiffness, moments are weighted alike.
-                late = self._late(k, 0.5 * (a + b))
-                hats = ca.vertcat(1.0 - late, late) * self._scales[k : k + 2] * ((b - a) / base / measure)
+                parts = (weight * (value("stiffness") / base) for value, _, weight in self._nodes(a, b))
+                measure = sum(parts, ca.SX(0.0))
+                # Weighted by the stiffness, curvatures are moments, which are linear.
+                hats = self._hats(k, 0.5 * (a + b)) * ((b - a) / base / measure)
                 found.append(Port(k, measure, ca.vertsplit(hats), 0.0))
         return found
 
     # -- statics -------------------------------------------------------------------------------------------------
 
     def _resisting(self) -> ca.SX:
-        total = [ca.SX(0.0) for _ in self.ends]
-        for k, element in enumerate(self.elements):
-            for number, part in enumerate(element):
-                for s, weight in part.nodes:
-                    moment, late = self._moment(k, s), self._late(k, s)
-                    if not self._matched:
-                        moment -= self._pulls * self.curves.on("channel", number, s)
-                    bent = weight * moment / self.curves.on("stiffness", number, s)
-                    total[k] += (1.0 - late) * bent
-                    total[k + 1] += late * bent
-        size = self._eq.q.numel()
-        force = self._scales[:size] * column(total)[:size]
-        return force - column(self._eq.resting.tendons.actuation) if self._eq.structure.cell_sets else force
+        force = [ca.SX(0.0) for _ in self.ends]
+        for k, ends in enumerate(pairwise(self.ends)):
+            for value, s, weight in self._nodes(*ends):
+                moment = self._moment(k, s)
+                if not self._matched:
+                    moment -= self._pulls * value("channel")
+                early, late = ca.vertsplit(self._hats(k, s) * (weight * moment / value("stiffness")))
+                force[k] += early
+                force[k + 1] += late
+        found = column(force[: self._eq.q.numel()])
+        return found - column(self._eq.resting.tendons.actuation) if self._eq.structure.cell_sets else found
 
     def _work(self, masses: ca.SX) -> ca.SX:
         return super()._work(masses) + self._eq.u[-1] * self._angles[-1]
@@ -221,23 +214,18 @@ class GradedBackbone(Backbone):
     @cached_property
     def drawn(self) -> ca.Function:
         """``(q, u, p)``: how far the bend draws in the first tendon, per offset at the base."""
-        parts = [(k, j, part) for k, element in enumerate(self.elements) for j, part in enumerate(element)]
-        whole = sum(
-            (
-                w * self.curves.on("channel", j, s) * self.curvature(k, j, s)
-                for k, j, part in parts
-                for s, w in part.nodes
-            ),
-            ca.SX(0.0),
-        )
+        whole = ca.SX(0.0)
+        for k, ends in enumerate(pairwise(self.ends)):
+            for value, s, weight in self._nodes(*ends):
+                whole += weight * value("channel") * self.curvature(k, s, value)
         return self._function("drawn", [], [whole])
 
     def fixed_places(self, count: int) -> tuple[ca.Function, list[int]]:
         """Some of the Gauss nodes, which cost nothing."""
         points, places, owners = list[ca.SX](), list[Scalar](), list[int]()
         for k, element in enumerate(self.elements):
-            at = ca.horzsplit(ca.horzcat(*(part.points for part in element)))
-            nodes = [s for part in element for s, _ in part.nodes]
+            at = ca.horzsplit(ca.horzcat(*(cast(_Part, part).points for part in element)))
+            nodes = [s for _, s, _ in self._nodes(*self.ends[k : k + 2])]
             few = min(len(nodes), count)
             picks = [int((j + 0.5) * len(nodes) / few) for j in range(few)]
             points += [at[j] for j in picks]
@@ -247,16 +235,17 @@ class GradedBackbone(Backbone):
 
     @cached_property
     def curvatures(self) -> ca.Function:
-        curves, strained = self.curves, "depth" in self.curves.names
-        f, sides, strains = ca.SX.sym("f", len(self.elements) * strained), [], []
+        strained, at = "depth" in self.curves.names, self.curves.at
+        f, sides, strains = ca.SX.sym("f", len(self.elements) * strained), list[list[ca.SX]](), list[ca.SX]()
         for k, (a, b) in enumerate(pairwise(self.ends)):
-            sides.append([self._curvature(k, a, tip_side=True), self._curvature(k, b)])
+            sides.append([self.curvature(k, a, at(a, tip_side=True)), self.curvature(k, b, at(b))])
             if strained:
-                for s, tip_side in ((a, True), (b, False), (a + f[k] * (b - a), False)):
-                    strains.append(self._curvature(k, s, tip_side=tip_side) * curves.at("depth", s, tip_side=tip_side))
-        at = matrix(list(zip(*sides, strict=True)))
-        limited = column(strains) if strained else at
-        return self._function("curvatures", [f], [limited, at, at * ca.repmat(column(self.lengths).T, 2, 1)])
+                inside = a + f[k] * (b - a)
+                middle = self.curvature(k, inside, at(inside)) * at(inside)("depth")
+                strains += [sides[k][0] * at(a, tip_side=True)("depth"), sides[k][1] * at(b)("depth"), middle]
+        both = matrix(list(zip(*sides, strict=True)))
+        limited = column(strains) if strained else both
+        return self._function("curvatures", [f], [limited, both, both * ca.repmat(column(self.lengths).T, 2, 1)])
 
     @cached_property
     def stored(self) -> ca.Function:

@@ -122,7 +122,7 @@ class UnitFinger:
 
     def half_at(self, end: int) -> ca.SX:
         """Half thickness at the end of an element, per the finger's length."""
-        return self.curves.at("thickness", self.edges[end + 1])
+        return self.curves.at(self.edges[end + 1])("thickness")
 
     def half(self, contact: ContactSpec) -> ca.SX:
         """Half thickness at a contact, in units of the problem."""
@@ -161,7 +161,7 @@ class UnitFinger:
         elements = [*owners, *joints, *(k for k in joints for _ in range(count))]
         touches = [*(False for _ in owners), *(k in touching for k in joints)]
         deep = [self.edges[k] + fractions[j, k] * self.lengths[k] for k in joints for j in range(count)]
-        half = [self.curves.at("thickness", s) for s in (*ca.vertsplit(at), *self.edges[1:], *deep)]
+        half = [self.curves.at(s)("thickness") for s in (*ca.vertsplit(at), *self.edges[1:], *deep)]
         clear = [*touches, *(False for _ in range(count * len(joints)))]
         return points, elements, clear, ca.cse(self.number("length") * ca.vertcat(*half))
 

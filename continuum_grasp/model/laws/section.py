@@ -105,7 +105,8 @@ def points(family: Family, count: int, *curves: Curve) -> tuple[Port, ...]:
 
 def _clean(shapes: Array) -> list[float]:
     """Without what is rounding, which would cost an instruction."""
-    return np.where(np.abs(shapes) < 1e-12 * np.abs(shapes).max(), 0.0, shapes).tolist()
+    found: list[float] = np.where(np.abs(shapes) < 1e-12 * np.abs(shapes).max(), 0.0, shapes).tolist()
+    return found
 
 
 @dataclass(frozen=True)
