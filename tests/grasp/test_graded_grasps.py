@@ -19,6 +19,7 @@ from continuum_grasp.grasp.skin import skin
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.profile import Curve
+from tests.marks import few
 
 LENGTH, STIFFNESS, DENSITY = 0.18, 6.11e-3, 0.034
 PINCH, MUG = "configs/grasp/pinch.yaml", "configs/grasp/mug.yaml"
@@ -117,7 +118,7 @@ def history_of(cells, moved, rng):
     return [*(1.0 - moved) * rng.uniform(-1.0, 1.0, 4 * cells + 16), moved]
 
 
-@pytest.mark.parametrize("cells", [1, 3])
+@pytest.mark.parametrize("cells", few([1, 3], 1))
 def test_forces_are_those_of_the_model_of_motion(cells):
     """Generalized forces at rest in random shapes, of random states of friction, and of those of pulling, with the
     weight of a taper and of masses within and at the tip.
