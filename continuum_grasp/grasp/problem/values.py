@@ -172,15 +172,16 @@ def _graded_values(setup: FingerSetup, start: FingerStart) -> Values:
 
 
 def node_places(setup: FingerSetup, joints: Sequence[float]) -> Array:
-    """Positions (N + 1,) of the ends of a graded finger's elements for positions of the middle contacts [m].
+    """Positions (N + 1,) of the ends of a finger's elements for positions of the middle contacts [m].
 
-    Between contacts they are equal parts of the integral of (rho A / E I)^(1/4), the local length of bending waves.
+    Between contacts they are equal, of graded fingers as parts of the integral of (rho A / E I)^(1/4), the local length
+    of bending waves.
     """
     profile, marks = setup.finger.profile, [0.0, *joints, setup.finger.profile.length]
     pieces: list[Array] = []
     for (a, b), count in zip(pairwise(marks), _counts(setup), strict=True):
-        at = np.linspace(a, b, _FINE)
-        parts = profile.waves(at)
+        at = np.linspace(a, b, _FINE if setup.graded else 2)
+        parts = profile.waves(at) if setup.graded else at - a
         pieces.append(np.interp(np.linspace(0.0, parts[-1], count + 1)[:-1], parts, at))
     return np.concatenate([*pieces, marks[-1:]])
 
