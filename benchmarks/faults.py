@@ -443,7 +443,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "grasp/problem/graded_backbone.py",
-        ("lean = (first - middle * work) / (b - a)", "lean = (first + middle * work) / (b - a)"),
+        ("leaning = (first - middle * drawn)", "leaning = (first + middle * drawn)"),
         tests="grasp/test_graded_grasps.py",
     ),
     *_in(

@@ -313,7 +313,7 @@ def test_elements_of_a_taper_are_equal_parts_of_bending_waves():
         bending_stiffness=lambda s: np.exp(-rate * s / length),
     )
     profile.waves = lambda s: Profile.waves(profile, s)
-    tapered = SimpleNamespace(finger=SimpleNamespace(profile=profile), before=(3,), elements=6)
+    tapered = SimpleNamespace(finger=SimpleNamespace(profile=profile), before=(3,), elements=6, graded=True)
     places = values.node_places(tapered, [0.4 * length]) / length
 
     def waves(s):

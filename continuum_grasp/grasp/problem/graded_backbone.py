@@ -78,7 +78,8 @@ class GradedBackbone(Backbone):
         lengths = ca.vertsplit(own["lengths"])
         self.ends = [ca.SX(0.0), *accumulate(lengths)]
         varies = any(curve.name == "stiffness" and curve.degree for curve in spec.curves)
-        nodes = node_count(made.ranges[0], made.accuracy) + (_GRADED_NODES if varies else 0)
+        accuracy = made.accuracy or made.family.default_accuracy
+        nodes = node_count(made.ranges[0], accuracy) + (_GRADED_NODES if varies else 0)
         self._rule = collocation(min(nodes, 16))
         equations = Equations(self._along(made))
         self._pulls = 0.0 if made.cell_sets else equations.commanded[0].moment
@@ -90,7 +91,7 @@ class GradedBackbone(Backbone):
         found.cell_sets = tuple(
             replace(cells, cells=tuple(self._cells(len(cells.cells) // count))) for cells in made.cell_sets
         )
-        found.laws = [replace(law, ports=tuple(self._ports(len(law.ports) // count))) for law in made.laws]
+        found.laws = tuple(replace(law, ports=tuple(self._ports(len(law.ports) // count))) for law in made.laws)
         return found
 
     # -- curvature -----------------------------------------------------------------------------------------------
@@ -103,9 +104,10 @@ class GradedBackbone(Backbone):
             return list(ca.vertsplit(moments))
         return [*ca.vertsplit(moments - self._known[:-1] * self._pulls), couple]
 
-    def _late(self, k: int, s: Any) -> Any:
+    def _late(self, k: int, s: Any) -> ca.SX:
         """Share of the moment at a place on an element that is that of its end."""
-        return (s - self.ends[k]) / (self.ends[k + 1] - self.ends[k])
+        late: ca.SX = (s - self.ends[k]) / (self.ends[k + 1] - self.ends[k])
+        return late
 
     def _hats(self, k: int, s: Any) -> ca.SX:
         """Moment at a place on an element per coordinate (2,) of its ends."""
@@ -172,11 +174,11 @@ class GradedBackbone(Backbone):
             for a, b in self._bounds(k, count):
                 middle = 0.5 * (a + b)
                 late = self._integrals(k, middle, b)
-                bend, work, first = ca.horzsplit(self._integrals(k, a, middle) + late)
-                lean = (first - middle * work) / (b - a)
-                columns = (ca.vertsplit(column) for column in (bend, work, lean, late[:, 1]))
-                (*bend, rest_bend), (*work, rest_work), (*lean, _), (*late, rest_late) = columns
-                found.append(Cell(k, b - a, b - a, bend, work, lean, late, rest_bend, rest_work, rest_late))
+                whole, drawn, first = ca.horzsplit(self._integrals(k, a, middle) + late)
+                leaning = (first - middle * drawn) / (b - a)
+                columns = (ca.vertsplit(each) for each in (whole, drawn, leaning, late[:, 1]))
+                (*bend, rest_bend), (*work, rest_work), (*lean, _), (*beyond, rest_beyond) = columns
+                found.append(Cell(k, b - a, b - a, bend, work, lean, beyond, rest_bend, rest_work, rest_beyond))
         return found
 
     def _ports(self, count: int) -> list[Port]:

@@ -190,14 +190,14 @@ class UnitFinger:
 
     def _element_lengths(self) -> list[ca.SX]:
         """Between contacts they are equal, or of graded fingers in the shares of the start."""
-        spec, lengths = self.spec, list[ca.SX]()
+        spec, lengths, ends = self.spec, list[ca.SX](), [ca.SX(0.0), *self.joints, ca.SX(1.0)]
         counts = pairwise([0, *spec.before, spec.elements])
-        for (a, b), (first, end) in zip(pairwise([0.0, *self.joints, 1.0]), counts, strict=True):
+        for (a, b), (first, end) in zip(pairwise(ends), counts, strict=True):
             if spec.curves.graded:
                 shares = ca.vertsplit(self.number("shares", spec.elements)[first:end])
                 lengths += [(b - a) * share for share in shares]
             else:
-                lengths += [ca.SX((b - a) / (end - first))] * (end - first)
+                lengths += [(b - a) / (end - first)] * (end - first)
         return lengths
 
     def input(self, pulls: ca.SX, couple: ca.SX) -> ca.SX:
