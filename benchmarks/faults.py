@@ -442,8 +442,8 @@ FAULTS: tuple[Fault, ...] = (
         tests="simulation/test_drives_at_rest.py simulation/test_winches.py",
     ),
     *_in(
-        "grasp/problem/graded_model.py",
-        ("-2.0 * self._shares.halves[k]", "2.0 * self._shares.halves[k]"),
+        "grasp/problem/graded_backbone.py",
+        ("leaning = (first - middle * drawn)", "leaning = (first + middle * drawn)"),
         tests="grasp/test_graded_grasps.py",
     ),
     *_in(

@@ -9,10 +9,10 @@ derivatives share them.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
@@ -21,72 +21,115 @@ from continuum_grasp.model.collocated import CollocatedLink
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.link import Link
-from continuum_grasp.model.planar import Scalar, column
+from continuum_grasp.model.planar import Scalar, column, matrix
 from continuum_grasp.model.quadrature import RANGES, Collocation, collocation, node_count, running_weights
 
 _MOST_NODES = 16
 """Of arcs beyond one turn: exact to 1e-10 up to two [1]."""
 
 
-@dataclass(frozen=True)
-class _Element:
-    """An element as expressions."""
+class Panel(ABC):
+    """A part of an element along which the curvature is smooth, as expressions: all of an element that is uniform.
 
-    link: Link
-    rule: Collocation
-    length: Scalar
-    point: ca.SX  # of its start (2,)
-    angle: Scalar  # of its start
-    tangents: ca.SX  # at the nodes (2, m)
+    Parameters
+    ----------
+    rule : Collocation
+    start, length : Scalar
+        Where it begins along the finger, and its length.
+    point, angle : SX of shape (2,), Scalar
+        Of its first section.
+    """
 
-    def at(self, fractions: Any) -> ca.SX:
-        """Positions (2, K) at fractions (1, K) of the length, numbers or expressions."""
-        weights = running_weights(len(self.rule.nodes), fractions)
-        return self.point + self.length * (self.tangents @ ca.SX(weights))
+    def __init__(self, rule: Collocation, start: Scalar, length: Scalar, point: ca.SX, angle: Scalar) -> None:
+        self.rule, self.start, self.length, self.point, self.angle = rule, start, length, point, angle
+        _, bends, bend = self.up_to(None)
+        self.tangents, self.end_angle = _tangents(angle + bends), angle + bend  # at the nodes (2, m)
+        self.end = point + length * (self.tangents @ ca.DM(rule.weights))
 
-    def angle_at(self, fraction: Scalar) -> Scalar:
-        return self.angle + self.link.bend(fraction)
-
-    def way_to(self, fraction: Scalar) -> ca.SX:
-        """From its start to a fraction (2,), by the rule on that part alone: as exact as the end, which `at` is not
-        (1e-6 of the length where the curvature changes from one limit to the other).
+    @abstractmethod
+    def up_to(self, s: Scalar | None) -> tuple[Scalar, ca.SX, Scalar]:
+        """Length of its part up to a place s, or of all of it; bends (m,) from its start to the nodes of that part, and
+        to its end.
         """
-        angles = column([self.angle_at(fraction * float(u)) for u in self.rule.nodes]).T
-        return fraction * self.length * (ca.vertcat(-ca.sin(angles), ca.cos(angles)) @ ca.DM(self.rule.weights))
 
     @property
-    def end(self) -> ca.SX:
-        return self.point + self.length * (self.tangents @ ca.DM(self.rule.weights))
+    @abstractmethod
+    def first_moment(self) -> ca.SX:
+        """Integral of density times position along it (2,)."""
+
+    def section(self, s: Scalar) -> tuple[ca.SX, Scalar]:
+        """From its start to a place (2,), and the bend, by the rule on that part alone: as exact as the end."""
+        length, bends, bend = self.up_to(s)
+        return length * (_tangents(self.angle + bends) @ ca.DM(self.rule.weights)), bend
+
+
+class _Uniform(Panel):
+    """An element that is a link of the model."""
+
+    def __init__(self, link: Link, density: Scalar, *place: Any) -> None:
+        self.link, self.density = link, density
+        super().__init__(*place)
+
+    def up_to(self, s: Scalar | None) -> tuple[Scalar, ca.SX, Scalar]:
+        nodes, bend = self.rule.nodes.tolist(), self.link.bend
+        if s is None:
+            return self.length, column([bend(u) for u in nodes]), bend(1.0)
+        reach = ca.fmin(ca.fmax((s - self.start) / self.length, 0.0), 1.0)
+        return reach * self.length, column([bend(reach * u) for u in nodes]), bend(reach)
+
+    def at(self, fractions: Any) -> ca.SX:
+        """Positions (2, K) at fractions (1, K) of the length, numbers or expressions: 1e-6 of the length off where the
+        curvature changes from one limit to the other, which `section` is not.
+        """
+        return self.point + self.length * (self.tangents @ ca.SX(running_weights(len(self.rule.nodes), fractions)))
 
     @property
     def first_moment(self) -> ca.SX:
-        """Integral of the position along it (2,)."""
-        return self.length * (self.point + self.length * (self.tangents @ ca.DM(self.rule.mean_weights)))
+        inside = self.length * (self.tangents @ ca.DM(self.rule.mean_weights))
+        return self.density * (self.length * (self.point + inside))
+
+
+def _tangents(angles: ca.SX) -> ca.SX:
+    return ca.vertcat(-ca.sin(angles.T), ca.cos(angles.T))
 
 
 class Backbone:
-    """Functions of the places of a finger of uniform elements, and of its equilibrium; see `FingerModel.backbone`."""
+    """Functions of the places of a finger of uniform elements, and of its equilibrium; see `FingerModel.backbone`.
 
-    def __init__(self, equations: Equations) -> None:
+    Attributes
+    ----------
+    lengths : sequence of Scalar
+        Of the elements.
+    p : SX
+        Run-time arguments of the functions.
+    elements : list of list of Panel
+    """
+
+    def __init__(self, equations: Equations, lengths: Sequence[Scalar] | None = None, p: ca.SX | None = None) -> None:
         self._eq = equations
-        self._elements: list[_Element] = []
-        structure = equations.structure
-        accuracy = structure.accuracy or structure.family.default_accuracy
+        self.lengths = equations.lengths if lengths is None else lengths
+        self.p = equations.p if p is None else p
+        self.elements: list[list[Panel]] = []
+        start: Scalar = ca.SX(0.0)
         point, angle = column(equations._par.vector("base_position")), equations._par["base_angle"]
-        links = (loaded.link for loaded in equations.chain.links)
-        for link, h, reach in zip(links, equations.lengths, structure.ranges, strict=True):
-            if isinstance(link, CollocatedLink):
-                rule = link.rule
-            else:
-                rule = collocation(node_count(reach, accuracy) if reach <= RANGES[-1] else _MOST_NODES)
-            angles = column([angle + link.bend(float(u)) for u in rule.nodes]).T
-            element = _Element(link, rule, h, point, angle, ca.vertcat(-ca.sin(angles), ca.cos(angles)))
-            self._elements.append(element)
-            point, angle = element.end, element.angle_at(1.0)
+        for k, h in enumerate(self.lengths):
+            self.elements.append(self._panels(k, start, point, angle))
+            last = self.elements[-1][-1]
+            start, point, angle = start + h, last.end, last.end_angle
+
+    def _panels(self, k: int, start: Scalar, point: ca.SX, angle: Scalar) -> list[Panel]:
+        """Those of an element, from its first section on."""
+        link, made = self._eq.chain.links[k].link, self._eq.structure
+        reach, accuracy = made.ranges[k], made.accuracy or made.family.default_accuracy
+        if isinstance(link, CollocatedLink):
+            rule = link.rule
+        else:
+            rule = collocation(node_count(reach, accuracy) if reach <= RANGES[-1] else _MOST_NODES)
+        return [_Uniform(link, self._eq.rod.linear_density, rule, start, self.lengths[k], point, angle)]
 
     def _function(self, name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
         eq = self._eq
-        return ca.Function(name, [eq.q, eq.u, *inputs, eq.p], ca.cse([ca.SX(value) for value in outputs]))
+        return ca.Function(name, [eq.q, eq.u, *inputs, self.p], ca.cse([ca.SX(value) for value in outputs]))
 
     @cached_property
     def joints(self) -> ca.Function:
@@ -95,65 +138,95 @@ class Backbone:
 
     @cached_property
     def _ends(self) -> ca.SX:
-        return ca.horzcat(*(element.end for element in self._elements))
+        return ca.horzcat(*(element[-1].end for element in self.elements))
 
     @cached_property
     def _angles(self) -> ca.SX:
-        return column([element.angle_at(1.0) for element in self._elements])
+        return column([element[-1].end_angle for element in self.elements])
 
     def places(self, count: int) -> ca.Function:
         """``(q, u, f, p)``: world positions (2, count N) at fractions f (count, N) of the elements."""
-        f = ca.SX.sym("f", count, len(self._elements))
-        points = [element.at(f[:, k].T) for k, element in enumerate(self._elements)]
+        f = ca.SX.sym("f", count, len(self.elements))
+        points = [self._at(k, f[:, k].T) for k in range(len(self.elements))]
         return self._function("places", [f], [ca.horzcat(*points)])
 
-    def fixed_places(self, fractions: Sequence[float]) -> ca.Function:
-        """``(q, u, p)``: world positions (2, count N) at fractions (count,) of every element."""
-        points = [element.at(np.array([fractions])) for element in self._elements]
-        return self._function("fixed_places", [], [ca.horzcat(*points)])
+    def _at(self, element: int, fractions: Any) -> ca.SX:
+        """World positions (2, K) at fractions (1, K) of an element."""
+        return cast(_Uniform, self.elements[element][0]).at(fractions)
+
+    def fixed_places(self, count: int) -> tuple[ca.Function, list[int]]:
+        """``(q, u, p)``: world positions (2, K) of places on every element, ``count`` at most, and where along the
+        finger these are (K,); and the elements that they are on.
+        """
+        even, points, places = (np.arange(count) + 0.5) / count, [], []
+        for k, element in enumerate(self.elements):
+            points.append(self._at(k, even[None]))
+            places += [element[0].start + share * self.lengths[k] for share in even.tolist()]
+        owners = [k for k in range(len(self.elements)) for _ in even]
+        return self._function("fixed_places", [], [ca.horzcat(*points), column(places)]), owners
 
     @cached_property
     def section(self) -> ca.Function:
         """``(q, u, s, p)``: world position (2,) and angle of the section at s."""
         s = ca.SX.sym("s")
-        point, angle = self._section(s)
+        point, angle = self._section(s, self.elements)
         return self._function("section", [s], [point, ca.SX(angle)])
 
-    def _section(self, s: Scalar) -> tuple[ca.SX, Scalar]:
-        """Each element up to s, or all of it: one expression for all s."""
-        first = self._elements[0]
-        point, angle, start = first.point, first.angle, ca.SX(0.0)
-        for element in self._elements:
-            reach = ca.fmin(ca.fmax((s - start) / element.length, 0.0), 1.0)
-            point, angle = point + element.way_to(reach), angle + element.link.bend(reach)
-            start += element.length
+    def _section(self, s: Scalar, elements: Sequence[Sequence[Panel]]) -> tuple[ca.SX, Scalar]:
+        """Each panel of some elements up to s, or all of it: one expression for all s."""
+        panels = [panel for element in elements for panel in element]
+        point, angle = panels[0].point, panels[0].angle
+        for panel in panels:
+            way, bend = panel.section(s)
+            point, angle = point + way, angle + bend
         return point, angle
 
-    def missing(self, masses: int = 0) -> ca.Function:
-        """``(q, u, w, m, p)``, or ``(q, u, w, m, history, p)`` of fingers with friction: generalized force (n,) that is
-        missing for rest.
-
-        ``m`` (2, masses) are masses and where they are, beside those of the finger; ``history`` is that of
-        `FingerModel`.
+    @cached_property
+    def curvatures(self) -> ca.Function:
+        """``(q, u, f, p)``: what a strain limit is for, at fractions f of the elements too where it changes along them;
+        curvatures (degree + 1, N) at the ``places`` of the elements; and bends, these times their lengths.
         """
         eq = self._eq
-        m = ca.SX.sym("m", 2, masses)
-        elastic, driven = (column(force[: eq.q.numel()]) for force in (eq.elastic, eq.resting.actuation))
-        force = elastic - driven - ca.gradient(self._work(m), eq.q)
+        at, bends = (matrix(list(zip(*rows, strict=True))) for rows in (eq.curvatures, eq.greatest_bends))
+        return self._function("curvatures", [ca.SX.sym("f", 0)], [column(eq.curvature), at, bends])
+
+    @cached_property
+    def drawn(self) -> ca.Function:
+        """``(q, u, p)``: how far the bend draws in the first tendon, per offset at the base."""
+        return self._function("drawn", [], [self._angles[-1]])
+
+    @cached_property
+    def stored(self) -> ca.Function:
+        """``(q, u, p)``: coordinates, and the curvature at the tip, which a matched tip has from the moments there."""
+        return self._function("stored", [], [self._eq.q, ca.SX(self._eq.curvatures[-1][-1])])
+
+    def missing(self, masses: int = 0) -> ca.Function:
+        """``(q, u, w, m, history, p)``: generalized force (n,) that is missing for rest.
+
+        ``m`` (2, masses) are masses and where they are, beside those of the finger; ``history`` is that of
+        `FingerModel`, empty without friction.
+        """
+        eq, m = self._eq, ca.SX.sym("m", 2, masses)
+        force = self._resisting() - ca.gradient(self._work(m), eq.q)
         force += column(eq.resting.sections.force("friction")[: eq.q.numel()])
-        history = [eq.history] if eq.history.numel() else []
-        return self._function("missing", [eq.w, m, *history], [force])
+        return self._function("missing", [eq.w, m, eq.history], [force])
+
+    def _resisting(self) -> ca.SX:
+        """Generalized force of the elasticity less that of tendons and couples of the input."""
+        elastic, driven = (
+            column(force[: self._eq.q.numel()]) for force in (self._eq.elastic, self._eq.resting.actuation)
+        )
+        return elastic - driven
 
     @cached_property
     def mean_shares(self) -> ca.Function:
         """``(q, u, history, p)``: mean along the finger of the tension of each tendon, per that at the base."""
-        eq, lengths = self._eq, column(self._eq.lengths)
-        found: list[Scalar] = []
+        eq, nominal, found = self._eq, self._eq.structure.lengths, list[Scalar]()
         for cells, passed in zip(eq.structure.cell_sets, eq.resting.tendons.shares, strict=True):
-            # Of all tendons of the set; cells are equal parts of their elements.
-            spans = [eq.lengths[cell.element] * (len(eq.lengths) / len(cells.cells)) for cell in cells.cells]
+            spans = [cell.length / nominal[cell.element] * eq.lengths[cell.element] for cell in cells.cells]
             for mean in passed.mean:
-                found.append(sum((h * share for h, share in zip(spans, mean, strict=True)), 0.0) / ca.sum1(lengths))
+                whole = sum((h * share for h, share in zip(spans, mean, strict=True)), 0.0)
+                found.append(whole / ca.sum1(column(self.lengths)))
         return self._function("mean_shares", [eq.history], [ca.vertcat(*found)])
 
     def _work(self, masses: ca.SX) -> ca.SX:
@@ -169,9 +242,9 @@ class Backbone:
         weight = column(eq._par.vector("gravity"))
         if weight.is_zero():
             return work
-        moment = eq.rod.linear_density * sum((e.first_moment for e in self._elements), ca.SX.zeros(2))
+        moment = sum((panel.first_moment for element in self.elements for panel in element), ca.SX.zeros(2))
         for element, fraction, mass in eq.rod.masses:
-            moment += mass * self._elements[element].at(fraction)
+            moment += mass * self._at(element, fraction)
         for k in range(masses.shape[1]):
-            moment += masses[0, k] * self._section(masses[1, k])[0]
+            moment += masses[0, k] * self._section(masses[1, k], self.elements)[0]
         return work + ca.dot(weight, moment)

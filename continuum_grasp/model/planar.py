@@ -16,6 +16,11 @@ import casadi as ca
 Scalar: TypeAlias = ca.SX | float
 
 
+def is_zero(value: Scalar) -> bool:
+    """Whether it is a number, and that zero: expressions are never compared."""
+    return isinstance(value, float) and value == 0.0
+
+
 def column(values: Sequence[Scalar]) -> ca.SX:
     """CasADi column of scalars."""
     return ca.vertcat(*[ca.SX(v) for v in values]) if values else ca.SX(0, 1)

@@ -446,7 +446,7 @@ laws its measure, shapes, curvature at rest and the numbers of the law there."""
 
 def _rows(ports: Sequence[Port], links: int) -> Array:
     """Numbers of the ports of a law, of all links alike (N, P, M)."""
-    rows = [[port.measure, *port.shapes, port.rest, *port.own] for port in ports]
+    rows = [list(map(float, (port.measure, *port.shapes, port.rest, *port.own))) for port in ports]
     return np.reshape(rows, (links, len(ports) // links, -1))
 
 

@@ -10,10 +10,9 @@ import numpy as np
 
 from continuum_grasp.model.family import gathered, nodes_of
 from continuum_grasp.model.memory import Instant, direction
-from continuum_grasp.model.planar import Scalar
+from continuum_grasp.model.planar import Scalar, is_zero
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_friction import (
-    Array,
     Cell,
     CellSet,
     Shares,
@@ -81,12 +80,12 @@ class TendonForces:
         own, nominal = (made.family.work(element, lengths) for lengths in (self._lengths, made.lengths))
         return [own[a] / float(nominal[a]) for a in local]
 
-    def _on(self, cell: Cell, values: Sequence[Scalar], weights: Array) -> Scalar:
+    def _on(self, cell: Cell, values: Sequence[Scalar], weights: Sequence[Scalar]) -> Scalar:
         local, scale = self._made.family.local(cell.element), self._scale(cell.element)
-        terms = zip(weights.tolist(), scale, [values[a] for a in local], strict=True)
-        return sum(((w * k) * v for w, k, v in terms if w != 0.0), 0.0)
+        terms = zip(weights, scale, [values[a] for a in local], strict=True)
+        return sum(((w * k) * v for w, k, v in terms if not is_zero(w)), 0.0)
 
-    def _rest(self, cell: Cell, numeric: float, part: float = 1.0) -> Scalar:
+    def _rest(self, cell: Cell, numeric: Scalar, part: float = 1.0) -> Scalar:
         """A bend of the rest curvature, which may be a run-time argument, as may the lengths."""
         if not (self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths")):
             return numeric
@@ -114,7 +113,10 @@ class TendonForces:
     def _bends(self, cells: CellSet, scale: float) -> list[Scalar]:
         """Bend of each cell [rad], with that at rest, without sign, times a scale."""
         return [
-            rounded(self._on(c, self._full, scale * c.bend) + scale * self._rest(c, c.rest_bend), scale * c.share)
+            rounded(
+                self._on(c, self._full, [scale * bend for bend in c.bend]) + scale * self._rest(c, c.rest_bend),
+                scale * c.share,
+            )
             for c in cells.cells
         ]
 
@@ -127,11 +129,12 @@ class TendonForces:
         what is ``grown`` in the half cells there.
         """
         per_path = self._arm_size(cells) / self._presliding(cells)
-        halves: list[tuple[Cell, Array, Scalar]] = []  # from base to tip
+        halves: list[tuple[Cell, Sequence[Scalar], Scalar]] = []  # from base to tip
         for cell in cells.cells:
             late = self._rest(cell, cell.rest_late, 0.5) if rest else 0.0
             early = self._rest(cell, cell.rest_work) - late if rest else 0.0
-            halves += [(cell, cell.work - cell.late, early), (cell, cell.late, late)]
+            before = [work - own for work, own in zip(cell.work, cell.late, strict=True)]
+            halves += [(cell, before, early), (cell, cell.late, late)]
         found: list[Scalar] = []
         slid: Scalar = 0.0
         # One step per cell: the halves on both sides of a boundary at once, of which neighbors share coordinates.
@@ -143,7 +146,7 @@ class TendonForces:
                 for a, w, scale in zip(
                     self._made.family.local(cell.element), half, self._scale(cell.element), strict=True
                 ):
-                    weights[a] = weights.get(a, 0.0) + per_path * float(w) * scale
+                    weights[a] = weights.get(a, 0.0) + per_path * w * scale
             for a, weight in weights.items():
                 change += weight * values[a]
             slid = slid + (change + sum(grown[max(k - 1, 0) : k + 1]))
@@ -240,9 +243,10 @@ class TendonForces:
 
     def _lengths_of(self, cells: CellSet) -> tuple[float, list[Scalar]]:
         """Length of the first cell [m], and those of all as its multiples."""
-        unit, found = cells.cells[0].length, list[Scalar]()
-        for cell in cells.cells:
-            share: Scalar = cell.length / unit if abs(cell.length - unit) > 1e-12 * unit else 1.0
+        lengths, found = [float(cell.length) for cell in cells.cells], list[Scalar]()
+        unit = lengths[0]
+        for cell, length in zip(cells.cells, lengths, strict=True):
+            share: Scalar = length / unit if abs(length - unit) > 1e-12 * unit else 1.0
             if self._par.is_runtime("element_lengths"):
                 share *= self._lengths[cell.element] / self._made.lengths[cell.element]
             found.append(share)
@@ -350,12 +354,10 @@ class TendonForces:
                 mean = sum(side * part for side, part in zip(cells.sides, parts, strict=True))
                 lean = half * sum(parts)
                 forces, scale = total[cell.element], self._scale(cell.element)
-                most = max(cell.lean.tolist(), key=abs)
-                for i, (work, first) in enumerate(zip(cell.work.tolist(), cell.lean.tolist(), strict=True)):
-                    forces[i] += (size * work * scale[i]) * mean
-                    if first != 0.0:
-                        # Of two nodes they often differ by their sign alone: one product serves both.
-                        forces[i] += round(first / most, 12) * scale[i] * ((-2.0 * most * size) * lean)
+                for i, (own, first) in enumerate(zip(cell.work, cell.lean, strict=True)):
+                    forces[i] += (size * own * scale[i]) * mean
+                    if not is_zero(first):
+                        forces[i] += first * scale[i] * ((-2.0 * cell.most * size) * lean)
         return total
 
     @cached_property

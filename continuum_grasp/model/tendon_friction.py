@@ -30,23 +30,24 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 @dataclass(frozen=True)
 class Cell:
-    """A part of an element along which one friction state holds; arrays have an entry per local coordinate.
+    """A part of an element along which one friction state holds; sequences have an entry per local coordinate.
 
     Integrals along the cell are of the curvature shapes: ``bend``; with the shape of the tendon's moment ``work``;
-    this with the fraction of the cell less a half ``lean``; and ``late`` is ``work`` of the half towards the tip. The
-    same of the rest curvature follows.
+    this with the fraction of the cell less a half, per ``most``, ``lean``; and ``late`` is ``work`` of the half towards
+    the tip. The same of the rest curvature follows.
     """
 
     element: int
-    share: float  # length per that of the finger [1]
-    length: float  # [m]
-    bend: Array
-    work: Array
-    lean: Array
-    late: Array
-    rest_bend: float
-    rest_work: float
-    rest_late: float
+    share: Scalar  # length per that of the finger [1]
+    length: Scalar  # [m]
+    bend: Sequence[Scalar]
+    work: Sequence[Scalar]
+    lean: Sequence[Scalar]
+    late: Sequence[Scalar]
+    rest_bend: Scalar
+    rest_work: Scalar
+    rest_late: Scalar
+    most: float = 1.0  # [m]
 
 
 @dataclass(frozen=True)
@@ -99,19 +100,23 @@ def _cells(family: Family, channel: Channel, count: int) -> tuple[Cell, ...]:
             early, late = (_integrals(family, channel, element, *half) for half in ((a, middle), (middle, b)))
             bend, work, first = (one + other for one, other in zip(early, late, strict=True))
             # The fraction of the cell less a half, of the integral with the position.
-            lean = (first - middle * work) / (b - a)
+            lean = ((first - middle * work) / (b - a))[:-1]
+            lean = np.where(np.abs(lean) > 1e-12 * np.abs(work[:-1]).max(), lean, 0.0)
+            # Of two nodes they often differ by their sign alone: one product serves both.
+            most = max(lean.tolist(), key=abs) or 1.0
             found.append(
                 Cell(
                     element,
                     float(b - a) / mesh.ends[-1],
                     float(b - a),
-                    bend[:-1],
-                    work[:-1],
-                    np.where(np.abs(lean[:-1]) > 1e-12 * np.abs(work[:-1]).max(), lean[:-1], 0.0),
-                    late[1][:-1],
+                    bend[:-1].tolist(),
+                    work[:-1].tolist(),
+                    [round(each / most, 12) for each in lean.tolist()],
+                    late[1][:-1].tolist(),
                     float(bend[-1]),
                     float(work[-1]),
                     float(late[1][-1]),
+                    most,
                 )
             )
     return tuple(found)
@@ -132,7 +137,7 @@ def _integrals(family: Family, channel: Channel, element: int, a: float, b: floa
     return total[0], total[1], total[2]
 
 
-def rounded(bend: Scalar, share: float) -> Scalar:
+def rounded(bend: Scalar, share: Scalar) -> Scalar:
     """A bend [rad] without sign, smooth when straight: b^2 / sqrt(b^2 + (1e-3 rad share)^2)."""
     square, rounding = bend * bend, _BEND_ROUNDING * share
     return square / ca.sqrt(square + rounding * rounding)

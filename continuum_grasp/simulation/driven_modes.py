@@ -95,6 +95,6 @@ def _held(model: FingerModel, p: Array) -> Array:
     for law in made.laws:
         held = float(ca.Function("held", [made.parameters.symbol], [ca.SX(law.held)])(p))
         for port in law.ports if held else ():
-            local = list(made.family.local(port.element))
-            total[np.ix_(local, local)] += held * port.measure * np.outer(port.shapes, port.shapes)
+            local, shapes = list(made.family.local(port.element)), np.array(port.shapes, dtype=float)
+            total[np.ix_(local, local)] += held * port.measure * np.outer(shapes, shapes)
     return total

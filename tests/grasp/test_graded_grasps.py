@@ -1,5 +1,8 @@
 """Grasps by fingers that change along their length, against uniform fingers, geometry and the exact rod."""
 
+from dataclasses import replace
+
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -7,14 +10,16 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.fine import FIRST, with_elements
-from continuum_grasp.grasp.problem.graded_curves import GradedSpec, curve_numbers
-from continuum_grasp.grasp.problem.graded_model import GradedModel
-from continuum_grasp.grasp.problem.unit_finger import PRESLIDING
+from continuum_grasp.grasp.problem.blocks import Columns
+from continuum_grasp.grasp.problem.curves import CurvesSpec, curve_numbers
+from continuum_grasp.grasp.problem.structure import FingerSpec
+from continuum_grasp.grasp.problem.unit_finger import PRESLIDING, UnitFinger
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.skin import skin
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.profile import Curve
+from tests.marks import few
 
 LENGTH, STIFFNESS, DENSITY = 0.18, 6.11e-3, 0.034
 PINCH, MUG = "configs/grasp/pinch.yaml", "configs/grasp/mug.yaml"
@@ -73,7 +78,7 @@ def test_equal_sections_give_the_uniform_fingers_grasp(friction):
         changes[f"fingers.{name}.strain_limit"] = None
         changes[f"fingers.{name}.half_thickness"] = finger.thickness_radius
     graded = uniform.changed(changes)
-    assert all(GradedSpec.of(setup, True).edges["statics"] == 2 for setup in graded.setups)
+    assert all(CurvesSpec.of(setup, True).edges["statics"] == 2 for setup in graded.setups)
     one, other = optimize_grasp(uniform), optimize_grasp(graded)
     assert other.certificate.passed
     for key in ("contact_positions", "contact_forces", "left.tensions", "left.q", "left.backbone", "right.tensions"):
@@ -87,20 +92,22 @@ def sticky(cells):
     offset = 0.006 * np.cos(np.arctan2(0.0015, LENGTH))  # of tendons that are inclined
     more = {"friction": 0.3, "friction_cells": cells, "presliding": offset * PRESLIDING, "max_tension": 60.0}
     tendons = [{"offset": own, **more} for own in TAPERED_TENDONS]
-    scene = mug(TAPER, **TAPERED_MUG, **FREE_TIP, **{"finger.tendons": tendons, "finger.damping": DRY})
-    return scene.setups[0], offset
+    own = {"finger.tendons": tendons, "finger.damping": DRY, "finger.masses": MASSES}
+    return mug(TAPER, **TAPERED_MUG, **FREE_TIP, **own).setups[0], offset
 
 
+MASSES = [{"at": 0.45 * LENGTH, "mass": 0.004}, {"at": LENGTH, "mass": 0.002}]
+GRAVITY = (-3.0, 9.0)
 LENGTHS = LENGTH * np.array([0.2, 0.3, 0.22, 0.28])
 
 
-def moving(setup):
+def moving(setup, gravity):
     """The model of motion of the same finger."""
     return FingerModel(
         setup.finger,
         family="clothoid",
         elements=tuple(LENGTHS.tolist()),
-        gravity=(0.0, 0.0),
+        gravity=gravity,
         accuracy=1e-10,
         tip_force=True,
     )
@@ -111,39 +118,38 @@ def history_of(cells, moved, rng):
     return [*(1.0 - moved) * rng.uniform(-1.0, 1.0, 4 * cells + 16), moved]
 
 
-@pytest.mark.parametrize("cells", [1, 3])
-def test_friction_is_that_of_the_model_of_motion(cells):
-    """Generalized forces at rest in random shapes, of random states of friction, and of those of pulling."""
+@pytest.mark.parametrize("cells", few([1, 3], 1))
+def test_forces_are_those_of_the_model_of_motion(cells):
+    """Generalized forces at rest in random shapes, of random states of friction, and of those of pulling, with the
+    weight of a taper and of masses within and at the tip.
+    """
     (setup, offset), rng = sticky(cells), np.random.default_rng(cells)
     finger, stiffness, nodes = setup.finger, setup.stiffness, np.cumsum([0.0, *LENGTHS])
-    resting = GradedModel(
-        GradedSpec.of(setup, False), 4, (), matched=False, bending_range=2.0, accuracy=1e-10,
-        friction_cells=cells, presliding=PRESLIDING, bending_cells=2, branches=2,
-    )  # fmt: skip
+    spec = replace(FingerSpec.of(setup, frozenset(), True), elements=4, accuracy=1e-10, bending_range=2.0)
+    resting = UnitFinger(spec, Columns(), Columns(), ca.SX.zeros(3))
     (channel,) = finger.channels
     branches = [number for each in DRY["dry_friction"] for number in (each["stiffness"], each["moment"] * LENGTH)]
+    own = finger.rod.mass_per_length * LENGTH
+    c, s = np.cos(finger.base.angle), np.sin(finger.base.angle)
+    weight = np.array([[c, s], [-s, c]]) @ GRAVITY * own * LENGTH**2 / stiffness
     p = [
-        *(
-            *LENGTHS / LENGTH,
-            0.0,
-            0.0,
-            *curve_numbers(setup, False),
-            *finger.profile.bending_stiffness(nodes) / stiffness,
-        ),
-        *(*channel.shape(nodes), 1.0, -1.0, 0.3, *np.array(branches) / stiffness),
+        *(*LENGTHS / LENGTH, *curve_numbers(setup, True), *finger.profile.bending_stiffness(nodes) / stiffness),
+        *(*channel.shape(nodes), *weight, 0.3, MASSES[1]["mass"] / own, *np.array(branches) / stiffness),
     ]
+    missing, statics = resting.backbone.missing(1), moving(setup, GRAVITY).statics
+    inner, loads = [MASSES[0]["mass"] / own, 0.45], np.zeros(resting.model.nw)
     for moved, bent in ((0.0, 8.0), (1.0, 8.0), (1.0, 4e-3)):  # at last within the presliding
         q, pulls, history = bent * rng.normal(size=5), rng.uniform(1.0, 30.0, 2), history_of(cells, moved, rng)
-        u = [*pulls * offset * LENGTH / stiffness, 0.0]
-        found = stiffness * np.array(resting.missing(q * LENGTH, u, [0.0, 0.0], history, p)).ravel()
-        true = np.array(moving(setup).statics(q, pulls, [0.0, 0.0], [], history)[0]).ravel()
+        u = resting.input(ca.DM(pulls * offset * LENGTH / stiffness), 0.0)
+        found = stiffness * np.array(missing(q * LENGTH, u, loads, inner, history, p)).ravel()
+        true = np.array(statics(q, pulls, [0.0, 0.0], [], history)[0]).ravel()
         assert found == pytest.approx(true, abs=1e-12 * np.abs(true).max())
 
 
 @pytest.mark.parametrize("cells", [1, 3])
 def test_the_certificates_friction_does_the_work_of_the_model_of_motion(cells):
     """Its moments do work on the curvature of each coordinate: generalized forces; states of pulling are equal."""
-    (setup, _), rng, model = sticky(cells), np.random.default_rng(cells), moving(sticky(cells)[0])
+    (setup, _), rng, model = sticky(cells), np.random.default_rng(cells), moving(sticky(cells)[0], (0.0, 0.0))
     shapes = np.zeros((4, 2, 5))
     shapes[range(4), 0, range(4)] = shapes[range(4), 1, range(1, 5)] = 1.0
     nodes, weights = np.polynomial.legendre.leggauss(20)

@@ -207,7 +207,7 @@ def test_places_and_equilibrium_are_those_of_the_model(family):
     still = np.array(model.inverse_dynamics(q, zero, zero, u, w, p, *pulled)).ravel()
     # A mass within an element bears like its Jacobian.
     carried = np.array(model.jacobian(q, u, 0.55, p)).T @ LOADED["gravity"] * 0.7
-    missing = np.array(backbone.missing(1)(q, u, w, [0.7, 0.55], *pulled, p)).ravel()
+    missing = np.array(backbone.missing(1)(q, u, w, [0.7, 0.55], *(pulled or [[]]), p)).ravel()
     assert_allclose(missing, still - carried, atol=1e-11)
 
 

@@ -15,14 +15,14 @@ from grasp_scenes import make_scene
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.problem import disturbance, graded_curves, limits, points, solver_run, surroundings, values
+from continuum_grasp.grasp.problem import disturbance, limits, points, solver_run, surroundings, values
 from continuum_grasp.grasp.problem.limits import friction_cone
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.solver_run import GraspSolverRun, allowed_depth, solve_clear
 from continuum_grasp.grasp.problem.structure import FingerSpec, ProblemSpec
 from continuum_grasp.grasp.starts.starts import make_starts
-from continuum_grasp.scene.profile import Curve, Profile
+from continuum_grasp.scene.profile import Profile
 
 NONE = np.zeros(1)
 
@@ -323,7 +323,7 @@ def test_elements_of_a_taper_are_equal_parts_of_bending_waves():
         bending_stiffness=lambda s: np.exp(-rate * s / length),
     )
     profile.waves = lambda s: Profile.waves(profile, s)
-    tapered = SimpleNamespace(finger=SimpleNamespace(profile=profile), before=(3,), elements=6)
+    tapered = SimpleNamespace(finger=SimpleNamespace(profile=profile), before=(3,), elements=6, graded=True)
     places = values.node_places(tapered, [0.4 * length]) / length
 
     def waves(s):
@@ -331,19 +331,3 @@ def test_elements_of_a_taper_are_equal_parts_of_bending_waves():
 
     for part in (places[:4], places[3:]):
         assert np.diff(waves(part)) == pytest.approx(np.ptp(waves(part)) / 3, rel=2e-4)
-
-
-def test_the_mass_beyond_a_section_is_the_integral_of_its_density():
-    """Which falls to a hundredth exponentially, beside a point mass."""
-    rate, density, length, extra = math.log(100.0), 0.03, 0.2, 0.002
-    curve = Curve((0.0, length), ((math.log(density), -rate / length),), exponential=True)
-    finger = SimpleNamespace(
-        profile=SimpleNamespace(linear_density=curve),
-        rod=SimpleNamespace(mass_per_length=density),
-        masses=(SimpleNamespace(at=0.15, mass=extra),),
-    )
-    made = graded_curves._mass_beyond(SimpleNamespace(finger=finger), np.array([0.0, 0.15, length]))
-    for start, row, places in zip((0.0, 0.75), made.coefficients, ([0.0, 0.3, 0.7], [0.8, 0.99]), strict=True):
-        at = np.array(places)
-        exact = (np.exp(-rate * at) - 0.01) / rate + (extra / (density * length) if start == 0.0 else 0.0)
-        assert np.polynomial.polynomial.polyval(at - start, row) == pytest.approx(exact, abs=1e-11)

@@ -64,10 +64,7 @@ def add_disturbances(problem: Unknowns) -> ca.SX:
     spec, add = problem.spec, problem.x
     factor = add("resisted disturbance")
     wrenches = ca.reshape(problem.numbers("wrenches", 3 * spec.wrenches), 3, spec.wrenches)
-    slopes = [
-        _slope(finger, [c for c in problem.contacts if c.spec.finger == index])
-        for index, finger in enumerate(problem.fingers)
-    ]
+    slopes = [_slope(finger, problem.loads(index)) for index, finger in enumerate(problem.fingers)]
     for k in range(spec.wrenches):
         change = _Change(
             [add(f"{f.spec.name}.change of q, {k}", f.q.numel()) for f in problem.fingers],
@@ -114,9 +111,7 @@ def _curvatures(problem: Unknowns, contact: Touch) -> tuple[ca.SX, ca.SX]:
     side = ca.dot(contact.normal, ca.vertcat(ca.cos(finger.angles[end]), ca.sin(finger.angles[end])))
     bent = side * bent / finger.number("length")
     # The skin is a parallel curve of the backbone: radii differ by half the thickness.
-    lean = finger.lean(spec)
-    upright = 1.0 if lean is None else ca.sqrt(1.0 - lean**2)
-    return ours, -bent / (upright - finger.half(spec) * bent)
+    return ours, -bent / (ca.sqrt(1.0 - finger.lean(spec) ** 2) - finger.half(spec) * bent)
 
 
 def _force_change(contact: Touch, change: ca.SX, turn: ca.SX) -> ca.SX:
@@ -124,23 +119,16 @@ def _force_change(contact: Touch, change: ca.SX, turn: ca.SX) -> ca.SX:
     return change[0] * contact.normal + change[1] * contact.across + _spin(turn, contact.world)
 
 
-def _slope(finger: UnitFinger, touching: list[Touch]) -> ca.SX:
+def _slope(finger: UnitFinger, loads: ca.SX) -> ca.SX:
     """Derivative of (missing force, ends, angles, what is drawn in of the tendons) with respect to (q, u, w), in units
     and axes of the finger.
     """
-    share, sizes = finger.number("force share"), (("q", finger.q.numel()), ("u", 3), ("w", finger.loads_size))
+    sizes = (("q", finger.q.numel()), ("u", 3), ("w", finger.model.nw))
     q, u, w = (ca.SX.sym(name, size) for name, size in sizes)
     missing = finger.missing_force(q, u, w)
     ends, angles = finger.joints_at(q, u)
-    back = rotation(-finger.base[2])
-    now = {
-        c.spec.joint: (back @ c.world / share, -finger.half_at(finger.end_of(c.spec)) * c.force[1] / share)
-        for c in touching
-    }
-    forces = {joint: force for joint, (force, _) in now.items()}
-    couples = {joint: couple for joint, (_, couple) in now.items()}
     slope = ca.jacobian(ca.vertcat(missing, ca.vec(ends), angles, finger.drawn(q, u)), ca.vertcat(q, u, w))
-    return ca.substitute(slope, ca.vertcat(q, u, w), ca.vertcat(finger.q, finger.u, finger.loads(forces, couples)))
+    return ca.substitute(slope, ca.vertcat(q, u, w), ca.vertcat(finger.q, finger.u, loads))
 
 
 def _moved(problem: Unknowns, change: _Change, index: int, slope: ca.SX) -> _Moved:

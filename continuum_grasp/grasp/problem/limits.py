@@ -61,7 +61,7 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
     """A finger keeps clear of object and supports at its guarded places, world positions (2, K)."""
     name, number, spec, require = finger.spec.name, problem.numbers, problem.spec, problem.rows.require
     points, _, touches, thick = finger.guarded
-    places, tolerance, half = ca.horzsplit(points), finger.number("tolerance"), thick
+    places, tolerance, half = ca.horzsplit(points), finger.number("tolerance"), ca.vertsplit(thick)
     back = rotation(-problem.pose[2])
     # A place that touches has its gap as an equation already: the inequality beside it would be dependent.
     free = [j for j, touching in enumerate(touches) if not touching]
@@ -71,7 +71,7 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
         slack = problem.slack["clearance at the object"] + tolerance
         near = ca.reshape(finger.number(f"near_{part}", NEAR * len(free)), NEAR, len(free))
         spare = [
-            distance_from(back @ (places[j] - problem.pose[:2]), near[:, k]) - _each(half, j) + slack
+            distance_from(back @ (places[j] - problem.pose[:2]), near[:, k]) - half[j] + slack
             for k, j in enumerate(free)
         ]
         require(f"penetration into the object, {name}", ca.vertcat(*spare), "m", "object", upper=ca.inf)
@@ -82,11 +82,11 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
         spare += [ca.dot(normal, z - at) - finger.number(f"needed_{k}_{j}") + slack for j, z in enumerate(places)]
     for k in range(spec.lines):
         near = ca.reshape(finger.number(f"near_line_{k}", NEAR * len(places)), NEAR, len(places))
-        spare += [distance_from(z, near[:, j]) - _each(half, j) + slack for j, z in enumerate(places)]
+        spare += [distance_from(z, near[:, j]) - half[j] + slack for j, z in enumerate(places)]
     for k in range(spec.pegs):
         at, radius = number(f"peg_{k}.position", 2), number(f"peg_{k}.radius")
         # 1e-24 keeps the root differentiable where a place is at the peg's center.
-        spare += [ca.sqrt(ca.sumsqr(z - at) + 1e-24) - radius - _each(half, j) + slack for j, z in enumerate(places)]
+        spare += [ca.sqrt(ca.sumsqr(z - at) + 1e-24) - radius - half[j] + slack for j, z in enumerate(places)]
     require(f"penetration into a support, {name}", ca.vertcat(*spare), "m", "supports", upper=ca.inf)
     return points
 
@@ -108,11 +108,6 @@ def _keep_apart(problem: Unknowns, pair: tuple[int, int], places: tuple[ca.SX, c
     away = ca.sqrt(ca.sum1((near[0] - near[1]) ** 2).T + 1e-24)
     spare = away - number(f"gap of {name}", count) + problem.slack["overlap"] + number("tolerance")
     problem.rows.require(f"overlap of fingers, {name}", spare, "m", "overlap", upper=ca.inf)
-
-
-def _each(values: ca.SX, k: int) -> ca.SX:
-    """One of several values, or the one that there is for all."""
-    return values if values.numel() == 1 else values[k]
 
 
 def _part_numbers(problem: Unknowns, part: int) -> ca.SX:

@@ -8,7 +8,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.problem.graded_finger import GradedUnitFinger
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Touch
@@ -54,8 +53,7 @@ def _finger_start(setup: FingerSetup, finger: UnitFinger, whole: Start, units: U
     tendons, start = setup.tendons, whole.fingers[setup.name]
     length, stiffness = setup.finger.rod.length, setup.stiffness
     joints = [s / length for s in start.joints]
-    graded = isinstance(finger, GradedUnitFinger)
-    lengths = np.diff(node_places(setup, start.joints)) / length if graded else np.array(finger.element_lengths(joints))
+    lengths = np.diff(node_places(setup, start.joints)) / length
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
     knots, curvatures = np.array([start.knots]) / length, np.array([start.curvatures]) * length
     tensions = whole.tensions.get(setup.name, (tendons.min_tension,) * 2)
@@ -81,46 +79,35 @@ def _finger_start(setup: FingerSetup, finger: UnitFinger, whole: Start, units: U
 def _coordinates(setup: FingerSetup, finger: UnitFinger, lengths: Array, knots: Array, curvatures: Array) -> Array:
     """Coordinates of the unit finger near a shape, curvatures being linear between knots (1, K) along it."""
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
-    size = finger.q.numel()
-    if isinstance(finger, GradedUnitFinger):
-        # Elastic curvatures at the nodes.
-        length = setup.finger.rod.length
-        above = curvature_at(knots, curvatures, ends[None])[0] - length * setup.finger.profile.rest_curvature(
-            length * ends
-        )
-        return np.asarray(above)[:size]
     family = finger.model.structure.family
     places = ends[:-1, None] + lengths[:, None] * family.places
     at = curvature_at(knots, curvatures, places.reshape(1, -1)).reshape(places.shape)
     bends = np.diff(turning(knots, curvatures, ends[None])[0])
-    # The unit finger is straight at rest but for a run-time number.
-    rest = float(setup.finger.profile.rest_curvature(0.0)) * setup.finger.rod.length
-    return np.asarray(family.coordinates(bends - rest * lengths, at - rest)[:size])
+    # The model's unit finger is straight at rest but for run-time numbers.
+    length = setup.finger.rod.length
+    rest = length * setup.finger.profile.rest_curvature(length * places)
+    return np.asarray(family.coordinates(bends - rest.mean(axis=1) * lengths, at - rest)[: finger.q.numel()])
 
 
 def bending_arrays(
     setup: FingerSetup, finger: UnitFinger, q: Array, lengths: Array, tip: float, pulls: Array
 ) -> Values:
     """Coordinates above rest, their shapes and the curvature at the tip, as a result stores them (SI)."""
-    length, profile = setup.finger.rod.length, setup.finger.profile
-    if isinstance(finger, GradedUnitFinger):
-        ends = np.concatenate([[0.0], np.cumsum(lengths)])
-        # Nodes have the stiffness of their base side; at a jump, the element beyond bends by another curvature.
-        stiffness, beyond = (profile.bending_stiffness(ends, tip_side=side) for side in (False, True))
-        moments = q * setup.stiffness / length
-        if finger.statics.matched:
-            amplitudes = [np.dot(c.arms, pulls) for c in setup.finger.channels]
-            moments = moments + sum(a * c.shape(ends) for a, c in zip(amplitudes, setup.finger.channels, strict=True))
-        bent, nodes = moments / stiffness, np.eye(ends.size)
-        first = nodes[:-1] * (stiffness / beyond)[:-1, None]
-        shapes = np.stack([first, nodes[1:]], axis=1)
-        return {"q": bent[: finger.q.numel()], "curvature_shapes": shapes, "tip_curvature": np.array(float(bent[-1]))}
-    family, rest = finger.model.structure.family, float(profile.rest_curvature(0.0)) * length
-    return {
-        "q": family.coordinate_size(q, length),
-        "curvature_shapes": family.curvature_shapes(lengths.tolist()),
-        "tip_curvature": np.array((tip - rest) / length),
-    }
+    length, profile, family = setup.finger.rod.length, setup.finger.profile, finger.model.structure.family
+    shapes = family.curvature_shapes(lengths.tolist())
+    if not setup.graded:
+        tip = (tip - float(profile.rest_curvature(0.0)) * length) / length
+        return {"q": family.coordinate_size(q, length), "curvature_shapes": shapes, "tip_curvature": np.array(tip)}
+    ends = np.concatenate([[0.0], np.cumsum(lengths)])
+    # Nodes have the stiffness of their base side; at a jump, the element beyond bends by another curvature.
+    stiffness, beyond = (profile.bending_stiffness(ends, tip_side=side) for side in (False, True))
+    moments = q * setup.stiffness / length
+    if finger.model.structure.matched:
+        (channel,) = setup.finger.channels
+        moments = moments + np.dot(channel.arms, pulls) * channel.shape(ends)
+    bent = moments / stiffness
+    shapes[:, 0] *= (stiffness / beyond)[:-1, None]
+    return {"q": bent[: finger.q.numel()], "curvature_shapes": shapes, "tip_curvature": np.array(float(bent[-1]))}
 
 
 def stored_arrays(problem: GraspProblem, scene: GraspScene, start: Start, values: list[ca.DM]) -> dict[str, Array]:

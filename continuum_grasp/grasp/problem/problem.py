@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.problem.disturbance import add_disturbances
 from continuum_grasp.grasp.problem.limits import add_limits
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
@@ -48,7 +47,10 @@ class GraspProblem(Unknowns):
             elif self.spec.free:
                 self._close_support(contact)
         for k, finger in enumerate(self.fingers):
-            self._balance_finger(finger, [c for c in self.contacts if c.spec.finger == k])
+            missing = finger.missing_force(finger.q, finger.u, self.loads(k))
+            # In units of the whole problem, so that the residuals of different fingers compare.
+            scale = finger.number("force share") * finger.number("length")
+            self.rows.require(f"finger equilibrium, {finger.spec.name}", scale * missing, "N m", finger.spec.name)
             drive = finger.number("length") * finger.drive_rows()
             self.rows.require(f"drive, {finger.spec.name}", drive, "m", f"{finger.spec.name}.tendons.drive")
         self._balance_object()
@@ -71,9 +73,8 @@ class GraspProblem(Unknowns):
         if spec.joint >= 0 and finger.spec.stations:
             return
         along = ca.vertcat(-ca.sin(finger.angles[end]), ca.cos(finger.angles[end]))
-        tilt, lean = ca.dot(along, contact.normal), finger.lean(spec)
         # The finger is as thick as discs along it: where these grow, the skin leans by the slope of the radius.
-        tilt -= 0.0 if lean is None else lean
+        tilt = ca.dot(along, contact.normal) - finger.lean(spec)
         if spec.joint >= 0:
             require(f"contact tangency, {spec.name}", tilt, "rad", key)
         else:
@@ -110,17 +111,6 @@ class GraspProblem(Unknowns):
                 normal, at = contact.local.normal, self.x(f"landing, {contact.spec.name}", 2)
                 off = ca.dot(ca.vertcat(-normal[1], normal[0]), contact.local.point - at)
                 self.rows.require(f"landing, {contact.spec.name}", off, "m", "robust")
-
-    def _balance_finger(self, finger: UnitFinger, contacts: list[Touch]) -> None:
-        share = finger.number("force share")
-        back = rotation(-finger.base[2])
-        forces = {c.spec.joint: back @ c.world / share for c in contacts}
-        # Friction acts on the skin: it turns the backbone by its arm, half the thickness.
-        couples = {c.spec.joint: -finger.half_at(finger.end_of(c.spec)) * c.force[1] / share for c in contacts}
-        missing = finger.missing_force(finger.q, finger.u, finger.loads(forces, couples))
-        # In units of the whole problem, so that the residuals of different fingers compare.
-        scale = share * finger.number("length")
-        self.rows.require(f"finger equilibrium, {finger.spec.name}", scale * missing, "N m", finger.spec.name)
 
     def _balance_object(self) -> None:
         require, number = self.rows.require, self.numbers

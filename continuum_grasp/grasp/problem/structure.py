@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from continuum_grasp.grasp.problem.graded_curves import GradedSpec
+from continuum_grasp.grasp.problem.curves import CurvesSpec
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Surface
@@ -46,6 +46,7 @@ class FingerSpec:
     friction_cells: int  # per element; 0: the tendons have no friction
     bending_cells: int  # per element, of dry friction in bending; 0: there is none
     branches: int  # of dry friction in bending
+    friction_states: int
     weighs: bool  # whether its own weight acts
     preshaped: bool  # whether it is curved at rest
     tip_heavy: bool  # whether there is a mass on the tip
@@ -54,7 +55,7 @@ class FingerSpec:
     free: bool  # whether the base may move
     bending_range: float  # [rad]
     accuracy: float | None
-    graded: GradedSpec | None  # curves along the finger; None where all is the same everywhere
+    curves: CurvesSpec  # along the finger
     drive: DriveSpec | None  # what winds up the tendons; None where each tension is given, or follows from a torque
     wound: bool  # whether there are drives at all
     pulley: bool  # and one moves both tendons
@@ -69,7 +70,7 @@ class FingerSpec:
     def of(setup: FingerSetup, on: frozenset[str], weighs: bool) -> FingerSpec:
         """The structure of a finger with some of its contacts on."""
         finger = setup.finger
-        inner, graded = inner_masses(finger), GradedSpec.of(setup, weighs)
+        inner = inner_masses(finger)
         return FingerSpec(
             name=setup.name,
             family=setup.family,
@@ -81,15 +82,16 @@ class FingerSpec:
             friction_cells=setup.tendons.friction_cells if setup.tendons.friction > 0.0 else 0,
             bending_cells=setup.bending_cells,
             branches=len(finger.damping.dry_friction),
+            friction_states=setup.friction_states,
             weighs=weighs,
-            preshaped=graded is None and finger.profile.rest_curvature.constant != 0.0,
-            tip_heavy=graded is None and weighs and len(inner) < len(finger.masses),
-            masses=len(inner) if weighs and graded is None else 0,
+            preshaped=not setup.graded and finger.profile.rest_curvature.constant != 0.0,
+            tip_heavy=weighs and len(inner) < len(finger.masses),
+            masses=len(inner) if weighs else 0,
             strained=finger.strain_limit is not None,
             free=finger.base_free is not None,
             bending_range=next((r for r in _RANGES if setup.bending_range <= r), setup.bending_range),
             accuracy=setup.accuracy,
-            graded=graded,
+            curves=CurvesSpec.of(setup, weighs),
             drive=DriveSpec.of(setup),
             wound=setup.drive is not None,
             pulley=setup.drive is not None and setup.drive.pulley,

@@ -10,7 +10,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.problem.graded_finger import GradedUnitFinger
 from continuum_grasp.grasp.problem.points import bending_arrays
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
@@ -93,8 +92,7 @@ class Surroundings:
             count = points.shape[1] - finger.probes * finger.spec.elements
             self._elements.append(elements[:count])
             self._free.append(~np.array(touches))
-            half = half[:count] if half.numel() > 1 else ca.repmat(half, count, 1)
-            out += [points[:, :count], half, finger.curvatures()[1], *finger.stored()]
+            out += [points[:, :count], half[:count], finger.curvatures()[1], *finger.stored()]
         self._places = ca.Function("places", [x, numbers], out)
 
     def look(self, scene: GraspScene, x: Array, numbers: Array, probes: Mapping[str, Array] | None = None) -> Sight:
@@ -260,7 +258,7 @@ class _Line:
     ) -> _Line:
         """The line of stored numbers, in units of the problem."""
         ends, size = np.concatenate([[0.0], np.cumsum(lengths)]), setup.finger.rod.length
-        if isinstance(finger, GradedUnitFinger):
+        if setup.graded:
             tensions = pulls * setup.stiffness / size / setup.tendons.offset
             arrays = bending_arrays(setup, finger, q, lengths * size, tip, tensions)
             arrays |= {"lengths": lengths * size, "tensions": tensions}

@@ -6,15 +6,15 @@ solver. Its base is at the origin, pointing along +Y.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from continuum_grasp.grasp.problem.blocks import Columns, rotation
+from continuum_grasp.grasp.problem.curves import Curves
+from continuum_grasp.grasp.problem.graded_backbone import GradedBackbone
 from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.winches import SOFT, soft
@@ -40,12 +40,24 @@ class UnitFinger:
     def __init__(self, spec: FingerSpec, x: Columns, numbers: Columns, tip: ca.SX) -> None:
         """Add the finger's unknowns to ``x``; its tip bears a contact's (N, f, lift) in units of the problem."""
         self.spec, self._numbers = spec, numbers
-        size = self._build()
+        self._optional = {
+            "gravity": spec.weighs,
+            "rest_curvature": spec.preshaped,
+            "tendon_friction": spec.friction_cells > 0,
+            "tip_mass": spec.tip_heavy,
+            **{f"dry_friction_{k + 1}_{key}": True for k in range(spec.branches) for key in ("stiffness", "moment")},
+        }
+        self.curves = Curves(spec.curves, self.number("curves", spec.curves.size))
+        self.model = self._model()
+        graded = spec.curves.graded
+        self.backbone = GradedBackbone(self.model, spec.curves) if graded else self.model.backbone()
         name, number = spec.name, self.number
-        self.q = x(f"{name}.q", size)  # bending coordinates of the unit finger
+        self.q = x(f"{name}.q", self.model.n)  # bending coordinates of the unit finger
         # Positions of the middle contacts, as parts of the length.
         self.joints = [x(f"{name}.joint_{k}") if on else number(f"joint_{k}") for k, on in enumerate(spec.touching)]
         self.pulls = x(f"{name}.pulls", 2)  # tensions times offset, in E I / L of the finger
+        self.lengths = self._element_lengths()  # as parts of the whole
+        self.edges = [ca.SX(0.0), *accumulate(self.lengths)]
         self.base = x(f"{name}.base", 3) if spec.free else number("base", 3)  # x, y and angle in the world
         # Friction acts on the skin, half a thickness from the backbone; the tip's couple is an input of the model.
         couple = -self.half_at(spec.elements - 1) * tip[1] / number("force share") if spec.tip else ca.SX(0)
@@ -60,16 +72,9 @@ class UnitFinger:
         # World positions (2, N) of the elements' ends, and world angles (N,) there.
         self.ends, self.angles = self.world(ends), angles + self.base[2]
 
-    def _build(self) -> int:
-        """Build the mechanics; the number of coordinates."""
+    def _model(self) -> FingerModel:
+        """The model of the finger, uniform."""
         spec = self.spec
-        self._optional = {
-            "gravity": spec.weighs,
-            "rest_curvature": spec.preshaped,
-            "tendon_friction": spec.friction_cells > 0,
-            "tip_mass": spec.tip_heavy,
-            **{f"dry_friction_{k + 1}_{key}": True for k in range(spec.branches) for key in ("stiffness", "moment")},
-        }
         # The values only state what there is: the run-time argument replaces them.
         unit = Finger(
             rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0),
@@ -87,7 +92,8 @@ class UnitFinger:
             ),
         )
         contacts = tuple(count / spec.elements for count in spec.before)
-        self.model = FingerModel(
+        own = [] if spec.curves.graded else ["element_lengths"]
+        return FingerModel(
             unit,
             contacts=contacts,
             gravity=(0.0, 0.0),
@@ -95,18 +101,19 @@ class UnitFinger:
             elements=(1.0 / spec.elements,) * spec.elements,
             bending_range=spec.bending_range,
             accuracy=spec.accuracy or ACCURACY,
-            parameters=("element_lengths", *(name for name, wanted in self._optional.items() if wanted)),
+            parameters=(*own, *(name for name, wanted in self._optional.items() if wanted)),
             loads=tuple(MomentLoad(at=at, moment=0.0) for at in (*contacts, 1.0)),
             tip_force=True,
         )
-        self._backbone = self.model.backbone()
-        return self.model.n
 
     def _parameters(self) -> ca.SX:
-        values = [ca.SX(ca.vertcat(*self.element_lengths(self.joints)))]
+        number, nodes, values = self.number, self.spec.elements + 1, [*self.lengths]
+        if self.spec.curves.graded:
+            sizes = {"curves": self.spec.curves.size, "node stiffness": nodes, "node shapes": nodes}
+            values += [number(name, size) for name, size in sizes.items()]
         if self.spec.weighs:
-            values.append(rotation(-self.base[2]) @ self.number("weight", 2))
-        values += [self.number(key) for key, wanted in self._optional.items() if wanted and key != "gravity"]
+            values.append(rotation(-self.base[2]) @ number("weight", 2))
+        values += [number(key) for key, wanted in self._optional.items() if wanted and key != "gravity"]
         return ca.vertcat(*values)
 
     def number(self, name: str, size: int = 1) -> ca.SX:
@@ -115,35 +122,30 @@ class UnitFinger:
 
     def half_at(self, end: int) -> ca.SX:
         """Half thickness at the end of an element, per the finger's length."""
-        return self.number("thickness")
+        return self.curves.at(self.edges[end + 1])("thickness")
 
     def half(self, contact: ContactSpec) -> ca.SX:
         """Half thickness at a contact, in units of the problem."""
         return self.half_at(self.end_of(contact)) * self.number("length")
 
-    def lean(self, contact: ContactSpec) -> ca.SX | None:
-        """Slope of the half thickness along the finger at a contact; None where there is none."""
-        return None
+    def lean(self, contact: ContactSpec) -> ca.SX:
+        """Slope of the half thickness along the finger at a contact."""
+        return self.curves.slope("thickness", self.edges[self.end_of(contact) + 1])
 
     def joints_at(self, q: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Positions (2, N) and angles (N,) of the ends of the elements of the unit finger."""
-        ends, angles = self._backbone.joints(q, u, self.p)
+        ends, angles = self.backbone.joints(q, u, self.p)
         return ends, angles
 
     def drawn(self, q: ca.SX, u: ca.SX) -> ca.SX:
         """How far the bend draws in the first tendon and pays out the other, per offset at the base [rad]."""
-        turn: ca.SX = self.joints_at(q, u)[1][-1]
-        return turn
-
-    @property
-    def loads_size(self) -> int:
-        """Number of entries of the model's loads."""
-        return self.model.nw
+        drawn: ca.SX = self.backbone.drawn(q, u, self.p)
+        return drawn
 
     @cached_property
     def guarded(self) -> tuple[ca.SX, list[int], list[bool], ca.SX]:
         """World positions (2, K) that must stay clear, the elements that they are in, whether the finger touches the
-        object there, and half its thickness (K,) in units of the problem, one where it is the same everywhere.
+        object there, and half its thickness (K,) in units of the problem.
 
         These are fixed places, joints, and probes, which the search puts where a finger is deepest.
         """
@@ -151,33 +153,30 @@ class UnitFinger:
         touching = {n - 1 for n, on in zip(spec.before, spec.touching, strict=True) if on}
         touching |= {spec.elements - 1} if spec.tip else set()
         joints, count = range(spec.elements), self.probes
-        at = ca.reshape(self.number("probes", count * spec.elements), count, spec.elements)
-        fixed, owners, probed, half = self.places(at)
+        fractions = ca.reshape(self.number("probes", count * spec.elements), count, spec.elements)
+        places, owners = self.backbone.fixed_places(self.guards)
+        fixed, at = places(self.q, self.u, self.p)
+        probed = self.backbone.places(count)(self.q, self.u, fractions, self.p)
         points = ca.horzcat(self.world(fixed), *(self.ends[:, k] for k in joints), self.world(probed))
         elements = [*owners, *joints, *(k for k in joints for _ in range(count))]
         touches = [*(False for _ in owners), *(k in touching for k in joints)]
-        return points, elements, [*touches, *(False for _ in range(count * len(joints)))], half
-
-    def places(self, fractions: ca.SX) -> tuple[ca.SX, list[int], ca.SX, ca.SX]:
-        """Positions (2, K) of the unit finger that must stay clear, the elements that they are in, positions (2, M) at
-        ``fractions`` (count, N) of the elements, and half the thickness in units of the problem: one, or that at all
-        places, the ends of the elements being between both.
-        """
-        even = (np.arange(self.guards) + 0.5) / self.guards
-        points = self._backbone.fixed_places(even.tolist())(self.q, self.u, self.p)
-        probed = self._backbone.places(self.probes)(self.q, self.u, fractions, self.p)
-        owners = [k for k in range(self.spec.elements) for _ in even]
-        return points, owners, probed, self.number("thickness") * self.number("length")
+        deep = [self.edges[k] + fractions[j, k] * self.lengths[k] for k in joints for j in range(count)]
+        half = [self.curves.at(s)("thickness") for s in (*ca.vertsplit(at), *self.edges[1:], *deep)]
+        clear = [*touches, *(False for _ in range(count * len(joints)))]
+        return points, elements, clear, ca.cse(self.number("length") * ca.vertcat(*half))
 
     def stored(self) -> list[ca.SX]:
-        """What a result stores: coordinates, lengths of the elements, curvature at the tip, tensions, base."""
-        # Where the tip is matched, what the moment balance imposes.
-        tip = self.curvatures()[1][-1, -1]
-        return [self.q, self.p[: self.spec.elements], tip, self.pulls, self.base]
+        """What a result stores: coordinates, lengths of the elements, curvature at the tip, tensions, base.
+
+        Of graded fingers moments at the nodes (N + 1,), less those of the tendons that belong to the shape, take the
+        place of coordinates.
+        """
+        q, tip = self.backbone.stored(self.q, self.u, self.p)
+        return [q, ca.vertcat(*self.lengths), tip, self.pulls, self.base]
 
     def section(self, s: ca.SX) -> tuple[ca.SX, ca.SX]:
         """Position and angle of the unit finger at a place."""
-        point, angle = self._backbone.section(self.q, self.u, s, self.p)
+        point, angle = self.backbone.section(self.q, self.u, s, self.p)
         return point, angle
 
     def world(self, points: ca.SX) -> ca.SX:
@@ -189,12 +188,16 @@ class UnitFinger:
         """Index of the element at whose end a contact sits."""
         return self.spec.elements - 1 if contact.joint < 0 else self.spec.before[contact.joint] - 1
 
-    def element_lengths(self, joints: Sequence[Any]) -> list[Any]:
-        """Element lengths for positions of the middle contacts: equal between them."""
-        lengths: list[Any] = []
-        counts = np.diff([0, *self.spec.before, self.spec.elements]).tolist()
-        for (a, b), count in zip(pairwise([0.0, *joints, 1.0]), counts, strict=True):
-            lengths += [(b - a) / count] * count
+    def _element_lengths(self) -> list[ca.SX]:
+        """Between contacts they are equal, or of graded fingers in the shares of the start."""
+        spec, lengths, ends = self.spec, list[ca.SX](), [ca.SX(0.0), *self.joints, ca.SX(1.0)]
+        counts = pairwise([0, *spec.before, spec.elements])
+        for (a, b), (first, end) in zip(pairwise(ends), counts, strict=True):
+            if spec.curves.graded:
+                shares = ca.vertsplit(self.number("shares", spec.elements)[first:end])
+                lengths += [(b - a) * share for share in shares]
+            else:
+                lengths += [(b - a) / (end - first)] * (end - first)
         return lengths
 
     def input(self, pulls: ca.SX, couple: ca.SX) -> ca.SX:
@@ -209,29 +212,20 @@ class UnitFinger:
     def missing_force(self, q: ca.SX, u: ca.SX, w: ca.SX) -> ca.SX:
         """Generalized force that is missing for rest under inputs and loads, in E I / L."""
         masses = [ca.vertcat(self.number(f"mass_{k}"), self.number(f"mass_{k}.at")) for k in range(self.spec.masses)]
-        missing: ca.SX = self._missing(q, u, w, ca.horzcat(ca.SX(2, 0), *masses), *self.history, self.p)
+        missing: ca.SX = self._missing(q, u, w, ca.horzcat(ca.SX(2, 0), *masses), self.history, self.p)
         return missing
 
     @property
-    def history(self) -> list[ca.SX]:
-        """Friction states of tendons and bending, where there are any."""
-        return [self.number("friction_history", self.friction_states + 1)] if self.friction_states else []
-
-    @property
-    def friction_states(self) -> int:
-        """Number of states of friction."""
-        return self.model.structure.friction_states
-
-    def mean_shares(self) -> ca.SX:
-        """Mean along the finger of the tension of each tendon, per that at the base."""
-        means: ca.SX = self._backbone.mean_shares(self.q, self.u, *self.history, self.p)
-        return means
+    def history(self) -> ca.SX:
+        """Friction states of tendons and bending, and whether they are moved; empty where there are none."""
+        states = self.spec.friction_states
+        return self.number("friction_history", states + 1) if states else ca.SX(0, 1)
 
     def compliances(self) -> list[ca.SX]:
         """Elongation of each tendon, per length, per pull at the drive."""
         means: list[Any] = [1.0, 1.0]
         if self.spec.friction_cells:
-            means = ca.vertsplit(self.mean_shares())
+            means = ca.vertsplit(self.backbone.mean_shares(self.q, self.u, self.history, self.p))
         return [self.number("series") + self.number("axial") * mean for mean in means]
 
     def drive_rows(self) -> ca.SX:
@@ -267,18 +261,15 @@ class UnitFinger:
 
     @cached_property
     def _missing(self) -> ca.Function:
-        return self._backbone.missing(self.spec.masses)
-
-    @cached_property
-    def _curvatures(self) -> ca.Function:
-        return self.model.curvatures()
+        return self.backbone.missing(self.spec.masses)
 
     def curvatures(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """Curvatures that the strain limit is for; (degree + 1, N) at the family's places on each element; and the
+        """What the strain limit is for; curvatures (degree + 1, N) at the family's places on each element; and the
         latter times the lengths of the elements.
         """
-        kappa, at, bends = self._curvatures.call([self.q, self.u, self.p])
-        return kappa, at, bends
+        fractions = self.number("strain probes", self.spec.elements) if "depth" in self.curves.names else ca.SX(0, 1)
+        limited, at, bends = self.backbone.curvatures(self.q, self.u, fractions, self.p)
+        return limited, at, bends
 
     @property
     def probes(self) -> int:

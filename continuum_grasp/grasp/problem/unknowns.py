@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import casadi as ca
 
 from continuum_grasp.grasp.problem.blocks import Columns, Rows, rotation
-from continuum_grasp.grasp.problem.graded_finger import GradedUnitFinger
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import ContactSpec, ProblemSpec
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
@@ -52,10 +51,8 @@ class Unknowns:
         size = 3 if spec.gravity == "out_of_plane" else 2
         forces = {c.name: ca.vertcat(self.x(f"force, {c.name}", size), ca.SX.zeros(3 - size)) for c in spec.contacts}
         tips = {c.finger: forces[c.name] for c in spec.contacts if c.joint == -1}
-        self.fingers: list[UnitFinger] = [
-            (UnitFinger if finger.graded is None else GradedUnitFinger)(
-                finger, self.x, self.numbers, tips.get(k, ca.SX.zeros(3))
-            )
+        self.fingers = [
+            UnitFinger(finger, self.x, self.numbers, tips.get(k, ca.SX.zeros(3)))
             for k, finger in enumerate(spec.fingers)
         ]
         self.contacts = [self._touch(contact, forces[contact.name]) for contact in spec.contacts]
@@ -64,6 +61,15 @@ class Unknowns:
     def center_of_mass(self) -> ca.SX:
         """World position of the object's center of mass (2,)."""
         return self.pose[:2] + rotation(self.pose[2]) @ self.numbers("center of mass", 2)
+
+    def loads(self, index: int) -> ca.SX:
+        """The loads on a finger's model by its contacts."""
+        finger, touching = self.fingers[index], [c for c in self.contacts if c.spec.finger == index]
+        share, back = finger.number("force share"), rotation(-finger.base[2])
+        forces = {c.spec.joint: back @ c.world / share for c in touching}
+        # Friction acts on the skin: it turns the backbone by its arm, half the thickness.
+        couples = {c.spec.joint: -finger.half_at(finger.end_of(c.spec)) * c.force[1] / share for c in touching}
+        return finger.loads(forces, couples)
 
     def _touch(self, contact: ContactSpec, force: ca.SX) -> Touch:
         name, number, surface = contact.name, self.numbers, contact.surface

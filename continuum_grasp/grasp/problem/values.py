@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.drives import SOFT, WoundTendons
 from continuum_grasp.grasp.certificate.friction import friction_of
-from continuum_grasp.grasp.problem.graded_curves import GradedSpec, curve_numbers
+from continuum_grasp.grasp.problem.curves import curve_numbers
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import inner_masses, support_of
@@ -157,33 +157,31 @@ def _pose_bounds(pose: Pose, free: Freedom | None, units: Units) -> tuple[list[f
     return units.pose(low), units.pose(high)
 
 
-def _graded_values(setup: FingerSetup, start: FingerStart, weighs: bool) -> Values:
-    """Numbers of a graded finger: its curves, and what they are at the nodes of a start."""
+def _graded_values(setup: FingerSetup, start: FingerStart) -> Values:
+    """Numbers of a graded finger: what its curves are at the nodes of a start."""
     finger, profile = setup.finger, setup.finger.profile
     nodes = node_places(setup, start.joints)
     segments = np.repeat(np.diff([0.0, *start.joints, profile.length]), _counts(setup))
-    arms = [np.asarray(channel.arms) / setup.tendons.offset for channel in finger.channels]
+    (channel,) = finger.channels
     return {
-        "curves": curve_numbers(setup, weighs),
         "shares": np.diff(nodes) / segments,
         "node stiffness": profile.bending_stiffness(nodes) / setup.stiffness,
-        # Column after column: of all channels at one node, or of one tendon.
-        "node shapes": np.stack([channel.shape(nodes) for channel in finger.channels]).ravel(order="F"),
-        "arms": np.stack(arms).ravel(order="F"),
+        "node shapes": channel.shape(nodes),
         "curvature_limit": finger.strain_limit or 0.0,
     }
 
 
 def node_places(setup: FingerSetup, joints: Sequence[float]) -> Array:
-    """Positions (N + 1,) of the ends of a graded finger's elements for positions of the middle contacts [m].
+    """Positions (N + 1,) of the ends of a finger's elements for positions of the middle contacts [m].
 
-    Between contacts they are equal parts of the integral of (rho A / E I)^(1/4), the local length of bending waves.
+    Between contacts they are equal, of graded fingers as parts of the integral of (rho A / E I)^(1/4), the local length
+    of bending waves.
     """
     profile, marks = setup.finger.profile, [0.0, *joints, setup.finger.profile.length]
     pieces: list[Array] = []
     for (a, b), count in zip(pairwise(marks), _counts(setup), strict=True):
-        at = np.linspace(a, b, _FINE)
-        parts = profile.waves(at)
+        at = np.linspace(a, b, _FINE if setup.graded else 2)
+        parts = profile.waves(at) if setup.graded else at - a
         pieces.append(np.interp(np.linspace(0.0, parts[-1], count + 1)[:-1], parts, at))
     return np.concatenate([*pieces, marks[-1:]])
 
@@ -205,6 +203,7 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
     least = tendons.min_tension * offset / moment
     values: Values = {
         "length": length / units.length,
+        "curves": curve_numbers(setup, weighs),
         "force share": moment / length / units.force,
         "base": [*units.point(finger.base.position), finger.base.angle],
         # Weight per length in units of E I / L^3: how far a finger sags per length, whatever its size.
@@ -235,14 +234,13 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
             # Winches that follow a length have no limit: no difference of tensions is twice their greatest.
             "torque_max": min(law.greatest, 2.0 * most) / pull,
         }
-    if GradedSpec.of(setup, weighs) is None:
+    if setup.graded:
+        values |= _graded_values(setup, start)
+    else:
         values |= {
-            "thickness": finger.thickness_radius / length,
             "rest_curvature": float(finger.profile.rest_curvature(0.0)) * length,
             "curvature_limit": finger.curvature_limit * length if finger.strain_limit is not None else 0.0,
         }
-    else:
-        values |= _graded_values(setup, start, weighs)
     for k, mass in enumerate(inner):
         values |= {f"mass_{k}": mass.mass / own, f"mass_{k}.at": mass.at / length}
     at = [s / length for s in setup.stations] or [count / setup.elements for count in setup.before]

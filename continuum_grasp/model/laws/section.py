@@ -21,7 +21,7 @@ import numpy as np
 
 from continuum_grasp.model.family import Array, Family, gathered, nodes_of
 from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
-from continuum_grasp.model.planar import Scalar
+from continuum_grasp.model.planar import Scalar, is_zero
 from continuum_grasp.scene.profile import Curve
 from continuum_grasp.scene.value import Value
 
@@ -64,8 +64,8 @@ class Port:
     """Where a law sees the curvature."""
 
     element: int
-    measure: float  # [m]
-    shapes: Array  # mean of those of the element's coordinates
+    measure: Scalar  # [m]
+    shapes: Sequence[Scalar]  # mean of those of the element's coordinates
     rest: float  # curvature at rest [1/m]
     own: tuple[float, ...] = ()  # numbers of the law there
 
@@ -103,9 +103,10 @@ def points(family: Family, count: int, *curves: Curve) -> tuple[Port, ...]:
     return tuple(found)
 
 
-def _clean(shapes: Array) -> Array:
+def _clean(shapes: Array) -> list[float]:
     """Without what is rounding, which would cost an instruction."""
-    return np.where(np.abs(shapes) < 1e-12 * np.abs(shapes).max(), 0.0, shapes)
+    found: list[float] = np.where(np.abs(shapes) < 1e-12 * np.abs(shapes).max(), 0.0, shapes).tolist()
+    return found
 
 
 @dataclass(frozen=True)
@@ -192,12 +193,13 @@ class SectionForces:
 
     def _weights(self, port: Port) -> tuple[Scalar, list[Scalar]]:
         """Measure of a port, and that times its shapes; its element may have another length at run time."""
-        h, nominal, weights = self._at.lengths[port.element], self._family.mesh.lengths, port.measure * port.shapes
+        h, nominal = self._at.lengths[port.element], self._family.mesh.lengths
+        weights = [port.measure * shape for shape in port.shapes]
         if isinstance(h, float):
-            return port.measure, weights.tolist()
+            return port.measure, weights
         own, usual = (self._family.work(port.element, lengths) for lengths in (self._at.lengths, nominal))
         local = self._family.local(port.element)
-        ratios = [own[a] * (w / float(usual[a])) for a, w in zip(local, weights.tolist(), strict=True)]
+        ratios = [own[a] * (w / float(usual[a])) for a, w in zip(local, weights, strict=True)]
         return port.measure * (h / nominal[port.element]), ratios
 
     @cached_property
@@ -212,7 +214,7 @@ class SectionForces:
     def _mean(self, port: Port, values: Sequence[Scalar]) -> Scalar:
         measure, weights = self._weights(port)
         local = self._family.local(port.element)
-        return sum(((w / measure) * values[a] for a, w in zip(local, weights, strict=True) if not _is_zero(w)), 0.0)
+        return sum(((w / measure) * values[a] for a, w in zip(local, weights, strict=True) if not is_zero(w)), 0.0)
 
     def on_elements(self, *kinds: Kind) -> list[list[Scalar]]:
         """Generalized forces of the laws of kinds on the local coordinates of every element, against the bending."""
@@ -221,7 +223,7 @@ class SectionForces:
             if law.kind in kinds:
                 moment = law.moment(bend)
                 for i, weight in enumerate(self._weights(port)[1]):
-                    if not _is_zero(weight):
+                    if not is_zero(weight):
                         total[port.element][i] += weight * moment
         return total
 
@@ -242,7 +244,3 @@ class SectionForces:
     def stored_energy(self) -> Scalar:
         """Energy that the laws store [J]."""
         return sum((self._weights(port)[0] * law.energy(bend) for law, port, bend in self._acting), 0.0)
-
-
-def _is_zero(value: Scalar) -> bool:
-    return isinstance(value, float) and value == 0.0

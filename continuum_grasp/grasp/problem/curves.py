@@ -1,4 +1,6 @@
-"""The curves of a graded finger in units of its own: their structure, their numbers, and their values as expressions.
+"""The curves along a finger in units of its own: their structure, their numbers, and their values as expressions.
+
+Of a uniform finger it is its thickness alone; the model has all else that it is.
 
 Between the places where a curve jumps or has a kink (the *panels*) every curve is a polynomial of the distance from
 the panel's start, or the exponential of one. Their coefficients are run-time numbers: fingers of one structure share
@@ -9,12 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.polynomial import Chebyshev, Polynomial
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
@@ -30,8 +31,6 @@ MOST_PANELS = 16
 """Most parts of a finger on which a curve is one polynomial: every element has Gauss nodes in each of them."""
 MOST_STEEP = 0.7
 """Greatest slope of half the thickness [1]: the skin then leans by 45 degrees, and discs cover no steeper one."""
-_MASS_DEGREE = 12
-"""Degree of the mass beyond a section where the density is an exponential: rounding for densities 1:100 in a panel."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +49,10 @@ class CurveSpec:
 
 
 @dataclass(frozen=True)
-class GradedSpec:
-    """Structure of the curves of a graded finger; thickness and depth have panels of their own."""
+class CurvesSpec:
+    """Structure of the curves along a finger; thickness and depth have panels of their own."""
 
     curves: tuple[CurveSpec, ...]
-    channels: int
 
     @property
     def size(self) -> int:
@@ -62,16 +60,19 @@ class GradedSpec:
         return sum(self.edges.values()) + sum(curve.size for curve in self.curves)
 
     @property
+    def graded(self) -> bool:
+        """Whether the finger changes along its length."""
+        return len(self.curves) > 1
+
+    @property
     def edges(self) -> dict[str, int]:
         """Number of inner edges, of those curves that have their own and of all others together."""
         return {_group(curve.name): curve.panels - 1 for curve in self.curves}
 
     @staticmethod
-    def of(setup: FingerSetup, weighs: bool) -> GradedSpec | None:
-        """The structure of a finger's curves; None for what is the same everywhere."""
-        if not setup.graded:
-            return None
-        if family_class(setup.family).degree != 1:
+    def of(setup: FingerSetup, weighs: bool) -> CurvesSpec:
+        """The structure of a finger's curves."""
+        if setup.graded and family_class(setup.family).degree != 1:
             raise InputError(
                 f"elements of family {setup.family} do not follow a finger that changes along its length in a grasp: "
                 "take matched_clothoid",
@@ -92,7 +93,7 @@ class GradedSpec:
                 "give fewer sections or samples",
                 key="rod",
             )
-        return GradedSpec(tuple(each.spec for each in made), len(setup.finger.channels))
+        return CurvesSpec(tuple(each.spec for each in made))
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ class _Made:
 
 
 def curve_numbers(setup: FingerSetup, weighs: bool) -> Array:
-    """The run-time numbers of a graded finger's curves, as `GradedCurves` takes them."""
+    """The run-time numbers of a finger's curves, as `Curves` takes them."""
     made = _curves(setup, weighs)
     edges = {_group(each.spec.name): each.edges[1:-1] for each in made}
     return np.concatenate([*edges.values(), *(each.coefficients.ravel() for each in made)])
@@ -116,29 +117,25 @@ def _group(name: str) -> str:
     return name if name in ("thickness", "depth") else "statics"
 
 
-def _edges(setup: FingerSetup, weighs: bool) -> Array:
-    """Ends of the panels of the statics [m]."""
-    finger, length = setup.finger, setup.finger.profile.length
-    places = [at for channel in finger.channels for at in channel.shape.breaks]
-    if weighs:
-        places += [mass.at for mass in finger.masses]
-    return with_places((0.0, length), [at for at in (*finger.profile.breaks, *places) if at < length])
-
-
 def _curves(setup: FingerSetup, weighs: bool) -> list[_Made]:
-    """All curves of a finger: per E I (its mean) and L where they have units."""
+    """All curves of a finger: per E I (its mean), rho A at its base and L where they have units."""
     finger, profile, length = setup.finger, setup.finger.profile, setup.finger.profile.length
-    edges = _edges(setup, weighs)
+    thickness = _alone("thickness", skin(profile.half_thickness), 1.0 / length)
+    if not setup.graded:
+        return [thickness]
+    (channel,) = finger.channels  # a grasp has a pair of tendons, which run alike
+    breaks = [at for at in (*profile.breaks, *channel.shape.breaks) if at < length]
+    edges = with_places((0.0, length), breaks)
     found = [
         _made("stiffness", profile.bending_stiffness, edges, 1.0 / setup.stiffness),
         _made("rest", profile.rest_curvature, edges, length),
-        _alone("thickness", skin(profile.half_thickness), 1.0 / length),
-        *(_made(f"channel_{k}", channel.shape, edges, 1.0) for k, channel in enumerate(finger.channels)),
+        thickness,
+        _made("channel", channel.shape, edges, 1.0),
     ]
     if finger.strain_limit is not None and profile.half_depth is not None:
         found.append(_alone("depth", profile.half_depth, 1.0 / length))
     if weighs:
-        found.append(_mass_beyond(setup, edges))
+        found.append(_made("density", profile.linear_density, edges, 1.0 / finger.rod.mass_per_length))
     return found
 
 
@@ -160,44 +157,16 @@ def _made(name: str, curve: Curve, edges: Array, scale: float) -> _Made:
     return _Made(CurveSpec(name, len(rows), degree, curve.exponential), edges / edges[-1], np.array(rows))
 
 
-def _mass_beyond(setup: FingerSetup, edges: Array) -> _Made:
-    """Mass of rod and point masses beyond a section, per that of the rod with the density at its base."""
-    finger, length = setup.finger, float(edges[-1])
-    made = _made("density", finger.profile.linear_density, edges, 1.0 / finger.rod.mass_per_length)
-    rows: list[Polynomial] = []
-    for coefficients, (a, b) in zip(made.coefficients, pairwise(edges / length), strict=True):
-        density = Polynomial(coefficients)
-        if made.spec.exponential:
-            places = 0.5 * (b - a) * (np.polynomial.chebyshev.chebpts1(_MASS_DEGREE + 1) + 1.0)
-            fit = Chebyshev.fit(places, np.exp(density(places)), _MASS_DEGREE, domain=[0.0, b - a])
-            density = fit.convert(kind=Polynomial)
-        rows.append(density.integ())
-    beyond, own = 0.0, finger.rod.mass_per_length * length
-    out: list[Array] = []
-    degree = max(len(row.coef) for row in rows) - 1
-    masses = list(finger.masses)
-    for row, (a, b) in reversed(list(zip(rows, pairwise(edges), strict=True))):
-        here = [mass for mass in masses if mass.at > b - 1e-9 * length]
-        masses = [mass for mass in masses if mass not in here]
-        beyond += sum(mass.mass for mass in here) / own
-        beyond += float(row((b - a) / length))
-        coefficients = np.zeros(degree + 1)
-        coefficients[: len(row.coef)] = -row.coef
-        coefficients[0] += beyond
-        out.append(coefficients)
-    return _Made(CurveSpec("mass", len(out), degree, False), edges / length, np.array(out[::-1]))
+class Curves:
+    """The curves along a finger as expressions of the position, per its length."""
 
-
-class GradedCurves:
-    """The curves of a graded finger as expressions of the position, per its length."""
-
-    def __init__(self, spec: GradedSpec, numbers: ca.SX) -> None:
+    def __init__(self, spec: CurvesSpec, numbers: ca.SX) -> None:
         self.spec, start = spec, 0
         self._breaks: dict[str, list[ca.SX]] = {}
         for group, count in spec.edges.items():
             self._breaks[group] = [numbers[start + k] for k in range(count)]
             start += count
-        self.breaks = self._breaks["statics"]
+        self.breaks = self._breaks.get("statics", [])
         self.names = frozenset(curve.name for curve in spec.curves)
         self._curves: dict[str, tuple[CurveSpec, ca.SX]] = {}
         for curve in spec.curves:
@@ -205,27 +174,30 @@ class GradedCurves:
             self._curves[curve.name] = curve, coefficients
             start += curve.size
 
-    def on(self, name: str, panel: int, s: Any) -> ca.SX:
-        """A curve in a panel."""
-        spec, coefficients = self._curves[name]
-        distance = s - (self._breaks[_group(name)][panel - 1] if panel else 0.0)
-        value = coefficients[spec.degree, panel]
-        for k in range(spec.degree - 1, -1, -1):
-            value = value * distance + coefficients[k, panel]
-        return ca.exp(value) if spec.exponential else value
+    def on(self, panel: int, s: Any) -> Callable[[str], ca.SX]:
+        """Values of the curves of the statics in one of their panels."""
+        return lambda name: self._on(name, panel, s)
 
-    def at(self, name: str, s: Any, *, tip_side: bool = False) -> ca.SX:
-        """A curve anywhere; where it jumps, on the base side or the other."""
-        return self._piece(name, lambda panel, at: self.on(name, panel, at), s, tip_side)
+    def at(self, s: Any, *, tip_side: bool = False) -> Callable[[str], ca.SX]:
+        """Values of the curves anywhere; where one jumps, on the base side or the other."""
+        return lambda name: self._piece(name, lambda panel, at: self._on(name, panel, at), s, tip_side)
 
     def slope(self, name: str, s: Any) -> ca.SX:
         """Derivative of a curve anywhere, per length; on the base side of a kink."""
 
         def derivative(panel: int, at: Any) -> ca.SX:
             place = ca.SX.sym("s")
-            return ca.substitute(ca.jacobian(self.on(name, panel, place), place), place, at)
+            return ca.substitute(ca.jacobian(self._on(name, panel, place), place), place, at)
 
         return self._piece(name, derivative, s, False)
+
+    def _on(self, name: str, panel: int, s: Any) -> ca.SX:
+        spec, coefficients = self._curves[name]
+        distance = s - (self._breaks[_group(name)][panel - 1] if panel else 0.0)
+        value = coefficients[spec.degree, panel]
+        for k in range(spec.degree - 1, -1, -1):
+            value = value * distance + coefficients[k, panel]
+        return ca.exp(value) if spec.exponential else value
 
     def _piece(self, name: str, value: Callable[[int, Any], ca.SX], s: Any, tip_side: bool) -> ca.SX:
         breaks = self._breaks[_group(name)]
