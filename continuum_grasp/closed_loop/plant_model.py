@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -165,6 +166,7 @@ class PlantModel(Remade):
             self.p = np.append(self.p, self._lag[0])
             self._time = self._p[-1]
         self.outside: dict[str, Callable[[Array], Array]] = {}
+        self.integrations: dict[str, Any] = {}
         self._signals = Signals(self.scene, self.system.finger_model)
 
     def __getstate__(self) -> tuple[Array, dict[str, Callable[[Array], Array]]]:
@@ -268,24 +270,9 @@ class PlantModel(Remade):
         return self.system
 
     @property
-    def chains(self) -> tuple[ChainSystem, ...]:
-        """The chain, as of a plant that may have several."""
-        return (self.chain,)
-
-    @property
     def _others(self) -> tuple[ca.SX, ca.SX]:
         """States of a chain beside bends and tensions, drive, object, contacts and lag, and those of its system."""
         return self._x[self.chain.first_other :], self._x[self.chain.first_other : self.chain.nx]
-
-    @property
-    def chain_numbers(self) -> Array:
-        """What the C of the chain's motion needs to know of it."""
-        return self.chain.numbers(self.p)
-
-    @property
-    def around_p(self) -> Array:
-        """Parameters of what surrounds the chain."""
-        return self.p[self.finger_parameters :]
 
     @cached_property
     def drums(self) -> ca.Function:
@@ -296,7 +283,7 @@ class PlantModel(Remade):
 
     @cached_property
     def around(self) -> ca.Function:
-        """``(places, tension, others, u, w, p) -> force, rate, exerted, point, lift``: as ``ChainSystem.around`` has
+        """``(places, tension, others, u, w, p) -> rate, exerted, point, lift, force``: as ``ChainSystem.around`` has
         them, with the lag among the other states, and parameters without those of the finger.
         """
         chain, (others, own) = self.chain, self._others
@@ -304,9 +291,9 @@ class PlantModel(Remade):
         p = self._p[self.finger_parameters :]
         force, rate, *exerted = chain.around(places, tension, own, self._acting, self._w, p)
         names = ["places", "tension", "others", "u", "w", "p"]
-        values = [force, ca.vertcat(rate, self._drive_rates), *exerted]
+        values = [ca.vertcat(rate, self._drive_rates), *exerted, force]
         given = [places, tension, others, self._u, self._w, p]
-        return ca.Function("around", given, values, names, ["force", "rate", "exerted", "point", "lift"])
+        return ca.Function("around", given, values, names, ["rate", "exerted", "point", "lift", "force"])
 
     # -- functions ----------------------------------------------------------------------------------------------------
 

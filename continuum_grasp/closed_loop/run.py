@@ -14,11 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.closed_loop.plant import Plant, SharedPlant
 from continuum_grasp.closed_loop.readings import Readings
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.schedule import Phase, Schedule
-from continuum_grasp.closed_loop.shared_object import SharedPlant
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Function, setpoints

@@ -8,9 +8,10 @@ from os import PathLike
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.closed_loop.plant import SharedPlant
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import FingerLoop, run_fingers, with_result
-from continuum_grasp.closed_loop.shared_object import SharedModel, SharedPlant
+from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.errors import Interrupted
 from continuum_grasp.grasp.result import GraspResult
