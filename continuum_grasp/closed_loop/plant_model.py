@@ -97,6 +97,8 @@ class PlantModel(Remade):
 
     Attributes
     ----------
+    symbols : tuple of casadi.SX
+        What its expressions are of: x, u, w, p; ``command`` is u.
     outside : dict of str to callable
         Entries of w, by name, as functions of instants [s], on top of the scene's loads.
 
@@ -156,6 +158,7 @@ class PlantModel(Remade):
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
         self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
         self._w, self._p = ca.SX.sym("w", self.nw), ca.SX.sym("p", self.system.np + varied_lag)
+        self.command, self.symbols = self._u, (self._x, self._u, self._w, self._p)
         self.p: Array = np.array(self.system.p_nominal)
         if varies:
             # Run-time numbers, so that plants that differ in them share one compiled integrator.
@@ -195,7 +198,7 @@ class PlantModel(Remade):
         return ca.vertcat(rate, away / lag**2 - 2.0 * rate / lag)
 
     @cached_property
-    def _acting(self) -> ca.SX:
+    def acting(self) -> ca.SX:
         """Input of the system: what the drive exerts, its rate and acceleration as far as they are taken."""
         return ca.vertcat(self.drive, self._drive_rates)[: self.system.nu]
 
@@ -241,26 +244,7 @@ class PlantModel(Remade):
             return side * mean
         return ca.SX(0.0)
 
-    @property
-    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """What its expressions are of: x, u, w, p."""
-        return self._x, self._u, self._w, self._p
-
-    @property
-    def command(self) -> ca.SX:
-        """The input."""
-        return self._u
-
-    @property
-    def acting(self) -> ca.SX:
-        """What acts on the system."""
-        return self._acting
-
     # -- a chain of guides --------------------------------------------------------------------------------------------
-
-    @property
-    def _guided(self) -> bool:
-        return isinstance(self.system, ChainSystem)
 
     @property
     def chain(self) -> ChainSystem:
@@ -278,7 +262,7 @@ class PlantModel(Remade):
     def drums(self) -> ca.Function:
         """``(others, u) -> drum``: what each tendon of a chain has at its drive: a length [m], or a tension [N]."""
         others, own = self._others
-        value = ca.densify(self.chain.drums(own, self._acting))
+        value = ca.densify(self.chain.drums(own, self.acting))
         return ca.Function("drums", [others, self._u], [value], ["others", "u"], ["drum"])
 
     @cached_property
@@ -289,7 +273,7 @@ class PlantModel(Remade):
         chain, (others, own) = self.chain, self._others
         places, tension = ca.SX.sym("places", 6, len(chain.places)), ca.SX.sym("tension", len(chain.tendons))
         p = self._p[self.finger_parameters :]
-        force, rate, *exerted = chain.around(places, tension, own, self._acting, self._w, p)
+        force, rate, *exerted = chain.around(places, tension, own, self.acting, self._w, p)
         names = ["places", "tension", "others", "u", "w", "p"]
         values = [ca.vertcat(rate, self._drive_rates), *exerted, force]
         given = [places, tension, others, self._u, self._w, p]
@@ -302,9 +286,14 @@ class PlantModel(Remade):
         values = ca.substitute([ca.densify(ca.SX(v)) for v in outputs.values()], [self._p], [ca.SX(ca.DM(self.p))])
         return ca.Function(name, [self._x, self._u, self._w], ca.cse(values), ["x", "u", "w"], list(outputs))
 
+    def _of_all(self, name: str, **outputs: ca.SX) -> ca.Function:
+        """Make a function (x, u, w, p) of expressions of the plant."""
+        values = ca.cse([ca.densify(ca.SX(v)) for v in outputs.values()])
+        return ca.Function(name, [*self.symbols], values, ["x", "u", "w", "p"], list(outputs))
+
     @property
     def _of_system(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        return self._x[: self.system.nx], self._acting, self._p[: self.system.np]
+        return self._x[: self.system.nx], self.acting, self._p[: self.system.np]
 
     @cached_property
     def _rate(self) -> ca.SX:
@@ -321,10 +310,7 @@ class PlantModel(Remade):
     @cached_property
     def forward_dynamics(self) -> ca.Function:
         """State derivative."""
-        value = ca.cse([ca.densify(self._rate)])
-        return ca.Function(
-            "forward_dynamics", [self._x, self._u, self._w, self._p], value, ["x", "u", "w", "p"], ["xd"]
-        )
+        return self._of_all("forward_dynamics", xd=self._rate)
 
     @cached_property
     def touching_dynamics(self) -> ca.Function:
@@ -332,18 +318,14 @@ class PlantModel(Remade):
         point (2, C) [m] where it acts, force out of the plane (C) [N].
         """
         own = [k for k, name in enumerate(self.system.touch_names) if name.startswith("finger.")]
-        exerted = [self.touch["force"][:, own], self.touch["point"][:, own], self.touch["lift"][own]]
-        values = ca.cse([ca.densify(ca.SX(value)) for value in (self._rate, *exerted)])
-        names = ["xd", "force", "point", "lift"]
-        given = [self._x, self._u, self._w, self._p]
-        return ca.Function("touching_dynamics", given, values, ["x", "u", "w", "p"], names)
+        force, point, lift = self.touch["force"][:, own], self.touch["point"][:, own], self.touch["lift"][own]
+        return self._of_all("touching_dynamics", xd=self._rate, force=force, point=point, lift=lift)
 
     @cached_property
     def linearization(self) -> ca.Function:
         """Jacobians of the state derivative with respect to state and input."""
-        given = [self._x, self._u, self._w, self._p]
-        values = [ca.densify(e) for e in ca.cse([ca.jacobian(self._rate, v) for v in given[:2]])]
-        return ca.Function("linearization", given, values, ["x", "u", "w", "p"], ["A", "B"])
+        a, b = (ca.jacobian(self._rate, v) for v in (self._x, self._u))
+        return self._of_all("linearization", A=a, B=b)
 
     @cached_property
     def internal(self) -> ca.Function:
@@ -365,7 +347,11 @@ class PlantModel(Remade):
         """Rates of the angles of sections [rad/s]."""
         # Angles are functions of the first n states alone.
         n, angles = self.system.n, self.sections(at)[1]
-        rates = ca.vertcat(self._x[n : 2 * n], ca.SX(self.nx - n, 1)) if self._guided else self._rate
+        rates = (
+            ca.vertcat(self._x[n : 2 * n], ca.SX(self.nx - n, 1))
+            if isinstance(self.system, ChainSystem)
+            else self._rate
+        )
         return ca.jtimes(angles, self._x, rates)
 
     @cached_property
