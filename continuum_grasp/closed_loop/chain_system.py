@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.closed_loop.hinge_chain import OF_FINGER, Guided, HingeChain
+from continuum_grasp.closed_loop.hinge_chain import OF_FINGER, HingeChain
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.body import Body
@@ -40,7 +40,7 @@ _NO_BEND = 1e-9
 """The same of its greatest loss, in logarithms [1]."""
 
 
-class ChainSystem(Functions):
+class ChainSystem(HingeChain, Functions):
     """A chain of hinges as ``System`` is a finger: x = [bends, their rates, tensions, drives, object, contacts].
 
     Tensions [N] are those of the pieces of each tendon, from that after its first guide on. It has what ``PlantModel``
@@ -74,10 +74,9 @@ class ChainSystem(Functions):
     ) -> None:
         self.scene = scene
         _check(scene, axial_stiffness, parameters)
-        finger = scene.finger
-        self.chain = HingeChain(finger, hinges, axial_stiffness)
+        super().__init__(scene.finger, hinges, axial_stiffness)
         self.finger_model = FingerModel(
-            scene.replaced(finger=finger.with_tendons(friction_cells=1)), family="arc", elements=hinges
+            scene.replaced(finger=scene.finger.with_tendons(friction_cells=1)), family="arc", elements=hinges
         )
         self.surroundings = scene if scene.object is not None else None
         model = self.finger_model
@@ -90,28 +89,18 @@ class ChainSystem(Functions):
         self.np = len(self.p_nominal)
         self._build()
 
-    @property
-    def tendons(self) -> list[Guided]:
-        """Tendons and their guides."""
-        return self.chain.tendons
-
-    @property
-    def winches(self) -> tuple[Winch, ...]:
-        """What winds them up; none where tensions are commanded."""
-        return self.chain.winches
-
-    def numbers(self, p: Array) -> Array:
+    def numbers_at(self, p: Array) -> Array:
         """All that the C of the motion needs to know, at run-time arguments."""
         factors = dict(zip(self._finger_parameters, p.tolist(), strict=False))
-        return self.chain.numbers(self.scene.gravity, self.places, factors)
+        return self.numbers(self.scene.gravity, self.places, factors)
 
     # -- what surrounds the chain -------------------------------------------------------------------------------------
 
     def _build(self) -> None:
         scene, model, n = self.scene, self.finger_model, self.n
-        ways = [at for at in model.contacts if at < self.chain.length]
+        ways = [at for at in model.contacts if at < self.length]
         self._loads = [load for load in model.loads if isinstance(load, ForceLoad)]
-        self.places = [*ways, self.chain.length, *(load.at for load in self._loads)]
+        self.places = [*ways, self.length, *(load.at for load in self._loads)]
         # Position, velocity, angle and spin of each place, where contacts and loads act.
         self._motion = ca.SX.sym("places", 6, len(self.places))
         self._of_object = ca.SX.sym("p", len(self._object_parameters))
@@ -150,8 +139,8 @@ class ChainSystem(Functions):
             w=self._w,
             p=self._p,
             pairs=self._pairs,
-            tip_position=self._at(self.chain.length)[0],
-            curvature=bend / self.chain.pitch,
+            tip_position=self._at(self.length)[0],
+            curvature=bend / self.pitch,
             range_use=ca.fabs(bend) / (0.5 * np.pi),  # per that at which neighboring bars are at a right angle
             tensions=self._tensions,
         )
@@ -222,13 +211,13 @@ class ChainSystem(Functions):
 
     def _at(self, at: float) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Position, velocity, angle and spin of a point of the chain."""
-        n, x, base, (bar, along) = self.n, self._x, self.scene.finger.base, self.chain.place(at)
+        n, x, base, (bar, along) = self.n, self._x, self.finger.base, self.place(at)
         angle, spin = base.angle + ca.cumsum(x[:n]), ca.cumsum(x[n : 2 * n])
-        start = float(self.chain.links.at[0]) if bar >= 0 else along
+        start = float(self.links.at[0]) if bar >= 0 else along
         position = ca.SX(ca.DM(base.position)) + start * ca.DM([-np.sin(base.angle), np.cos(base.angle)])
         velocity = ca.SX(2, 1)
         for i in range(bar + 1):
-            length = float(self.chain.bars[i]) if i < bar else along
+            length = float(self.bars[i]) if i < bar else along
             way = length * ca.vertcat(-ca.sin(angle[i]), ca.cos(angle[i]))
             position += way
             velocity += spin[i] * ca.vertcat(-way[1], way[0])
@@ -243,9 +232,9 @@ class ChainSystem(Functions):
         """``(x, u, p) -> r, angle`` of sections [m], as of a ``System``; a hinge spreads its bend over its part."""
         x, angles = self._x, []
         for at in stations:
-            whole = min(int(at / self.chain.pitch), self.n - 1)
+            whole = min(int(at / self.pitch), self.n - 1)
             angle = self.scene.finger.base.angle + ca.sum1(x[:whole])
-            angles.append(angle + (at / self.chain.pitch - whole) * x[whole])
+            angles.append(angle + (at / self.pitch - whole) * x[whole])
         points = [self._at(at)[0] for at in stations]
         return self._function("sections", "x u p", r=ca.horzcat(*points), angle=angles)
 
@@ -277,7 +266,7 @@ class ChainSystem(Functions):
         base = self.tensions(x[: self.nx], u[: self.nu], ca.SX.zeros(self.np))[tendon]
         at = 2 * n + tendon * (n + 1)
         along = ca.fmax(ca.vertcat(base, x[at : at + own.guides]), _NO_TENSION)
-        inside = [k for k in range(own.guides - first) if start <= self.chain.links.at[k] <= end]
+        inside = [k for k in range(own.guides - first) if start <= self.links.at[k] <= end]
         if not inside or own.friction == 0.0:
             return ca.SX(0.0)
         loss = ca.log(along[inside[0] + first]) - ca.log(along[inside[-1] + first + 1])

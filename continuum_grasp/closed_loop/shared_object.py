@@ -123,7 +123,7 @@ class SharedModel:
     @property
     def chain_numbers(self) -> Array:
         """What the C of their motion needs to know of the chains."""
-        return np.concatenate([plant.chain.numbers(plant.p) for plant in self.plants])
+        return np.concatenate([plant.chain.numbers_at(plant.p) for plant in self.plants])
 
     @property
     def around_p(self) -> Array:

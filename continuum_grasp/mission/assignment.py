@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ from continuum_grasp.scene.surroundings import Table
 from continuum_grasp.simulation.statics import equilibrium_under
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 LARGEST = 5.0
 """Multiple of a wrench beyond which nothing is pulled with: what presses the object on a support is resisted anyhow."""
@@ -161,7 +162,9 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
     most = np.array(finger.tension_limits[1])
     before, angles, _ = _about_to_touch(control, free, body, tensions, (least, most), edges)
     if mission.turn is not None:
-        _check_start(control, _about_to_touch(control, free, object_of(control), tensions, (least, most), edges)[2])
+        _check_start(
+            control, _about_to_touch(control, free, present(control.object), tensions, (least, most), edges)[2]
+        )
     commands, ends = (
         Commands(finger, edges),
         np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3])),
@@ -335,11 +338,11 @@ def _about_to_touch(
     return before, np.ravel(core.batch("orientation", q, before, edges[:, None])), nearest
 
 
-def object_of(control: ControlScene) -> GraspObject:
-    """The object of a mission's controller."""
-    if control.object is None:
-        raise ValueError("a mission has an object")
-    return control.object
+def present(value: T | None) -> T:
+    """What a mission always has, where other scenes and closed loops may have none."""
+    if value is None:
+        raise ValueError("a mission has an object that moves")
+    return value
 
 
 def _check_start(control: ControlScene, nearest: float) -> None:
@@ -347,7 +350,7 @@ def _check_start(control: ControlScene, nearest: float) -> None:
 
     ``nearest`` is the place of the finger that first comes close to the object, as `_about_to_touch` has it.
     """
-    body, length, key = object_of(control), control.finger.rod.length, "turn.position"
+    body, length, key = present(control.object), control.finger.rod.length, "turn.position"
     for wall in control.walls:
         down = wall.normal_angle + math.pi - body.angle
         deep = max(part.support(down) for part in body.parts) - wall.height(body.position)
