@@ -182,7 +182,7 @@ def converged(scene: ControlScene) -> Iterator[object]:
     known = scene.model_copy(update={"estimator": None})
     model = Prediction(known)
     stages = stages_of(known, model)
-    with patch.object(converged_control, "compiled", lambda function: function):
+    with patch.object(converged_control, "compiled", lambda term: term):
         problem = ShootingProblem(stages).nlp
     yield from (problem.f, problem.g, stages.u_min, stages.u_max, stages.c_min, stages.c_max)
     yield setpoints(Outputs.of(known.controller.cost, model), known.reference)

@@ -5,8 +5,8 @@ A real-time iteration is measured against it. It needs the state: an estimator i
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -23,13 +23,10 @@ from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.status import Health, Status
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.core.source import function_source
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.nlp import Budget, Settings, Start, new_solver
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
-from continuum_grasp.planning.shooting import Term, derived
+from continuum_grasp.planning.shooting import Term, compiled, derived
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import PAPER_FAMILY
@@ -79,6 +76,7 @@ class _Command:
     mismatch: float = 0.0
     activity: float = 0.0
     contact_forces: None = None
+    adapted: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Converged(Remade):
@@ -218,7 +216,7 @@ class ShootingProblem:
 
     def _interval(self) -> Term:
         """The end of a stage, its derivatives by the chain rule over the sub-steps."""
-        s, step = self.stages, compiled(self.stages.step)
+        s, step = self.stages, self.stages.step
         z, d, weights = (ca.MX.sym(name, size) for name, size in (("z", s.nx + s.nu), ("d", s.np), ("weights", s.nx)))
         following, a, b = step(z[: s.nx], z[s.nx :], d, s.stage / s.substeps)
         for _ in range(s.substeps - 1):
@@ -232,10 +230,10 @@ class ShootingProblem:
         s = self.stages
         z, d = ca.MX.sym("z", s.nx + nu), ca.MX.sym("d", s.np + s.nr)
         parts = [z[: s.nx], z[s.nx :]] if nu else [z]
-        value, g, h, c, slope = compiled(function)(*parts, d[: s.np], d[s.np :], ca.DM(weights_of_cost))
+        value, g, h, c, slope = function(*parts, d[: s.np], d[s.np :], ca.DM(weights_of_cost))
         weights = ca.MX.sym("weights", 1 + 2 * c.numel())
         values, slopes = ca.vertcat(value, c, c), ca.vertcat(g.T, slope, slope)
-        return _term(function.name(), (z, d, weights), values, slopes, weights[0] * h)
+        return _term(f"{function.name()}_term", (z, d, weights), values, slopes, weights[0] * h)
 
     def start(self, x: Array, u: Array, x0: Array, p: Array, refs: Array) -> Start:
         """Start from a guess of states (N + 1, nx) and inputs (N, nu)."""
@@ -252,18 +250,12 @@ class ShootingProblem:
 
 
 def _term(name: str, given: tuple[ca.MX, ca.MX, ca.MX], value: ca.MX, slope: ca.MX, hessian: ca.MX) -> Term:
-    """A term of what it reads, numbers and the weights of its outputs, from its value and derivatives."""
+    """A compiled term of what it reads, numbers and the weights of its outputs, from its value and derivatives."""
     z, d, weights = given
-    return Term(
-        ca.Function(name, [z, d], [value]),
-        ca.Function(f"{name}_jac", [z, d], [slope]),
-        ca.Function(f"{name}_hess", [z, d, weights], [hessian]),
+    return compiled(
+        Term(
+            ca.Function(name, [z, d], [value]),
+            ca.Function(f"{name}_jac", [z, d], [slope]),
+            ca.Function(f"{name}_hess", [z, d, weights], [hessian]),
+        )
     )
-
-
-def compiled(function: ca.Function) -> ca.Function:
-    """Return the function in C, where there is a compiler."""
-    compiler = find_compiler()
-    if compiler is None:
-        return function
-    return ca.external(function.name(), str(library_for(function_source(function), compiler, "the NLP")))

@@ -261,6 +261,7 @@ def _result(one: FingerLoop, first: tuple[float, Array], steps: list[_Step], fin
         health_texts=tuple(c.health_text for c in commands),
         mismatch=np.array([c.mismatch for c in commands], dtype=float),
         activity=np.array([c.activity for c in commands], dtype=float),
+        adapted=commands[-1].adapted if count else {},
         events=tuple(plan.events),
         ended="stopped" if not finished else "tripped" if "tripped" in health else "finished",
         x_names=plant.model.x_names,

@@ -198,12 +198,12 @@ class SharedModel:
             for name, total in zip(_WRENCH, (*ca.vertsplit(ca.sum2(force)), ca.sum2(moments)), strict=True):
                 more[lead.w_names.index(name)] += total
             lifts += ca.sum1(lift)
-        rate, *own = functions[0].call([*(first | {"w": first["w"] + more}).values()])
+        rate, *of_lead = functions[0].call([*(first | {"w": first["w"] + more}).values()])
         if found and _RISE in lead.x_names:
             mass = first["p"][known + lead.object_parameters.index("object_mass")]
             rate[lead.x_names.index(_RISE) - before] += lifts / mass
         rates[at[0]] = rate  # last: what is shared moves as the first plant says
-        return rates, [own, *found]
+        return rates, [of_lead, *found]
 
 
 def _size(at: list[list[int]]) -> int:
