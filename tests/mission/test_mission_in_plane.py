@@ -143,7 +143,7 @@ def tip_stiffness(one, grasp):
 
 
 def lowered(fingers, pulls, pad, mass=1.0):
-    """How far pulls lower an object of a multiple of its certified mass on pads of a stiffness: so, and as certified."""
+    """How far pulls lower an object of a multiple of its certified mass on pads: there, and as certified."""
     own, certified = fingers[0].mission, fingers[0].grasp.scene.object.mass
     mission = own.replaced(contact_law=own.contact_law.replaced(stiffness=pad), object_mass=certified)
     first = replace(fingers[0], pulls=np.array(pulls), mission=mission)
