@@ -43,25 +43,16 @@ class SharedModel:
         self.plants = tuple(plants)
         self.integrations: dict[str, Any] = {}
         shared = [_shared(plant) if len(plants) > 1 else np.zeros(0, dtype=np.intp) for plant in plants]
-        sizes = [plant.nx for plant in plants]
-        self._first = [_first_other(plant) for plant in plants]
-        ends = [
-            (0, plant.system.n, 2 * plant.system.n, first) for plant, first in zip(plants, self._first, strict=True)
-        ]
-        # Bends, rates and tensions.
-        groups = [[np.arange(end[k], end[k + 1]) for end in ends] for k in range(3)]
-        groups.append(
-            [np.setdiff1d(np.arange(a, b), common) for a, b, common in zip(self._first, sizes, shared, strict=True)]
-        )
-        at = [np.zeros(size, dtype=np.intp) for size in sizes]
-        start = 0
-        for group in groups:
-            for place, own in zip(at, group, strict=True):
+        self._first, start = [_first_other(plant) for plant in plants], 0
+        self._at = [np.zeros(plant.nx, dtype=np.intp) for plant in plants]
+        ends = [(0, one.system.n, 2 * one.system.n, at, one.nx) for one, at in zip(plants, self._first, strict=True)]
+        for k in range(4):  # bends, rates, tensions, and what else is each finger's own
+            for place, end, common in zip(self._at, ends, shared, strict=True):
+                own = np.setdiff1d(np.arange(end[k], end[k + 1]), common)
                 place[own] = start + np.arange(own.size)
                 start += own.size
-        for place, common in zip(at, shared, strict=True):
+        for place, common in zip(self._at, shared, strict=True):
             place[common] = start + np.arange(common.size)
-        self._at = at
         self.nx = start + shared[0].size
         self.nu, self.nw = sum(plant.nu for plant in plants), sum(plant.nw for plant in plants)
 
