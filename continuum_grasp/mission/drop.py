@@ -120,7 +120,8 @@ def lowered_by_pulls(assignments: Sequence[Assignment], variation: Variation) ->
     )
     distances = np.stack([down / np.hypot(*down) @ change.pose[:2] @ (of.pulls + more).T for change in changes])
     return tuple(
-        Lowered(k + 1, *pair, "position" if keeps else "tension") for k, pair in enumerate(distances.T.tolist())
+        Lowered(k + 1, own, firm, "position" if keeps else "tension")
+        for k, (own, firm) in enumerate(distances.T.tolist())
     )
 
 
