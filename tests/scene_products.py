@@ -111,10 +111,10 @@ def chain_of_hinges(scene: Scene) -> Iterator[object]:
 def chain_of_guides(scene: Scene) -> Iterator[object]:
     """What a plant with guides makes of a finger and its surroundings."""
     chain = ChainSystem(scene, 3, 1e4)
-    yield chain.numbers(np.array(chain.p_nominal)).tolist()
+    yield chain.numbers_at(np.array(chain.p_nominal)).tolist()
     states = sum(one.states for one in chain.winches)
     start = chain.start(*np.zeros((2, 3)), np.zeros(states), np.zeros(chain.nu), Initial(pose="straight"))
-    yield from (repr(chain.chain.tendons), repr(chain.winches), start.tolist())
+    yield from (repr(chain.tendons), repr(chain.winches), start.tolist())
     yield from (one.serialize() for one in (chain.drums, chain.around, chain.tensions, chain.touch))
 
 
@@ -173,7 +173,7 @@ def moved(scene: ControlScene) -> Iterator[object]:
     model = PlantModel(scene)
     sensors = Sensors(scene, model, Prediction(scene), None)
     if isinstance(model.system, ChainSystem):
-        yield from (repr(model.system.chain.tendons), model.system.p_nominal)
+        yield from (repr(model.system.tendons), model.system.p_nominal)
     else:
         yield model.forward_dynamics
     yield from (model.p, model.start, model.rest_input, model.forces(_INSTANTS))
@@ -193,7 +193,7 @@ def converged(scene: ControlScene) -> Iterator[object]:
     known = scene.model_copy(update={"estimator": None})
     model = Prediction(known)
     stages = stages_of(known, model)
-    with patch.object(converged_control, "compiled", lambda function: function):
+    with patch.object(converged_control, "compiled", lambda term: term):
         problem = ShootingProblem(stages).nlp
     yield from (problem.f, problem.g, stages.u_min, stages.u_max, stages.c_min, stages.c_max)
     yield setpoints(Outputs.of(known.controller.cost, model), known.reference)

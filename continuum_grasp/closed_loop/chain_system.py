@@ -10,18 +10,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.closed_loop.hinge_chain import OF_FINGER, Guided, HingeChain
+from continuum_grasp.closed_loop.hinge_chain import OF_FINGER, HingeChain
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.body import Body
+from continuum_grasp.model.functions import Functions, dense, named
 from continuum_grasp.model.planar import Scalar, Vec, column
-from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
-from continuum_grasp.model.winches import Winch, winches_of
+from continuum_grasp.model.system import System, columns
+from continuum_grasp.model.touching import Station, pairs_around, rates_around
+from continuum_grasp.model.winches import Winch
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.section_laws import unknown_to
@@ -35,7 +40,7 @@ _NO_BEND = 1e-9
 """The same of its greatest loss, in logarithms [1]."""
 
 
-class ChainSystem:
+class ChainSystem(HingeChain, Functions):
     """A chain of hinges as ``System`` is a finger: x = [bends, their rates, tensions, drives, object, contacts].
 
     Tensions [N] are those of the pieces of each tendon, from that after its first guide on. It has what ``PlantModel``
@@ -69,92 +74,83 @@ class ChainSystem:
     ) -> None:
         self.scene = scene
         _check(scene, axial_stiffness, parameters)
-        finger = scene.finger
-        self.chain = HingeChain(finger, hinges, axial_stiffness)
+        super().__init__(scene.finger, hinges, axial_stiffness)
         self.finger_model = FingerModel(
-            scene.replaced(finger=finger.with_tendons(friction_cells=1)), family="arc", elements=hinges
+            scene.replaced(finger=scene.finger.with_tendons(friction_cells=1)), family="arc", elements=hinges
         )
-        self.winches = winches_of(finger.tendon_list, self.chain.length)
         self.surroundings = scene if scene.object is not None else None
         model = self.finger_model
         self.n, self.u_names, self.nu = hinges, model.u_names, model.nu
         self._finger_parameters, self._object_parameters = tuple(parameters), tuple(object_parameters)
         values = {"bending_stiffness": 1.0, "material_damping": 1.0, "tendon_friction": 1.0, "friction_factor": 1.0}
         values |= {"object_mass": 1.0 if scene.object is None else scene.object.mass}
-        self.p_nominal = [values[name] for name in (*parameters, *object_parameters)]
+        self.p_names = [*parameters, *object_parameters]
+        self.p_nominal = [values[name] for name in self.p_names]
         self.np = len(self.p_nominal)
         self._build()
 
-    @property
-    def tendons(self) -> list[Guided]:
-        """Tendons and their guides."""
-        return self.chain.tendons
-
-    def numbers(self, p: Array) -> Array:
+    def numbers_at(self, p: Array) -> Array:
         """All that the C of the motion needs to know, at run-time arguments."""
         factors = dict(zip(self._finger_parameters, p.tolist(), strict=False))
-        return self.chain.numbers(self.scene.gravity, self.places, factors)
+        return self.numbers(self.scene.gravity, self.places, factors)
 
     # -- what surrounds the chain -------------------------------------------------------------------------------------
 
     def _build(self) -> None:
-        scene, model = self.scene, self.finger_model
-        ways = [at for at in model.contacts if at < self.chain.length]
-        forces = [load for load in model.loads if isinstance(load, ForceLoad)]
-        self.places = [*ways, self.chain.length, *(load.at for load in forces)]
+        scene, model, n = self.scene, self.finger_model, self.n
+        ways = [at for at in model.contacts if at < self.length]
+        self._loads = [load for load in model.loads if isinstance(load, ForceLoad)]
+        self.places = [*ways, self.length, *(load.at for load in self._loads)]
+        # Position, velocity, angle and spin of each place, where contacts and loads act.
         self._motion = ca.SX.sym("places", 6, len(self.places))
-        w, p = ca.SX.sym("w", model.nw), ca.SX.sym("p", len(self._object_parameters))
-        given = dict(zip(self._object_parameters, ca.vertsplit(p), strict=True)) if p.numel() else {}
-        half = scene.finger.profile.half_thickness
-        self._body: Body | None = None
-        self._pairs: list[Pair] = []
-        names = [*(f"finger.{k + 1}" for k in range(len(ways))), "finger.tip"]
-        if scene.object is not None and scene.contact_law is not None:
-            x, y = scene.object.position
-            place = given.get("object_x", x), given.get("object_y", y)
-            grip = given.get("friction_factor", 1.0)
-            self._body = body = Body(scene.object, scene, given.get("object_mass"), grip, place)
-            law = scene.contact_law
-            for k, name in enumerate(names):
-                m = self._motion[:, k]
-                disc = Station(name, Vec(m[0], m[1]), float(half(self.places[k])), Vec(m[2], m[3]), m[5])
-                self._pairs.append(disc_pair(body, law, disc))
-            self._pairs += support_pairs(body, law, scene.walls, scene.pegs)
-            if scene.table is not None:
-                self._pairs += table_pairs(body, law, scene.table)
+        self._of_object = ca.SX.sym("p", len(self._object_parameters))
+        given = {name: self._of_object[k] for k, name in enumerate(self._object_parameters)}
+        half, stations = scene.finger.profile.half_thickness, list[Station]()
+        for k, name in enumerate([*(f"finger.{k + 1}" for k in range(len(ways))), "finger.tip"]):
+            m = self._motion[:, k]
+            stations.append(Station(name, Vec(m[0], m[1]), float(half(self.places[k])), Vec(m[2], m[3]), m[5]))
+        self._body = None if scene.object is None else Body(scene.object, scene, given)
+        self._pairs = [] if self._body is None else pairs_around(self._body, scene, stations)
         self.touch_names = [pair.name for pair in self._pairs]
         self._states = ca.SX.sym("drives", sum(winch.states for winch in self.winches))
-        pose, rates, wrench = ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, 1)
-        own_names: list[str] = []
-        self.w_names = list(model.w_names)
-        if self._body is not None:
-            pose, rates, wrench = self._body.pose, self._body.rates, self._body.wrench
-            own_names, self.w_names = self._body.x_names, [*self.w_names, *self._body.w_names]
-        z = [pair.z for pair in self._pairs]
-        self._others = ca.vertcat(self._states, pose, rates, *z)
-        winch_names = [name for k, winch in enumerate(self.winches) for name in winch.names(k + 1)]
-        contact_names = [name for pair in self._pairs for name in pair.z_names]
-        q_names = [f"bend_{k + 1} [rad]" for k in range(self.chain.hinges)]
-        tension_names = [
-            f"tension_{j + 1}_{k + 1} [N]" for j in range(len(self.tendons)) for k in range(self.chain.hinges + 1)
-        ]
-        self.x_names = [*q_names, *(name.replace(" [rad]", "_rate [rad/s]") for name in q_names), *tension_names]
+        w, body = ca.SX.sym("w", model.nw), self._body
+        of_body = [] if body is None else [body.pose, body.rates]
+        self._others = ca.vertcat(self._states, *of_body, *[pair.z for pair in self._pairs])
+        bends = [f"bend_{k + 1} [rad]" for k in range(n)]
+        tensions = [f"tension_{j + 1}_{k + 1} [N]" for j in range(len(self.tendons)) for k in range(n + 1)]
+        self.x_names = [*bends, *(name.replace(" [rad]", "_rate [rad/s]") for name in bends), *tensions]
         self.first_other = len(self.x_names)
-        self.x_names += [*winch_names, *own_names, *contact_names]
+        self.x_names += [name for k, winch in enumerate(self.winches) for name in winch.names(k + 1)]
+        at = len(self.x_names)
+        self.object_states = slice(at, at + (0 if body is None else len(body.start)))
+        self.x_names += [] if body is None else body.x_names
+        self.x_names += [name for pair in self._pairs for name in pair.z_names]
+        self.w_names = [*model.w_names, *([] if body is None else body.w_names)]
         self.nx, self.nw = len(self.x_names), len(self.w_names)
-        pose_at = self.first_other + len(winch_names)
-        self.object_states = slice(pose_at, pose_at + pose.numel())
-        self._w, self._p = ca.vertcat(w, wrench), p
+        self._w = w if body is None else ca.vertcat(w, body.wrench)
+        self._x = ca.vertcat(ca.SX.sym("x", self.first_other), self._others)
+        self._p = ca.vertcat(ca.SX.sym("factors", len(self._finger_parameters)), self._of_object)
         self._u, self._tension = ca.SX.sym("u", self.nu), ca.SX.sym("tension", len(self.tendons))
-        self._loads = forces
+        bend = self._x[:n]
+        # Read off as those of elements are.
+        self._equations: Any = SimpleNamespace(
+            x=self._x,
+            u=self._u,
+            w=self._w,
+            p=self._p,
+            pairs=self._pairs,
+            tip_position=self._at(self.length)[0],
+            curvature=bend / self.pitch,
+            range_use=ca.fabs(bend) / (0.5 * np.pi),  # per that at which neighboring bars are at a right angle
+            tensions=self._tensions,
+        )
 
     def _of_winches(self, others: ca.SX | Array) -> list[tuple[Winch, list[Scalar]]]:
         """The winches with their states."""
-        found, at = list[tuple[Winch, list[Scalar]]](), 0
-        for winch in self.winches:
-            found.append((winch, [others[at + k] for k in range(winch.states)]))
-            at += winch.states
-        return found
+        ends = np.cumsum([0, *(winch.states for winch in self.winches)]).tolist()
+        return [
+            (one, [others[k] for k in range(a, b)]) for one, (a, b) in zip(self.winches, pairwise(ends), strict=True)
+        ]
 
     @cached_property
     def drums(self) -> ca.Function:
@@ -198,13 +194,9 @@ class ChainSystem:
         for k, (winch, states) in enumerate(self._of_winches(self._states)):
             rates += winch.rates(states, self._u[k], [next(taken) for _ in winch.tendons])
         if self._body is not None:
-            given = [(pair.point, pair.force.scaled(-1.0)) for pair in self._pairs]
-            lifts, moments = [pair.lift for pair in self._pairs], [pair.moment for pair in self._pairs if pair.arm]
-            rates += self._body.state_rate(Vec(*self.scene.gravity), given, lifts, moments)
-        for pair in self._pairs:
-            rates += pair.z_rate
-        inputs = [self._motion, self._tension, self._others, self._u, self._w, self._p]
-        exerted = [_columns([pair.force.scaled(-1.0) for pair in own]), _columns([pair.point for pair in own])]
+            rates += rates_around(self._body, self._pairs, Vec(*self.scene.gravity))
+        inputs = [self._motion, self._tension, self._others, self._u, self._w, self._of_object]
+        exerted = [columns(pair.force.scaled(-1.0) for pair in own), columns(pair.point for pair in own)]
         values = [ca.horzcat(*forces), column(rates), *exerted, column([pair.lift for pair in own])]
         outputs = ca.cse([ca.densify(value) for value in values])
         names = ["places", "tension", "others", "u", "w", "p"]
@@ -212,66 +204,49 @@ class ChainSystem:
 
     # -- what is read off -------------------------------------------------------------------------------------------
 
-    @cached_property
-    def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        return ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu), ca.SX.sym("p", self.np)
-
-    def _function(self, name: str, values: Sequence[ca.SX], names: Sequence[str]) -> ca.Function:
-        return ca.Function(name, list(self._symbols), [ca.densify(v) for v in values], ["x", "u", "p"], list(names))
+    def _function(self, name: str, inputs: str, **outputs: Any) -> ca.Function:
+        motion = ca.horzcat(*[ca.vertcat(*self._at(at)) for at in self.places])
+        values = ca.substitute([dense(value) for value in outputs.values()], [self._motion], [motion])
+        return super()._function(name, inputs, **dict(zip(outputs, values, strict=True)))
 
     def _at(self, at: float) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """Position, velocity, angle and spin of a point of the chain."""
-        n, (x, *_), base, place = self.chain.hinges, self._symbols, self.scene.finger.base, self.chain.place(at)
+        n, x, base, (bar, along) = self.n, self._x, self.finger.base, self.place(at)
         angle, spin = base.angle + ca.cumsum(x[:n]), ca.cumsum(x[n : 2 * n])
-        start = float(self.chain.links.at[0]) if place.bar >= 0 else place.along
+        start = float(self.links.at[0]) if bar >= 0 else along
         position = ca.SX(ca.DM(base.position)) + start * ca.DM([-np.sin(base.angle), np.cos(base.angle)])
         velocity = ca.SX(2, 1)
-        for i in range(place.bar + 1):
-            length = float(self.chain.bars[i]) if i < place.bar else place.along
+        for i in range(bar + 1):
+            length = float(self.bars[i]) if i < bar else along
             way = length * ca.vertcat(-ca.sin(angle[i]), ca.cos(angle[i]))
             position += way
             velocity += spin[i] * ca.vertcat(-way[1], way[0])
-        if place.bar < 0:
+        if bar < 0:
             return position, velocity, ca.SX(base.angle), ca.SX(0.0)
-        return position, velocity, angle[place.bar], spin[place.bar]
+        return position, velocity, angle[bar], spin[bar]
 
-    @cached_property
-    def tip(self) -> ca.Function:
-        """``(x, u, p) -> r``: world position of the tip (2) [m]."""
-        return self._function("tip", [self._at(self.chain.length)[0]], ["r"])
+    tip, touch, curvature, range_use = System.tip, System.touch, System.curvature, System.range_use
+    tensions = named("x u p", tensions=lambda eq: eq.tensions)
 
     def sections(self, stations: Sequence[float]) -> ca.Function:
         """``(x, u, p) -> r, angle`` of sections [m], as of a ``System``; a hinge spreads its bend over its part."""
-        (x, *_), n = self._symbols, self.chain.hinges
-        points = [self._at(at)[0] for at in stations]
-        angles = []
+        x, angles = self._x, []
         for at in stations:
-            whole = min(int(at / self.chain.pitch), n - 1)
+            whole = min(int(at / self.pitch), self.n - 1)
             angle = self.scene.finger.base.angle + ca.sum1(x[:whole])
-            angles.append(angle + (at / self.chain.pitch - whole) * x[whole])
-        return self._function("sections", [ca.horzcat(*points), ca.vertcat(*angles)], ["r", "angle"])
+            angles.append(angle + (at / self.pitch - whole) * x[whole])
+        points = [self._at(at)[0] for at in stations]
+        return self._function("sections", "x u p", r=ca.horzcat(*points), angle=angles)
 
-    @cached_property
-    def curvature(self) -> ca.Function:
-        """``(x, u, p) -> kappa``: curvature of each hinge's part (N) [1/m]."""
-        return self._function("curvature", [self._symbols[0][: self.chain.hinges] / self.chain.pitch], ["kappa"])
-
-    @cached_property
-    def range_use(self) -> ca.Function:
-        """``(x, u, p) -> use``: bend per that at which neighboring bars are at a right angle (N) [1]."""
-        return self._function("range_use", [ca.fabs(self._symbols[0][: self.chain.hinges]) / (0.5 * np.pi)], ["use"])
-
-    @cached_property
-    def tensions(self) -> ca.Function:
-        """``(x, u, p) -> tensions``: of each tendon at its drive [N]."""
-        (x, u, _), n = self._symbols, self.chain.hinges
-        paths: list[Scalar] = []
+    @property
+    def _tensions(self) -> list[Scalar]:
+        """Tension of each tendon at its drive [N]."""
+        x, n, paths = self._x, self.n, list[Scalar]()
         for j, tendon in enumerate(self.tendons):
             own = x[2 * n + j * (n + 1) : 2 * n + (j + 1) * (n + 1)]
             stretched = ca.dot(ca.DM(tendon.gives[1:]), own[: tendon.guides])
             paths.append(ca.dot(ca.DM(tendon.arms), x[:n]) + stretched)
-        found = self._pulls(x[self.first_other :], u, [float(tendon.gives[0]) for tendon in self.tendons], paths)
-        return self._function("tensions", [ca.vertcat(*found)], ["tensions"])
+        return self._pulls(x[self.first_other :], self._u, [float(tendon.gives[0]) for tendon in self.tendons], paths)
 
     def _pulls(
         self, others: ca.SX | Array, u: ca.SX | Array, compliances: Sequence[Scalar], paths: Sequence[Scalar]
@@ -286,38 +261,17 @@ class ChainSystem:
 
     def friction_along(self, x: ca.SX, u: ca.SX, tendon: int, start: float, end: float) -> ca.SX:
         """Which way friction acts on a tendon between two positions [m]: its loss there per the greatest one."""
-        own, n = self.tendons[tendon], self.chain.hinges
+        own, n = self.tendons[tendon], self.n
         first = int(own.conduit > 0.0)
         base = self.tensions(x[: self.nx], u[: self.nu], ca.SX.zeros(self.np))[tendon]
         at = 2 * n + tendon * (n + 1)
         along = ca.fmax(ca.vertcat(base, x[at : at + own.guides]), _NO_TENSION)
-        inside = [k for k in range(own.guides - first) if start <= self.chain.links.at[k] <= end]
+        inside = [k for k in range(own.guides - first) if start <= self.links.at[k] <= end]
         if not inside or own.friction == 0.0:
             return ca.SX(0.0)
         loss = ca.log(along[inside[0] + first]) - ca.log(along[inside[-1] + first + 1])
         most = own.friction * ca.sum1(ca.fabs(x[inside[0] : inside[-1] + 1])) + _NO_BEND
         return ca.fmin(ca.fmax(loss / most, -1.0), 1.0)
-
-    @cached_property
-    def touch(self) -> ca.Function:
-        """``(x, u, w, p) -> gap, ...``: as of a ``System``."""
-        (x, u, p), pairs = self._symbols, self._pairs
-
-        values = {
-            "gap": column([pair.gap for pair in pairs]),
-            "normal_force": column([pair.normal_force for pair in pairs]),
-            "friction": column([pair.tangential for pair in pairs]),
-            "lift": column([pair.lift for pair in pairs]),
-            "force": _columns([pair.force.scaled(-1.0) for pair in pairs]),
-            "point": _columns([pair.point for pair in pairs]),
-            "normal": _columns([pair.normal for pair in pairs]),
-        }
-        own = ca.Function("own", [self._motion, self._others, self._w, self._p], list(values.values()))
-        motion = ca.horzcat(*[ca.vertcat(*self._at(at)) for at in self.places])
-        w = ca.SX.sym("w", self.nw)
-        found = own.call([motion, x[self.first_other :], w, p[len(self._finger_parameters) :]])
-        dense = [ca.densify(v) for v in ca.cse(found)]
-        return ca.Function("touch", [x, u, w, p], dense, ["x", "u", "w", "p"], list(values))
 
     # -- the start ----------------------------------------------------------------------------------------------------
 
@@ -344,11 +298,6 @@ class ChainSystem:
             at = 2 * self.n + j * (self.n + 1)
             x[at : at + tendon.guides] = float(tensions[j]) * shares[1:]
         return x
-
-
-def _columns(vectors: Sequence[Vec]) -> ca.SX:
-    """Vectors as columns (2, C)."""
-    return ca.horzcat(ca.SX(2, 0), *[v.column() for v in vectors])
 
 
 _GUIDES = Consumer(

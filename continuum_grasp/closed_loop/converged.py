@@ -5,9 +5,8 @@ A real-time iteration is measured against it. It needs the state: an estimator i
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Any, NamedTuple
 
@@ -24,11 +23,10 @@ from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.status import Health, Status
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import find_compiler
-from continuum_grasp.core.source import function_source
 from continuum_grasp.model.remade import Remade
-from continuum_grasp.nlp import NLP, Budget, Settings, Start, new_solver
+from continuum_grasp.nlp import Budget, Settings, Start, new_solver
+from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
+from continuum_grasp.planning.shooting import Term, compiled, derived
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import PAPER_FAMILY
@@ -78,6 +76,7 @@ class _Command:
     mismatch: float = 0.0
     activity: float = 0.0
     contact_forces: None = None
+    adapted: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Converged(Remade):
@@ -178,120 +177,85 @@ def compared(scene: ControlScene, progress: Callable[[float], None] | None = Non
 class ShootingProblem:
     """Multiple shooting on the grid of the stages; the Hessian is the Gauss-Newton one.
 
-    Variables: x_0, u_0, ..., x_N, then a slack for every row of every node. Parameters: the initial state, p, and the
-    setpoints node by node. Constraints: initial state, gaps, rows from above, rows from below.
+    Unknowns: x_0, u_0, ..., x_N, then a slack for every row of every node. Parameters: p, and the setpoints node by
+    node. Constraints: gaps, rows from above, rows from below.
     """
 
     def __init__(self, stages: Stages) -> None:
         self.stages = s = stages
-        self._step, self._cost, self._terminal = (compiled(f) for f in (s.step, s.cost, s.terminal))
-        self._nz = s.nx + s.nu
-        self._count = s.stages * self._nz + s.nx
-        self._row_count = s.stages * s.nc
-        self._z = ca.MX.sym("z", self._count + self._row_count)
-        self._p = ca.MX.sym("p", s.nx + s.np + (s.stages + 1) * s.nr)
-        self.nlp = self._assembled()
+        n, count, free = s.stages, s.stages * s.nc, np.full(s.nx, np.inf)
+        self._assembly = assembly = Assembly(semidefinite=True)
+        nodes = assembly.variables(n, s.nx + s.nu, np.append(-free, s.u_min), np.append(free, s.u_max))
+        end, slack = assembly.variables(1, s.nx), assembly.variables(count, 1, 0.0)
+        self._first = nodes[0, : s.nx]
+        assembly.parameters = p = ca.MX.sym("p", s.np + (n + 1) * s.nr)
+        given = ca.vertcat(ca.repmat(p[: s.np], 1, n + 1), ca.reshape(p[s.np :], s.nr, n + 1))
+        gaps = assembly.rows("gaps", "controller.horizon", "", n, np.ones(s.nx))
+        assembly.add(self._interval(), nodes, gaps, given[: s.np, :n])
+        assembly.add_linear(gaps, np.vstack([nodes[1:, : s.nx], end]), -1.0)
+        # c_min - s <= c <= c_max + s with one slack for both sides: only one can be violated. Rows of the state alone
+        # are those of nodes 1 to N, the others those of nodes 0 to N - 1.
+        row = (np.arange(count)[:, None] + s.ns) % max(s.nc, 1)
+        least, most = np.where(s.c_min <= -ABSENT, -np.inf, s.c_min), np.where(s.c_max >= ABSENT, np.inf, s.c_max)
+        above = assembly.rows("from above", "controller.bounds", "", count, 1.0, -np.inf, most[row])
+        below = assembly.rows("from below", "controller.bounds", "", count, 1.0, least[row], np.inf)
+        assembly.add_linear(above, slack, -1.0)
+        assembly.add_linear(below, slack, 1.0)
+        at = np.arange(n)[:, None] * s.nc + np.arange(s.nc) - s.ns
+        there = at >= 0
+        into = [np.full((n, 1), OBJECTIVE), *(np.where(there, rows[at, 0], OBJECTIVE) for rows in (above, below))]
+        factors = np.hstack([np.ones((n, 1)), there, there])
+        assembly.add(self._node(s.cost, s.weights, s.nu), nodes, np.hstack(into), given[:, :n], factors)
+        last = [OBJECTIVE, *above[count - s.ns :, 0], *below[count - s.ns :, 0]]
+        assembly.add(self._node(s.terminal, s.terminal_weights), end, last, given[:, n:])
+        if count:
+            z, d = ca.SX.sym("z"), ca.SX.sym("d", 2)
+            penalty = derived("penalty", z, d, d[0] * z + 0.5 * d[1] * z * z)
+            assembly.add(penalty, slack, [OBJECTIVE], np.hstack([s.linear[row], s.quadratic[row]]))
+        self.nlp = assembly.nlp
 
-    def _assembled(self) -> NLP:
-        s, n = self.stages, self.stages.stages
-        p = self._p[s.nx : s.nx + s.np]
-        refs = ca.reshape(self._p[s.nx + s.np :], s.nr, n + 1)
-        nodes = [self._z[k * self._nz : min((k + 1) * self._nz, self._count)] for k in range(n + 1)]
-        slack = self._z[self._count :]
-        weights, end_weights = ca.DM(s.weights), ca.DM(s.terminal_weights)
-        gaps, gap_slopes, gradient, hessian, rows = [nodes[0][: s.nx] - self._p[: s.nx]], [], [], [], []
-        cost = ca.MX(0)
-        row_slopes: list[tuple[int, ca.MX]] = []
-        for k in range(n):
-            x, u = nodes[k][: s.nx], nodes[k][s.nx :]
-            following, a, b = self._shoot(x, u, p)
-            gaps.append(following - nodes[k + 1][: s.nx])
-            gap_slopes.append(ca.horzcat(a, b))
-            value, g, h, c, slope = self._cost(x, u, p, refs[:, k], weights)
-            cost += value
-            gradient.append(g)
-            hessian.append(h)
-            # Rows of the state alone do not bound the first node, which is given.
-            first = 0 if k else s.ns
-            rows.append(c[first:])
-            row_slopes.append((k, slope[first:, :]))
-        value, g_end, h, c, slope = self._terminal(nodes[n], p, refs[:, n], end_weights)
-        rows.append(c)
-        row_slopes.append((n, slope))
-        linear, quadratic = ca.DM(s.linear[self._order]), ca.DM(s.quadratic[self._order])
-        penalty = ca.dot(linear, slack) + 0.5 * ca.dot(quadratic, slack * slack)
-        row = ca.vertcat(*rows)
-        # c_min - s <= c <= c_max + s with one slack for both sides: only one can be violated.
-        f, g = cost + value + penalty, ca.vertcat(*gaps, row - slack, row + slack)
-        lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", g.numel())
-        # Gauss-Newton leaves the curvature of the constraints out, so lam_g does not enter.
-        upper_half = ca.triu(lam_f * ca.diagcat(*hessian, h, ca.diag(quadratic)))
-        given, names = [self._z, self._p], ["x", "p"]
-        every_gradient = ca.vertcat(*gradient, g_end, linear + quadratic * slack)
-        jacobian = self._jacobian(gap_slopes, row_slopes)
-        derivatives = {
-            "grad_f": ca.Function("nlp_grad_f", given, [f, every_gradient], names, ["f", "grad:f:x"]),
-            "jac_g": ca.Function("nlp_jac_g", given, [g, jacobian], names, ["g", "jac:g:x"]),
-            "hess_lag": ca.Function(
-                "nlp_hess_l", [*given, lam_f, lam_g], [upper_half], [*names, "lam:f", "lam:g"], ["triu:hess:gamma:x:x"]
-            ),
-        }
-        return NLP("converged", self._z, f, g, self._p, derivatives, semidefinite=True)
-
-    def _shoot(self, x: ca.MX, u: ca.MX, p: ca.MX) -> tuple[ca.MX, ca.MX, ca.MX]:
-        """A stage, and its derivatives by the chain rule over its sub-steps."""
-        s = self.stages
-        following, a, b = self._step(x, u, p, s.stage / s.substeps)
+    def _interval(self) -> Term:
+        """The end of a stage, its derivatives by the chain rule over the sub-steps."""
+        s, step = self.stages, self.stages.step
+        z, d, weights = (ca.MX.sym(name, size) for name, size in (("z", s.nx + s.nu), ("d", s.np), ("weights", s.nx)))
+        following, a, b = step(z[: s.nx], z[s.nx :], d, s.stage / s.substeps)
         for _ in range(s.substeps - 1):
-            following, by_x, by_u = self._step(following, u, p, s.stage / s.substeps)
+            following, by_x, by_u = step(following, z[s.nx :], d, s.stage / s.substeps)
             a, b = ca.mtimes(by_x, a), ca.mtimes(by_x, b) + by_u
-        return following, a, b
+        # Gauss-Newton leaves the curvature of the constraints out.
+        return _term("interval", (z, d, weights), following, ca.horzcat(a, b), ca.MX.zeros(z.numel(), z.numel()))
 
-    def _jacobian(self, gaps: list[ca.MX], rows: list[tuple[int, ca.MX]]) -> ca.MX:
-        s, total = self.stages, self._count + self._row_count
-
-        def placed(block: ca.MX, column: int) -> ca.MX:
-            height, width = block.shape
-            return ca.horzcat(ca.MX(height, column), block, ca.MX(height, total - column - width))
-
-        eye = ca.MX(ca.DM.eye(s.nx))
-        lines = [placed(eye, 0)]
-        lines += [placed(ca.horzcat(slope, -eye), k * self._nz) for k, slope in enumerate(gaps)]
-        row = ca.vertcat(*[placed(slope, k * self._nz) for k, slope in rows])
-        own = placed(ca.MX(ca.DM.eye(self._row_count)), self._count)
-        return ca.vertcat(*lines, row - own, row + own)
-
-    @cached_property
-    def _order(self) -> list[int]:
-        """Which row of a node stands where: of the state alone at nodes 1 to N, the others at 0 to N - 1."""
+    def _node(self, function: ca.Function, weights_of_cost: Array, nu: int = 0) -> Term:
+        """The cost of a node, then its rows for either side of their bounds."""
         s = self.stages
-        return [*range(s.ns, s.nc), *[*range(s.nc)] * (s.stages - 1), *range(s.ns)]
+        z, d = ca.MX.sym("z", s.nx + nu), ca.MX.sym("d", s.np + s.nr)
+        parts = [z[: s.nx], z[s.nx :]] if nu else [z]
+        value, g, h, c, slope = function(*parts, d[: s.np], d[s.np :], ca.DM(weights_of_cost))
+        weights = ca.MX.sym("weights", 1 + 2 * c.numel())
+        values, slopes = ca.vertcat(value, c, c), ca.vertcat(g.T, slope, slope)
+        return _term(f"{function.name()}_term", (z, d, weights), values, slopes, weights[0] * h)
 
     def start(self, x: Array, u: Array, x0: Array, p: Array, refs: Array) -> Start:
         """Start from a guess of states (N + 1, nx) and inputs (N, nu)."""
-        s, rows = self.stages, self._row_count
-        guess = np.concatenate([np.hstack([x[:-1], u]).ravel(), x[-1], np.zeros(rows)])
-        free, none = np.full(s.nx, np.inf), np.full(rows, np.inf)
-        low = np.concatenate([np.tile(np.concatenate([-free, s.u_min]), s.stages), -free, np.zeros(rows)])
-        high = np.concatenate([np.tile(np.concatenate([free, s.u_max]), s.stages), free, none])
-        least = np.where(s.c_min <= -ABSENT, -np.inf, s.c_min)
-        most = np.where(s.c_max >= ABSENT, np.inf, s.c_max)
-        equal = np.zeros(s.nx * (s.stages + 1))
-        lower = np.concatenate([equal, -none, least[self._order]])
-        upper = np.concatenate([equal, most[self._order], none])
-        return Start(guess, low, high, lower, upper, np.concatenate([x0, p, refs.ravel()]))
+        self._assembly.fix(self._first, x0)
+        guess = np.concatenate([np.hstack([x[:-1], u]).ravel(), x[-1], np.zeros(self.stages.stages * self.stages.nc)])
+        return replace(self._assembly.start(guess), p=np.concatenate([p, refs.ravel()]))
 
     def split(self, z: Array) -> tuple[Array, Array, float]:
         """States (N + 1, nx), inputs (N, nu) and the largest slack of a solution."""
         s = self.stages
-        body = z[: self._count - s.nx].reshape(s.stages, self._nz)
-        x = np.vstack([body[:, : s.nx], z[self._count - s.nx : self._count]])
-        return x, body[:, s.nx :].copy(), float(z[self._count :].max(initial=0.0))
+        inner = s.stages * (s.nx + s.nu)
+        body, end, slack = z[:inner].reshape(s.stages, -1), z[inner : inner + s.nx], z[inner + s.nx :]
+        return np.vstack([body[:, : s.nx], end]), body[:, s.nx :].copy(), float(slack.max(initial=0.0))
 
 
-def compiled(function: ca.Function) -> ca.Function:
-    """Return the function in C, where there is a compiler."""
-    compiler = find_compiler()
-    if compiler is None:
-        return function
-    return ca.external(function.name(), str(library_for(function_source(function), compiler, "the NLP")))
+def _term(name: str, given: tuple[ca.MX, ca.MX, ca.MX], value: ca.MX, slope: ca.MX, hessian: ca.MX) -> Term:
+    """A compiled term of what it reads, numbers and the weights of its outputs, from its value and derivatives."""
+    z, d, weights = given
+    return compiled(
+        Term(
+            ca.Function(name, [z, d], [value]),
+            ca.Function(f"{name}_jac", [z, d], [slope]),
+            ca.Function(f"{name}_hess", [z, d, weights], [hessian]),
+        )
+    )

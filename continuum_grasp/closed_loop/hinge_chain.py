@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.closed_loop.links import Links, lump
-from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.model.winches import Motor, winches_of
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.tendons import Tendon
 
@@ -18,14 +18,6 @@ Array = NDArray[np.float64]
 
 OF_FINGER = ("bending_stiffness", "material_damping", "tendon_friction")
 """What of the finger may be changed without compiling anew."""
-
-
-@dataclass(frozen=True)
-class Place:
-    """A point of the chain: which bar, counted from that after the first hinge (-1: before it), how far along [m]."""
-
-    bar: int
-    along: float
 
 
 @dataclass(frozen=True)
@@ -64,17 +56,27 @@ class HingeChain:
     def __init__(self, finger: Finger, hinges: int, axial_stiffness: float | None = None) -> None:
         self.finger, self.hinges = finger, hinges
         self.length, self.pitch = finger.rod.length, finger.rod.length / hinges
-        self.tendons = [self._guided(tendon, axial_stiffness) for tendon in finger.tendon_list]
+        self.winches = winches_of(finger.tendon_list, self.length)
+        motors = [winch for winch in self.winches if isinstance(winch, Motor)]
+        gears = {
+            one.tendons[0]: (gear[0] / one.radius**2, gear[1] * one.radius) for one in motors if (gear := one.gear)
+        }
+        self.tendons = [
+            self._guided(tendon, axial_stiffness, gears.get(k, (0.0, 0.0)))
+            for k, tendon in enumerate(finger.tendon_list)
+        ]
 
     @cached_property
     def links(self) -> Links:
         """The rod, lumped into hinges and what is between them."""
         return lump(self.finger, self.hinges, even=True)
 
-    def place(self, at: float) -> Place:
-        """Return the point at a position along the finger [m]."""
+    def place(self, at: float) -> tuple[int, float]:
+        """Return which bar carries a position along the finger [m], counted from that after the first hinge (-1: before
+        it), and how far along it that is [m].
+        """
         bar = self.links.link_of(at + 1e-9 * self.pitch)
-        return Place(bar, at - (self.links.at[bar] if bar >= 0 else 0.0))
+        return bar, at - (self.links.at[bar] if bar >= 0 else 0.0)
 
     @cached_property
     def bars(self) -> Array:
@@ -92,7 +94,7 @@ class HingeChain:
             weights[i, i + 1 :] = weights[i + 1 :, i] = self.bars[i] * carried[i + 1 :]
         return weights, carried
 
-    def _guided(self, tendon: Tendon, axial_stiffness: float | None) -> Guided:
+    def _guided(self, tendon: Tendon, axial_stiffness: float | None, gear: tuple[float, float]) -> Guided:
         to = tendon.end(self.length)
         at = self.links.at[self.links.at < to]
         arms = tendon.arm(self.length) * tendon.shape(self.length)(self.links.at, tip_side=True)
@@ -101,44 +103,29 @@ class HingeChain:
         pieces = np.diff([0.0, *at, to]) / stiffness
         conduit = tendon.conduit_bend > 0.0
         gives = np.array([free, *pieces] if conduit else [free + pieces[0], *pieces[1:]])
-        drive, gear = tendon.drive, (0.0, 0.0)
-        if isinstance(drive, MotorDrive) and drive.gear_stiffness is not None and tendon is self.finger.tendon_list[0]:
-            gear = drive.gear_stiffness / drive.winch_radius**2, 0.5 * drive.backlash * drive.winch_radius
-        return Guided(arms, gives, tendon.friction, tendon.conduit_bend, drive is not None, gear)
+        return Guided(arms, gives, tendon.friction, tendon.conduit_bend, tendon.drive is not None, gear)
 
     def numbers(self, gravity: tuple[float, float], places: Sequence[float], factors: Mapping[str, float]) -> Array:
         """All that the C of the motion needs to know of it: ``factors`` on what ``OF_FINGER`` names."""
         links = self.links
         weights, carried = self.inertia
-        # Material damping follows from the stiffness of the section as it is described.
-        scaled = (
-            factors.get("bending_stiffness", 1.0) * links.stiffness,
-            factors.get("material_damping", 1.0) * links.damping,
-        )
-        base = self.finger.base
-        points = [self.place(at) for at in places]
+        base, points = self.finger.base, [self.place(at) for at in places]
         parts: list[ArrayLike] = [
             [*base.position, base.angle, links.at[0], *gravity],
             weights.ravel(),
-            scaled[0],
+            factors.get("bending_stiffness", 1.0) * links.stiffness,
             links.rest,
-            scaled[1],
+            # Material damping follows from the stiffness of the section as it is described.
+            factors.get("material_damping", 1.0) * links.damping,
             carried,
             self.bars,
-            [point.bar for point in points],
-            [point.along for point in points],
+            [bar for bar, _ in points],
+            [along for _, along in points],
         ]
         for tendon in self.tendons:
             gives = np.zeros(self.hinges + 2)
             gives[: len(tendon.gives)] = tendon.gives
             friction = factors.get("tendon_friction", 1.0) * tendon.friction
-            own = [
-                tendon.guides,
-                float(tendon.wound),
-                float(tendon.conduit > 0.0),
-                friction,
-                tendon.conduit,
-                *tendon.gear,
-            ]
+            own = [tendon.guides, tendon.wound, tendon.conduit > 0.0, friction, tendon.conduit, *tendon.gear]
             parts += [own, tendon.arms, gives]
         return np.concatenate([np.asarray(part, dtype=float).ravel() for part in parts])

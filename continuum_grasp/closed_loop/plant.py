@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.closed_loop.chain_integration import ChainIntegration
 from continuum_grasp.closed_loop.chain_system import ChainSystem
+from continuum_grasp.closed_loop.integration import GUIDES, Integration, integration_of
 from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control.estimation.model import OBJECT_POSE, torque_name, torque_per_reading
 from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.core.integrators import step_function
-from continuum_grasp.core.rollouts import Rollouts, Signal
-from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.model.remade import Remade
+from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes
 
@@ -76,16 +74,6 @@ class Plant:
         # What measurements may still show: instants, states, and the inputs that led to them.
         self._past_t, self._past_x, self._past_u = np.zeros(1), self.x[None], self.model.rest_input[None]
 
-    @cached_property
-    def _integration(self) -> Integration | ChainIntegration:
-        """What integrates it alone: made when it is first moved, since with other fingers it is not."""
-        return integration_of(self.model, self.method.name)
-
-    @property
-    def compiled(self) -> bool:
-        """Whether the integrator is compiled."""
-        return self._integration.compiled
-
     def measure(self) -> Array:
         """Return the measurement that arrives now (ny)."""
         at = max(self.t - self.sensors.delay, 0.0)
@@ -105,7 +93,7 @@ class Plant:
             If the motion does not stay finite.
         """
         command = self.checked(u)
-        states = self._integration.advance(self.x, command, self.t, self.period, self.method.substeps)
+        (states,) = SharedPlant((self,)).moved([self.x], [command], self.t)
         self.reach(states, command)
         return states
 
@@ -133,10 +121,62 @@ class Plant:
         found: Array = self._past_u[-1]
         return found
 
-    def replayed(self, x: Array, u: Array, start: float) -> Array:
-        """Return the end of a period from state x with steps half as long; the plant stays as it is."""
-        found: Array = self._integration.advance(x, u, start, self.period, 2 * self.method.substeps)[-1]
-        return found
+
+class SharedPlant:
+    """Plants of fingers that move together, each of which measures for itself; one finger moves as its plant alone.
+
+    Parameters
+    ----------
+    plants : sequence of Plant
+        At the same instant.
+    model : SharedModel, optional
+        Their equations, where they exist already; not needed for one finger.
+    """
+
+    def __init__(self, plants: Sequence[Plant], model: SharedModel | None = None) -> None:
+        self.plants = tuple(plants)
+        alone = len(self.plants) == 1
+        self._joint = None if alone else model or SharedModel([plant.model for plant in plants])
+
+    @property
+    def _integration(self) -> Integration:
+        first = self.plants[0]
+        return integration_of(self._joint or first.model, first.method.name)
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the integrator is compiled."""
+        return self._integration.compiled
+
+    def advance(self, commands: Sequence[ArrayLike]) -> list[Array]:
+        """Apply the command (nu) of each finger for one period; return the states (substeps + 1, nx) of each.
+
+        Raises
+        ------
+        InputError
+            If a command has the wrong size or is not finite.
+        NumericalError
+            If the motion does not stay finite.
+        """
+        if self._joint is None:
+            return [self.plants[0].advance(commands[0])]
+        known = [plant.checked(u) for plant, u in zip(self.plants, commands, strict=True)]
+        states = self.moved([plant.x for plant in self.plants], known, self.plants[0].t)
+        for plant, own, command in zip(self.plants, states, known, strict=True):
+            plant.reach(own, command)
+        return states
+
+    def replayed(self, x: Sequence[Array], u: Sequence[Array], start: float) -> list[Array]:
+        """Return the ends of a period from states x with steps half as long; the plants stay as they are."""
+        return [states[-1] for states in self.moved(x, u, start, finer=2)]
+
+    def moved(self, x: Sequence[Array], u: Sequence[Array], start: float, finer: int = 1) -> list[Array]:
+        """Return the states (substeps + 1, nx) of each over a period from states x, with ``finer`` times the steps."""
+        first, joint = self.plants[0], self._joint
+        given = start, first.period, finer * first.method.substeps
+        if joint is None:
+            return [self._integration.advance(x[0], u[0], *given)]
+        return joint.parts(self._integration.advance(joint.joined(x), np.concatenate(u), *given))
 
 
 _EXPLICIT_UP_TO = 40
@@ -167,7 +207,7 @@ def choose_method(model: PlantModel, period: float) -> Method:
     system, w = model.system, model.forces(0.0)[0]
     radius = 0.0
     if isinstance(system, ChainSystem):
-        return Method("guides", math.ceil(period / _GUIDED_STEP - 1e-9), radius)
+        return Method(GUIDES, math.ceil(period / _GUIDED_STEP - 1e-9), radius)
     for q in sample_shapes(system.finger_model, model.start[: system.n])[:_SHAPES]:
         x = model.start.copy()
         x[: system.n] = q
@@ -181,60 +221,6 @@ def choose_method(model: PlantModel, period: float) -> Method:
     if wanted <= max(_EXPLICIT_UP_TO, least):
         return Method("rk4", max(wanted, least, 1), radius)
     return Method("rodas", max(least, 1), radius)
-
-
-def integration_of(model: PlantModel, method: str) -> Integration | ChainIntegration:
-    """Return what integrates a plant."""
-    return ChainIntegration(model) if isinstance(model.system, ChainSystem) else Integration(model, method)
-
-
-class Integrated(Protocol):
-    """A plant as what integrates it sees it, beside the functions that its method takes."""
-
-    nw: int
-
-    @property
-    def p(self) -> Array: ...
-    @property
-    def steady(self) -> bool: ...
-    def forces(self, t: ArrayLike) -> Array:
-        """Forces (T, nw) at instants (T,) [s]."""
-
-
-class Integration(Remade):
-    """Integrates a plant over periods of constant input, by a method of ``INTEGRATORS``."""
-
-    def __init__(self, model: Any, method: str) -> None:
-        self._model: Integrated = model
-        self._run = Rollouts.of(step_function(model, method), what="the plant")
-        self.compiled = self._run.compiled
-
-    def advance(self, x: Array, u: Array, start: float, period: float, substeps: int) -> Array:
-        """Compute the states (substeps + 1, nx) at equal instants of a period [s], from x (nx) with constant u (nu).
-
-        Where one is not finite, ``NumericalError`` states when, and holds the states before.
-        """
-        model = self._model
-        if model.steady:
-            w = Signal(model.forces(start)[:1, None], 0, 0)
-        else:
-            # At the start, the middle and the end of each step, where the methods evaluate forces.
-            instants = start + np.arange(2 * substeps + 1) * (0.5 * period / substeps)
-            w = Signal(np.ascontiguousarray(model.forces(instants))[None], model.nw, 0)
-        inputs = Signal(np.ascontiguousarray(u, dtype=float)[None, None], 0, 0)
-        begin = np.ascontiguousarray(x, dtype=float)[None]
-        states, valid = self._run(begin, substeps, 1, period / substeps, inputs, w, model.p)
-        if valid[0] < substeps:
-            time, last = start + valid[0] * period / substeps, states[0, valid[0]]
-            raise NumericalError(
-                f"the plant's state is not finite after t = {time:g} s (last finite state {last.tolist()}): its loads "
-                "or inputs bend it beyond what its model means; see plant.fidelity.bending_range and loads",
-                time=time,
-                state=last,
-                result=states[0, : valid[0] + 1],
-            )
-        found: Array = states[0]
-        return found
 
 
 _PER_ELEMENT = 4

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -98,6 +99,8 @@ class PlantModel(Remade):
 
     Attributes
     ----------
+    symbols : tuple of casadi.SX
+        What its expressions are of: x, u, w, p; ``command`` is u.
     outside : dict of str to callable
         Entries of w, by name, as functions of instants [s], on top of the scene's loads.
 
@@ -162,6 +165,7 @@ class PlantModel(Remade):
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
         self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
         self._w, self._p = ca.SX.sym("w", self.nw), ca.SX.sym("p", self.system.np + varied_lag)
+        self.command, self.symbols = self._u, (self._x, self._u, self._w, self._p)
         self.p: Array = np.array(self.system.p_nominal)
         if varies:
             # Run-time numbers, so that plants that differ in them share one compiled integrator.
@@ -172,6 +176,7 @@ class PlantModel(Remade):
             self.p = np.append(self.p, self._lag[0])
             self._time = self._p[-1]
         self.outside: dict[str, Callable[[Array], Array]] = {}
+        self.integrations: dict[str, Any] = {}
         self._signals = Signals(self.scene, self.system.finger_model)
 
     def __getstate__(self) -> tuple[Array, dict[str, Callable[[Array], Array]]]:
@@ -201,7 +206,7 @@ class PlantModel(Remade):
         return ca.vertcat(rate, away / lag**2 - 2.0 * rate / lag)
 
     @cached_property
-    def _acting(self) -> ca.SX:
+    def acting(self) -> ca.SX:
         """Input of the system: what the drive exerts, its rate and acceleration as far as they are taken."""
         return ca.vertcat(self.drive, self._drive_rates)[: self.system.nu]
 
@@ -248,26 +253,7 @@ class PlantModel(Remade):
             return side * mean
         return ca.SX(0.0)
 
-    @property
-    def symbols(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """What its expressions are of: x, u, w, p."""
-        return self._x, self._u, self._w, self._p
-
-    @property
-    def command(self) -> ca.SX:
-        """The input."""
-        return self._u
-
-    @property
-    def acting(self) -> ca.SX:
-        """What acts on the system."""
-        return self._acting
-
     # -- a chain of guides --------------------------------------------------------------------------------------------
-
-    @property
-    def _guided(self) -> bool:
-        return isinstance(self.system, ChainSystem)
 
     @property
     def chain(self) -> ChainSystem:
@@ -277,45 +263,30 @@ class PlantModel(Remade):
         return self.system
 
     @property
-    def chains(self) -> tuple[ChainSystem, ...]:
-        """The chain, as of a plant that may have several."""
-        return (self.chain,)
-
-    @property
     def _others(self) -> tuple[ca.SX, ca.SX]:
         """States of a chain beside bends and tensions, drive, object, contacts and lag, and those of its system."""
         return self._x[self.chain.first_other :], self._x[self.chain.first_other : self.chain.nx]
-
-    @property
-    def chain_numbers(self) -> Array:
-        """What the C of the chain's motion needs to know of it."""
-        return self.chain.numbers(self.p)
-
-    @property
-    def around_p(self) -> Array:
-        """Parameters of what surrounds the chain."""
-        return self.p[self.finger_parameters :]
 
     @cached_property
     def drums(self) -> ca.Function:
         """``(others, u) -> drum``: what each tendon of a chain has at its drive: a length [m], or a tension [N]."""
         others, own = self._others
-        value = ca.densify(self.chain.drums(own, self._acting))
+        value = ca.densify(self.chain.drums(own, self.acting))
         return ca.Function("drums", [others, self._u], [value], ["others", "u"], ["drum"])
 
     @cached_property
     def around(self) -> ca.Function:
-        """``(places, tension, others, u, w, p) -> force, rate, exerted, point, lift``: as ``ChainSystem.around`` has
+        """``(places, tension, others, u, w, p) -> rate, exerted, point, lift, force``: as ``ChainSystem.around`` has
         them, with the lag among the other states, and parameters without those of the finger.
         """
         chain, (others, own) = self.chain, self._others
         places, tension = ca.SX.sym("places", 6, len(chain.places)), ca.SX.sym("tension", len(chain.tendons))
         p = self._p[self.finger_parameters :]
-        force, rate, *exerted = chain.around(places, tension, own, self._acting, self._w, p)
+        force, rate, *exerted = chain.around(places, tension, own, self.acting, self._w, p)
         names = ["places", "tension", "others", "u", "w", "p"]
-        values = [force, ca.vertcat(rate, self._drive_rates), *exerted]
+        values = [ca.vertcat(rate, self._drive_rates), *exerted, force]
         given = [places, tension, others, self._u, self._w, p]
-        return ca.Function("around", given, values, names, ["force", "rate", "exerted", "point", "lift"])
+        return ca.Function("around", given, values, names, ["rate", "exerted", "point", "lift", "force"])
 
     # -- functions ----------------------------------------------------------------------------------------------------
 
@@ -324,9 +295,14 @@ class PlantModel(Remade):
         values = ca.substitute([ca.densify(ca.SX(v)) for v in outputs.values()], [self._p], [ca.SX(ca.DM(self.p))])
         return ca.Function(name, [self._x, self._u, self._w], ca.cse(values), ["x", "u", "w"], list(outputs))
 
+    def _of_all(self, name: str, **outputs: ca.SX) -> ca.Function:
+        """Make a function (x, u, w, p) of expressions of the plant."""
+        values = ca.cse([ca.densify(ca.SX(v)) for v in outputs.values()])
+        return ca.Function(name, [*self.symbols], values, ["x", "u", "w", "p"], list(outputs))
+
     @property
     def _of_system(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        return self._x[: self.system.nx], self._acting, self._p[: self.system.np]
+        return self._x[: self.system.nx], self.acting, self._p[: self.system.np]
 
     @cached_property
     def _rate(self) -> ca.SX:
@@ -343,10 +319,7 @@ class PlantModel(Remade):
     @cached_property
     def forward_dynamics(self) -> ca.Function:
         """State derivative."""
-        value = ca.cse([ca.densify(self._rate)])
-        return ca.Function(
-            "forward_dynamics", [self._x, self._u, self._w, self._p], value, ["x", "u", "w", "p"], ["xd"]
-        )
+        return self._of_all("forward_dynamics", xd=self._rate)
 
     @cached_property
     def touching_dynamics(self) -> ca.Function:
@@ -354,18 +327,14 @@ class PlantModel(Remade):
         point (2, C) [m] where it acts, force out of the plane (C) [N].
         """
         own = [k for k, name in enumerate(self.system.touch_names) if name.startswith("finger.")]
-        exerted = [self.touch["force"][:, own], self.touch["point"][:, own], self.touch["lift"][own]]
-        values = ca.cse([ca.densify(ca.SX(value)) for value in (self._rate, *exerted)])
-        names = ["xd", "force", "point", "lift"]
-        given = [self._x, self._u, self._w, self._p]
-        return ca.Function("touching_dynamics", given, values, ["x", "u", "w", "p"], names)
+        force, point, lift = self.touch["force"][:, own], self.touch["point"][:, own], self.touch["lift"][own]
+        return self._of_all("touching_dynamics", xd=self._rate, force=force, point=point, lift=lift)
 
     @cached_property
     def linearization(self) -> ca.Function:
         """Jacobians of the state derivative with respect to state and input."""
-        given = [self._x, self._u, self._w, self._p]
-        values = [ca.densify(e) for e in ca.cse([ca.jacobian(self._rate, v) for v in given[:2]])]
-        return ca.Function("linearization", given, values, ["x", "u", "w", "p"], ["A", "B"])
+        a, b = (ca.jacobian(self._rate, v) for v in (self._x, self._u))
+        return self._of_all("linearization", A=a, B=b)
 
     @cached_property
     def internal(self) -> ca.Function:
@@ -387,7 +356,11 @@ class PlantModel(Remade):
         """Rates of the angles of sections [rad/s]."""
         # Angles are functions of the first n states alone.
         n, angles = self.system.n, self.sections(at)[1]
-        rates = ca.vertcat(self._x[n : 2 * n], ca.SX(self.nx - n, 1)) if self._guided else self._rate
+        rates = (
+            ca.vertcat(self._x[n : 2 * n], ca.SX(self.nx - n, 1))
+            if isinstance(self.system, ChainSystem)
+            else self._rate
+        )
         return ca.jtimes(angles, self._x, rates)
 
     @cached_property

@@ -115,15 +115,16 @@ class Readings:
             self._plant.__setstate__(self._numbers)
         return self._plant
 
-    def _map(self, function: ca.Function, x: Array, u: Array, w: Array) -> Array:
-        """Rows (K, size) of a function of states, inputs and forces."""
+    def _rows(self, value: ca.SX, x: Array, u: Array, w: Array) -> Array:
+        """Rows (K, size) of an expression of the plant at states, inputs and forces."""
+        function = self.plant.function("read", value=value)
         # A map takes and returns columns; those of one call with several columns are side by side.
         mapped = function.map(len(x))(x.T, u.T, w.T)
         return np.array(mapped).reshape(-1, len(x), order="F").T
 
     def tip(self, x: Array, u: Array, w: Array) -> Array:
         """Tip positions (K, 2) [m]."""
-        return self._map(self.plant.function("tip", r=self.plant.tip), x, u, w)
+        return self._rows(self.plant.tip, x, u, w)
 
     def backbone(self, x: Array, u: Array, w: Array, points: int) -> Array:
         """Backbones (K, points, 2) [m], evenly spaced from base to tip."""
@@ -131,23 +132,19 @@ class Readings:
 
     def _sections(self, at: Array, x: Array, u: Array, w: Array) -> Array:
         where = self.plant.sections([float(s) for s in at])[0]
-        rows = self._map(self.plant.function("sections", r=ca.vec(where)), x, u, w)
-        return rows.reshape(len(x), len(at), 2)
+        return self._rows(ca.vec(where), x, u, w).reshape(len(x), len(at), 2)
 
     def range_use(self, x: Array, u: Array, w: Array) -> Array:
         """Share of the plant's declared bending range that each element uses (K, elements)."""
-        return self._map(self.plant.function("use", use=self.plant.range_use), x, u, w)
+        return self._rows(self.plant.range_use, x, u, w)
 
     def contacts(self, x: Array, u: Array, w: Array) -> ContactForces | None:
         """Gaps and forces of all contacts; None without an object."""
         plant = self.plant
         if not plant.system.touch_names:
             return None
-
-        def rows(name: str, value: ca.SX) -> Array:
-            return self._map(plant.function(name, value=value), x, u, w)
-
-        return ContactForces.from_expressions(tuple(plant.system.touch_names), plant.touch, rows)
+        names = tuple(plant.system.touch_names)
+        return ContactForces.from_expressions(names, plant.touch, lambda value: self._rows(value, x, u, w))
 
     # -- what is tracked ----------------------------------------------------------------------------------------------
 
@@ -157,7 +154,7 @@ class Readings:
         terms = cost_terms(cost)
         plant = _PlantQuantities(self.plant, self._length, self._edges, u, (u - held) / self._stages.stage)
         of_state = ca.vertcat(*[term.value(plant, cost) for term in terms if term.of_state])
-        columns = [self._map(self.plant.function("tracked", y=of_state), x, u, w)]
+        columns = [self._rows(of_state, x, u, w)]
         # Terms of the input are those of the commands as they were given, whatever the drive made of them.
         return np.hstack([*columns, *[term.value(plant, cost) for term in terms if not term.of_state]])
 
@@ -176,13 +173,12 @@ class Readings:
             found.append(Bound("input rate", f"{unit}/s", change - most, most))
         limits, _ = curvature_limits(bounds, self.plant.system.finger_model)
         if np.all(np.isfinite(limits)):
-            kappa = self._map(self.plant.function("kappa", k=self.plant.curvature), x, u, w)
+            kappa = self._rows(self.plant.curvature, x, u, w)
             found.append(Bound("curvature", "1/m", (np.abs(kappa) - limits).max(axis=1), float(limits.min())))
         if bounds.speed is not None:
             rates = _PlantQuantities(self.plant, self._length, self._edges, u, u).bending_rate
-            function = self.plant.function("speed", r=rates)
             most = bounds.speed
-            found.append(Bound("speed", "rad/s", np.abs(self._map(function, x, u, w)).max(axis=1) - most, most))
+            found.append(Bound("speed", "rad/s", np.abs(self._rows(rates, x, u, w)).max(axis=1) - most, most))
         if bounds.keep_out:
             at = np.linspace(0.0, self._length, _FINE + 1)[1:]
             fine, half = self._sections(at, x, u, w), self.plant.scene.finger.profile.half_thickness(at)

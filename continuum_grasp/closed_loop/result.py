@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.closed_loop.metrics import Metrics, times_of, violation_of
 from continuum_grasp.closed_loop.readings import Bound, Readings
-from continuum_grasp.control.estimation.adaptation import Adapted, AdaptedState
+from continuum_grasp.control.estimation.adaptation import Adapted
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
 from continuum_grasp.control.ocp.setpoints import missed_setpoints, rms, tracking_of
@@ -38,6 +38,8 @@ class ControlRun(MotionResult):
         Whether sensors, model and call rate agreed at each step: ok, mismatch, detuned, frozen or tripped.
     health_texts : tuple of str
         The same in words, with what is suspected and its likely cause; empty for ok.
+    adapted : mapping of str to Adapted
+        Parameters of ``estimator.adapt`` at the end by name: value, deviation, and whether measurements tell it.
     events : tuple of (float, str)
         When each phase of the schedule began [s].
     ended : {"finished", "tripped", "stopped"}
@@ -135,6 +137,7 @@ class ControlRun(MotionResult):
     health_texts: tuple[str, ...]
     mismatch: Array
     activity: Array
+    adapted: Mapping[str, Adapted]
     events: tuple[tuple[float, str], ...]
     ended: str
     x_names: tuple[str, ...]
@@ -271,20 +274,6 @@ class ControlRun(MotionResult):
     def disturbance_std(self) -> Array:
         """Their standard deviations (K, nd)."""
         return self.std[:, [k for _, k in self._disturbed]]
-
-    @cached_property
-    def adapted(self) -> dict[str, Adapted]:
-        """Parameters of ``estimator.adapt`` at the end by name: value, deviation, and whether measurements tell it."""
-        asked = self.scene.estimator and self.scene.estimator.adapt
-        columns = {name.split(" ")[0]: k for k, name in enumerate(self.p_names)}
-        found = {}
-        for name, k in zip(self.disturbance_names, [k for _, k in self._disturbed], strict=True):
-            key = _parameter(name)
-            if asked and key in asked.spreads and len(self.u):
-                state = AdaptedState(self.p_names[columns[key]], k, columns[key], asked.spreads[key])
-                error = self.disturbance[-1, self.disturbance_names.index(name)]
-                found[key] = state.read(self.parameters[-1, columns[key]], error, self.std[-1, k])
-        return found
 
     @property
     def tripped(self) -> bool:

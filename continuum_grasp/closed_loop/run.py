@@ -14,11 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.closed_loop.plant import Plant, SharedPlant
 from continuum_grasp.closed_loop.readings import Readings
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.schedule import Phase, Schedule
-from continuum_grasp.closed_loop.shared_object import SharedPlant
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import Function, setpoints
@@ -262,6 +261,7 @@ def _result(one: FingerLoop, first: tuple[float, Array], steps: list[_Step], fin
         health_texts=tuple(c.health_text for c in commands),
         mismatch=np.array([c.mismatch for c in commands], dtype=float),
         activity=np.array([c.activity for c in commands], dtype=float),
+        adapted=commands[-1].adapted if count else {},
         events=tuple(plan.events),
         ended="stopped" if not finished else "tripped" if "tripped" in health else "finished",
         x_names=plant.model.x_names,

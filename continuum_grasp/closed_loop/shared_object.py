@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.closed_loop.chain_integration import ChainIntegration
 from continuum_grasp.closed_loop.chain_system import ChainSystem
-from continuum_grasp.closed_loop.plant import Integration, Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 
 Array = NDArray[np.float64]
@@ -27,7 +26,7 @@ class SharedModel:
     Here the object's motion is that of the first plant, on which the other fingers act with their contact forces, and
     so is the friction of supports and table; all else is each finger's own. State, input, forces and parameters are
     those of the plants one after the other, without what they share; the fingers' coordinates and their rates, of
-    chains of guides also their tensions, come first, as integrators expect them.
+    chains of guides also their tensions, come first, as integrators expect them. One plant alone shares nothing.
 
     Parameters
     ----------
@@ -42,25 +41,18 @@ class SharedModel:
 
     def __init__(self, plants: Sequence[PlantModel]) -> None:
         self.plants = tuple(plants)
-        shared = [_shared(plant) for plant in plants]
-        sizes = [plant.nx for plant in plants]
-        bends = [np.arange(plant.system.n) for plant in plants]
-        rates = [plant.system.n + np.arange(plant.system.n) for plant in plants]
-        first = [_first_other(plant) for plant in plants]
-        tensions = [np.arange(2 * plant.system.n, at) for plant, at in zip(plants, first, strict=True)]
-        others = [
-            np.setdiff1d(np.arange(begin, size), common)
-            for begin, size, common in zip(first, sizes, shared, strict=True)
-        ]
-        at = [np.zeros(size, dtype=np.intp) for size in sizes]
-        start = 0
-        for group in (bends, rates, tensions, others):
-            for place, own in zip(at, group, strict=True):
+        self.integrations: dict[str, Any] = {}
+        shared = [_shared(plant) if len(plants) > 1 else np.zeros(0, dtype=np.intp) for plant in plants]
+        self._first, start = [_first_other(plant) for plant in plants], 0
+        self._at = [np.zeros(plant.nx, dtype=np.intp) for plant in plants]
+        ends = [(0, one.system.n, 2 * one.system.n, at, one.nx) for one, at in zip(plants, self._first, strict=True)]
+        for k in range(4):  # bends, rates, tensions, and what else is each finger's own
+            for place, end, common in zip(self._at, ends, shared, strict=True):
+                own = np.setdiff1d(np.arange(end[k], end[k + 1]), common)
                 place[own] = start + np.arange(own.size)
                 start += own.size
-        for place, common in zip(at, shared, strict=True):
+        for place, common in zip(self._at, shared, strict=True):
             place[common] = start + np.arange(common.size)
-        self._at, self._first = at, first
         self.nx = start + shared[0].size
         self.nu, self.nw = sum(plant.nu for plant in plants), sum(plant.nw for plant in plants)
 
@@ -96,57 +88,21 @@ class SharedModel:
     @cached_property
     def forward_dynamics(self) -> ca.Function:
         """(x, u, w, p) -> rates of the common state."""
-        x, u, w, p = (ca.SX.sym(key, size) for key, size in self._sizes.items())
-        given = self._split(x, u, w, p)
-        xd = ca.SX(self.nx, 1)
-        lead, (x0, u0, w0, p0) = self.plants[0], given[0]
-        exerted = list[list[ca.SX]]()
-        for plant, place, arguments in zip(self.plants[1:], self._at[1:], given[1:], strict=True):
-            rate, *of_object = plant.touching_dynamics(*arguments)
-            xd[place.tolist()] = rate
-            exerted.append(of_object)
-        known = p0[lead.system.np - len(lead.object_parameters) : lead.system.np]
-        more, rise = self._exerted(exerted, x0[lead.system.object_states], known)
-        own = lead.forward_dynamics(x0, u0, w0 + more, p0)
-        if _RISE in lead.x_names:
-            own[lead.x_names.index(_RISE)] += rise
-        xd[self._at[0].tolist()] = own  # last: what is shared moves as the first plant says
-        value = ca.cse([ca.densify(xd)])
-        return ca.Function("forward_dynamics", [x, u, w, p], value, ["x", "u", "w", "p"], ["xd"])
-
-    def _exerted(self, exerted: Sequence[Sequence[ca.SX]], pose: ca.SX, known: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Forces w on the first plant by what other fingers exert on its object, and its acceleration out of the plane.
-
-        Each finger exerts forces (2, C) [N] at points (2, C) [m] and forces out of the plane (C) [N]; ``known`` are the
-        object's parameters.
-        """
-        lead = self.plants[0]
-        w, lifts, center = ca.SX(lead.nw, 1), ca.SX(0), _center_of_mass(lead, pose)
-        for force, point, lift in exerted:
-            arms = point - ca.repmat(center, 1, point.size2())
-            moments = arms[0, :] * force[1, :] - arms[1, :] * force[0, :]
-            for name, total in zip(_WRENCH, (*ca.vertsplit(ca.sum2(force)), ca.sum2(moments)), strict=True):
-                w[lead.w_names.index(name)] += total
-            lifts += ca.sum1(lift)
-        names = lead.object_parameters
-        mass = known[names.index("object_mass")] if "object_mass" in names else _body_mass(lead)
-        return w, lifts / mass
+        lead, *others = self.plants
+        functions = [lead.forward_dynamics, *(plant.touching_dynamics for plant in others)]
+        given, parts = self._arguments(functions)
+        rate, _ = self._rates(functions, parts, [place.tolist() for place in self._at], "x")
+        value = ca.cse([ca.densify(rate)])
+        return ca.Function("forward_dynamics", [*given.values()], value, [*given], ["xd"])
 
     @cached_property
     def internal(self) -> ca.Function:
         """(x, u, p) -> mass matrix of the fingers, their stiffness and their damping, a block for each."""
-        x, u, w, p = (ca.SX.sym(key, size) for key, size in self._sizes.items())
-        blocks = [
-            plant.internal(of[0], of[1], of[3]) for plant, of in zip(self.plants, self._split(x, u, w, p), strict=True)
-        ]
+        functions = [plant.internal for plant in self.plants]
+        given, parts = self._arguments(functions)
+        blocks = [function(*own.values()) for function, own in zip(functions, parts, strict=True)]
         values = [ca.densify(ca.diagcat(*each)) for each in zip(*blocks, strict=True)]
-        return ca.Function("internal", [x, u, p], ca.cse(values), ["x", "u", "p"], ["M", "K", "D"])
-
-    @cached_property
-    def integration(self) -> Integration | ChainIntegration:
-        """What integrates it."""
-        guided = isinstance(self.plants[0].system, ChainSystem)
-        return ChainIntegration(self) if guided else Integration(self, "ros2")
+        return ca.Function("internal", [*given.values()], ca.cse(values), [*given], ["M", "K", "D"])
 
     # -- chains of guides ---------------------------------------------------------------------------------------------
 
@@ -158,19 +114,19 @@ class SharedModel:
     @property
     def chain_numbers(self) -> Array:
         """What the C of their motion needs to know of the chains."""
-        return np.concatenate([plant.chain_numbers for plant in self.plants])
+        return np.concatenate([plant.chain.numbers_at(plant.p) for plant in self.plants])
 
     @property
     def around_p(self) -> Array:
         """Parameters of what surrounds the chains."""
-        return np.concatenate([plant.around_p for plant in self.plants])
+        return np.concatenate([plant.p[plant.finger_parameters :] for plant in self.plants])
 
     @cached_property
     def drums(self) -> ca.Function:
         """``(others, u) -> drum``: what each tendon has at its drive: a length [m], or a tension [N]."""
-        given = self._around_symbols(("others", "u"))
-        parts = self._around_parts(given)
-        values = [plant.drums(*own.values()) for plant, own in zip(self.plants, parts, strict=True)]
+        functions = [plant.drums for plant in self.plants]
+        given, parts = self._arguments(functions)
+        values = [function(*own.values()) for function, own in zip(functions, parts, strict=True)]
         return ca.Function("drums", [*given.values()], [ca.vertcat(*values)], [*given], ["drum"])
 
     @cached_property
@@ -178,24 +134,10 @@ class SharedModel:
         """``(places, tension, others, u, w, p) -> force, rate``: forces and couples (3, K) on the places of all chains,
         and the rates of all other states.
         """
-        given = self._around_symbols(("places", "tension", "others", "u", "w", "p"))
-        parts, forces, exerted = self._around_parts(given), list[ca.SX](), list[list[ca.SX]]()
-        rates = ca.SX(given["others"].numel(), 1)
-        for plant, own, place in zip(self.plants[1:], parts[1:], self._others_at[1:], strict=True):
-            force, rate, *of_object = plant.around(*own.values())
-            rates[place] = rate
-            forces.append(force)
-            exerted.append(of_object)
-        lead, first, first_own = self.plants[0], parts[0], self._first[0]
-        pose = lead.system.object_states
-        of_pose = first["others"][pose.start - first_own : pose.stop - first_own]
-        more, rise = self._exerted(exerted, of_pose, first["p"])
-        first["w"] += more
-        force, rate, *_ = lead.around(*first.values())
-        if _RISE in lead.x_names:
-            rate[lead.x_names.index(_RISE) - first_own] += rise
-        rates[self._others_at[0]] = rate  # last: what is shared moves as the first plant says
-        values = [ca.horzcat(force, *forces), rates]
+        functions = [plant.around for plant in self.plants]
+        given, parts = self._arguments(functions)
+        rate, found = self._rates(functions, parts, self._others_at, "others")
+        values = [ca.horzcat(*(force for *_, force in found)), rate]
         return ca.Function("around", [*given.values()], values, [*given], ["force", "rate"])
 
     @property
@@ -204,44 +146,60 @@ class SharedModel:
         before = sum(self._first)
         return [(place[first:] - before).tolist() for place, first in zip(self._at, self._first, strict=True)]
 
-    def _around_symbols(self, names: Sequence[str]) -> dict[str, ca.SX]:
-        """Arguments of what surrounds all chains."""
-        places = sum(len(chain.places) for chain in self.chains)
-        sizes = {"others": (self.nx - sum(self._first), 1), "places": (6, places), "u": (self.nu, 1)}
-        sizes |= {"tension": (sum(len(chain.tendons) for chain in self.chains), 1), "w": (self.nw, 1)}
-        sizes |= {"p": (self.around_p.size, 1)}
-        return {name: ca.SX.sym(name, *sizes[name]) for name in names}
+    # -- all plants together ------------------------------------------------------------------------------------------
 
-    def _around_parts(self, given: dict[str, ca.SX]) -> list[dict[str, ca.SX]]:
-        """The same arguments for each chain alone."""
-        found: list[dict[str, ca.SX]] = [{} for _ in self.plants]
-        for name, whole in given.items():
-            if name == "others":
-                parts = [whole[place] for place in self._others_at]
-            else:
-                of = "size2_in" if name == "places" else "size1_in"
-                ends = np.cumsum([0, *[getattr(plant.around, of)(name) for plant in self.plants]]).tolist()
-                parts = (ca.horzsplit if name == "places" else ca.vertsplit)(whole, ends)
-            for own, part in zip(found, parts, strict=True):
-                own[name] = part
-        return found
+    def _arguments(self, functions: Sequence[ca.Function]) -> tuple[dict[str, ca.SX], list[dict[str, ca.SX]]]:
+        """Symbols of a function of all plants by the names of the plants' ``functions``, and those of each."""
+        given, parts = dict[str, ca.SX](), list[dict[str, ca.SX]]([{} for _ in functions])
+        states = {"x": [place.tolist() for place in self._at], "others": self._others_at}
+        for name in functions[0].name_in():
+            sizes = [function.size_in(name) for function in functions]
+            if name in states:
+                given[name] = ca.SX.sym(name, _size(states[name]))
+                own = [given[name][places] for places in states[name]]
+            else:  # side by side or one below the other
+                axis = int(name == "places")
+                ends = np.cumsum([0, *(size[axis] for size in sizes)]).tolist()
+                given[name] = ca.SX.sym(name, *((sizes[0][0], ends[-1]) if axis else (ends[-1], 1)))
+                own = (ca.horzsplit if axis else ca.vertsplit)(given[name], ends)
+            for part, value in zip(parts, own, strict=True):
+                part[name] = value
+        return given, parts
 
-    @property
-    def _sizes(self) -> dict[str, int]:
-        return {"x": self.nx, "u": self.nu, "w": self.nw, "p": self.p.size}
+    def _rates(
+        self, functions: Sequence[ca.Function], parts: Sequence[dict[str, ca.SX]], at: list[list[int]], states: str
+    ) -> tuple[ca.SX, list[list[ca.SX]]]:
+        """Rates of common states, those of each plant ``at`` some places, and what else the plants' functions give.
 
-    def _split(self, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> list[list[ca.SX]]:
-        """State, input, forces and parameters of each plant."""
-        found = [[x[place.tolist()]] for place in self._at]
-        for whole, sizes in (
-            (u, [plant.nu for plant in self.plants]),
-            (w, [plant.nw for plant in self.plants]),
-            (p, [plant.p.size for plant in self.plants]),
-        ):
-            ends = np.cumsum([0, *sizes]).tolist()
-            for arguments, a, b in zip(found, ends, ends[1:], strict=False):
-                arguments.append(whole[a:b])
-        return found
+        The functions give the rates of a plant's ``states``, of other plants than the first then what it exerts on the
+        object: forces (2, C) [N] at points (2, C) [m], and forces out of the plane (C) [N].
+        """
+        rates, found = ca.SX(_size(at), 1), list[list[ca.SX]]()
+        for function, own, places in zip(functions[1:], parts[1:], at[1:], strict=True):
+            rate, *exerted = function.call([*own.values()])
+            rates[places] = rate
+            found.append(exerted)
+        lead, first, more, lifts = self.plants[0], parts[0], ca.SX(self.plants[0].nw, 1), ca.SX(0)
+        before, known = (0, lead.finger_parameters) if states == "x" else (self._first[0], 0)
+        pose = lead.system.object_states
+        for force, point, lift, *_ in found:
+            center = _center_of_mass(lead, first[states][pose.start - before : pose.stop - before])
+            arms = point - ca.repmat(center, 1, point.size2())
+            moments = arms[0, :] * force[1, :] - arms[1, :] * force[0, :]
+            for name, total in zip(_WRENCH, (*ca.vertsplit(ca.sum2(force)), ca.sum2(moments)), strict=True):
+                more[lead.w_names.index(name)] += total
+            lifts += ca.sum1(lift)
+        rate, *of_lead = functions[0].call([*(first | {"w": first["w"] + more}).values()])
+        if found and _RISE in lead.x_names:
+            mass = first["p"][known + lead.object_parameters.index("object_mass")]
+            rate[lead.x_names.index(_RISE) - before] += lifts / mass
+        rates[at[0]] = rate  # last: what is shared moves as the first plant says
+        return rates, [of_lead, *found]
+
+
+def _size(at: list[list[int]]) -> int:
+    """Number of common states of which each plant has those at some places."""
+    return 1 + max((k for places in at for k in places), default=-1)
 
 
 def _first_other(plant: PlantModel) -> int:
@@ -264,62 +222,3 @@ def _center_of_mass(plant: PlantModel, pose: ca.SX) -> ca.SX:
     along, across = plant.scene.object.com if plant.scene.object is not None else (0.0, 0.0)
     c, s = ca.cos(pose[2]), ca.sin(pose[2])
     return pose[:2] + ca.vertcat(c * along - s * across, s * along + c * across)
-
-
-def _body_mass(plant: PlantModel) -> float:
-    if plant.scene.object is None:
-        raise TypeError("fingers share an object")
-    return plant.scene.object.mass
-
-
-class SharedPlant:
-    """Plants of several fingers that move together; of one finger, the plant alone.
-
-    Parameters
-    ----------
-    plants : sequence of Plant
-        At the same instant; each measures for itself.
-    model : SharedModel, optional
-        Their equations, where they exist already; not needed for one finger.
-    """
-
-    def __init__(self, plants: Sequence[Plant], model: SharedModel | None = None) -> None:
-        self.plants = tuple(plants)
-        several = len(self.plants) > 1
-        self._model = SharedModel([plant.model for plant in plants]) if several and model is None else model
-
-    @property
-    def compiled(self) -> bool:
-        """Whether the integrator is compiled."""
-        return self.plants[0].compiled if self._model is None else self._model.integration.compiled
-
-    def advance(self, commands: Sequence[ArrayLike]) -> list[Array]:
-        """Apply the command (nu) of each finger for one period; return the states (substeps + 1, nx) of each.
-
-        Raises
-        ------
-        InputError
-            If a command has the wrong size or is not finite.
-        NumericalError
-            If the motion does not stay finite.
-        """
-        if self._model is None:
-            return [self.plants[0].advance(commands[0])]
-        known = [plant.checked(u) for plant, u in zip(self.plants, commands, strict=True)]
-        states = self._moved([plant.x for plant in self.plants], known, self.plants[0].t)
-        for plant, own, command in zip(self.plants, states, known, strict=True):
-            plant.reach(own, command)
-        return states
-
-    def replayed(self, x: Sequence[Array], u: Sequence[Array], start: float) -> list[Array]:
-        """Return the ends of a period from states x with steps half as long; the plants stay as they are."""
-        if self._model is None:
-            return [self.plants[0].replayed(x[0], u[0], start)]
-        return [states[-1] for states in self._moved(x, u, start, finer=2)]
-
-    def _moved(self, x: Sequence[Array], u: Sequence[Array], start: float, finer: int = 1) -> list[Array]:
-        if self._model is None:
-            raise TypeError("one finger moves alone")
-        first, model = self.plants[0], self._model
-        whole, steps = np.concatenate(u), finer * first.method.substeps
-        return model.parts(model.integration.advance(model.joined(x), whole, start, first.period, steps))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +26,12 @@ from continuum_grasp.scene.finger import BasePose, Finger
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
 from continuum_grasp.scene.surroundings import Table
 from continuum_grasp.simulation.statics import equilibrium_under
 
 Array = NDArray[np.float64]
+T = TypeVar("T")
 
 LARGEST = 5.0
 """Multiple of a wrench beyond which nothing is pulled with: what presses the object on a support is resisted anyhow."""
@@ -335,11 +336,18 @@ def _about_to_touch(
     return before, np.ravel(core.batch("orientation", q, before, edges[:, None])), nearest
 
 
-def object_of(control: ControlScene) -> GraspObject:
-    """The object of a mission's controller."""
-    if control.object is None:
+def object_of(scene: ControlScene | Scene) -> GraspObject:
+    """The object of a mission's controller or plant."""
+    if scene.object is None:
         raise ValueError("a mission has an object")
-    return control.object
+    return scene.object
+
+
+def present(value: T | None) -> T:
+    """What a mission always has, where other scenes and closed loops may have none."""
+    if value is None:
+        raise ValueError("a mission has an object that moves")
+    return value
 
 
 def _check_start(control: ControlScene, nearest: float) -> None:

@@ -9,10 +9,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.certified import certified_contact, is_table, plant_friction, plant_mass
 from continuum_grasp.mission.plant import Timetable, Variation
-from continuum_grasp.mission.resisted import keep_position, lowered
+from continuum_grasp.mission.resisted import plane_gravity
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.grasp_drive import DriveLaw
 from continuum_grasp.simulation.contacts import ContactForces
 
 Array = NDArray[np.float64]
@@ -93,18 +96,32 @@ class Lowered:
         )
 
 
+def keep_position(fingers: Sequence[Finger]) -> bool:
+    """Whether the drives keep their position while a pull grows: winches, and motors under a position servo."""
+    return all(bool(finger.winches) if (law := DriveLaw.of(finger)) is None else law.locks for finger in fingers)
+
+
 def lowered_by_pulls(assignments: Sequence[Assignment], variation: Variation) -> tuple[Lowered, ...]:
-    """How far every pull lowers an object that weighs in the plane; empty where it weighs out of it."""
-    of = assignments[0]
+    """How far every pull lowers an object that weighs in the plane, once it rests; empty where it weighs out of it.
+
+    For small motions. Controllers that follow a force give way further than drives that keep their tension.
+    """
+    of, fingers = assignments[0], [one.control.finger for one in assignments]
+    grasp, down = of.grasp, np.array(plane_gravity(of.grasp))
     if of.mission.gravity:
         return ()
-    fingers = [one.control.finger for one in assignments]
-    mass, stiffness = plant_mass(of.mission, variation), of.mission.contact_law.stiffness
-    there, certified = lowered(of.grasp, fingers, of.pulls, mass, stiffness)
-    keeps: Literal["tension", "position"] = "position" if keep_position(fingers) else "tension"
+    more = (plant_mass(of.mission, variation) - grasp.scene.object.mass) * np.array([*down, 0.0])
+    laws, keeps = [DriveLaw.of(finger) for finger in fingers], keep_position(fingers)
+    springs = [np.inf if law is None else sum(law.springs(2 * [1.0 / (law.series + law.axial)])) for law in laws]
+    there = GraspResponse(grasp.scene, grasp.arrays, springs, 1.0 / of.mission.contact_law.stiffness)
+    changes = (
+        there.to_wrenches("locked" if keeps else "retensioned"),
+        GraspResponse(grasp.scene, grasp.arrays).to_wrenches("locked"),
+    )
+    distances = np.stack([down / np.hypot(*down) @ change.pose[:2] @ (of.pulls + more).T for change in changes])
     return tuple(
-        Lowered(k + 1, float(own), float(firm), keeps)
-        for k, (own, firm) in enumerate(zip(there, certified, strict=True))
+        Lowered(k + 1, own, firm, "position" if keeps else "tension")
+        for k, (own, firm) in enumerate(distances.T.tolist())
     )
 
 

@@ -20,7 +20,6 @@ from continuum_grasp.scene.controller import Plant
 
 Array = NDArray[np.float64]
 
-_TIP = "finger.tip"
 _STEP = 0.004
 """Step of the linearly implicit Euler method [s]. It has the equilibria of the equations; the forces that
 configs/mission/mug.yaml ends with differ by 2 % from those with a quarter of the step."""
@@ -114,9 +113,7 @@ def _view(one: Assignment, model: PlantModel) -> Callable[[Array], list[Array]]:
 def _seen(known: Sequence[Assignment], views: Sequence[list[Array]]) -> Closed:
     """The fingers together."""
     tension, force, gap, away = (np.concatenate([view[k] for view in views]) for k in range(4))
-    names = [
-        one.own_name(name) for one in known for name in (*(f"finger.{k + 1}" for k in range(len(one.middles))), _TIP)
-    ]
+    names = [one.own_name(name) for one in known for name in one.control.contact_names]
     return Closed(float(tension.max()), tuple(names), force, gap, away, views[0][4] - np.array(known[0].object_pose))
 
 

@@ -186,47 +186,29 @@ class _OnPlant:
 
     def weight(self) -> list[Exceeded]:
         """Mass and friction."""
-        found, carried = [], self._carried(self.friction)
+        found, carried, friction = [], self._carried(self.friction), self.friction
         # Out of the plane no sharing of the weight carries more than this.
-        most = float((self.friction * self.normal).sum()) / self.gravity if self.gravity else np.inf
+        most = float((friction * self.normal).sum()) / self.gravity if self.gravity else np.inf
         certain = self.mass > most * (1.0 + ROUNDING)
         bears = f"its contact forces carry {carried:.3g} kg on this plant"
-        low, high = f"{self.friction.min():.3g}", f"{self.friction.max():.3g}"
+        low, high = f"{friction.min():.3g}", f"{friction.max():.3g}"
         between = low if low == high else f"{low} to {high}"
         ends = f"; it will be dropped: {most:.3g} kg is the most that friction of {between} carries with them"
-        if self.mass > self.certified_mass * (1.0 + ROUNDING):
-            found.append(
-                Exceeded(
-                    "mass",
-                    "object_mass",
-                    "kg",
-                    self.mass,
-                    self.certified_mass,
-                    carried,
-                    certain,
-                    f"the object has {self.mass:.3g} kg, the grasp is certified for {self.certified_mass:.3g} kg; "
-                    f"{bears}{ends if certain else ''}",
-                )
-            )
-        share = self.friction / np.maximum(self.certified_friction, 1e-300)
+        ends = ends if certain else ""
+        if self.mass > (own := self.certified_mass) * (1.0 + ROUNDING):
+            text = f"the object has {self.mass:.3g} kg, the grasp is certified for {own:.3g} kg; {bears}{ends}"
+            found.append(Exceeded("mass", "object_mass", "kg", self.mass, own, carried, certain, text))
+        share = friction / np.maximum(self.certified_friction, 1e-300)
         worst = int(np.argmin(share))
         if share[worst] < 1.0 - ROUNDING:
-            least = self._least_share() * self.friction[worst]
+            there, own = float(friction[worst]), float(self.certified_friction[worst])
+            least = self._least_share() * friction[worst]
             where = ", ".join(n for n, s in zip(self.names, share, strict=True) if s < share[worst] + ROUNDING)
-            found.append(
-                Exceeded(
-                    "friction",
-                    "contact_law.friction",
-                    "1",
-                    float(self.friction[worst]),
-                    float(self.certified_friction[worst]),
-                    least,
-                    certain,
-                    f"friction is {self.friction[worst]:.3g} at {where}, the grasp is certified for "
-                    f"{self.certified_friction[worst]:.3g}; its contact forces need {least:.3g} with {self.mass:.3g} kg"
-                    f"{ends if certain else ''}",
-                )
+            text = (
+                f"friction is {there:.3g} at {where}, the grasp is certified for {own:.3g}; its contact forces need "
+                f"{least:.3g} with {self.mass:.3g} kg{ends}"
             )
+            found.append(Exceeded("friction", "contact_law.friction", "1", there, own, least, certain, text))
         return found
 
     def _least_share(self) -> float:

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.quality.resistance import Resistance, resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.grasp_drive import DriveLaw
 from continuum_grasp.scene.grasp_options import PlanarGravity
 
 Array = NDArray[np.float64]
@@ -73,30 +71,3 @@ def plane_gravity(grasp: GraspResult) -> tuple[float, float]:
     """Gravity in the plane [m/s2]; zero where it acts out of it."""
     gravity = grasp.scene.gravity
     return gravity.vector if isinstance(gravity, PlanarGravity) else (0.0, 0.0)
-
-
-def keep_position(fingers: Sequence[Finger]) -> bool:
-    """Whether the drives keep their position while a pull grows: winches, and motors under a position servo."""
-    return all(bool(finger.winches) if (law := DriveLaw.of(finger)) is None else law.locks for finger in fingers)
-
-
-def lowered(
-    grasp: GraspResult, fingers: Sequence[Finger], pulls: Array, mass: float, stiffness: float
-) -> tuple[Array, Array]:
-    """How far pulls (K, 3) lower an object that weighs in the plane, once it rests (K) [m].
-
-    The first is that of the fingers that carry the grasp out, with the plant's mass [kg] and contacts of a stiffness
-    [N/m]; the second that of the certificate: drives that keep their position, and contacts that do not give. Both are
-    for small motions. Controllers that follow a force give way further than drives that keep their tension.
-    """
-    down = np.array(plane_gravity(grasp))
-    wrenches = pulls + (mass - grasp.scene.object.mass) * np.array([*down, 0.0])
-    laws = [DriveLaw.of(finger) for finger in fingers]
-    springs = [np.inf if law is None else sum(law.springs(2 * [1.0 / (law.series + law.axial)])) for law in laws]
-    there = GraspResponse(grasp.scene, grasp.arrays, springs, 1.0 / stiffness)
-    changes = (
-        there.to_wrenches("locked" if keep_position(fingers) else "retensioned"),
-        GraspResponse(grasp.scene, grasp.arrays).to_wrenches("locked"),
-    )
-    mission, certified = (down / np.hypot(*down) @ change.pose[:2] @ wrenches.T for change in changes)
-    return mission, certified

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.errors import InputError
-from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.assignment import Assignment, object_of, present
 from continuum_grasp.mission.certified import plant_friction
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.mission.precheck import Exceeded
-from continuum_grasp.mission.verdict import Verdict, force_estimate, present
+from continuum_grasp.mission.verdict import Verdict, force_estimate
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.results.plain import plain
@@ -220,10 +220,7 @@ class MissionRun(MotionResult):
     @property
     def body(self) -> GraspObject:
         """The object."""
-        body = self.scene.object
-        if body is None:
-            raise ValueError("a mission has an object that moves")
-        return body
+        return object_of(self.scene)
 
     @cached_property
     def friction_use(self) -> Array:
@@ -319,12 +316,11 @@ class MissionRun(MotionResult):
 def verdict_data(verdict: Verdict) -> dict[str, Any]:
     """A verdict as plain data, with the sentence on a drop."""
     found = {**asdict(verdict), "succeeded": verdict.succeeded}
-    if verdict.refused is not None:
-        found["refused"] |= {"text": verdict.refused.text}
-    if verdict.drop is not None:
-        found["drop"] |= {"text": verdict.drop.text}
+    for name, part in (("refused", verdict.refused), ("drop", verdict.drop), ("turned", verdict.turned)):
+        if part is not None:
+            found[name] |= {"text": part.text}
     if verdict.turned is not None:
-        found["turned"] |= {"text": verdict.turned.text, "achieved": verdict.turned.achieved}
+        found["turned"] |= {"achieved": verdict.turned.achieved}
     return found
 
 

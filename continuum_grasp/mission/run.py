@@ -8,18 +8,19 @@ from os import PathLike
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.closed_loop.plant import SharedPlant
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import FingerLoop, run_fingers, with_result
-from continuum_grasp.closed_loop.shared_object import SharedModel, SharedPlant
+from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.errors import Interrupted
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.mission.assignment import Assignment, assign
+from continuum_grasp.mission.assignment import Assignment, assign, present
 from continuum_grasp.mission.lift import LiftCheck, NotLifted
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
 from continuum_grasp.mission.precheck import admit, exceeded
 from continuum_grasp.mission.result import MissionRun
-from continuum_grasp.mission.verdict import judge, present
+from continuum_grasp.mission.verdict import judge
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.simulation.contacts import ContactForces

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.assignment import Assignment, present
 from continuum_grasp.mission.certified import is_table, object_height, plant_friction
 from continuum_grasp.mission.drop import FALLEN, Drop, find_drop
 from continuum_grasp.mission.lift import NotLifted
@@ -19,7 +19,6 @@ from continuum_grasp.mission.turned import Turned, find_turned
 from continuum_grasp.simulation.contacts import ContactForces
 
 Array = NDArray[np.float64]
-T = TypeVar("T")
 
 _SETTLED = 0.5
 """Last share of the hold over which forces are judged."""
@@ -181,10 +180,3 @@ def _smoothed(values: Array, window: int) -> Array:
 
 def _over(reduce: Callable[[Array], Any], values: Array) -> float:
     return float(reduce(values)) if values.size else np.nan
-
-
-def present(value: T | None) -> T:
-    """What the closed loop of a mission always has."""
-    if value is None:
-        raise ValueError("a mission has an object that moves")
-    return value

@@ -73,7 +73,7 @@ class Functions(Remade, Summarized):
         """A function of space-separated inputs, which are symbols of the equations."""
         names = inputs.split()
         arguments = [getattr(self._equations, key) for key in names]
-        expressions = [_dense(value) for value in outputs.values()]
+        expressions = [dense(value) for value in outputs.values()]
         if "x" not in names:
             expressions = self._at_command(expressions)
         # The recursions write common factors (turns, arms, velocities) more than once: cse computes each once.
@@ -170,7 +170,7 @@ def function_names(cls: type[Functions]) -> tuple[str, ...]:
     return tuple(n for n, value in found.items() if isinstance(value, cached_property) and not n.startswith("_"))
 
 
-def _dense(value: Output) -> ca.SX:
+def dense(value: Output) -> ca.SX:
     if isinstance(value, Vec):
         return value.column()
     return ca.densify(column(value) if isinstance(value, list) else ca.SX(value))

@@ -240,7 +240,7 @@ class System(Functions):
         """
         eq, lengths = self._equations, self.finger_model.lengths
         found = [eq.section_at(place_at(at, lengths)) for at in stations]
-        r, angles = _columns(at for at, _ in found), [angle for _, angle in found]
+        r, angles = columns(at for at, _ in found), [angle for _, angle in found]
         return self._function("sections", "x u p", r=r, angle=angles)
 
     def section_velocities(self, stations: Sequence[float]) -> ca.Function:
@@ -250,7 +250,7 @@ class System(Functions):
         """
         eq, lengths = self._equations, self.finger_model.lengths
         found = [eq.section_velocity(place_at(at, lengths)) for at in stations]
-        v, spin = _columns(velocity for velocity, _ in found), [spin for _, spin in found]
+        v, spin = columns(velocity for velocity, _ in found), [spin for _, spin in found]
         return self._function("section_velocities", "x u p", v=v, spin=spin)
 
     energy = named("x u p", kinetic=lambda eq: eq.energies[0], potential=lambda eq: eq.energies[1])
@@ -261,9 +261,9 @@ class System(Functions):
         friction=lambda eq: [pair.tangential for pair in eq.pairs],
         lift=lambda eq: [pair.lift for pair in eq.pairs],
         # What touches the object bears ``pair.force``, the object its reaction.
-        force=lambda eq: _columns(pair.force.scaled(-1.0) for pair in eq.pairs),
-        point=lambda eq: _columns(pair.point for pair in eq.pairs),
-        normal=lambda eq: _columns(pair.normal for pair in eq.pairs),
+        force=lambda eq: columns(pair.force.scaled(-1.0) for pair in eq.pairs),
+        point=lambda eq: columns(pair.point for pair in eq.pairs),
+        normal=lambda eq: columns(pair.normal for pair in eq.pairs),
     )
 
 
@@ -271,7 +271,7 @@ SYSTEM_FUNCTIONS = function_names(System)
 """Names of a system's functions."""
 
 
-def _columns(vectors: Iterable[Vec]) -> ca.SX:
+def columns(vectors: Iterable[Vec]) -> ca.SX:
     """(2, K), also where there are none."""
     return ca.horzcat(ca.SX(2, 0), *[v.column() for v in vectors])
 

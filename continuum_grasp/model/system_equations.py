@@ -13,7 +13,7 @@ from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
+from continuum_grasp.model.touching import Pair, Station, pairs_around, rates_around
 from continuum_grasp.scene.surroundings import Surroundings
 
 OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1", "object_x": "m", "object_y": "m"}
@@ -54,10 +54,7 @@ class SystemEquations(Equations):
         symbols = {name: ca.SX.sym(name) for name in runtime}
         self.p = ca.vertcat(self.p, *symbols.values())
         self._shares = {name: value for name, value in symbols.items() if name.startswith(CONTACT_FRICTION)}
-        mass, grip = symbols.get("object_mass"), symbols.get("friction_factor", 1.0)
-        x, y = surroundings.object.position
-        place = symbols.get("object_x", x), symbols.get("object_y", y)
-        self.body = Body(surroundings.object, surroundings, mass, grip, place)
+        self.body = Body(surroundings.object, surroundings, symbols)
         self.x = ca.vertcat(self.x, self.body.pose, self.body.rates, *[pair.z for pair in self.pairs])
         self.w = ca.vertcat(self.w, self.body.wrench)
         if self._pressed:
@@ -83,18 +80,11 @@ class SystemEquations(Equations):
     @cached_property
     def pairs(self) -> list[Pair]:
         """What can touch: stations of the finger first, then supports, then the table."""
-        around, body = self._around, self.body
-        if around is None or body is None or around.contact_law is None:
+        if self._around is None or self.body is None:
             return []
-        law = around.contact_law
-        shares = [self._shares.get(friction_parameter(station.name)) for _, station in self._stations]
-        stations = [
-            disc_pair(body, law, station, share=share)
-            for (_, station), share in zip(self._stations, shares, strict=True)
-        ]
-        pairs: list[Pair] = [*stations, *support_pairs(body, law, around.walls, around.pegs)]
-        if around.table is not None:
-            pairs += table_pairs(body, law, around.table)
+        stations = [station for _, station in self._stations]
+        shares = [self._shares.get(friction_parameter(station.name)) for station in stations]
+        pairs = pairs_around(self.body, self._around, stations, shares)
         return [pair.pressed() for pair in pairs] if self._pressed else pairs
 
     @cached_property
@@ -124,10 +114,7 @@ class SystemEquations(Equations):
         rates = list(super().state_rate)
         if self.body is None:
             return rates
-        forces = [(pair.point, pair.force.scaled(-1.0)) for pair in self.pairs]
-        moments = [pair.moment for pair in self.pairs if pair.arm]
-        rates += self.body.state_rate(self._world_gravity, forces, [pair.lift for pair in self.pairs], moments)
-        return rates + [rate for pair in self.pairs for rate in pair.z_rate]
+        return rates + rates_around(self.body, self.pairs, self._world_gravity)
 
     @cached_property
     def energies(self) -> tuple[Scalar, Scalar]:

@@ -35,14 +35,14 @@ class _Placed:
     columns: Indices
     rows: Indices
     factors: Array
-    data: Array
+    data: Array | ca.MX
 
 
 class Assembly(Constraints):
     """Minimize f(w) subject to lower <= g(w) <= upper and low <= w <= high.
 
     ``semidefinite`` states whether all terms have Hessians of Gauss and Newton. ``margins`` are amounts by which the
-    bounds of a block are moved inwards, by its name.
+    bounds of a block are moved inwards, by its name; ``parameters`` are symbols that ``data`` of terms may be made of.
     """
 
     def __init__(self, *, semidefinite: bool) -> None:
@@ -51,6 +51,7 @@ class Assembly(Constraints):
         self.low: list[float] = []
         self.high: list[float] = []
         self.margins: dict[str, Array] = {}
+        self.parameters = ca.MX.sym("p", 0)
         self._placed: list[_Placed] = []
         self._linear: list[list[NDArray[Any]]] = []
 
@@ -67,20 +68,27 @@ class Assembly(Constraints):
             self.low[column] = self.high[column] = float(value)
 
     def add(
-        self, term: Term, columns: Indices, rows: Indices | Sequence[int], data: ArrayLike, factors: ArrayLike = 1.0
+        self,
+        term: Term,
+        columns: Indices,
+        rows: Indices | Sequence[int],
+        data: ArrayLike | ca.MX,
+        factors: ArrayLike = 1.0,
     ) -> None:
         """Add factors (count, no) times the outputs of a term at several places to rows (count, no), -1: the objective.
 
         It reads the unknowns of ``columns`` (count, nz), and ``data``: numbers of each place (count, columns, rows of
-        its input), or the same for all.
+        its input), or the same for all; or expressions of ``parameters``, a column per place.
         """
         count = len(columns)
         into = np.broadcast_to(np.asarray(rows, dtype=np.int64) + 1, (count, term.size)).T
         high, wide = term.value.size_in(1)
-        numbers = np.asarray(data, dtype=float).ravel()
-        every = np.tile(numbers, 1 if numbers.size == count * high * wide else count)
+        if not isinstance(data, ca.MX):
+            numbers = np.asarray(data, dtype=float).ravel()
+            every = np.tile(numbers, 1 if numbers.size == count * high * wide else count)
+            data = every.reshape(count * wide, high).T
         factor = np.broadcast_to(factors, (count, term.size)).T
-        self._placed.append(_Placed(term, columns.T, into, factor, every.reshape(count * wide, high).T))
+        self._placed.append(_Placed(term, columns.T, into, factor, data))
 
     def add_linear(self, rows: Indices | int, columns: Indices, factors: ArrayLike) -> None:
         """Add factor times unknown to rows (or to the objective), entry by entry."""
@@ -102,11 +110,11 @@ class Assembly(Constraints):
     def _w(self) -> ca.MX:
         return ca.MX.sym("w", self.size)
 
-    def _given(self, placed: _Placed) -> tuple[ca.MX, ca.DM]:
+    def _given(self, placed: _Placed) -> tuple[ca.MX, ca.MX]:
         """What a term reads, a column per place."""
         # CasADi's vectors are read column by column: hence ``order="F"`` everywhere.
         picked = self._w[placed.columns.ravel(order="F").tolist()]
-        return ca.reshape(picked, *placed.columns.shape), ca.DM(placed.data)
+        return ca.reshape(picked, *placed.columns.shape), ca.MX(placed.data)
 
     @cached_property
     def _straight(self) -> list[NDArray[Any]]:
@@ -163,7 +171,7 @@ class Assembly(Constraints):
     @cached_property
     def nlp(self) -> NLP:
         """The problem with its derivatives."""
-        w, p = self._w, ca.MX.sym("p", 0)
+        w, p = self._w, self.parameters
         values, slopes = self._values(), self._slopes()
         f, g = values[0], values[1:]
         sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.count)

@@ -14,10 +14,8 @@ from continuum_grasp.control.ocp.bounds import HARD, state_bounds
 from continuum_grasp.control.ocp.cost_terms import Outputs, cost_terms
 from continuum_grasp.control.ocp.setpoints import missed_setpoints, setpoints
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.core.cache import library_for
-from continuum_grasp.core.compiler import CompileError, find_compiler
 from continuum_grasp.model.memory import RETURN_TIME, clipped
-from continuum_grasp.planning.shooting import Term, derived
+from continuum_grasp.planning.shooting import Term, compiled, derived
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.signals import interpolate
@@ -180,7 +178,7 @@ class Motion:
         term = derived("flow", z, d, out, exact=self.exact, squared=squared)
         work = term.hessian.n_instructions() * self.scene.intervals
         simulated = self.scene.transcription == "single_shooting"  # in small steps
-        found = _compiled(term) if simulated or work > _COMPILE_FROM else term
+        found = compiled(term) if simulated or work > _COMPILE_FROM else term
         return _with_given_friction(found, self.prediction.x_names) if simulated else found
 
     @cached_property
@@ -281,22 +279,6 @@ def _with_given_friction(flow: Term, names: Sequence[str]) -> Term:
     z, d = (ca.MX.sym(name, flow.value.size_in(k)) for k, name in enumerate("zd"))
     slope = ca.mtimes(ca.diag(ca.DM(stay)), flow.jacobian(z, d))
     return Term(flow.value, ca.Function("flow_slope", [z, d], [slope], ["z", "d"], ["J"]), flow.hessian)
-
-
-def _compiled(term: Term) -> Term:
-    """The same term as compiled code, or the term itself where nothing can be compiled."""
-    compiler = find_compiler()
-    if compiler is None:
-        return term
-    generator = ca.CodeGenerator("term.c", {"with_mem": False, "static_aux": True})
-    functions = (term.value, term.jacobian, term.hessian)
-    for function in functions:
-        generator.add(function)
-    try:
-        library = str(library_for(generator.dump(), compiler, "the plan"))
-    except (CompileError, OSError):
-        return term
-    return Term(*(ca.external(function.name(), library) for function in functions))
 
 
 def parameters_over_time(scene: PlanScene, model: Prediction, times: ArrayLike) -> Array:

@@ -301,8 +301,8 @@ class Plan(MotionResult):
             return None
         touch = dict(zip(model.system.touch.name_out(), model.system.touch(*model.arguments), strict=True))
 
-        def rows(name: str, value: ca.SX) -> Array:
-            return self._over_time(ca.Function(name, [model.x, model.u, model.p], [value]))
+        def rows(value: ca.SX) -> Array:
+            return self._over_time(ca.Function("touch", [model.x, model.u, model.p], [value]))
 
         return ContactForces.from_expressions(tuple(model.system.touch_names), touch, rows)
 

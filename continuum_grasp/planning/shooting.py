@@ -12,6 +12,9 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from continuum_grasp.core.cache import library_for
+from continuum_grasp.core.compiler import CompileError, find_compiler
+
 _WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)  # of the slopes of RK4
 _AHEAD = (0.0, 0.5, 0.5, 1.0)  # share of the step at which each slope is taken
 
@@ -55,6 +58,22 @@ def derived(name: str, z: ca.SX, d: ca.SX, o: ca.SX, *, exact: bool = True, squa
         ca.Function(f"{name}_jac", [z, d], ca.cse([ca.densify(ca.jacobian(outputs, z))]), ["z", "d"], ["J"]),
         ca.Function(f"{name}_hess", [z, d, weights], ca.cse([ca.densify(hessian)]), ["z", "d", "weights"], ["H"]),
     )
+
+
+def compiled(term: Term) -> Term:
+    """The same term as compiled code, or the term itself where nothing can be compiled."""
+    compiler = find_compiler()
+    if compiler is None:
+        return term
+    generator = ca.CodeGenerator("term.c", {"with_mem": False, "static_aux": True})
+    functions = (term.value, term.jacobian, term.hessian)
+    for function in functions:
+        generator.add(function)
+    try:
+        library = str(library_for(generator.dump(), compiler, "the plan"))
+    except (CompileError, OSError):
+        return term
+    return Term(*(ca.external(function.name(), library) for function in functions))
 
 
 class _Stage(NamedTuple):

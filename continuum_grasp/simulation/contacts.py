@@ -46,10 +46,10 @@ class ContactForces:
 
     @staticmethod
     def from_expressions(
-        names: tuple[str, ...], touch: Mapping[str, ca.SX], rows: Callable[[str, ca.SX], Array]
+        names: tuple[str, ...], touch: Mapping[str, ca.SX], rows: Callable[[ca.SX], Array]
     ) -> ContactForces:
         """Those of outputs of ``System.touch``, where ``rows`` gives the values of an expression over time."""
-        found: dict[str, Any] = {name: rows(name, ca.vec(touch[name])) for name in _ARRAYS}
+        found: dict[str, Any] = {name: rows(ca.vec(touch[name])) for name in _ARRAYS}
         for name in ("force", "point"):
             found[name] = found[name].reshape(-1, len(names), 2).transpose(0, 2, 1)
         return ContactForces(names, **found)

@@ -14,7 +14,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp import InputError, run_closed_loop
-from continuum_grasp.closed_loop.plant import Integration
+from continuum_grasp.closed_loop.integration import Integration
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.scene.loads import Actuation
 from continuum_grasp.scene.simulate import Timing

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,9 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assignment import assign
 from continuum_grasp.mission.certified import object_height
-from continuum_grasp.mission.drop import find_drop
+from continuum_grasp.mission.drop import find_drop, keep_position, lowered_by_pulls
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
 from continuum_grasp.mission.precheck import exceeded
-from continuum_grasp.mission.resisted import keep_position, lowered
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.load import load
@@ -142,35 +142,42 @@ def tip_stiffness(one, grasp):
     return 2.0 * step / (tip(step) - tip(-step))
 
 
+def lowered(fingers, pulls, pad, mass=1.0):
+    """How far pulls lower an object of a multiple of its certified mass on pads: there, and as certified."""
+    own, certified = fingers[0].mission, fingers[0].grasp.scene.object.mass
+    mission = own.replaced(contact_law=own.contact_law.replaced(stiffness=pad), object_mass=certified)
+    first = replace(fingers[0], pulls=np.array(pulls), mission=mission)
+    found = lowered_by_pulls([first, *fingers[1:]], Variation(mass=mass))
+    return np.array([(one.distance, one.certified) for one in found]).T
+
+
 @pytest.mark.deep
 def test_how_far_a_pull_lowers_an_object_between_two_fingertips(stacked):
     """As two springs at the tensions of the grasp, each in series with its pad."""
     fingers = assign(load(PINCH, [DOWN, *QUICK]), stacked)
-    own, mass = [one.control.finger for one in fingers], stacked.scene.object.mass
-    pull = np.array([[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
     stiff = [tip_stiffness(one, stacked) for one in fingers]
+    pulls = [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]]
     for pad in (2000.0, 1e9):
-        down, up = lowered(stacked, own, pull, mass, pad)[0]
+        down, up = lowered(fingers, pulls, pad)[0]
         assert down == pytest.approx(1.0 / sum(1.0 / (1.0 / k + 1.0 / pad) for k in stiff), rel=0.01)
         assert up == pytest.approx(-down, rel=1e-9)
     # A heavier object is lowered as by a pull.
-    heavier = lowered(stacked, own, np.zeros((1, 3)), mass + 1.0 / 9.81, 2000.0)[0]
-    assert heavier == pytest.approx(lowered(stacked, own, pull[:1], mass, 2000.0)[0])
+    heavier = lowered(fingers, np.zeros((1, 3)), 2000.0, 1.0 + 1.0 / 9.81 / stacked.scene.object.mass)[0]
+    assert heavier == pytest.approx(lowered(fingers, pulls[:1], 2000.0)[0])
 
 
 @pytest.mark.deep
 def test_winches_hold_as_firmly_as_their_cables(stacked):
     """Next to rigid cables hold as the certificate has it; the spring of both, 2 k of one pulley, is in between."""
-    pull, mass = np.array([[0.0, -1.0, 0.0]]), stacked.scene.object.mass
-    given = []
+    pull, given = [[0.0, -1.0, 0.0]], []
     for series in ("1e12", "33e3", "1e-3"):
         change = WINCHES[0].replace("33 N/mm", series).replace("10e3", "1e12")
-        own = [one.control.finger for one in assign(load(PINCH, [DOWN, *QUICK, change, *WINCHES[1:]]), stacked)]
-        given.append(float(lowered(stacked, own, pull, mass, 1e12)[0][0]))
-        assert keep_position(own)
-    tensions = [one.control.finger for one in assign(load(PINCH, [DOWN, *QUICK]), stacked)]
-    assert not keep_position(tensions)
-    away, certified = (float(value[0]) for value in lowered(stacked, tensions, pull, mass, 1e12))
+        wound = assign(load(PINCH, [DOWN, *QUICK, change, *WINCHES[1:]]), stacked)
+        given.append(float(lowered(wound, pull, 1e9)[0][0]))
+        assert keep_position([one.control.finger for one in wound])
+    pulled = assign(load(PINCH, [DOWN, *QUICK]), stacked)
+    assert not keep_position([one.control.finger for one in pulled])
+    away, certified = (float(value[0]) for value in lowered(pulled, pull, 1e9))
     assert given[0] == pytest.approx(certified, rel=1e-3)
     assert given[2] == pytest.approx(away, rel=1e-3)
     assert certified < 0.5 * given[1] + 0.5 * certified < given[1] < away

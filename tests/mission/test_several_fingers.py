@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from continuum_grasp.closed_loop.chain_integration import ChainIntegration
+from continuum_grasp.closed_loop.integration import ChainIntegration
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
@@ -121,7 +121,7 @@ def guided(grasp):
     """The same plants as chains of guides, and what integrates both together."""
     models = [mission_plant_model(one) for one in assign(load(PINCH, [GUIDES]), grasp)]
     shared = SharedModel(models)
-    return models, shared, shared.integration
+    return models, shared, ChainIntegration(shared)
 
 
 def closing(models, tension):

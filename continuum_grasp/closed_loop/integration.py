@@ -1,0 +1,127 @@
+"""Motion of plants: steps of a method of ``INTEGRATORS``, or those of chains of guides."""
+
+from __future__ import annotations
+
+import ctypes
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.closed_loop.shared_object import SharedModel
+from continuum_grasp.control.rti.source import load_library
+from continuum_grasp.core.call import pointer
+from continuum_grasp.core.integrators import step_function
+from continuum_grasp.core.rollouts import Rollouts, Signal
+from continuum_grasp.core.source import filled, generated, template
+from continuum_grasp.errors import NumericalError
+from continuum_grasp.model.remade import Remade
+
+Array = NDArray[np.float64]
+
+GUIDES = "guides"
+"""Name of the method of chains of guides, which is none of ``INTEGRATORS``."""
+
+
+class Integration(Remade):
+    """Integrates a plant, or several that touch one object, over periods of constant input.
+
+    By a method of ``INTEGRATORS``; ``compiled`` says whether its steps are.
+    """
+
+    def __init__(self, model: PlantModel | SharedModel, method: str) -> None:
+        self._model = model
+        self._run = Rollouts.of(step_function(model, method), what="the plant")
+        self.compiled = self._run.compiled
+
+    def advance(self, x: Array, u: Array, start: float, period: float, substeps: int) -> Array:
+        """Compute the states (substeps + 1, nx) at equal instants of a period [s], from x (nx) with constant u (nu).
+
+        Where one is not finite, or has no solution, ``NumericalError`` states when, and holds the states before.
+        """
+        states, done, why = self._steps(x, np.ascontiguousarray(u, dtype=float), start, period / substeps, substeps)
+        if done == substeps:
+            return states
+        time, last = start + done * period / substeps, states[done]
+        text = why.format(time=f"{time:g}", last=last.tolist())
+        raise NumericalError(text, time=time, state=last, result=states[: done + 1])
+
+    def _steps(self, x: Array, u: Array, start: float, step: float, count: int) -> tuple[Array, int, str]:
+        """States, how many after the first are good, and what is said where the next one is not."""
+        model, steady = self._model, self._model.steady
+        # At the start, the middle and the end of each step, where the methods evaluate forces.
+        rows = model.forces(start + np.arange(1 if steady else 2 * count + 1) * (0.5 * step))
+        w = Signal(np.ascontiguousarray(rows)[None], 0 if steady else model.nw, 0)
+        begin = np.ascontiguousarray(x, dtype=float)[None]
+        states, valid = self._run(begin, count, 1, step, Signal(u[None, None], 0, 0), w, model.p)
+        why = (
+            "the plant's state is not finite after t = {time} s (last finite state {last}): its loads or inputs bend "
+            "it beyond what its model means; see plant.fidelity.bending_range and loads"
+        )
+        return states[0], int(valid[0]), why
+
+
+class ChainIntegration(Integration):
+    """Integrates plants of ``plant.guides``: implicit in bends, contacts, drives and sliding tendons; see
+    ``templates/chain.c``.
+
+    Raises a TypeError where the plant is no chain of guides.
+    """
+
+    def __init__(self, model: PlantModel | SharedModel) -> None:
+        self._chains = model if isinstance(model, SharedModel) else SharedModel([model])
+        self._run_steps = load_library(chain_source(self._chains), "a plant of plant.guides").chain_steps
+        self._run_steps.restype = ctypes.c_longlong
+        self.compiled = True
+
+    def _steps(self, x: Array, u: Array, start: float, step: float, count: int) -> tuple[Array, int, str]:
+        model = self._chains
+        rows = np.ascontiguousarray(model.forces(start + np.arange(count + 1) * step))
+        states = np.full((count + 1, model.nx), np.nan)
+        states[0] = x
+        numbers, p = model.chain_numbers, np.ascontiguousarray(model.around_p)
+        given = [pointer(each) for each in (numbers, u, rows)]
+        begin = ctypes.c_longlong(count), ctypes.c_double(step)
+        done = self._run_steps(*begin, *given, ctypes.c_longlong(model.nw), pointer(p), pointer(states))
+        why = "the plant's step after t = {time} s has no solution: its loads or inputs move it too fast"
+        return states, int(done), why
+
+
+def integration_of(model: PlantModel | SharedModel, method: str) -> Integration:
+    """Return what integrates a plant by a method, made once for each model."""
+    if method not in model.integrations:
+        model.integrations[method] = ChainIntegration(model) if method == GUIDES else Integration(model, method)
+    found: Integration = model.integrations[method]
+    return found
+
+
+def chain_source(model: SharedModel) -> str:
+    """C of the motion of plants: what surrounds the chains, and their steps."""
+    chains, names = model.chains, model.around.name_in()
+    given = {name: ca.SX.sym(name, *model.around.size_in(name)) for name in names}
+    places = ca.SX.sym("places", given["places"].numel())
+    tension, x, u = given["tension"], given["others"], given["u"]
+    force, rate = model.around(ca.reshape(places, given["places"].shape), *[given[name] for name in names[1:]])
+    drum, values = model.drums(x, u), ca.vertcat(ca.vec(force), rate)
+    slopes = ca.densify(ca.jacobian(values, ca.vertcat(places, tension, x)))
+    drums = ca.Function("drums_of", [x, u], ca.cse([ca.densify(drum), ca.densify(ca.jacobian(drum, x))]))
+    arguments = [places, *[given[name] for name in names[1:]]]
+    around = ca.Function("around", arguments, ca.cse([ca.densify(values), slopes]))
+    sizes = []
+    for name, function in (("drums", drums), ("around", around)):
+        for what in ("arg", "res", "iw", "w"):
+            sizes.append(f"#define {name}_SZ_{what.upper()} {max(getattr(function, f'sz_{what}')(), 1)}")
+    words = {
+        "fingers": len(chains),
+        "hinges": chains[0].n,
+        "tendons": tension.numel(),
+        "tendons_of": ", ".join(str(len(chain.tendons)) for chain in chains),
+        "places": given["places"].size2(),
+        "places_of": ", ".join(str(len(chain.places)) for chain in chains),
+        "others": x.numel(),
+        "nu": u.numel(),
+        "nw": model.nw,
+        "functions": "\n".join([generated("chain", drums, around), *sizes]),
+    }
+    return filled(template("closed_loop", "chain.c"), words)
