@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import casadi as ca
 
@@ -18,20 +18,15 @@ _RATES = ("object_x_rate [m/s]", "object_y_rate [m/s]", "object_angle_rate [rad/
 class Body:
     """Pose, motion and inertia of the object.
 
-    The pose is that of the object's frame: the world position of its origin and its angle. Mass [kg] and ``place`` [m]
-    of a fixed object are those described where not given; ``grip`` is a factor of all friction coefficients.
+    The pose is that of the object's frame: the world position of its origin and its angle. What is ``given`` by name of
+    ``object_mass`` [kg], ``friction_factor`` [1] of all coefficients and, where it is fixed, ``object_x`` and
+    ``object_y`` [m] takes the place of what is described.
     """
 
-    def __init__(
-        self,
-        described: GraspObject,
-        around: Surroundings,
-        mass: Scalar | None = None,
-        grip: Scalar = 1.0,
-        place: tuple[Scalar, Scalar] | None = None,
-    ) -> None:
+    def __init__(self, described: GraspObject, around: Surroundings, given: Mapping[str, Scalar]) -> None:
         self.object, self._around = described, around
-        self.grip = grip
+        self.grip: Scalar = given.get("friction_factor", 1.0)
+        mass = given.get("object_mass")
         self.mass: Scalar = described.mass if mass is None else mass
         # The moment of inertia grows with the mass: same shape, other density.
         self.inertia: Scalar = around.inertia if mass is None else (around.inertia / described.mass) * mass
@@ -54,7 +49,8 @@ class Body:
             self.turn = Rotation(ca.cos(self.pose[2]), ca.sin(self.pose[2]))
             self.velocity, self.omega = Vec(self.rates[0], self.rates[1]), self.rates[2]
         else:
-            self.position = Vec(*(described.position if place is None else place))
+            x, y = described.position
+            self.position = Vec(given.get("object_x", x), given.get("object_y", y))
             self.turn = rotated(described.angle)
             self.velocity = ZERO
         self.climb: Scalar = self.rates[3] if self.moves and self.sinks else 0.0

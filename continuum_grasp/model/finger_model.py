@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.backbone import Backbone
 from continuum_grasp.model.choices import ModelOptions
-from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.functions import Functions, function_names, named
 from continuum_grasp.model.planar import column, matrix
 from continuum_grasp.model.structure import Structure
@@ -150,8 +149,7 @@ class FingerModel(Functions):
     """
 
     def __init__(self, finger: Scene | Finger, **options: Unpack[ModelOptions]) -> None:
-        made = Structure(finger, options)
-        self.structure = made
+        super().__init__(made := Structure(finger, options))
         self.finger = made.finger
         self.family = made.family_name
         self.contacts = made.contacts
@@ -159,13 +157,7 @@ class FingerModel(Functions):
         self.load_entries = made.load_entries
         self.lengths = made.lengths
         self.ranges = made.ranges
-        self.q_names, self.x_names = made.q_names, made.x_names
-        self.u_names, self.w_names = made.u_names, made.w_names
-        self.friction_names = made.friction_names
-        self.p_names, self.p_nominal = made.parameters.labels, made.parameters.nominal
-        self.n, self.nx = made.n, len(made.x_names)
-        self.nu, self.nw, self.np = len(made.u_names), len(made.w_names), len(self.p_names)
-        self._equations = Equations(made)
+        self.q_names, self.friction_names = made.q_names, made.friction_names
 
     def headline(self) -> str:
         """Its elements."""
@@ -198,7 +190,6 @@ class FingerModel(Functions):
         r=lambda eq: ca.horzcat(*[at.column() for at, _ in eq.joints]),
         angle=lambda eq: [angle for _, angle in eq.joints],
     )
-    energy = named("x u p", kinetic=lambda eq: eq.kinetic_energy, potential=lambda eq: eq.potential_energy)
     bending = named("q u p", bend=lambda eq: eq.bends)
     range_use = named("q u p", use=lambda eq: eq.range_use)
 

@@ -11,6 +11,7 @@ import casadi as ca
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Scalar, Vec, column, matrix
 from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.sweep import Builder, sweep_function
 from continuum_grasp.summary import Summarized
 
@@ -57,12 +58,21 @@ def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Outp
 class Functions(Remade, Summarized):
     """What a finger alone and a finger with an object have in common: functions with named inputs and outputs."""
 
-    _equations: Equations
-
     x_names: list[str]
     u_names: list[str]
     w_names: list[str]
     p_names: list[str]
+
+    def __init__(self, structure: Structure) -> None:
+        self.structure = structure
+        self._equations = Equations(structure)
+        touched = self._equations.contacts
+        self.x_names = [*structure.x_names, *(touched.names if touched else [])]
+        self.w_names = [*structure.w_names, *(touched.body.w_names if touched else [])]
+        self.u_names = structure.u_names
+        self.p_names, self.p_nominal = structure.parameters.labels, structure.parameters.nominal
+        self.n, self.nx, self.nu = structure.n, len(self.x_names), len(self.u_names)
+        self.nw, self.np = len(self.w_names), len(self.p_names)
 
     def pairs(self) -> dict[str, str]:
         """Names of states, inputs, forces and parameters."""
@@ -73,7 +83,7 @@ class Functions(Remade, Summarized):
         """A function of space-separated inputs, which are symbols of the equations."""
         names = inputs.split()
         arguments = [getattr(self._equations, key) for key in names]
-        expressions = [_dense(value) for value in outputs.values()]
+        expressions = [dense(value) for value in outputs.values()]
         if "x" not in names:
             expressions = self._at_command(expressions)
         # The recursions write common factors (turns, arms, velocities) more than once: cse computes each once.
@@ -152,6 +162,7 @@ class Functions(Remade, Summarized):
             k = ca.Function("implicit_rate", [eq.x, eq.u, eq.w, eq.p, symbol], [value])(x, u, w, p, part)
         return ca.Function("implicit", [x, u, w, p, part], [k], ["x", "u", "w", "p", "part"], ["k"])
 
+    energy = named("x u p", kinetic=lambda eq: eq.kinetic_energy, potential=lambda eq: eq.potential_energy)
     internal = named(
         "x u p",
         M=lambda eq: matrix(eq.mass_matrix),
@@ -172,7 +183,7 @@ def function_names(cls: type[Functions]) -> tuple[str, ...]:
     return tuple(n for n, value in found.items() if isinstance(value, cached_property) and not n.startswith("_"))
 
 
-def _dense(value: Output) -> ca.SX:
+def dense(value: Output) -> ca.SX:
     if isinstance(value, Vec):
         return value.column()
     return ca.densify(column(value) if isinstance(value, list) else ca.SX(value))

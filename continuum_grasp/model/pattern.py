@@ -65,6 +65,8 @@ as it is (``python -m benchmarks.bench_elements``)."""
 
 def why_dense(made: Structure) -> str:
     """Why a finger solves its equations of motion densely; empty where sweeps along the chain may solve them."""
+    if made.around is not None:
+        return "an object, whose contact forces depend on the motion of all elements"
     if len(made.lengths) < FEWEST_ELEMENTS:
         return f"fewer than {FEWEST_ELEMENTS} elements"
     if made.parameters.is_runtime("element_lengths"):
