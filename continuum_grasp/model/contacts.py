@@ -1,4 +1,4 @@
-"""What a finger touches: a body, and contacts with it, whose laws have gaps and slips as ports and states of friction."""
+"""What a finger touches: a body, and contacts with it: laws of gaps and slips, with states of friction."""
 
 from __future__ import annotations
 

@@ -52,8 +52,8 @@ def pattern_of(family: Family, rod: Rod) -> Pattern | None:
     steps = np.max([link.reach(count) for link in collocated], axis=0).tolist()
 
     def link(local: Sequence[Scalar], row: ca.SX) -> TabulatedLink:
-        rest = 1.0 if rod.rest is None else rod.rest
-        return TabulatedLink(local, tables[0].filled(row), steps, density, rotary, rest)
+        table, rest = tables[0].filled(row), 1.0 if rod.rest is None else rod.rest
+        return TabulatedLink(table, table.turned(local, rest, steps), 1.0, density, rotary)
 
     return Pattern(np.array([table.numbers for table in tables]), link)
 
