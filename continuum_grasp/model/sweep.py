@@ -337,26 +337,19 @@ class Builder:
         return self._function("loads", {"turns": turns, "x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}, {"force": forces})
 
     def _inward(self) -> ca.Function:
-        size, shared, state = self._local, self._shared, SECTION + self._shared
-        matched, packed = self._made.matched, state * (state + 1) // 2
+        size, state, matched = self._local, SECTION + self._shared, self._made.matched
+        packed = state * (state + 1) // 2
         end = ca.SX.sym("end", packed + state + 2 * matched)
         shape, body = ca.SX.sym("shape", 4 + 2 * size + 2), ca.SX.sym("body", self._body_size)
         force = ca.SX.sym("force", (SECTION + size) * bool(self._loaded))
-        inertia, bends = self._pattern.link([0.0] * size, self._numbers).inertia, ca.vertsplit(self._own["bends"])
-        (c, sine, *entries), total = ca.vertsplit(shape), SECTION + size
-        span, *arms, beta = (ca.vertcat(*entries[k : k + 2]) for k in range(0, len(entries), 2))
+        inertia = self._pattern.link([0.0] * size, self._numbers).inertia
+        total, (turn, to_end, beta) = SECTION + size, self._along(shape)
         # What is beyond, with the mass at the end of the link, in the axes of the link.
-        turn = ca.diagcat(ca.vertcat(ca.horzcat(c, -sine), ca.horzcat(sine, c)), ca.SX.eye(state - 2))
         beyond = _symmetric(end[:packed], state) + self._own["mass"] * ca.diagcat(
             ca.SX.eye(2), ca.SX(state - 2, state - 2)
         )
         beyond = _mirrored(turn @ beyond @ turn.T)
-        felt = turn @ end[packed : packed + state] - beyond[:, :2] @ beta
-        # The velocity of the end of the link from that of its start, and from its local coordinates.
-        ways = [ca.horzcat(ca.SX.eye(2), ca.SX(2, state - 2)), ca.horzcat(span.T, 1.0, ca.SX(1, shared))]
-        for a, (arm, angle) in enumerate(zip(arms, bends, strict=True)):
-            ways.append(ca.horzcat(arm.T, angle, *[float(a == size - shared + k) for k in range(shared)]))
-        to_end = ca.vertcat(*ways)
+        felt = turn @ end[packed : packed + state] - beyond @ beta
         own = ca.vertcat(inertia.mass, 0.0, inertia.mass, body[:-total])
         matrix = ca.densify(to_end @ beyond @ to_end.T) + _symmetric(own, total)
         right = to_end @ felt + body[-total:] + (force if force.numel() else 0.0)
@@ -375,6 +368,19 @@ class Builder:
             {"end": end, "shape": shape, "body": body, "row": self.row, "p": self.equations.p, "force": force},
             {"handed": handed, "gain": ca.horzsplit(ca.horzcat(*gains))},
         )
+
+    def _along(self, shape: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """From the axes of a link's end to those of the link; the velocity of the end by that of the start and by local
+        coordinates, and what velocity products add, in the latter.
+        """
+        size, shared = self._local, self._shared
+        c, s, *entries = ca.vertsplit(shape)
+        span, *arms, beta = (ca.vertcat(*entries[k : k + 2]) for k in range(0, len(entries), 2))
+        ways = [ca.horzcat(ca.SX.eye(2), ca.SX(2, 1 + shared)), ca.horzcat(span.T, 1.0, ca.SX(1, shared))]
+        for a, (arm, angle) in enumerate(zip(arms, ca.vertsplit(self._own["bends"]), strict=True)):
+            ways.append(ca.horzcat(arm.T, angle, *[float(a == size - shared + k) for k in range(shared)]))
+        turn = ca.diagcat(ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c)), ca.SX.eye(1 + shared))
+        return turn, ca.vertcat(*ways), ca.vertcat(beta, ca.SX(1 + shared, 1))
 
     @property
     def _body_size(self) -> int:
@@ -398,24 +404,16 @@ class Builder:
         size, state = self._local, SECTION + self._shared
         start, shape = ca.SX.sym("start", state), ca.SX.sym("shape", 4 + 2 * size + 2)
         gain = ca.SX.sym("gain", sum(b + 1 for b in range(state, SECTION + size)))
-        bends = ca.vertsplit(self._own["bends"])
-        turn, (span, *arms, beta) = Rotation(shape[0], shape[1]), _vectors(shape[2:])
-        found: list[Scalar] = [start[k] for k in range(state)]
-        at = 0
+        found, at = ca.vertsplit(start), 0
         for b in range(state, SECTION + size):
-            found.append(gain[at + b] - _dot([gain[at + i] for i in range(b)], found))
+            found.append(gain[at + b] - ca.dot(gain[at : at + b], ca.vertcat(*found)))
             at += b + 1
-        local = found[SECTION:]
-        moved = Vec(found[0], found[1]) + span.scaled(found[2]) + beta
-        for arm, rate in zip(arms, local, strict=True):
-            moved += arm.scaled(rate)
-        moved = turn.transposed().apply(moved)
-        spun = found[2] + _dot(bends, local)
-        following = [moved.x, moved.y, spun, *local[size - self._shared :]]
+        turn, to_end, beta = self._along(shape)
+        following = turn.T @ (to_end.T @ ca.vertcat(*found) + beta)
         return self._function(
             "onward",
             {"start": start, "shape": shape, "gain": gain, "row": self.row},
-            {"following": following, "rates": local[self._shared :]},
+            {"following": ca.vertsplit(following), "rates": found[state:]},
         )
 
 
@@ -435,16 +433,8 @@ def _digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:16]
 
 
-def _dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
-    return sum((u * v for u, v in zip(a, b, strict=True)), 0.0)
-
-
 def _flat(vectors: Sequence[Vec]) -> list[Scalar]:
     return [entry for v in vectors for entry in (v.x, v.y)]
-
-
-def _vectors(entries: ca.SX) -> list[Vec]:
-    return [Vec(entries[k], entries[k + 1]) for k in range(0, entries.numel(), 2)]
 
 
 def _lower(matrix: ca.SX) -> list[ca.SX]:
