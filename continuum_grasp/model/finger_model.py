@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Unpack
 
 import casadi as ca
@@ -193,25 +192,21 @@ class FingerModel(Functions):
     bending = named("q u p", bend=lambda eq: eq.bends)
     range_use = named("q u p", use=lambda eq: eq.range_use)
 
-    @cached_property
-    def statics(self) -> ca.Function:
-        """What is missing for equilibrium, and the tangent stiffness."""
-        eq = self._equations
-        missing = -column(eq.force_at_rest)
-        names = "q u w p history" if eq.history.numel() else "q u w p"
-        return self._function("statics", names, Q=missing, K=ca.jacobian(missing, eq.q))
-
-    @cached_property
-    def _drives_at_rest(self) -> ca.Function:
-        eq = self._equations
-        names = "q u p history" if eq.history.numel() else "q u p"
-        return self._function("drives_at_rest", names, lag=eq.drives_at_rest)
-
-    @cached_property
-    def _drives_drawn(self) -> ca.Function:
-        eq = self._equations
-        names = "q pulled p history" if eq.history.numel() else "q pulled p"
-        return self._function("drives_drawn", names, lag=eq.drives_drawn)
+    statics = named(
+        "q u w p",
+        Q=lambda eq: -column(eq.force_at_rest),
+        K=lambda eq: ca.jacobian(-column(eq.force_at_rest), eq.q),
+        history=True,
+    )
+    _drives_at_rest = named("q u p", lag=lambda eq: eq.drives_at_rest, history=True)
+    _drives_drawn = named("q pulled p", lag=lambda eq: eq.drives_drawn, history=True)
+    _tensions = named(
+        "x u p",
+        tensions=lambda eq: list(eq.moving.tendons.tensions),
+        along=lambda eq: [tension for tensions in eq.moving.tendons.along for tension in tensions],
+    )
+    _tensions_at_rest = named("q u p", tensions=lambda eq: list(eq.resting.tendons.tensions), history=True)
+    _sliding = named("q u p", slid=lambda eq: eq.resting.travel)
 
     def drives_at(
         self,
@@ -260,12 +255,6 @@ class FingerModel(Functions):
             passive=-_slope(column(eq.net_force(eq.moving, driven=False)), eq.q),
         )
 
-    @cached_property
-    def _tensions(self) -> ca.Function:
-        own = self._equations.moving.tendons
-        along = [tension for tensions in own.along for tension in tensions]
-        return self._function("tensions", "x u p", tensions=list(own.tensions), along=along)
-
     def tensions(self) -> ca.Function:
         """``(x, u, p) -> tensions, along``: of each tendon at its drive [N], and at its `tension_places`.
 
@@ -283,12 +272,6 @@ class FingerModel(Functions):
         if not self.structure.own_tendons:
             raise InputError("the tensions of this finger are its inputs, all along: read them there", key="tensions")
 
-    @cached_property
-    def _tensions_at_rest(self) -> ca.Function:
-        eq = self._equations
-        names = "q u p history" if eq.history.numel() else "q u p"
-        return self._function("tensions_at_rest", names, tensions=list(eq.resting.tendons.tensions))
-
     def tensions_at_rest(self) -> ca.Function:
         """``(q, u, p (, history)) -> tensions`` at the drives of a finger at rest [N]; of the fingers of `tensions`."""
         self._check_own_tensions()
@@ -303,10 +286,6 @@ class FingerModel(Functions):
             for tendon in cells.tendons:
                 found[tendon] = np.cumsum(lengths) - 0.5 * lengths
         return found
-
-    @cached_property
-    def _sliding(self) -> ca.Function:
-        return self._function("sliding", "q u p", slid=self._equations.resting.travel)
 
     def sliding(self) -> ca.Function:
         """``(q, u, p) -> slid``: what moves friction states, since the finger was straight [1].

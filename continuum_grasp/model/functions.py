@@ -47,7 +47,8 @@ def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Outp
     def build(model: Functions) -> ca.Function:
         eq = model._equations
         names = f"{inputs} history" if history and eq.history.numel() else inputs
-        return model._function(str(found.attrname), names, **{name: of(eq) for name, of in outputs.items()})
+        # Those that methods give have a private name here.
+        return model._function(str(found.attrname).lstrip("_"), names, **{name: of(eq) for name, of in outputs.items()})
 
     # Built when it is first read: a model has some twenty functions, and most users need two.
     found: cached_property[ca.Function] = cached_property(build)
