@@ -39,6 +39,7 @@ _FINGER = {
     "half_thickness": 0.006,
     "tendons": _TENDONS,
 }
+_CHAMBER = {"area": 6e-5, "offset": 0.005, "max_pressure": 8e4, "time_constant": 0.02}
 _DRIVEN = {"offset": 0.005, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 3e4}
 _MOTOR = {
     "kind": "motor",
@@ -102,6 +103,10 @@ FEATURES = (
         {"finger.tendons": [{**_TENDONS, "offset": 0.005, "to": 0.09}, _TENDONS, {**_TENDONS, "offset": -0.005}]},
     ),
     Feature("no tendons", {"finger.tendons": None}),
+    Feature(
+        "pressure chambers", {"finger.tendons": None, "finger.pressure": [_CHAMBER, {**_CHAMBER, "offset": -0.005}]}
+    ),
+    Feature("a muscle beside tendons", {"finger.pressure": {**_CHAMBER, "contracts": True, "to": 0.09}}),
     Feature("dry friction in bending", {"finger.damping.dry_friction": [{"stiffness": 0.01, "moment": 0.01}]}),
     Feature("relaxation", {"finger.damping.relaxation": [{"share": 0.2, "time": 3.0}]}),
     Feature("quadratic damping", {"finger.damping.quadratic": 1e-5}),
@@ -161,14 +166,16 @@ def _commands(changes: Mapping[str, Any]) -> str:
     tendons = changes.get("finger.tendons", _TENDONS)
     drive = tendons.get("drive") if isinstance(tendons, dict) else None
     kinds = {"length": "lengths", "motor": "angles"}
-    return "tip_moment" if tendons is None else kinds[drive["kind"]] if drive else "tensions"
+    if tendons is None:
+        return "pressures" if "finger.pressure" in changes else "tip_moment"
+    return kinds[drive["kind"]] if drive else "tensions"
 
 
 def _limits(changes: Mapping[str, Any]) -> dict[str, Any]:
     """Limits of the input."""
     key = _commands(changes)
     moment = {"moment_max": 0.1, "time_constant": 0.02}
-    return moment if key == "tip_moment" else {} if key == "tensions" else {key: [-0.01, 0.01]}
+    return moment if key == "tip_moment" else {} if key in ("tensions", "pressures") else {key: [-0.01, 0.01]}
 
 
 @cache
@@ -215,7 +222,9 @@ def scene_of(kind: type[Value], feature: Feature, more: Mapping[str, Any]) -> Va
     if kind is not Scene and any(load["kind"] == "moment" for load in changes.get("loads", ())):
         return None
     if kind in (GraspScene, MissionScene):
-        if changes == {"finger.tendons": None} or any(not key.startswith(("finger", "fidelity")) for key in changes):
+        if changes.get("finger.tendons", ()) is None or any(
+            not key.startswith(("finger", "fidelity")) for key in changes
+        ):
             return None
         if kind is MissionScene:
             changes = {f"grasp.{key}": value for key, value in changes.items()}

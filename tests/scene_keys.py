@@ -61,6 +61,11 @@ _FORCE = {"kind": "force", "at": 0.06, "force": {"times": [0.0, 1.0], "values": 
 _MOMENT = {"kind": "moment", "at": 0.05, "moment": 0.01}
 _DRY = {"dry_friction": [{"stiffness": 0.01, "moment": 0.01}], "friction_cells": 3}
 _RELAXING = {"finger.damping": {"relaxation": [{"share": 0.2, "time": 3.0}]}}
+_CHAMBER = {"area": 6e-5, "offset": -0.004, "max_pressure": 8e4, "time_constant": 0.05}
+_CHAMBERS = {
+    "finger.tendons": None,
+    "finger.pressure": [_CHAMBER, {**_CHAMBER, "offset": 0.004, "start": 0.01, "to": 0.08, "stiffness_share": 0.1}],
+}
 _SHIPPED: dict[type[BaseModel], dict[str, dict[str, Any]]] = {
     Scene: {
         name: {"fidelity": {"family": "arc", "elements": 3}, "initial": {"pose": "straight"}}
@@ -136,6 +141,14 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
         },
     ),
     "tip moment": ("close_on_mug", {"finger.tendons": None, "actuation": {"tip_moment": 0.01}}),
+    "chambers": ("close_on_mug", {**_CHAMBERS, "actuation": {"pressures": [2e4, 1e4]}}),
+    "muscle beside tendons": (
+        "three_tendons",
+        {
+            "finger.pressure": {**_CHAMBER, "contracts": True},
+            "actuation": {"tensions": [3.0, 4.0, 5.0], "pressures": [{"times": [0.0, 1.0], "values": [0.0, 2e4]}]},
+        },
+    ),
     "dry friction": ("close_on_mug", {"finger.damping": _DRY}),
     "dry friction, bent": (
         "close_on_mug",
@@ -203,6 +216,16 @@ _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
         {"estimator": None, "controller.bounds.curvature": 10.0, "controller.horizon.substeps": 4},
     ),
     "motor": ("motor_servo", {"loads": []}),
+    "chambers": (
+        "steady_tip",
+        {
+            **_CHAMBERS,
+            "fidelity.family": "clothoid",
+            "controller.cost": {"tip": {"running": 2e4}, "effort": 1e-10, "input_rate": 1e-10},
+            "controller.input.rate_max": 1e6,
+            "estimator.measured": {"tip": 0.0003},
+        },
+    ),
     "contact of motors": ("motor_servo", {"estimator.measured.torque": 0.001, "estimator.contact_detection": {}}),
     "guides": ("winches", {"plant": {"guides": 20}}),
     "all tracked": (
@@ -290,6 +313,7 @@ _PLANS: dict[str, tuple[str, dict[str, Any]]] = {
             "solver": {"method": "sqp", "hessian": "gauss_newton"},
         },
     ),
+    "chambers": ("tip_to_point", {**_CHAMBERS, "fidelity.family": "clothoid", "input.rate_max": 1e6}),
     "tip moment": ("tip_to_point", {"finger.tendons": None, "input": {"moment_max": 0.2, "time_constant": 0.02}}),
     **{
         f"motor, {key}": (

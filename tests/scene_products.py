@@ -115,8 +115,8 @@ def equilibrium_and_modes(scene: Scene) -> Iterator[object]:
         initial = initial.replaced(reached_by="pulling")
     actuation = scene.actuation
     if actuation is not None:
-        key, given = actuation.given
-        actuation = Actuation.of(key, [one.values[-1] if isinstance(one, Samples) else one for one in given])
+        values = [one.values[-1] if isinstance(one, Samples) else one for one in actuation.values]
+        actuation = Actuation.of(scene.finger.input_keys, values)
     found = modes(scene.replaced(**alone, initial=initial, actuation=actuation), points=5)
     yield from (found.equilibrium.q, found.equilibrium.u, found.equilibrium.w, found.backbone)
     yield from (found.frequencies_hz, found.damping_ratios, found.stuck_frequencies_hz, found.free_frequencies_hz)

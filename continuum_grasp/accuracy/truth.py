@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import SolverError
 from continuum_grasp.rod.elastica import Elastica, solve_elastica
 from continuum_grasp.rod.frequencies import natural_frequencies
-from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
+from continuum_grasp.scene.loads import Actuation, ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.simulate import SEVERAL_MODELS, Scene
 from continuum_grasp.simulation.signals import interpolate, value_of
 
@@ -124,7 +124,7 @@ def load_cases(scene: Scene) -> list[LoadCase]:
     """
     values: list[object] = [value_of(load) for load in scene.loads]
     if scene.actuation is not None:
-        values += scene.actuation.given[1]
+        values += scene.actuation.values
     sampled = [value for value in values if isinstance(value, Samples | VectorSamples)]
     end = scene.time.duration if scene.time is not None else float("inf")
     instants = sorted({t for value in sampled for t in value.times if 0.0 < t <= end})
@@ -155,9 +155,7 @@ def _frozen(scene: Scene, t: float, held: bool) -> Scene:
         loads.append(load if held else _with_value(load, nothing))
     actuation = scene.actuation
     if actuation is not None:
-        key, given = actuation.given
-        values = tuple(_at(value, t) for value in given)
-        actuation = actuation.model_copy(update={key: values[0] if key == "tip_moment" else values})
+        actuation = Actuation.of(scene.finger.input_keys, [_at(value, t) for value in actuation.values])
     return scene.model_copy(update={"loads": tuple(loads), "actuation": actuation, "object": None})
 
 

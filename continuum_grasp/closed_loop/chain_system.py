@@ -355,6 +355,7 @@ _GUIDES = Consumer(
     "plant.guides",
     refused={
         **unknown_to("a chain of guides (plant.guides)"),
+        "finger.pressure": "a chain of guides (plant.guides) has tendons alone: leave guides out",
         "loads.kind=moment": "a chain of guides (plant.guides) takes forces as loads, no moments",
         "initial.reached_by=state": "state is that of cells, which a chain of guides has not",
     },

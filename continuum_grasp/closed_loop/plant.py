@@ -278,11 +278,12 @@ def sensor_expressions(scene: ControlScene, plant: PlantModel) -> dict[str, dict
         found["tip"] = dict(zip(("tip_x [m]", "tip_y [m]"), ca.vertsplit(plant.tip), strict=True))
     if measured.tension is not None:
         wound = plant.scene.finger.winches
-        names = [f"tension_{k + 1} [N]" for k in range(plant.tensions.numel())] if wound else plant.u_names
-        tensions = ca.vertsplit(plant.tensions if wound else plant.drive)
+        own = plant.nu - len(plant.scene.finger.chambers)
+        names = [f"tension_{k + 1} [N]" for k in range(plant.tensions.numel())] if wound else plant.u_names[:own]
+        tensions = ca.vertsplit(plant.tensions if wound else plant.drive[:own])
         found["tension"] = dict(zip(names, tensions, strict=True))
     states = plant.named_states
-    for sensor, word in (("length", "length_"), ("angle", "motor_angle_")):
+    for sensor, word in (("length", "length_"), ("angle", "motor_angle_"), ("pressure", "pressure_")):
         if getattr(measured, sensor) is not None:
             own = {name: x for name, x in states.items() if name.startswith(word) and "_rate" not in name}
             found[sensor] = own

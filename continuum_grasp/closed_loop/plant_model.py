@@ -46,9 +46,11 @@ def plant_scene(scene: ControlScene) -> Scene:
     if plant.tip_mass > 0.0:
         masses = (*masses, PointMass(at=rod.length, mass=plant.tip_mass))
     rest, initial = None, scene.initial
-    if finger.tendons is not None:
+    if "tip_moment" not in finger.input_keys:
         finger = finger.with_tendons(**plant.tendon_changes(finger))
-        rest = Actuation.of(finger.input_key, scene.rest_input)
+        if plant.time_constant is not None:
+            finger = finger.with_lags(plant.time_constant)
+        rest = Actuation.of(finger.input_keys, scene.rest_input)
         if not finger.has_tendon_friction:
             initial = initial.replaced(reached_by=None, friction_states=None)
         elif not scene.finger.has_tendon_friction and initial.pose == "equilibrium":
@@ -119,12 +121,16 @@ class PlantModel(Remade):
             object_parameters = ("object_mass", "friction_factor")
         finger = self.scene.finger
         tendons = finger.tendon_list
-        lags = [t.time_constant for t in tendons] or [scene.plant.time_constant or scene.controller.input.time_constant]
+        lags = [t.time_constant for t in tendons]
+        if "tip_moment" in finger.input_keys:
+            lags = [scene.plant.time_constant or scene.controller.input.time_constant]
         known = [lag for lag in lags if lag is not None]
-        self._lag = np.array(known) if len(known) == len(lags) else None
+        # Of tensions, or the tip moment; pressures of chambers are states of the system.
+        self._lag = np.array(known) if known and len(known) == len(lags) else None
+        self._lags = 0 if self._lag is None else len(lags)
         self._order = scene.plant.drive_order
         # A matched tip moves with its moment: without a lag of second order it would jump.
-        jumps = self._lag is None or self._order == 1
+        jumps = self._lag is None or self._order == 1 or bool(finger.chambers)
         family = scene.plant.fidelity.family or default_family(free_tip=jumps or finger.needs_free_tip)
         # The lag is the plant's own, whose sensors read every tension: the system's x has what bends it alone.
         own = self.scene.replaced(finger=finger.with_tendons(time_constant=None))
@@ -145,11 +151,12 @@ class PlantModel(Remade):
             )
         self.parameters, self.finger_parameters = tuple(parameters), len(parameters)
         self.object_parameters = tuple(object_parameters)
-        self.u_names = tuple(self.system.u_names[: len(lags)])
+        self.u_names = tuple(self.system.u_names[: len(finger.input_keys)])
         names: tuple[str, ...] = ()
         if self._lag is not None:
-            rates = (name.replace(" [", "_rate [").replace("]", "/s]") for name in self.u_names)
-            names = self.u_names if self._order == 1 else (*self.u_names, *rates)
+            names = self.u_names[: self._lags]
+            rates = (name.replace(" [", "_rate [").replace("]", "/s]") for name in names)
+            names = names if self._order == 1 else (*names, *rates)
         self.x_names = (*self.system.x_names, *names)
         self.w_names = tuple(self.system.w_names)
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
@@ -177,18 +184,19 @@ class PlantModel(Remade):
 
     @property
     def drive(self) -> ca.SX:
-        """What the drive exerts: tensions [N], or the tip moment [N m]."""
-        return self._u if self._lag is None else self._x[self.system.nx : self.system.nx + self.nu]
+        """What the drive exerts: tensions [N], or the tip moment [N m]; then what is commanded of chambers [Pa]."""
+        lagging = self._x[self.system.nx : self.system.nx + self._lags]
+        return ca.vertcat(lagging, self._u[self._lags :])
 
     @cached_property
     def _drive_rates(self) -> ca.SX:
         """Rates of the drive's states: of what it exerts, and of these unless it is of first order."""
         if self._lag is None:
             return ca.SX(0, 1)
-        away, lag = self._u - self.drive, self._time
+        away, lag = (self._u - self.drive)[: self._lags], self._time
         if self._order == 1:
             return away / lag
-        rate = self._x[-self.nu :]
+        rate = self._x[-self._lags :]
         # Critically damped, as the controller's model has it: T^2 F'' + 2 T F' + F = F_command.
         return ca.vertcat(rate, away / lag**2 - 2.0 * rate / lag)
 
@@ -203,11 +211,12 @@ class PlantModel(Remade):
         found = dict(zip(self.x_names, ca.vertsplit(self._x), strict=True))
         if self._lag is None:
             return found
-        arms = [channel.arms for channel in self.scene.finger.channels] or [(1.0,)]
-        for k, of in enumerate(arms):
-            name = "tip_moment" if len(arms) == 1 else f"moment_{k + 1}"
-            found[f"{name} [N m]"] = ca.mtimes(ca.DM(of).T, self.drive)
-            found[f"{name}_rate [N m/s]"] = ca.mtimes(ca.DM(of).T, self._drive_rates[: self.nu])
+        channels = [channel for channel in self.scene.finger.channels if channel.time_constant is not None]
+        tensions = [channel.arms[: self._lags] for channel in channels if any(channel.arms[: self._lags])] or [(1.0,)]
+        for k, of in enumerate(tensions):
+            name = "tip_moment" if len(channels) < 2 else f"moment_{k + 1}"
+            found[f"{name} [N m]"] = ca.mtimes(ca.DM(of).T, self.drive[: self._lags])
+            found[f"{name}_rate [N m/s]"] = ca.mtimes(ca.DM(of).T, self._drive_rates[: self._lags])
         return found
 
     @cached_property
@@ -215,7 +224,7 @@ class PlantModel(Remade):
         """Tension of each tendon at its drive [N]."""
         x, u, p = self._of_system
         finger = self.system.finger_model
-        found = self.drive
+        found = self.drive[: self.nu - len(self.scene.finger.chambers)]
         if isinstance(self.system, ChainSystem):
             found = self.system.tensions(x, u, p)
         elif finger.structure.own_tendons:

@@ -70,15 +70,16 @@ class ModelScene(Protocol):
 
 
 class DriveState(NamedTuple):
-    """What a drive has reached: a state of the model, whose rate is the next one.
+    """What a drive has reached, a state of the model.
 
-    A bending moment or a tension that follows the inputs late, a length, or the angle of a motor.
+    A bending moment, a tension or a pressure that follows the inputs late, a length, or the angle of a motor.
     """
 
     state: int  # index in x
     arms: tuple[float, ...]  # of what follows the inputs: amount per input (nu); else zero
     most: float  # greatest magnitude that can be reached
     lag: float  # time constant [s]
+    rate: tuple[int, ...]  # index of its rate in x; none of a pressure, whose lag is of first order
 
 
 class Prediction(Remade):
@@ -109,7 +110,7 @@ class Prediction(Remade):
         moved = "object_position" in scene.disturbances
         stations = (*(f"{k + 1}" for k in range(len(scene.contacts))), "tip")
         friction = map(friction_parameter, stations) if "contact_friction" in scene.disturbances else ()
-        self._own_lag = scene.lag if finger.tendons is None else None
+        self._own_lag = scene.lag if "tip_moment" in finger.input_keys else None
         # By friction and stops the tip's bending depends on the shape, and without a lag it jumps: a matched tip has
         # neither.
         family = fidelity.family or default_family(free_tip=finger.needs_free_tip or scene.lag is None)
@@ -147,26 +148,28 @@ class Prediction(Remade):
     def greatest_moment(self) -> float:
         """Greatest bending moment that inputs, or tensions within their limits, exert at the base [N m]."""
         finger = self.scene.finger
-        arms = [c.arms for c in finger.channels if any(c.arms)] or [(1.0,)]
-        limits = self.scene.input_limits if finger.tendons is None else finger.tension_limits
-        return sum(_greatest(of, limits) for of in arms)
+        channels = [c for c in finger.channels if any(c.arms)]
+        if not channels:
+            return _greatest((1.0,), self.scene.input_limits)
+        return sum(abs(c.gain) * _greatest(c.arms, finger.pull_limits) for c in channels)
 
     @property
     def driven(self) -> tuple[DriveState, ...]:
         """States of the drives: moments, tensions where tendons have friction, and positions of winches and motors."""
-        driven = r"(tip_)?moment(_\d+)? \[N m\]|tension_\d+ \[N\]|length_\d+ \[m\]|motor_angle_\d+ \[rad\]"
-        states = [k for k, name in enumerate(self.x_names) if re.fullmatch(driven, name)]
-        winches = self.system.finger_model.structure.winches
-        if winches:
-            return tuple(
-                self._wound(k, winch, state) for k, (winch, state) in enumerate(zip(winches, states, strict=True))
-            )
-        drives = [(arms, lag) for arms, lag in _drives(self.scene) if lag is not None]
-        limits = self.scene.input_limits
-        return tuple(
-            DriveState(state, arms, _greatest(arms, limits), lag)
-            for state, (arms, lag) in zip(states, drives, strict=True)
+        driven = (
+            r"(tip_)?moment(_\d+)? \[N m\]|tension_\d+ \[N\]|length_\d+ \[m\]|motor_angle_\d+ \[rad\]|"
+            r"pressure_\d+ \[Pa\]"
         )
+        # Those of lags come first; of winches there are no others before them.
+        states = [k for k, name in enumerate(self.x_names) if re.fullmatch(driven, name)]
+        winches, limits = self.system.finger_model.structure.winches, self.scene.input_limits
+        drives = [(arms, lag) for arms, lag in _drives(self.scene) if lag is not None]
+        found = [
+            DriveState(state, arms, _greatest(arms, limits), lag, self._rate_of(state))
+            for state, (arms, lag) in zip(states, drives, strict=False)
+        ]
+        wound = zip(winches, states[len(drives) :], strict=True)
+        return (*(self._wound(k, winch, state) for k, (winch, state) in enumerate(wound)), *found)
 
     def _wound(self, number: int, winch: Winch, state: int) -> DriveState:
         """Position of a winch: commanded, or as far as a motor turns when it bends the finger over its range."""
@@ -179,7 +182,10 @@ class Prediction(Remade):
             paths = [finger.tendon_list[k].greatest_offset * bend for k in winch.tendons]
             elongation = winch.drive.torque_max / (winch.radius * float(winch.stiffness))
             reach = (max(paths) + elongation + abs(float(winch.start))) / winch.radius
-        return DriveState(state, follows or (0.0,) * self.nu, reach, winch.time_constant)
+        return DriveState(state, follows or (0.0,) * self.nu, reach, winch.time_constant, (state + 1,))
+
+    def _rate_of(self, state: int) -> tuple[int, ...]:
+        return () if self.x_names[state].startswith("pressure_") else (state + 1,)
 
     # -- what the system takes ----------------------------------------------------------------------------------------
 
@@ -368,13 +374,17 @@ def _symbols(names: Sequence[str]) -> ca.SX:
 
 
 def _drives(scene: ModelScene) -> list[tuple[tuple[float, ...], float | None]]:
-    """Of each moment that the inputs exert, or of each tension, its arms and its time constant [s]."""
-    if scene.finger.tendons is None:
+    """Of each moment that the inputs exert, or of each tension or pressure, its arms and its time constant [s]."""
+    finger = scene.finger
+    inputs = len(finger.input_keys)
+    if "tip_moment" in finger.input_keys:
         return [((1.0,), scene.lag)]
-    if scene.finger.has_tendon_friction:
-        tendons = scene.finger.tendon_list
-        return [(tuple(float(j == k) for j in range(len(tendons))), t.time_constant) for k, t in enumerate(tendons)]
-    return [(channel.arms, channel.time_constant) for channel in scene.finger.channels if any(channel.arms)]
+    own = [(channel.arms, channel.time_constant) for channel in finger.channels if any(channel.arms)]
+    if finger.has_tendon_friction or finger.winches:
+        lags = [] if finger.winches else [tendon.time_constant for tendon in finger.tendon_list]
+        lags += [chamber.time_constant for chamber in finger.chambers]
+        own = [(tuple(np.eye(inputs)[k - len(lags)].tolist()), lag) for k, lag in enumerate(lags)]
+    return own
 
 
 def _greatest(arms: tuple[float, ...], limits: tuple[tuple[float, ...], tuple[float, ...]]) -> float:
@@ -414,7 +424,7 @@ def start_state(
         gravity=scene.gravity,
         contacts=scene.contacts,
         fidelity=scene.fidelity,
-        actuation=Actuation.of(scene.finger.input_key, u),
+        actuation=Actuation.of(scene.finger.input_keys, u),
         initial=initial,
         loads=tuple(loads),
     )

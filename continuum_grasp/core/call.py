@@ -197,12 +197,11 @@ def check_moment(model: FingerModel, u: NDArray[np.float64]) -> None:
     structure = model.structure
     if not structure.moment_is_constant or u.shape[1] < 2:
         return
-    drives = max(structure.inputs.drives, 1)
     values = list(np.moveaxis(u[:, :, : structure.inputs.count], -1, 0))
     for source in structure.sources:
-        driven, couples = source.amplitudes(values, drives)
-        amplitude = np.broadcast_to(driven + couples, values[0].shape)
-        largest = max([1.0] * bool(source.couples) + [abs(arm) for arm in source.arms])
+        driven, couples = source.amplitudes(values, len(structure.inputs.drives))
+        amplitude = np.broadcast_to(source.gain * driven + couples, values[0].shape)
+        largest = max([1.0] * bool(source.couples) + [abs(source.gain * arm) for arm in source.arms])
         if np.ptp(amplitude, axis=1).max() > _ROUNDING * np.abs(u).max() * largest:
             break
     else:

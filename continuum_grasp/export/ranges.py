@@ -97,15 +97,16 @@ def _object_fields(labels: Sequence[str], reach: float) -> tuple[Field, ...]:
 
 
 def _usual_drive(model: FingerModel, name: str) -> float | None:
-    """Size of usual tensions, lengths, angles, torques and currents of a drive; None of something else."""
+    """Size of usual tensions, pressures, lengths, angles, torques and currents; None of something else."""
     match = re.fullmatch(_DRIVE, name)
     if match is None:
         return None
     kind, number = match[1], int(match[2]) - 1
-    if kind == "tension":
-        _, arm = _pulled(model, number)
+    if kind in ("tension", "pressure"):
+        least, most = _of_pull(model, kind, number)
+        channel, arm = _pulled(model, kind, number)
         usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
-        return min(model.finger.tendon_list[number].max_tension, usual_moment / abs(arm))
+        return min(max(-least, most), usual_moment / abs(channel.gain * arm))
     winch = model.structure.winches[number]
     if kind in ("torque", "current"):
         return winch.drive.limit
@@ -115,16 +116,16 @@ def _usual_drive(model: FingerModel, name: str) -> float | None:
 
 
 def input_fields(model: FingerModel) -> tuple[Field, ...]:
-    """Entries of the input: tensions from zero on, up to the greatest, and torques and currents up to theirs."""
-    limits = [tendon.max_tension for tendon in model.finger.tendon_list]
+    """Entries of the input: tensions from zero on, up to the greatest; pressures, torques and currents in theirs."""
     usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
     found = []
     for field in _fields(model, model.u_names):
         size, drive = _usual_drive(model, field.name), re.fullmatch(_DRIVE, field.name)
         if size is None or drive is None:
             found.append(field.around(usual_moment))
-        elif drive[1] == "tension":
-            found.append(field.within(0.0, limits[int(drive[2]) - 1], size))
+        elif drive[1] in ("tension", "pressure"):
+            least, most = _of_pull(model, drive[1], int(drive[2]) - 1)
+            found.append(field.within(min(least, 0.0), max(most, 0.0), size))
         else:
             high = model.structure.winches[int(drive[2]) - 1].drive.limit
             found.append(field.within(-high, high, size) if high else field.around(size))
@@ -300,7 +301,7 @@ def _of_curvature(
     return use, text, {"state" if at < count else "input": note for at in acting}, {}
 
 
-_DRIVE = r"(tension|length|motor_angle|torque|current|angle)_(\d+)"
+_DRIVE = r"(tension|pressure|length|motor_angle|torque|current|angle)_(\d+)"
 _PATTERNS = (
     (r"length_(\d+)", "cable that winch {0} winds up, from where it is at zero"),
     (r"motor_angle_(\d+)", "angle of motor {0}, at the drum"),
@@ -341,9 +342,18 @@ _PATTERNS = (
 )
 
 
-def _pulled(model: FingerModel, tendon: int) -> tuple[Channel, float]:
-    """The channel of a tendon, and its arm there [m]."""
-    arms = ((channel, channel.arms[tendon]) for channel in model.finger.channels)
+def _of_pull(model: FingerModel, kind: str, number: int) -> tuple[float, float]:
+    """Least and greatest tension that may be commanded of a tendon, from zero on, or pressure of a chamber."""
+    if kind == "tension":
+        return 0.0, model.finger.tendon_list[number].max_tension
+    chamber = model.finger.chambers[number]
+    return chamber.min_pressure, chamber.max_pressure
+
+
+def _pulled(model: FingerModel, kind: str, number: int) -> tuple[Channel, float]:
+    """The channel of a tendon or a chamber, and its arm there."""
+    place = number + (len(model.finger.tendon_list) if kind == "pressure" else 0)
+    arms = ((channel, channel.arms[place]) for channel in model.finger.channels)
     return next((channel, arm) for channel, arm in arms if arm)
 
 
@@ -355,8 +365,14 @@ def _description(model: FingerModel, name: str) -> str:
     mass = re.fullmatch(r"mass_(\d+)", name)
     if mass:
         return f"at {model.finger.masses[int(mass[1])].at:g} m along the finger"
-    if (drive := re.fullmatch(_DRIVE, name)) and drive[1] == "tension":
-        channel, arm = _pulled(model, int(drive[2]) - 1)
+    drive = re.fullmatch(_DRIVE, name)
+    if drive and drive[1] == "pressure":
+        chamber = model.finger.chambers[int(drive[2]) - 1]
+        to = model.finger.rod.length if chamber.to is None else chamber.to
+        way = "positively" if chamber.arm > 0.0 else "negatively"
+        return f"chamber from {chamber.start:g} to {to:g} m along the finger, which bends it {way}"
+    if drive and drive[1] == "tension":
+        channel, arm = _pulled(model, "tension", int(drive[2]) - 1)
         side = "base's -X side, which bends positively" if arm > 0.0 else "other side"
         end = f", up to {channel.to:g} m" if channel.to < model.finger.rod.length else ""
         return f"tendon on the {side}{end}"

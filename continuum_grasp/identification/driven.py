@@ -39,7 +39,7 @@ class Driven:
         targets = [one.target for one in unknowns]
         if LAG in targets and not scene.finger.winches:
             constant = unknowns[targets.index(LAG)].start
-            scene = scene.model_copy(update={"finger": scene.finger.with_tendons(time_constant=constant)})
+            scene = scene.model_copy(update={"finger": scene.finger.with_lags(constant)})
         self.scene = scene
         self.model = model = FingerModel(scene, parameters=runtime_names(scene, unknowns))
         self.signals = Signals(scene, model)

@@ -310,11 +310,12 @@ def _with_parameter(scene: Any, target: str, value: float) -> Any:
         changes = {target: value}
     elif target == "base_angle":
         changes = {"base.angle": value}
-    elif target.startswith(("tendon_", "drive_")) and finger.tendons is not None:
-        each = [f"[{k}]" for k in range(len(finger.tendon_list))] if isinstance(finger.tendons, tuple) else [""]
+    elif target.startswith(("tendon_", "drive_", "chamber_")):
         owner, _, key = target.partition("_")
-        key = f"drive.{key}" if owner == "drive" and finger.winches else key
-        changes = {f"tendons{one}.{key}": value for one in each}
+        own = f"drive.{key}" if owner == "drive" and finger.winches else key
+        changes = {f"{place}.{own}": value for place in finger.stated("tendons") if owner != "chamber"}
+        if owner == "chamber" or key == "time_constant":
+            changes = {**changes, **{f"{place}.{key}": value for place in finger.stated("pressure")}}
     elif target == "tip_mass":
         others = [mass for mass in finger.masses if not math.isclose(mass.at, finger.rod.length, rel_tol=1e-9)]
         changes = {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}

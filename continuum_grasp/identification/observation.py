@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import casadi as ca
+import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.data import Reading
@@ -43,19 +44,14 @@ def moving(model: FingerModel, readings: Sequence[Reading], x: ca.SX, u: ca.SX, 
 def felt(model: FingerModel, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
     """Inputs that act on the shape of a state: with a lag, tensions that give the lagged moment."""
     acting, made = ca.SX(u), model.structure
-    for k, source in enumerate(one for one in made.sources if one.time_constant is not None):
-        state = x[2 * (model.n + k)]
-        if source.tendon is not None:
-            acting[source.tendon] = state
-            continue
+    for source, place in made.lagging:
         # Any tensions with the lagged moment give the same shape: all of it in the first of the channel.
-        pulling = [j for j, arm in enumerate(source.arms) if arm != 0.0]
-        for j in pulling:
-            acting[j] = 0.0
-        arm: ca.SX | float = source.arms[pulling[0]]
-        if made.parameters.is_runtime("tendon_offset"):
+        pulling = np.flatnonzero(source.arms).tolist()
+        acting[pulling] = 0.0
+        arm: ca.SX | float = 1.0 if source.tendon is not None else source.arms[pulling[0]]
+        if made.parameters.is_runtime("tendon_offset") and source.tendon is None and not source.chamber:
             arm = p[model.p_names.index("tendon_offset [m]")]  # of a pair, whose first tendon has it
-        acting[pulling[0]] = state / arm
+        acting[pulling[0]] = x[place] / arm
     return acting
 
 

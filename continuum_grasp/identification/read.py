@@ -16,7 +16,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.identification.damped_sine import fit_damped_sine
 from continuum_grasp.identification.data import UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
 from continuum_grasp.identification.table import Table, read_table
-from continuum_grasp.labels import name_of, split_unit
+from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import (
     Column,
@@ -29,6 +29,7 @@ from continuum_grasp.scene.identify import (
     RingDown,
     StaticPoses,
 )
+from continuum_grasp.scene.loads import by_key
 from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
@@ -170,7 +171,7 @@ def _readings(measured: Sequence[ReadingColumn], table: Table, scene: Scene, key
 
 def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, key: str) -> Scene:
     """The scene under commands that were logged, smooth between their instants."""
-    taken, names = scene.finger.input_key, [name_of(label) for label in scene.finger.input_labels]
+    names = [name for name, _ in scene.finger.inputs]
     unknown = [name for name in commands if name not in names]
     if unknown:
         message = f"{unknown[0]} is no command of the drives; expected {', '.join(names)}"
@@ -182,7 +183,7 @@ def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, 
         raise InputError("instants must increase", file=file)
     given = [{"times": t.tolist(), "values": commands[name].tolist()} for name in names]
     try:
-        return scene.changed({"actuation": {taken: given[0] if taken == "tip_moment" else given}})
+        return scene.changed({"actuation": by_key(scene.finger.input_keys, given)})
     except InputError as error:
         raise InputError(f"{error.message} ({error.key})" if error.key else error.message, file=file) from None
 

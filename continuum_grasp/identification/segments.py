@@ -12,6 +12,7 @@ from continuum_grasp.errors import SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.identify import Excitation
+from continuum_grasp.scene.loads import by_key
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.modes import modes
 from continuum_grasp.simulation.signals import Signals
@@ -72,10 +73,10 @@ _SHOWS = {
 def base_of(scene: Scene) -> Array:
     """Commands at which the tendons are just taut."""
     finger = scene.finger
-    tendons, key = finger.tendon_list, finger.input_key
-    base = np.zeros(len(finger.input_labels))
+    tendons, key = finger.tendon_list, finger.input_keys[0]
+    base = np.zeros(len(finger.input_keys))
     if key == "tensions":
-        return np.array([max(one.min_tension, _BASE * one.max_tension) for one in tendons])
+        base[: len(tendons)] = [max(one.min_tension, _BASE * one.max_tension) for one in tendons]
     if key in ("torques", "currents") and finger.winches[0].arrangement == "per_tendon":
         for k, drive in enumerate(finger.winches):
             if isinstance(drive, MotorDrive):
@@ -84,13 +85,22 @@ def base_of(scene: Scene) -> Array:
 
 
 def patterns_of(scene: Scene) -> list[Pattern]:
-    """To one side, to the other, and both tendons together."""
+    """To one side, to the other, and both tendons together; chambers beside tendons stay as they are."""
+    beside = len(scene.finger.chambers) if scene.finger.tendons else 0
+    found = _patterns_of_drives(scene)
+    return [one._replace(commands=np.append(one.commands, np.zeros(beside))) for one in found] if beside else found
+
+
+def _patterns_of_drives(scene: Scene) -> list[Pattern]:
     finger = scene.finger
-    tendons, key = finger.tendon_list, finger.input_key
+    tendons, chambers, key = finger.tendon_list, finger.chambers, finger.input_keys[0]
     model = FingerModel(scene, input_rates=False)
     bend = float(sum(model.ranges))
     directions = {"to the left": 1.0, "to the right": -1.0}
-    if not tendons:
+    if key == "pressures":
+        sides = np.sign([one.arm for one in chambers])
+        return _of_sides(sides, directions, 0.0, max(one.max_pressure for one in chambers))
+    if key == "tip_moment":
         most = bend * finger.rod.stiffness / finger.rod.length
         return [Pattern(name, np.array([way]), most) for name, way in directions.items()]
     sides = np.array([np.sign(one.arm(finger.rod.length)) for one in tendons])
@@ -182,7 +192,7 @@ class Design:
 
     def _first_frequency(self) -> float:
         """Of the finger alone [Hz]: where drives hold it, it is higher, and the sweep stays below."""
-        finger = self._scene.finger.model_copy(update={"tendons": None})
+        finger = self._scene.finger.model_copy(update={"tendons": None, "pressure": None})
         alone = self._scene.model_copy(update={"finger": finger, "actuation": None, "loads": ()})
         initial = alone.initial.model_copy(update={"reached_by": None, "friction_states": None})
         found = modes(alone.model_copy(update={"initial": initial}))
@@ -241,8 +251,7 @@ class Design:
                 rows[-1] = row
         columns = np.array(rows).T
         given = [{"times": [round(t, 9) for t in times], "values": column.tolist()} for column in columns]
-        key = self._scene.finger.input_key
-        actuation = {key: given[0] if key == "tip_moment" else given}
+        actuation = by_key(self._scene.finger.input_keys, given)
         options = self.options
         duration = round(options.duration / options.sample) * options.sample
         return self._scene.changed({"actuation": actuation, "time": {"duration": duration, "step": options.sample}})

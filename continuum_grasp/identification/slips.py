@@ -15,6 +15,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.identification.data import UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
 from continuum_grasp.identification.read import unit_of_entry
 from continuum_grasp.labels import name_of, split_unit
+from continuum_grasp.scene.loads import by_key
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import units_of
 
@@ -159,7 +160,7 @@ def _changes(slip: Slip, scene: Scene) -> Iterator[tuple[str, Any]]:
     names = [name_of(label) for label in scene.finger.input_labels]
     if scene.actuation is None or not slip.columns.keys() & {"t", *names}:
         return
-    key, given = scene.actuation.given
+    given = scene.actuation.values
     later = slip.columns.get("t", ("t", 1.0))[1]
     found: list[Any] = list(given)
     for name, one in zip(names, given, strict=True):
@@ -173,4 +174,4 @@ def _changes(slip: Slip, scene: Scene) -> Iterator[tuple[str, Any]]:
                 "values": [factor * value for value in one.values],
             }
         )
-    yield "actuation", {key: found[0] if key == "tip_moment" else found}
+    yield "actuation", by_key(scene.finger.input_keys, found)

@@ -107,12 +107,13 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
             nominal = rod.stiffness / factor
     elif name == "clamp_angle":
         target = "base_angle"
-    elif name in (*OF_DRIVE, LAG) and finger.tendons is None:
+    elif name in (*OF_DRIVE, LAG) and finger.tendons is None and not (finger.chambers and name == LAG):
         raise InputError(f"{name} needs finger.tendons", key=f"{key}.name")
     elif name in OF_DRIVE:
         pass
     elif name == LAG and not finger.winches:
-        nominal, unit = max(tendon.time_constant or 0.0 for tendon in finger.tendon_list), "s"
+        pulls = (*finger.tendon_list, *finger.chambers)
+        nominal, unit = max(one.time_constant or 0.0 for one in pulls), "s"
     elif name == "rest_curvature" and rod.own_rest_curvature:
         raise InputError(
             "state the rest_curvature of the finger, not that of its rod, to estimate it", key=f"{key}.name"

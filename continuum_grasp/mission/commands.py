@@ -21,10 +21,10 @@ TAKEN = ("tensions", "lengths", "angles")
 
 def check_commands(finger: Finger, key: str) -> None:
     """Refuse a finger that takes something else than tensions or positions; ``key`` is where it is in the scene."""
-    if finger.input_key not in TAKEN:
+    if not set(finger.input_keys) <= set(TAKEN):
         raise InputError(
             f"a mission commands tensions, lengths of winches or angles of motors with a position_gain, not "
-            f"{finger.input_key}",
+            f"{finger.input_words}",
             key=key,
         )
 

@@ -161,7 +161,7 @@ class LiftCheck:
         reached = []
         for k, one in enumerate(self._of):
             command, names = self._seen[k].command, one.control.contact_names
-            if one.control.finger.input_key == "tensions":
+            if "tensions" in one.control.finger.input_keys:
                 most = np.array(one.control.finger.tension_limits[1])
                 if (command.u >= _AT_LIMIT * most).any():
                     return f"the drive of {one.name} is at its limit of {most.max():.3g} N"

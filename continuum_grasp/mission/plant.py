@@ -17,7 +17,6 @@ from continuum_grasp.closed_loop.schedule import Phase
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.mission.assignment import Assignment, object_of
-from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.surroundings import Table
@@ -245,11 +244,10 @@ class Timetable:
         if self.strokes:
             begun = begun + 1.0 - self._risen(t, f"leave {self.strokes[-1]}")
         inputs = of.rest + np.outer(begun, of.before - of.rest) + np.outer(closed, of.held - of.before)
-        word, unit = COMMANDS[of.control.finger.input_key]
         bends = np.outer(begun, of.bends) + np.outer(closed, of.posture - of.bends)
         columns: dict[str, Array] = {f"contact_force_{name} [N]": closed * force for name, force in of.forces.items()}
         columns |= {f"bending_{k + 1} [rad]": column for k, column in enumerate(bends.T)}
-        columns |= {f"{word}_{k + 1} [{unit}]": column for k, column in enumerate(inputs.T)}
+        columns |= dict(zip(of.control.finger.input_labels, inputs.T, strict=True))
         if (turn := of.mission.turn) is not None:
             touched, turned = np.zeros_like(t), np.zeros_like(t)
             for k in self.strokes:

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
-
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.profile import Curve
 
@@ -16,24 +14,44 @@ from continuum_grasp.scene.profile import Curve
 class InputLayout:
     """What the input vector holds: values, then (for known moments that vary) their rates and accelerations."""
 
-    drives: int  # of tendons; 0: the tip moment
+    drives: tuple[tuple[str, str], ...]  # name and unit of each entry of the finger's own: tip moment, tensions, ...
     couples: tuple[str, ...]  # names of the couples of the scene that are inputs
     rates: bool
-    quantity: tuple[str, str] = ("tension", "N")  # what drives take, and its unit
 
     @property
     def count(self) -> int:
         """Number of values."""
-        return max(self.drives, 1) + len(self.couples)
+        return len(self.drives) + len(self.couples)
 
     @property
     def labels(self) -> list[str]:
         """Name and unit of each entry of u."""
-        name, unit = self.quantity
-        entries = [(f"{name}_{k + 1}", unit) for k in range(self.drives)] or [("tip_moment", "N m")]
-        entries += [(name, "N m") for name in self.couples]
+        entries = [*self.drives, *((name, "N m") for name in self.couples)]
         derivatives = (("", ""), ("_rate", "/s"), ("_acceleration", "/s2")) if self.rates else (("", ""),)
         return [f"{name}{word} [{unit}{per}]" for word, per in derivatives for name, unit in entries]
+
+
+@dataclass(frozen=True)
+class Lag:
+    """How what acts follows what is commanded."""
+
+    time_constant: float  # [s]
+    order: int  # 1, or 2: critically damped, for known moments, whose rate and acceleration a matched tip needs
+
+    def states(self, name: str, unit: str) -> list[str]:
+        """Name and unit of each state."""
+        return [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"][: self.order]
+
+    def at_rest(self, commanded: Scalar) -> list[Scalar]:
+        """States that have reached a command."""
+        return [commanded, 0.0][: self.order]
+
+    def rates(self, states: Sequence[Scalar], commanded: Scalar, time_constant: Scalar) -> list[Scalar]:
+        """Rates of the states."""
+        pole, (value, *rates) = 1.0 / time_constant, states
+        if not rates:
+            return [pole * (commanded - value)]
+        return [*rates, pole**2 * (commanded - value) - 2.0 * pole * rates[0]]
 
 
 @dataclass(frozen=True)
@@ -41,11 +59,13 @@ class Source:
     """What gives a bending moment of one shape."""
 
     shape: Curve  # [1]
-    arms: tuple[float, ...]  # per entry of the input, amplitude per value [m]; 1 for the tip moment itself
-    couples: tuple[int, ...]  # of the input's couples
-    time_constant: float | None  # of the lag of the first [s]
+    arms: tuple[float, ...]  # per entry of the finger's own, amplitude per value [m]; 1 for the tip moment itself
+    couples: tuple[int, ...] = ()  # of the input's couples
+    lag: Lag | None = None  # of the first
     tendon: int | None = None  # whose tension is its amplitude [N]: a tendon that has one of its own, see TendonForces
     wound: bool = False  # up by a winch or motor, so that its tension is no input
+    gain: float = 1.0  # moment per amplitude [1]; [m3] of a chamber, whose amplitude is its pressure
+    chamber: bool = False
 
     def amplitudes(self, values: Sequence[Any], drives: int, scale: Scalar = 1.0) -> tuple[Any, Any]:
         """Those of the drive, times a scale, and of the couples [N m], of a block of the input; numbers or arrays."""
@@ -77,16 +97,3 @@ class Drive:
     def total(self) -> Scalar:
         """Amplitude of both [N m]."""
         return self.moment + self.couple
-
-    @staticmethod
-    def from_input(u: ca.SX, layout: InputLayout, source: Source, scale: Scalar) -> Drive:
-        """Read the input vector; ``scale`` is that of the tendons' arms."""
-        values, drives = ca.vertsplit(u), max(layout.drives, 1)
-
-        def block(k: int) -> tuple[Scalar, Scalar]:
-            return source.amplitudes(values[k * layout.count : (k + 1) * layout.count], drives, scale)
-
-        moment, couple = block(0)
-        if not layout.rates:
-            return Drive(moment, couple, 0.0, 0.0)
-        return Drive(moment, couple, sum(block(1)), sum(block(2)))

@@ -10,12 +10,13 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, reduce
-from itertools import islice
+from itertools import islice, zip_longest
 
 import casadi as ca
+import numpy as np
 
 from continuum_grasp.model.acting import Acting
-from continuum_grasp.model.actuation import Drive
+from continuum_grasp.model.actuation import Drive, Source
 from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.contacts import Contacts
 from continuum_grasp.model.family import Rod
@@ -70,47 +71,62 @@ class Equations:
     # -- input ---------------------------------------------------------------------------------------------------
 
     @cached_property
-    def commanded(self) -> list[Drive]:
-        """Per source of moments what the input gives."""
-        made, found = self._structure, []
+    def amplitudes(self) -> list[list[tuple[Scalar, Scalar]]]:
+        """Per source what the input gives of its own and as couples; then the rates and accelerations of these."""
+        made, found, values = self._structure, [], ca.vertsplit(self.u)
+        blocks = [values[k : k + made.inputs.count] for k in range(0, len(values), made.inputs.count)]
         for source in made.sources:
             scale: Scalar = 1.0
-            if self._par.is_runtime("tendon_offset") and source.tendon is None:
-                source, scale = replace(source, arms=(1.0, -1.0)), self._par["tendon_offset"]
-            found.append(Drive.from_input(self.u, made.inputs, source, scale))
+            if self._par.is_runtime("tendon_offset") and source.tendon is None and not source.chamber:
+                source, scale = replace(source, arms=tuple(np.sign(source.arms))), self._par["tendon_offset"]
+            found.append([source.amplitudes(block, len(made.inputs.drives), scale) for block in blocks])
         return found
+
+    @cached_property
+    def _lagging(self) -> list[list[Scalar]]:
+        """States of the lag of each source; none where it has none."""
+        own = self._states("lag")
+        return [list(islice(own, source.lag.order if source.lag else 0)) for source in self._structure.sources]
+
+    @cached_property
+    def _lag_rates(self) -> list[list[Scalar]]:
+        """Rates of these."""
+        found, runtime = list[list[Scalar]](), self._par.is_runtime("drive_time_constant")
+        sources = zip(self._structure.sources, self._lagging, self.amplitudes, strict=True)
+        for source, states, [(asked, _), *_] in sources:
+            rates: list[Scalar] = []
+            if source.lag is not None:
+                time = self._par["drive_time_constant"] if runtime else source.lag.time_constant
+                rates = source.lag.rates(states, asked, time)
+            found.append(rates)
+        return found
+
+    @cached_property
+    def commanded(self) -> list[Drive]:
+        """Per source of moments what the input gives."""
+        return [self._drive(k, *zip(*given, strict=True)) for k, given in enumerate(self.amplitudes)]
 
     @cached_property
     def drives(self) -> list[Drive]:
         """Per source what acts: what is commanded, or what follows it."""
-        found, entry = [], 0
-        for commanded, source, acceleration in zip(
-            self.commanded, self._structure.sources, self.lag_accelerations, strict=True
-        ):
-            if source.time_constant is None:
-                found.append(commanded)
-                continue
-            moment, rate = self.lag[entry], self.lag[entry + 1]
-            found.append(Drive(moment, commanded.couple, rate, acceleration))
-            entry += 2
+        found = list(self.commanded)
+        for k, (states, rates) in enumerate(zip(self._lagging, self._lag_rates, strict=True)):
+            if states:
+                _, couples = zip(*self.amplitudes[k], strict=True)
+                found[k] = self._drive(k, (states[0], *rates), couples[:1])
         return found
 
-    @cached_property
-    def lag_accelerations(self) -> list[Scalar]:
-        """Per source the second derivative of its lagged moment: a critically damped second-order lag."""
-        found: list[Scalar] = []
-        entry = 0
-        for commanded, source in zip(self.commanded, self._structure.sources, strict=True):
-            if source.time_constant is None:
-                found.append(0.0)
-                continue
-            # Second order, because a known moment needs its rate and acceleration; critically damped: no overshoot.
-            runtime = self._par.is_runtime("drive_time_constant")
-            pole = 1.0 / (self._par["drive_time_constant"] if runtime else source.time_constant)
-            moment, rate = self.lag[entry], self.lag[entry + 1]
-            found.append(pole**2 * (commanded.moment - moment) - 2.0 * pole * rate)
-            entry += 2
-        return found
+    def _drive(self, source: int, own: Sequence[Scalar], couples: Sequence[Scalar]) -> Drive:
+        """Moments of a source by its own amplitude and that of its couples, with rates and accelerations as given."""
+        gain = self._gain(self._structure.sources[source])
+        total = [gain * a + c for a, c in zip_longest(own[1:3], couples[1:], fillvalue=0.0)]
+        return Drive(gain * own[0], couples[0], *(*total, 0.0, 0.0)[:2])
+
+    def _gain(self, source: Source) -> Scalar:
+        """Moment per amplitude."""
+        if source.chamber and self._par.is_runtime("chamber_area"):
+            return source.gain / self._structure.finger.chambers[0].area * self._par["chamber_area"]
+        return source.gain
 
     # -- coordinates ---------------------------------------------------------------------------------------------
 
@@ -427,9 +443,13 @@ class Equations:
     @property
     def drives_at_rest(self) -> list[Scalar]:
         """States of the drives of a finger at rest under what is commanded."""
-        sources = zip(self._structure.sources, self.commanded, strict=True)
-        lagged = [v for source, command in sources if source.time_constant is not None for v in (command.moment, 0.0)]
-        return [*lagged, *self.resting.tendons.drives_at_rest, *[0.0] * len(self._relaxing)]
+        return [*self.lags_at_rest, *self.resting.tendons.drives_at_rest, *[0.0] * len(self._relaxing)]
+
+    @property
+    def lags_at_rest(self) -> list[Scalar]:
+        """States of lags that have reached what is commanded."""
+        sources = zip(self._structure.sources, self.amplitudes, strict=True)
+        return [state for source, [(asked, _), *_] in sources if source.lag for state in source.lag.at_rest(asked)]
 
     @property
     def drives_drawn(self) -> list[Scalar]:
@@ -573,8 +593,7 @@ class Equations:
     @cached_property
     def drive_rates(self) -> list[Scalar]:
         """Derivative of what lags, of winches and motors, and of the friction states of tendons."""
-        lagged = zip(self.drives, self._structure.sources, strict=True)
-        lag = [rate for drive, source in lagged if source.time_constant for rate in (drive.rate, drive.acceleration)]
+        lag = [rate for rates in self._lag_rates for rate in rates]
         return [*lag, *self._winch_rates, *self.moving.state_rates]
 
     def implicit_drive_rates(self, part: ca.SX, accelerations: ca.SX) -> list[Scalar]:

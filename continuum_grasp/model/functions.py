@@ -95,9 +95,7 @@ class Functions(Remade, Summarized):
         eq = self._equations
         if not eq.lag.numel():
             return expressions
-        sources = zip(eq.commanded, eq._structure.sources, strict=True)
-        lagged = [drive.moment for drive, source in sources if source.time_constant is not None]
-        commanded = ca.vertcat(*(value for moment in lagged for value in (ca.SX(moment), 0.0)))
+        commanded = ca.vertcat(*(ca.SX(state) for state in eq.lags_at_rest))
         # What is wound up is not commanded at rest (``Equations.resting``), and nothing of this depends on it.
         commanded = ca.vertcat(commanded, ca.SX.zeros(eq.lag.numel() - commanded.numel()))
         return list(ca.substitute(expressions, [eq.lag], [commanded]))

@@ -30,6 +30,7 @@ _UNITS = {
     "tendon_presliding": "m",
     "tendon_axial_stiffness": "N",
     "tendon_series_stiffness": "N/m",
+    "chamber_area": "m2",
     "drive_time_constant": "s",
     "drive_pretension": "N",
     "drive_slack": "m",
@@ -126,7 +127,7 @@ def nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequen
         "gravity": [float(g) for g in gravity],
         "element_lengths": [float(h) for h in lengths],
         "linear_density": [1.0 if graded else rod.mass_per_length],
-        "bending_stiffness": [1.0 if graded else rod.stiffness],
+        "bending_stiffness": [1.0 if graded else float(finger.profile.bending_stiffness(0.0))],
         "rotary_inertia": [1.0 if graded else rod.inertia_per_length],
         "material_damping": [finger.damping.material],
         "per_arc_damping": [finger.damping.per_arc],
@@ -144,8 +145,13 @@ def nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequen
     values |= {name: [number.value] for name, number in numbers_of(finger).items()}
     for name in OF_TENDONS:
         own = {_of_tendon(tendon, name) for tendon in finger.tendon_list}
+        if name == "drive_time_constant":
+            own |= {chamber.time_constant for chamber in finger.chambers}
         if len(own) == 1 and own != {None}:
             values[name] = [value for value in own if value is not None]
+    areas = {chamber.area for chamber in finger.chambers}
+    if len(areas) == 1:
+        values["chamber_area"] = [*areas]
     if finger.profile.rest_curvature.constant is not None:
         values["rest_curvature"] = [finger.profile.rest_curvature.constant]
     return {name: [float(v) for v in value] for name, value in values.items()}

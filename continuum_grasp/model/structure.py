@@ -11,7 +11,7 @@ from itertools import count
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.actuation import InputLayout, Source
+from continuum_grasp.model.actuation import InputLayout, Lag, Source
 from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import Array, Mesh, family_class
@@ -22,7 +22,6 @@ from continuum_grasp.model.learned_residual import check_residual
 from continuum_grasp.model.parameters import Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, cell_sets
 from continuum_grasp.model.winches import Motor, winches_of
-from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
@@ -179,12 +178,22 @@ class Structure:
 
     def lag_at(self, u: Sequence[float]) -> list[float]:
         """States of lags that have reached an input (nu), and of what relaxes; see `FingerModel.drives_at`."""
-        drives, found = max(self.inputs.drives, 1), []
+        found: list[float] = []
         for source in self.sources:
-            if source.time_constant is not None:
-                driven, _ = source.amplitudes([float(v) for v in u[: self.inputs.count]], drives)
-                found += [float(driven), 0.0]
+            if source.lag is not None:
+                asked, _ = source.amplitudes([float(v) for v in u[: self.inputs.count]], len(self.inputs.drives))
+                found += map(float, source.lag.at_rest(float(asked)))
         return found + [0.0] * len(self.states["relaxation"])
+
+    @property
+    def lagging(self) -> list[tuple[Source, int]]:
+        """Sources with a lag, and where in x what lags is."""
+        found, place = [], 2 * self.n
+        for source in self.sources:
+            if source.lag is not None:
+                found.append((source, place))
+                place += source.lag.order
+        return found
 
     @property
     def drive_states(self) -> int:
@@ -262,10 +271,7 @@ class Structure:
         for k, load in enumerate(self.loads):
             if self._is_input(load):
                 names.append(f"tip_couple_{next(tip)}" if self.on_tip(load.at) else f"load_{k + 1}_moment")
-        drives = self.finger.winches
-        if not drives:
-            return InputLayout(len(self.finger.tendon_list), tuple(names), input_rates)
-        return InputLayout(len(drives), tuple(names), False, COMMANDS[drives[0].key])
+        return InputLayout(self.finger.inputs, tuple(names), input_rates and not self.finger.winches)
 
     def _is_input(self, load: Load) -> bool:
         """Whether the moment of a load is an input: on the tip, and wherever it is asked for."""
@@ -274,14 +280,23 @@ class Structure:
     def _sources(self) -> tuple[Source, ...]:
         """What gives bending moments, one per shape."""
         whole = Curve.uniform(self.length, 1.0)
-        drives = max(self.inputs.drives, 1)
+        drives = len(self.inputs.drives)
         wound = bool(self.finger.winches)
         own = self.has_tendon_friction or wound
-        found = [
-            Source(c.shape, c.arms, (), c.time_constant, k if own else None, wound) for k, c in enumerate(self.channels)
-        ]
+
+        def lag(channel: Channel) -> Lag | None:
+            return None if channel.time_constant is None else Lag(channel.time_constant, channel.order)
+
+        found = []
+        for k, one in enumerate(self.channels):
+            arms = (*one.arms, *[0.0] * (drives - len(one.arms)))
+            found.append(Source(one.shape, arms, lag=lag(one), tendon=k if own else None, wound=wound))
+        for one in self.finger.chamber_channels:
+            # Of the input, whose last entries are chambers: drives may be fewer than tendons.
+            arms = ((0.0,) * drives + one.arms)[-drives:]
+            found.append(Source(one.shape, arms, lag=lag(one), gain=one.gain, chamber=True))
         if not found:
-            found = [Source(whole, (1.0,), (), None)]
+            found = [Source(whole, (1.0,))]
         couples = [load for load in self.loads if self._is_input(load)]
         for k, load in enumerate(couples):
             shape = whole if self.on_tip(load.at) else Curve((0.0, load.at, self.length), ((1.0,), (0.0,)))
@@ -290,7 +305,7 @@ class Structure:
                     found[at] = replace(source, couples=(*source.couples, k))
                     break
             else:
-                found.append(Source(shape, (0.0,) * drives, (k,), None))
+                found.append(Source(shape, (0.0,) * drives, (k,)))
         return tuple(found)
 
     @property
@@ -397,13 +412,15 @@ class Structure:
                 self.w_names.append(f"load_{k + 1}_moment [N m]")
 
     def _lag_names(self) -> list[str]:
-        lagged, found = [k for k, source in enumerate(self.sources) if source.time_constant is not None], list[str]()
-        for k in lagged:
-            tendon = self.sources[k].tendon
-            name, unit = "tip_moment" if len(lagged) == 1 else f"moment_{k + 1}", "N m"
-            if tendon is not None:
-                name, unit = f"tension_{tendon + 1}", "N"
-            found += [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"]
+        found = list[str]()
+        for k, source in enumerate(self.sources):
+            if source.lag is None:
+                continue
+            name, unit = "tip_moment" if len(self.lagging) == 1 else f"moment_{k + 1}", "N m"
+            if source.tendon is not None or source.chamber:
+                # A tension or a pressure of its own: that of an input.
+                name, unit = self.inputs.drives[np.flatnonzero(source.arms)[0]]
+            found += source.lag.states(name, unit)
         return found
 
 
@@ -417,10 +434,10 @@ def tip_moment_jumps(scene: Scene) -> bool:
         return bool(_tip_couples(initial.held_by, length))
     moment = sum(_at_zero(load.moment) for load in _tip_couples(scene.loads, length))
     inside = [_at_zero(load.moment) for load in scene.loads if isinstance(load, MomentLoad) and load.input]
-    if actuation is not None and actuation.tensions is not None:
-        pulls = [_at_zero(tension) for tension in actuation.tensions]
+    if actuation is not None and actuation.tip_moment is None and not scene.finger.winches:
+        pulls = [_at_zero(pull) for pull in actuation.values]
         for channel in scene.finger.channels:
-            amplitude = sum(arm * pull for arm, pull in zip(channel.arms, pulls, strict=True))
+            amplitude = channel.gain * sum(arm * pull for arm, pull in zip(channel.arms, pulls, strict=True))
             if channel.shape.constant is None:
                 inside.append(amplitude)
             else:

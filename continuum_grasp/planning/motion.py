@@ -89,8 +89,8 @@ class Motion:
             "tracking": 1.0,
         }[scene.objective]
         x = np.array([self._unit(k, time) for k in range(self.nx)])
-        for at, _, moment, lag in self.prediction.driven:
-            x[at], x[at + 1] = moment, moment / lag
+        for one in self.prediction.driven:
+            x[[one.state, *one.rate]] = one.most, *[one.most / one.lag] * len(one.rate)
         return _Scales(x, u, u / time, time, objective)
 
     def _unit(self, k: int, time: float) -> float:

@@ -211,7 +211,7 @@ def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = No
         heights = (0.66, 1.0, 1.35, 1.0, 1.0, 1.0)[: len(curves) + 1]
         ax = new_figure(8.6, 1.88 * len(heights)).subplots(len(heights), 1, sharex=True, height_ratios=heights)
     strip, *rest = ax
-    word, unit = COMMANDS[mission.assignments[0].control.finger.input_key]
+    word, unit = COMMANDS[mission.assignments[0].control.finger.input_keys[0]]
     taken = f"{word} [{unit}]"
     end = max(float(mission.t[-1]), 1e-3)
     for one, (draw, text) in zip(rest, curves, strict=True):

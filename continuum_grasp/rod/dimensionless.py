@@ -86,22 +86,25 @@ class RodProblem:
         couples: Sequence[tuple[float, float]] = (),
         tensions: Sequence[float] | None = None,
         wound: Sequence[float] | None = None,
+        pressures: Sequence[float] | None = None,
         released: bool = False,
         marks: Sequence[float] = (),
     ) -> RodProblem:
         """The problem in dimensionless numbers, of SI ones; weights of the finger's bodies are added.
 
         ``base`` is the world position [m] and angle [rad] of the clamp, the finger's where not given; ``tensions`` [N]
-        are those of the finger's tendons, zero where not given, or ``wound`` is cable that is wound up [m]; with
-        ``released`` tendons with friction slid back from further bends; ``marks`` are further places [m] at which
-        panels are to end.
+        are those of the finger's tendons and ``pressures`` [Pa] of its chambers, zero where not given, or ``wound`` is
+        cable that is wound up [m]; with ``released`` tendons with friction slid back from further bends; ``marks`` are
+        further places [m] at which panels are to end.
         """
         profile, length = finger.profile, finger.profile.length
         mesh = Mesh(panel_edges((0.0, *profile.breaks, length), length / _PANELS), _NODES)
         stiffness = length / float(mesh.weights @ (1.0 / profile.bending_stiffness(mesh.nodes)))
         mass = float(mesh.weights @ profile.linear_density(mesh.nodes))
         force, moment = length**2 / stiffness, length / stiffness
-        tendons = _tendons(finger, tensions, wound, moment, -1.0 if released else 1.0)
+        tendons = _tendons(
+            finger, tensions, wound, pressures or [0.0] * len(finger.chambers), moment, -1.0 if released else 1.0
+        )
         carried = [body for body in bodies(finger) if gravity != 0.0]
         dead = [*((body.at, body.mass * gravity) for body in carried), *dead]
         limit, stops = finger.stop_curvature, finger.stops
@@ -153,13 +156,22 @@ def bodies(finger: Finger) -> list[Body]:
 
 
 def _tendons(
-    finger: Finger, tensions: Sequence[float] | None, wound: Sequence[float] | None, scale: float, way: float
+    finger: Finger,
+    tensions: Sequence[float] | None,
+    wound: Sequence[float] | None,
+    pressures: Sequence[float],
+    scale: float,
+    way: float,
 ) -> list[Tendon]:
-    """Moments of the tendons, of those with one shape and without friction together; amplitudes are scaled."""
-    found: list[Tendon] = []
+    """Moments of tendons and chambers, of tendons with one shape and without friction together, scaled."""
+    found = [
+        Tendon(channel.shape, channel.gain * pressure * scale)
+        for channel, pressure in zip(finger.chamber_channels, pressures, strict=True)
+        if pressure != 0.0
+    ]
     for channel in finger.channels:
         free = 0.0
-        for k, (arm, own) in enumerate(zip(channel.arms, finger.tendon_list, strict=True)):
+        for k, (arm, own) in enumerate(zip(channel.arms, finger.tendon_list, strict=False)):
             friction, tension = math.copysign(own.friction, arm) * way, 0.0 if tensions is None else tensions[k]
             if arm == 0.0:
                 continue
@@ -219,14 +231,12 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
         else:
             couples.append((load.at, _at_zero(load.moment)[0]))
     actuation, tensions, wound = scene.actuation, None, None
-    if scene.finger.winches:
-        given = () if actuation is None else actuation.given[1]
-        commands = [_at_zero(value)[0] for value in given] or [0.0] * len(scene.finger.winches)
-        tensions, wound = _wound(scene, commands)
-    if actuation is not None and actuation.tip_moment is not None:
-        couples.append((length, _at_zero(actuation.tip_moment)[0]))
-    if actuation is not None and actuation.tensions is not None:
-        tensions = [_at_zero(tension)[0] for tension in actuation.tensions]
+    given = {} if actuation is None else actuation.given
+    commands = {key: [_at_zero(value)[0] for value in values] for key, values in given.items()}
+    if drives := scene.finger.winches:
+        tensions, wound = _wound(scene, commands.get(drives[0].key) or [0.0] * len(drives))
+    couples += [(length, moment) for moment in commands.get("tip_moment", ())]
+    tensions = commands.get("tensions", tensions)
     return RodProblem.of(
         scene.finger,
         complex(*scene.gravity),
@@ -235,6 +245,7 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
         couples=couples,
         tensions=tensions,
         wound=wound,
+        pressures=commands.get("pressures"),
         released=scene.initial.reached_by == "releasing",
     )
 

@@ -82,6 +82,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.plan import PlanInput as PlanInput
     from continuum_grasp.scene.plan import PlanScene as PlanScene
     from continuum_grasp.scene.plan import PlanSolver as PlanSolver
+    from continuum_grasp.scene.pressure import Chamber as Chamber
     from continuum_grasp.scene.rod import Rod as Rod
     from continuum_grasp.scene.simulate import Fidelity as Fidelity
     from continuum_grasp.scene.simulate import Initial as Initial

@@ -10,7 +10,6 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.controller import CommandedScene, Controller, InputLimits, Plant, of_inputs
 from continuum_grasp.scene.cost import Reference, RowSamples
-from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reach import check_references
@@ -93,6 +92,9 @@ _PLACED = "needs estimator.measured.length or estimator.measured.angle of drives
 _PULLED = "needs estimator.measured.tension of winches"
 _BLURRED = "needs tendon_friction: 0 where tendons have different coefficients"
 _OLD = "needs estimator.measured.torque or current with a delay: a commanded torque is not as old as the angle"
+_PRESSURE, _BY_TENDONS = "estimator.measured.pressure", "plant.drive_order estimator.measured.tension"
+_CHAMBERS = "is of tendons: pressures follow by a lag of first order, and estimator.measured.pressure sees them"
+_COMMANDED_PRESSURE = "needs finger.pressure with a time_constant: a pressure without one is the command itself"
 _LOOP = {
     "fidelity.tolerance": "is not for controllers: give family and elements",
     "initial.motor_angles": "is for statics and simulations alone: command what motors do",
@@ -136,6 +138,8 @@ _LOOPS = (
         "mpc at once", lambda s: s.lag is None, _ESTIMATED["drive_time_constant"], "needs a drive with a time_constant"
     ),
     beside("mpc of tensions at once", lambda s: not (s.lag or s.finger.winches), _TENSION, _COMMAND),
+    beside("mpc of chambers alone", lambda s: s.finger.chambers and not s.finger.tendons, _BY_TENDONS, _CHAMBERS),
+    beside("mpc of pressures at once", lambda s: not s.finger.lagging_pressures, _PRESSURE, _COMMANDED_PRESSURE),
     beside("mpc of rigid tendons", lambda s: not (s.finger.winches or s.plant.guides), "plant.axial_stiffness", _SET),
     beside("mpc of an unseen object", lambda s: s.estimator and not _sees(s, "object"), "object_moves", _SEEN),
     beside("mpc of a plant that jumps", lambda s: s.plant.drive_order == 1 or _jumps(s), _MATCHED, _SMOOTH),
@@ -205,7 +209,7 @@ class ControlScene(CommandedScene):
         instead of 5 % of the force).
         """
         rate, weight = self.controller.input.rate_max, self.controller.cost.input_rate
-        unit = f"{COMMANDS[self.finger.input_key][1]}/s"
+        unit = f"{self.finger.inputs[0][1]}/s"
         # The rate at which the weighted square is one, as that of an error of its own unit.
         tolerated = 1.0 / math.sqrt(weight) if weight else math.inf
         tracks_force = self.controller.cost.contact_force is not None

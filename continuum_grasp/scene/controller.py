@@ -110,6 +110,7 @@ class Bounds(Value):
 Range = Annotated[tuple[Real, Real], Field(strict=False)]
 
 
+_BARE = "is for a finger without tendons and chambers"
 _CONTINUOUS = "needs a continuous tip moment: give input or finger.tendons a time_constant, or use clothoid or arc"
 
 
@@ -117,7 +118,12 @@ def of_inputs(verb: str, key: str) -> tuple[Consumer, ...]:
     """What limits of the input, at a key of a scene, some fingers have no use for."""
     bare = f"{key}.moment_max {key}.time_constant"
     return (
-        beside(f"{verb} with tendons", lambda s: s.finger.tendons, bare, "is for a finger without tendons"),
+        beside(
+            f"{verb} with tendons",
+            lambda s: "tip_moment" not in s.finger.input_keys,
+            bare,
+            "is for a finger without tendons",
+        ),
         beside(f"{verb} without a lag", lambda s: s.lag is None, "fidelity.family=matched_clothoid", _CONTINUOUS),
     )
 
@@ -143,7 +149,7 @@ class InputLimits(Value):
 
     def check(self, finger: Finger, key: str) -> None:
         """Refuse limits that do not fit the finger's drive; ``key`` is where they are in the scene."""
-        if finger.tendons is None and self.moment_max is None:
+        if "tip_moment" in finger.input_keys and self.moment_max is None:
             raise ValueError(f"{key}.moment_max is needed: the greatest tip moment of a finger without tendons")
         self._check_ranges(finger, key)
         lagging = [tendon.time_constant is not None for tendon in finger.tendon_list]
@@ -153,7 +159,7 @@ class InputLimits(Value):
             )
 
     def _check_ranges(self, finger: Finger, key: str) -> None:
-        taken = finger.input_key
+        taken = finger.input_keys[0]
         for name in ("lengths", "angles", "torques", "currents"):
             given = getattr(self, name)
             if name == taken and given is None and name in ("lengths", "angles"):
@@ -170,25 +176,26 @@ class InputLimits(Value):
 
     def limits(self, finger: Finger) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Least and greatest value of each input, in its unit."""
-        if finger.tendons is None:
-            most = self.moment_max or 0.0
-            return (-most,), (most,)
-        if not finger.winches:
-            return finger.tension_limits
+        ranges = list(zip(*finger.input_limits, strict=True))
+        if "tip_moment" in finger.input_keys:
+            ranges = [(-(self.moment_max or 0.0), self.moment_max or 0.0)]
         given = self.lengths or self.angles or self.torques or self.currents
-        ranges = [given or (-(drive.limit or 0.0), drive.limit or 0.0) for drive in finger.winches]
+        if given is not None:
+            ranges[: len(finger.winches)] = [given] * len(finger.winches)
         return tuple(least for least, _ in ranges), tuple(most for _, most in ranges)
 
     def rest(self, finger: Finger) -> tuple[float, ...]:
         """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
         least, most = self.limits(finger)
-        wanted = [drive.at_pretension for drive in finger.winches] or [0.0] * len(least)
+        wanted = [drive.at_pretension for drive in finger.winches]
+        wanted += [0.0] * (len(least) - len(wanted))
         return tuple(min(max(at, low), high) for at, low, high in zip(wanted, least, most, strict=True))
 
     def lag(self, finger: Finger) -> float | None:
         """Shortest time constant of the drive [s]; None: an input acts at once, or by motors that turn."""
         drives = [drive.time_constant if isinstance(drive, LengthDrive) else None for drive in finger.winches]
-        lags = drives or [t.time_constant for t in finger.tendon_list] or [self.time_constant]
+        lags = drives or [t.time_constant for t in finger.tendon_list]
+        lags = [*lags, *(chamber.time_constant for chamber in finger.chambers)] or [self.time_constant]
         known = [lag for lag in lags if lag is not None]
         return min(known) if len(known) == len(lags) else None
 
@@ -349,7 +356,7 @@ class Plant(_Differs):
 
     def tendon_changes(self, finger: Finger) -> dict[str, float]:
         """What is different of a finger's tendons, as ``Finger.with_tendons`` takes it."""
-        own = {"friction": self.tendon_friction, "presliding": self.presliding, "time_constant": self.time_constant}
+        own = {"friction": self.tendon_friction, "presliding": self.presliding}
         if finger.winches:
             own |= {"axial_stiffness": self.axial_stiffness, "series_stiffness": self.series_stiffness}
         return {key: value for key, value in own.items() if value is not None}

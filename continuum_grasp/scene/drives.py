@@ -17,6 +17,7 @@ COMMANDS = {
     "torques": ("torque", "N m"),
     "currents": ("current", "A"),
     "angles": ("angle", "rad"),
+    "pressures": ("pressure", "Pa"),
 }
 """Name and unit of what a finger takes, by its key in ``actuation``."""
 

@@ -53,6 +53,8 @@ class Measured(Value):
     tension: Annotated[Positive, Field(examples=[0.1]), Unit("N or N m")] | None = None
     """Of each tendon's tension, or of the tip moment of a finger without tendons [N or N m]; needs a lag, since without
     one it is the input itself."""
+    pressure: Annotated[Positive, Field(examples=[200.0, "0.2 kPa"]), Unit("Pa")] | None = None
+    """Of each chamber's pressure [Pa], which needs a lag as a tension does."""
     bending: BendingSensors | None = None
     """Angles of sections; None: not measured."""
     object: ObjectSensor | None = None

@@ -16,6 +16,7 @@ from continuum_grasp.scene.damping import Damping
 from continuum_grasp.scene.drives import COMMANDS, LengthDrive, MotorDrive
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
+from continuum_grasp.scene.pressure import Chamber, ChamberList
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.section_laws import FIT_MATCHED_TIP, SECTION_LAWS
 from continuum_grasp.scene.tendons import Tendon, TendonList, Tendons, channels, check_tendons, single_tendons
@@ -136,8 +137,10 @@ class Finger(Value):
     softening: Softening | None = None
     """Where its material softens; None: it is linear."""
     tendons: Tendons | TendonList | None = None
-    """A pair of tendons at equal distances on both sides, or a list of single ones; None: the input is the tip moment
-    itself."""
+    """A pair of tendons at equal distances on both sides, or a list of single ones; None: none."""
+    pressure: Chamber | ChamberList | None = None
+    """A pressure chamber, or a list of them, which may act beside tendons; None: none. Without tendons and chambers the
+    input is the tip moment itself."""
     base: BasePose = BasePose()
     """Where the base is clamped, and in which direction."""
 
@@ -158,6 +161,8 @@ class Finger(Value):
                 doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {own}; is it in grams? (expected: kg)")
 
         self._check_tendons()
+        for key, chamber in zip(self.stated("pressure"), self.chambers, strict=True):
+            chamber.check_inside(key, length)
         if self.stops is not None:
             self._check_stops(self.stops)
 
@@ -231,7 +236,12 @@ class Finger(Value):
         own, length = self.rod.profile, self.rod.length
         half = own.half_thickness if self.half_thickness is None else Curve.along(length, self.half_thickness)
         rest = Curve.along(length, self.rest_curvature) if self.rest_curvature else own.rest_curvature
-        return replace(own, rest_curvature=rest, half_thickness=half)
+        stiffness = own.bending_stiffness
+        for chamber in self.chambers:
+            if chamber.stiffness_share:
+                stiffness = stiffness.times(chamber.along(length, 1.0 + chamber.stiffness_share, 1.0))
+        graded = own.graded or stiffness.constant is None
+        return replace(own, rest_curvature=rest, half_thickness=half, bending_stiffness=stiffness, graded=graded)
 
     @cached_property
     def stop_curvature(self) -> Curve | None:
@@ -248,6 +258,11 @@ class Finger(Value):
     def tendon_list(self) -> tuple[Tendon, ...]:
         """The single tendons: those of the list, or the two of a pair, that on the -X side first."""
         return single_tendons(self.tendons)
+
+    @cached_property
+    def chambers(self) -> tuple[Chamber, ...]:
+        """The pressure chambers."""
+        return (self.pressure,) if isinstance(self.pressure, Chamber) else self.pressure or ()
 
     @property
     def tendon_friction(self) -> float:
@@ -276,29 +291,36 @@ class Finger(Value):
         return found[:1] if found and found[0].arrangement == "one_pulley" else found
 
     @property
-    def input_key(self) -> str:
-        """Key in ``actuation`` of what the finger takes: tip_moment, tensions, or that of its drives."""
-        if self.tendons is None:
-            return "tip_moment"
-        return self.winches[0].key if self.winches else "tensions"
+    def input_keys(self) -> tuple[str, ...]:
+        """Of each input its key in ``actuation``: tip_moment, or those of drives or tensions, then pressures."""
+        drives = [drive.key for drive in self.winches] or ["tensions"] * len(self.tendon_list)
+        return (*drives, *["pressures"] * len(self.chambers)) or ("tip_moment",)
+
+    @property
+    def inputs(self) -> tuple[tuple[str, str], ...]:
+        """Name and unit of each input, as the model has them."""
+        keys = self.input_keys
+        numbers = (keys[: k + 1].count(key) for k, key in enumerate(keys))
+        words = [(*COMMANDS[key], number) for key, number in zip(keys, numbers, strict=True)]
+        return tuple((word if word == "tip_moment" else f"{word}_{k}", unit) for word, unit, k in words)
 
     @property
     def input_labels(self) -> tuple[str, ...]:
-        """Name and unit of each of its inputs, as the model has them."""
-        word, unit = COMMANDS[self.input_key]
-        count = len(self.winches) or len(self.tendon_list)
-        return tuple(f"{word}_{k + 1} [{unit}]" for k in range(count)) or (f"{word} [{unit}]",)
+        """Name and unit of each input in one word, as in ``u_names`` of the model."""
+        return tuple(f"{name} [{unit}]" for name, unit in self.inputs)
 
     @property
     def input_words(self) -> str:
         """Number and names of its inputs, for messages."""
-        count = len(self.winches) or len(self.tendon_list)
-        return f"{count} {self.input_key}" if count else "the tip moment"
+        keys = self.input_keys
+        counts = {key: keys.count(key) for key in keys}
+        return "the tip moment" if "tip_moment" in counts else " and ".join(f"{n} {key}" for key, n in counts.items())
 
     @property
     def needs_free_tip(self) -> bool:
         """Whether its bending under an input is not known beforehand, as a matched tip needs it."""
-        return bool(self.has_tendon_friction or self.winches or self._laws_of_free_tips or self._tip_bears_moments)
+        laws = self.lagging_pressures or self._laws_of_free_tips or self._tip_bears_moments
+        return bool(self.has_tendon_friction or self.winches or laws)
 
     @property
     def why_free_tip(self) -> str:
@@ -306,9 +328,15 @@ class Finger(Value):
         why = {
             "tendon friction": self.has_tendon_friction,
             f"tendons with drive.kind: {self.winches[0].kind if self.winches else ''}": bool(self.winches),
+            "pressures that follow by a first-order lag": self.lagging_pressures,
             **dict.fromkeys(self._laws_of_free_tips, True),
         }
         return next((word for word, there in why.items() if there), "a body at the tip that turns with it")
+
+    @property
+    def lagging_pressures(self) -> bool:
+        """Whether pressures of chambers follow late, by a lag of first order: rates of their moments jump."""
+        return any(chamber.time_constant is not None for chamber in self.chambers)
 
     @property
     def _laws_of_free_tips(self) -> list[str]:
@@ -336,6 +364,25 @@ class Finger(Value):
             return self.replaced(tendons=tuple(tendon.replaced(**changes) for tendon in tendons))
         return self if tendons is None else self.replaced(tendons=tendons.replaced(**changes))
 
+    def with_lags(self, time_constant: float | None) -> Self:
+        """The same whose tensions and pressures follow with a time constant [s], or at once."""
+        changed = self.with_tendons(time_constant=time_constant)
+        return changed.replaced(pressure=tuple(c.replaced(time_constant=time_constant) for c in self.chambers) or None)
+
+    def stated(self, key: str) -> tuple[str, ...]:
+        """Where the finger states what it has one or several of, by its key: tendons, pressure."""
+        given = getattr(self, key)
+        if isinstance(given, tuple):
+            return tuple(f"{key}[{k}]" for k in range(len(given)))
+        return () if given is None else (key,)
+
+    @property
+    def pull_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Least and greatest tension of each tendon [N], then pressure of each chamber [Pa], as in ``channels``."""
+        least, most = self.tension_limits
+        chambers = self.chambers
+        return (*least, *(c.min_pressure for c in chambers)), (*most, *(c.max_pressure for c in chambers))
+
     @property
     def tension_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Least and greatest tension of each tendon [N]."""
@@ -343,5 +390,22 @@ class Finger(Value):
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
-        """The shapes of the moments by which tendons bend the finger; none without tendons."""
-        return channels(self.rod.length, self.tendon_list)
+        """The moments by which tendons and chambers bend the finger."""
+        none = (0.0,) * len(self.chambers)
+        own = channels(self.rod.length, self.tendon_list)
+        return (*(replace(one, arms=one.arms + none) for one in own), *self.chamber_channels)
+
+    @cached_property
+    def chamber_channels(self) -> tuple[Channel, ...]:
+        """The moments by which chambers bend the finger."""
+        tendons, count = len(self.tendon_list), len(self.tendon_list) + len(self.chambers)
+        return tuple(c.channel(self.rod.length, tendons + k, count) for k, c in enumerate(self.chambers))
+
+    @property
+    def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Least and greatest value of each input as far as drives, tendons and chambers state it; else infinite."""
+        drives = [(-math.inf, math.inf) if d.limit is None else (-d.limit, d.limit) for d in self.winches]
+        own = list(zip(*self.pull_limits, strict=True))
+        given = [*drives, *own[len(self.tendon_list) if drives else 0 :]]
+        least, most = zip(*(given or [(-math.inf, math.inf)]), strict=True)
+        return least, most

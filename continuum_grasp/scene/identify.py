@@ -203,7 +203,7 @@ class Estimate(Value):
     rest_curvature, tip_mass, mass_0 (of masses[0]), tip_body_mass, _inertia, _along or _across, clamp_angle (added
     to the base angle), softening_curvature, softening_ratio, tendon_offset, tendon_friction, tendon_presliding,
     tendon_axial_stiffness, tendon_series_stiffness, dry_friction_1_stiffness or _moment (of damping.dry_friction[0]),
-    relaxation_1_share or _time (of damping.relaxation[0]),
+    relaxation_1_share or _time (of damping.relaxation[0]), chamber_area,
     tension_deadband, drive_time_constant, drive_delay, drive_pretension, drive_slack, drive_inertia,
     drive_viscous_friction or drive_coulomb_friction."""
     start: Annotated[Estimated | None, Field(examples=[0.7])] = None

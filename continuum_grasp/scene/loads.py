@@ -79,11 +79,19 @@ Load = Annotated[ForceLoad | MomentLoad, Field(discriminator="kind")]
 _OF_TENDONS = ("tensions", "lengths", "torques", "currents", "angles")
 
 
+def by_key(keys: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
+    """What ``actuation`` has, of commands by the key of each."""
+    given: dict[str, Any] = {}
+    for key, value in zip(keys, values, strict=True):
+        given[key] = value if key == "tip_moment" else (*given.get(key, ()), value)
+    return given
+
+
 class Actuation(Value):
-    """The input of the finger: the tip moment, or what the drives of its tendons take."""
+    """The input of the finger: the tip moment, or what the drives of its tendons and its chambers take."""
 
     tip_moment: Annotated[Real | Samples, Unit("N m")] | None = None
-    """Tip moment [N m], for a finger without tendons."""
+    """Tip moment [N m], for a finger without tendons and chambers."""
     tensions: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("N")] | None = None
     """Tension of each tendon [N], for a finger with tendons: F1, F2 of a pair."""
     lengths: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("m")] | None = None
@@ -94,20 +102,27 @@ class Actuation(Value):
     """Current of each motor [A], where its drive has a ``torque_constant``."""
     angles: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("rad")] | None = None
     """Angle of each drum [rad], where its drive has a ``position_gain``."""
+    pressures: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("Pa")] | None = None
+    """Pressure of each chamber above that of the surroundings [Pa], for a finger with ``pressure``."""
 
     def _check(self) -> None:
-        check_one_given(self, "tip_moment", *_OF_TENDONS)
+        # Chambers may act beside tendons of one kind.
+        if self.pressures is None or self.tip_moment is not None or len(self.given) > 2:
+            check_one_given(self, "tip_moment", *_OF_TENDONS, "pressures")
 
     @classmethod
-    def of(cls, key: str, values: Sequence[float]) -> Self:
-        """Constant commands by their key."""
-        given: Any = values[0] if key == "tip_moment" else tuple(values)
-        return cls(**{key: given})
+    def of(cls, keys: Sequence[str], values: Sequence[float | Samples]) -> Self:
+        """Commands by the key of each."""
+        return cls(**by_key(keys, values))
 
     @property
-    def given(self) -> tuple[str, tuple[float | Samples, ...]]:
-        """Key of the commands, and the commands: one per drive, or the tip moment alone."""
-        for key in _OF_TENDONS:
-            if getattr(self, key) is not None:
-                return key, getattr(self, key)
-        return "tip_moment", (self.tip_moment or 0.0,)
+    def given(self) -> dict[str, tuple[float | Samples, ...]]:
+        """Commands by their key: one per drive and chamber, or the tip moment alone."""
+        own = {} if self.tip_moment is None else {"tip_moment": (self.tip_moment,)}
+        named = {key: getattr(self, key) for key in (*_OF_TENDONS, "pressures")}
+        return own | {key: values for key, values in named.items() if values is not None}
+
+    @property
+    def values(self) -> tuple[float | Samples, ...]:
+        """All commands, in the order of the inputs."""
+        return tuple(value for values in self.given.values() for value in values)

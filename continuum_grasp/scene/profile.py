@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -133,6 +134,18 @@ class Curve:
             return Curve(self.edges, tuple((c[0] + float(np.log(factor)), *c[1:]) for c in self.coefficients), True)
         return Curve(self.edges, tuple(tuple(factor * one for one in c) for c in self.coefficients))
 
+    def times(self, factors: Curve) -> Curve:
+        """The same times a function of steps, which are positive."""
+        inner = sorted(self.edges[1:-1] + factors.edges[1:-1])
+        starts = [0.0, *(b for a, b in pairwise([0.0, *inner]) if b - a > _SAME * self.edges[-1])]
+        pieces = []
+        for at in starts:
+            piece = bisect_right(self.edges, at * (1.0 + _SAME)) - 1
+            factor, (first, *rest) = float(factors(at, tip_side=True)), self.local(piece, at).coef.tolist()
+            scaled = [factor * c for c in rest] if not self.exponential else rest
+            pieces.append((first + math.log(factor) if self.exponential else factor * first, *scaled))
+        return Curve((*starts, self.edges[-1]), tuple(pieces), self.exponential)
+
 
 @dataclass(frozen=True)
 class Profile:
@@ -198,16 +211,18 @@ class Profile:
 
 @dataclass(frozen=True)
 class Channel:
-    """What bends the finger by a moment of a known shape: tendons that run alike, or couples at one place.
+    """What bends the finger by a moment of a known shape: tendons that run alike, or a chamber.
 
-    The bending moment at s is ``amplitude * shape(s)``; the amplitude [N m] is the sum of tensions times ``arms`` and
-    of the couples of the place.
+    The bending moment at s is ``gain * amplitude * shape(s)``; the amplitude [N m, or Pa] is the sum of inputs times
+    ``arms``.
     """
 
-    shape: Curve  # [1], one at the base, zero beyond ``to``
+    shape: Curve  # [1], of tendons one at the base, zero beyond ``to``
     to: float  # where it ends [m]
-    arms: tuple[float, ...] = ()  # per tendon of the finger, amplitude per tension [m]; zero: not in this channel
-    time_constant: float | None = None  # of its tendons [s]
+    arms: tuple[float, ...] = ()  # per input of the finger, amplitude per tension [m]; zero: not in this channel
+    time_constant: float | None = None  # of the lag of its tendons, or of its pressure [s]
+    order: int = 2  # of that lag
+    gain: float = 1.0  # moment per amplitude: [m3] of a chamber, whose amplitude is its pressure [Pa]
 
 
 def moments(

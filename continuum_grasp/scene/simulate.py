@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
-from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene.drives import COMMANDS, MotorDrive
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import SIMULATION_METHODS
@@ -253,23 +253,30 @@ class Scene(FingerScene):
             raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")
 
     def _check_actuation(self, actuation: Actuation) -> None:
-        tendons, drives, (key, values) = self.finger.tendon_list, self.finger.winches, actuation.given
-        wanted = self.finger.input_key
-        if key != wanted:
-            kind = f"tendons with drive.kind: {drives[0].kind}" if drives else "tendons" if tendons else "no tendons"
-            raise ValueError(f"actuation.{key} is not what this finger takes, which has {kind}: give {wanted}")
-        if not tendons:
-            return
-        if len(values) != (len(drives) or len(tendons)):
-            each = f"drive ({len(drives)})" if drives else f"tendon ({len(tendons)})"
-            raise ValueError(f"actuation.{key} must have one entry per {each}, got {len(values)}")
-        ranges = [(t.min_tension, t.max_tension) for t in tendons]
-        names = "min_tension = {} N to max_tension = {} N"
-        if drives:
-            ranges = [(-math.inf, math.inf) if d.limit is None else (-d.limit, d.limit) for d in drives]
-            names = "what drive.torque_max allows, {:g} to {:g}"
-        for k, (given, (least, most)) in enumerate(zip(values, ranges, strict=True)):
-            for value in given.values if isinstance(given, Samples) else (given,):
+        finger, given = self.finger, actuation.given
+        wanted = finger.input_keys
+        if set(given) != set(wanted):
+            has = [f"tendons with drive.kind: {drive.kind}" for drive in finger.winches[:1]]
+            has = has or ["tendons" if finger.tendons else "no tendons"]
+            has += ["pressure"] if finger.chambers else []
+            raise ValueError(
+                f"actuation.{' and '.join(given)} is not what this finger takes, which has {' and '.join(has)}: give "
+                f"{' and '.join(dict.fromkeys(wanted))}"
+            )
+        for key, values in given.items():
+            if len(values) != wanted.count(key):
+                each = {"tensions": "tendon", "pressures": "chamber"}.get(key, "drive")
+                raise ValueError(
+                    f"actuation.{key} must have one entry per {each} ({wanted.count(key)}), got {len(values)}"
+                )
+        ranges = {
+            "tensions": "min_tension = {} N to max_tension = {} N",
+            "pressures": "min_pressure = {} Pa to max_pressure = {} Pa",
+        }
+        places = [(key, k) for key, values in given.items() for k in range(len(values))]
+        for (key, k), one, least, most in zip(places, actuation.values, *finger.input_limits, strict=True):
+            for value in one.values if isinstance(one, Samples) else (one,):
                 if not least <= value <= most:
-                    unit = " N" if key == "tensions" else ""
-                    raise ValueError(f"actuation.{key}[{k}] = {value}{unit} is outside {names.format(least, most)}")
+                    unit = f" {COMMANDS[key][1]}" if key in ranges else ""
+                    names = ranges.get(key, "what drive.torque_max allows, {:g} to {:g}").format(least, most)
+                    raise ValueError(f"actuation.{key}[{k}] = {value}{unit} is outside {names}")

@@ -22,7 +22,7 @@ MOST_SLOPE = 0.3
 tip below 5e-4 of the length."""
 _SAME = 1e-9
 """Difference up to which two ratios of offsets, and two ends per length, are the same [1]: above their rounding."""
-_LEAST_OFFSET = 1e-6
+LEAST_OFFSET = 1e-6
 """Least offset at the base [m], to which the shape of the moment is scaled; as of a length."""
 
 Offset = Annotated[float, Field(ge=-1e4, le=1e4), Unit("m")]
@@ -109,7 +109,7 @@ class Tendon(_Tensions):
     """Where it is fastened to the finger [m]; None: at the tip."""
 
     def _check(self) -> None:
-        if abs(ends(self.offset)[0]) < _LEAST_OFFSET:
+        if abs(ends(self.offset)[0]) < LEAST_OFFSET:
             raise ValueError(f"offset = {ends(self.offset)[0]} m at the base: a tendon in the backbone bends nothing")
 
     @property

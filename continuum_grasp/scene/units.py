@@ -37,6 +37,7 @@ class Quantity:
 
 QUANTITIES = {
     "m": Quantity("a length", "12 mm", {"cm": "1e-2", "mm": "1e-3", "um": "1e-6", "in": "0.0254"}),
+    "m2": Quantity("an area", "80 mm2", {"cm2": "1e-4", "mm2": "1e-6"}),
     "m4": Quantity("a second moment of area", "0.2 mm4", {"cm4": "1e-8", "mm4": "1e-12"}),
     "1/m": Quantity("a curvature", "0.008 1/mm", {"1/cm": "1e2", "1/mm": "1e3"}),
     "rad": Quantity("an angle", "30 deg", {"mrad": "1e-3", "deg": _DEGREE}),
@@ -60,7 +61,11 @@ QUANTITIES = {
     "N m2": Quantity("a bending stiffness", "6110 N mm2", {"N cm2": "1e-4", "N mm2": "1e-6"}),
     "N m2 s2": Quantity("a damping by squared rates", "0.1 N m2 s2", {"N cm2 s2": "1e-4", "N mm2 s2": "1e-6"}),
     "N m2 s": Quantity("a damping of bending", "30 N mm2 s", {"N cm2 s": "1e-4", "N mm2 s": "1e-6"}),
-    "Pa": Quantity("a modulus", "60 GPa", {"kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "N/mm2": "1e6"}),
+    "Pa": Quantity(
+        "a modulus or pressure",
+        "60 GPa",
+        {"kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "N/mm2": "1e6", "bar": "1e5", "mbar": "1e2"},
+    ),
     "1": Quantity("a share", "5 %", {"%": "1e-2"}),
 }
 """By SI unit. A key whose unit is not here takes SI numbers alone."""

@@ -92,8 +92,8 @@ class Signals:
 
     def _actuation(self, scene: Scene) -> list[float | Samples]:
         if scene.actuation is None:
-            return [0.0] * (max(self._model.structure.inputs.drives, 1))
-        return list(scene.actuation.given[1])
+            return [0.0] * len(self._model.structure.inputs.drives)
+        return list(scene.actuation.values)
 
     @property
     def constant(self) -> bool:

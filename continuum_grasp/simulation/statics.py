@@ -16,7 +16,7 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.drives import LengthDrive
-from continuum_grasp.scene.loads import Load
+from continuum_grasp.scene.loads import Actuation, Load
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric, poles
@@ -276,7 +276,10 @@ def equilibrium_held(
     motors = model.structure.motors
     finger = scene.finger.replaced(tendons=locked_tendons)
     wound = tuple(motor.radius * angle for motor, angle in zip(motors, angles, strict=True))
-    given = {finger.input_key: wound if finger.input_key == "lengths" else tuple(angles)}
+    # Chambers beside the tendons have their pressures.
+    pressures = scene.actuation.values[len(wound) :] if scene.actuation else (0.0,) * len(finger.chambers)
+    held_at = wound if "lengths" in finger.input_keys else tuple(angles)
+    given = Actuation.of(finger.input_keys, (*held_at, *pressures))
     initial = scene.initial.replaced(motor_angles=None)
     same = scene.replaced(finger=finger, actuation=given, initial=initial)
     locked = statics_model(same, model, model.loads)

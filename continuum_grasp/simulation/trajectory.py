@@ -322,17 +322,12 @@ def acting_forces(core: Core, q: Array, u: Array, w: Array, p: Array | None = No
 
 def acting_input(model: FingerModel, x: Array, u: Array) -> Array:
     """Inputs (T, nu) that act on the shapes of states x (T, nx) under commands u (T, nu); see ``Trajectory.acting``."""
-    lagging = [source for source in model.structure.sources if source.time_constant is not None]
     acting = u.copy()
-    for k, source in enumerate(lagging):
-        state = x[:, 2 * (model.n + k)]
-        if source.tendon is not None:
-            acting[:, source.tendon] = state
-            continue
+    for source, place in model.structure.lagging:
         # Any tensions with the lagged moment give the same shape: all of it in the first of the channel.
         pulling = np.flatnonzero(source.arms)
         acting[:, pulling] = 0.0
-        acting[:, pulling[0]] = state / source.arms[pulling[0]]
+        acting[:, pulling[0]] = x[:, place] / (1.0 if source.tendon is not None else source.arms[pulling[0]])
     return acting
 
 

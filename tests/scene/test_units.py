@@ -32,7 +32,7 @@ KINDS_OF_SCENES = [sorted(CONFIGS.glob(f"{folder}/*.yaml")) for folder in sorted
 SHIPPED = [path for row in zip_longest(*KINDS_OF_SCENES) for path in row if path is not None]
 """One of each kind first."""
 BASE = {"m": 1.0, "kg": 1.0, "g": 1e-3, "s": 1.0, "N": 1.0, "Pa": 1.0, "rad": 1.0, "Hz": 2.0 * math.pi, "1": 1.0}
-BASE |= {"deg": math.pi / 180.0, "gf": 9.80665e-3, "in": 0.0254, "%": 0.01}
+BASE |= {"deg": math.pi / 180.0, "gf": 9.80665e-3, "in": 0.0254, "%": 0.01, "bar": 1e5}
 PREFIXES = {"": 1.0, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3, "M": 1e6, "G": 1e9}
 
 

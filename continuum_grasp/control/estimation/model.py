@@ -270,13 +270,16 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
         found += _of_drives(asked, model, winches, p)
     elif asked.tension is not None:
         unit = model.u_names[0].split("[")[1][:-1]
-        for k, moment in enumerate(model.driven):
+        for k, moment in enumerate(one for one in model.driven if one.rate):
             # Of tendons that run alike, the difference alone bends the finger; their mean is no state of the model.
             first = next(arm for arm in moment.arms if arm)
             runtime = "tendon_offset [m]" in model.p_names
             arm = p[model.p_names.index("tendon_offset [m]")] if runtime else first
             parts = {name: of / first for name, of in zip(model.u_names, moment.arms, strict=True)}
             found.append(_Compared("tension", f"net_input_{k + 1} [{unit}]", model.x[moment.state] / arm, parts))
+    if asked.pressure is not None:
+        names = [name for name in model.x_names if name.startswith("pressure_")]
+        found += [_Compared("pressure", name, model.x[model.x_names.index(name)], {name: 1.0}) for name in names]
     if asked.bending is not None:
         angles = ca.vertsplit(ca.vec(model.sections(asked.bending.at)(model.x, model.u, p)[1]))
         for k, angle in enumerate(angles):

@@ -48,6 +48,7 @@ _KNOWN = 10.0
 _SENSORS = {"tip_x": "tip", "tip_y": "tip", "length_": "length", "motor_angle_": "angle"} | {
     "motor_torque_": "torque",
     "motor_current_": "current",
+    "pressure_": "pressure",
 }
 """Key in ``estimator.measured`` by how a name of a measurement begins; others are tensions and moments."""
 
@@ -90,10 +91,11 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
     initial[:n] = (asked.initial_std * per_angle) ** 2
     # A mode that swings by that deviation has a rate of its angular frequency times that: 16 rad/s for a 60 cm rod.
     initial[n : 2 * n] = (10.0 * asked.initial_std * per_angle) ** 2
-    for at, _, most, lag in model.driven:
-        # A critically damped lag of time T under white noise s has the variance s^2 T^3 / 4.
-        process[at + 1] = 4.0 * (_DRIVE * most) ** 2 / lag**3
-        initial[at], initial[at + 1] = (_DRIVE_AT_START * most) ** 2, (_DRIVE_AT_START * most / lag) ** 2
+    for one in model.driven:
+        # Under white noise s a lag of time T has the variance s^2 T / 2, a critically damped one s^2 T^3 / 4.
+        wanted, rate, lag = (_DRIVE * one.most) ** 2, [*one.rate], one.lag
+        process[rate or one.state] = 4.0 * wanted / lag**3 if rate else 2.0 * wanted / lag
+        initial[one.state], initial[rate] = (_DRIVE_AT_START * one.most) ** 2, (_DRIVE_AT_START * one.most / lag) ** 2
     body = model.system.surroundings
     if asked.measured.object is not None and body is not None and body.object is not None:
         pose = model.system.object_states
@@ -160,8 +162,9 @@ def _state_range(model: Prediction, stages: Stages) -> Array:
     most = np.full(model.nx, UNLIMITED)
     most[:n] = _MARGIN * bend
     most[n : 2 * n] = _MARGIN * bend * model.fastest_rate(stages.u_min, stages.u_max)
-    for at, _, moment, lag in model.driven:
-        most[at], most[at + 1] = 2.0 * moment, 10.0 * moment / lag  # a step of the command: 0.37 moment / lag
+    for one in model.driven:
+        # A step of the command: 0.37 moment / lag.
+        most[[one.state, *one.rate]] = 2.0 * one.most, *[10.0 * one.most / one.lag] * len(one.rate)
     return np.stack([-most, most], axis=1)
 
 
@@ -231,6 +234,10 @@ def measurement_range(scene: ControlScene, model: Prediction, name: str) -> tupl
     if name.startswith("tension_"):
         most = finger.tendon_list[int(name.split(" ")[0].removeprefix("tension_")) - 1].max_tension
         return (-0.5 * most, 2.0 * most)  # a slack tendon may read below zero, and a drive overshoot
+    if name.startswith("pressure_"):
+        chamber = finger.chambers[int(name.split(" ")[0].removeprefix("pressure_")) - 1]
+        reach = chamber.max_pressure - chamber.min_pressure
+        return (chamber.min_pressure - reach, chamber.max_pressure + reach)
     if finger.winches and not name.startswith("angle_"):
         return _of_drive(model, finger, name)
     if name.startswith("angle_"):

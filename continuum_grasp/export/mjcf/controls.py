@@ -13,6 +13,7 @@ from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.loads import ForceLoad, Samples, VectorSamples
+from continuum_grasp.scene.profile import Channel
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import interpolate, value_of
 
@@ -33,7 +34,7 @@ class Control:
     component: int | None = None
     """Of samples of vectors."""
     gear: tuple[float, ...] | None = None
-    """Force and moment per control at a site there; None: a tendon."""
+    """Force and moment per control at a site there; None: a tendon, or a chamber."""
     follows: bool = True
     """Whether the force turns with the finger."""
     limits: tuple[float, float] | None = None
@@ -45,6 +46,8 @@ class Control:
     """Factor of the values: whether a pulley winds up or pays out."""
     start: float = 0.0
     """What is added to them: cable that is wound up of the straight finger [m]."""
+    chamber: Channel | None = None
+    """By what a pressure bends hinges; None: no chamber."""
 
     @property
     def varies(self) -> bool:
@@ -80,13 +83,36 @@ def controls_of(scene: Scene) -> list[Control]:
 def _inputs(scene: Scene) -> list[Control]:
     finger, actuation = scene.finger, scene.actuation
     tip = finger.profile.length
-    if not finger.tendon_list:
+    if "tip_moment" in finger.input_keys:
         if actuation is None:
             return []
         return [Control("tip_moment", actuation.tip_moment, tip, False, gear=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0))]
-    if finger.winches:
-        return _wound(scene)
-    tensions = None if actuation is None else actuation.tensions
+    return (_wound(scene) if finger.winches else _pulled(scene)) + _chambers(scene)
+
+
+def _chambers(scene: Scene) -> list[Control]:
+    finger = scene.finger
+    given = scene.actuation.given if scene.actuation is not None else {}
+    pressures = given.get("pressures", (0.0,) * len(finger.chambers))
+    found = zip(finger.chambers, finger.chamber_channels, pressures, strict=True)
+    return [
+        Control(
+            f"chamber_{k}",
+            pressure,
+            channel.to,
+            bool(channel.shape.breaks),
+            limits=(own.min_pressure, own.max_pressure),
+            lag=own.time_constant,
+            chamber=channel,
+        )
+        for k, (own, channel, pressure) in enumerate(found, start=1)
+    ]
+
+
+def _pulled(scene: Scene) -> list[Control]:
+    """Tendons whose tensions are commanded."""
+    finger, tip = scene.finger, scene.finger.profile.length
+    tensions = None if scene.actuation is None else scene.actuation.tensions
     found = []
     for j, tendon in enumerate(finger.tendon_list):
         to = tendon.end(tip)
@@ -100,7 +126,7 @@ def _inputs(scene: Scene) -> list[Control]:
 def _wound(scene: Scene) -> list[Control]:
     """Tendons of winches that follow lengths."""
     finger, found = scene.finger, list[Control]()
-    given = (0.0,) * len(finger.winches) if scene.actuation is None else scene.actuation.given[1]
+    given = (0.0,) * len(finger.winches) if scene.actuation is None else scene.actuation.values
     for j, tendon in enumerate(finger.tendon_list):
         drive, pulley = tendon.drive, len(finger.winches) < len(finger.tendon_list)
         if not isinstance(drive, LengthDrive):

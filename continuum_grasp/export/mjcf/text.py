@@ -108,7 +108,12 @@ def _explanation(
         f"First natural frequency, straight and unloaded: {frequency:.6g} Hz.",
         "The step is half of the longest stable one of the straight chain, or less.",
     ]
-    if any(control.gear is None for control in controls):
+    if any(control.chamber is not None for control in controls):
+        lines += [
+            "Actuators chamber_1, ... take pressures [Pa]; each bends its hinges by fixed moments per pressure, which",
+            "are the coefficients of its tendon.",
+        ]
+    if any(control.gear is None and control.chamber is None for control in controls):
         lines += [
             "Actuators tendon_1, tendon_2, ... take tensions [N]; positive ones pull (gear -1).",
             "Tendons run through sites beside each hinge, at their offset from the backbone.",
@@ -179,7 +184,8 @@ def _tendons(
     finger: Finger, links: Links, controls: Sequence[Control], sites: dict[int, list[tuple[str, float, float]]]
 ) -> ET.Element:
     """Tendons and stops; the tendons' sites are added to those of the links."""
-    pulls = [control for control in controls if control.gear is None and control.cable is None]
+    tendons = [control for control in controls if control.gear is None and control.chamber is None]
+    pulls = [control for control in tendons if control.cable is None]
     parent = ET.Element("tendon")
     for j, control in enumerate(one for one in controls if one.cable is not None):
         # What a rod's bend draws in, exactly: a path through sites would be off by a share of the bend at each hinge.
@@ -187,6 +193,13 @@ def _tendons(
         for k in range(int(np.sum(links.at < control.at))):
             arm = drawn_in(finger, j, links.at[k : k + 1])[0]
             ET.SubElement(wound, "joint", joint=f"hinge_{k + 1}", coef=numbers(arm))
+    for control in controls:
+        if control.chamber is not None:
+            bent = ET.SubElement(parent, "fixed", name=control.name)
+            for k, at in enumerate(links.at):
+                moment = control.chamber.gain * float(control.chamber.shape(at))
+                if moment != 0.0:
+                    ET.SubElement(bent, "joint", joint=f"hinge_{k + 1}", coef=numbers(moment))
     distances = _distances(finger, links, pulls) if pulls else np.empty(0)
     for j, control in enumerate(pulls):
         passed = int(np.sum(links.at < control.at))
@@ -243,7 +256,7 @@ def _actuators(controls: Sequence[Control]) -> ET.Element:
             one.attrib |= {"tendon": control.name, "forcerange": numbers(0.0, _NEVER), "biastype": "affine"}
             one.set("biasprm", numbers(0.0, -control.cable, 0.0))
         elif control.gear is None:
-            one.attrib |= {"tendon": control.name, "gear": "-1"}
+            one.attrib |= {"tendon": control.name, "gear": "-1" if control.chamber is None else "1"}
         else:
             one.attrib |= {"site": _site(control), "gear": numbers(*control.gear)}
             if not control.follows:
@@ -252,7 +265,8 @@ def _actuators(controls: Sequence[Control]) -> ET.Element:
             one.set("ctrlrange", numbers(*control.limits))
         if control.lag:
             # 1/(T s + 1)^2 and 1/(2 T s + 1) have the same mean delay 2 T.
-            one.attrib |= {"dyntype": "filterexact", "dynprm": numbers(2.0 * control.lag)}
+            delay = 2.0 * control.lag if control.chamber is None else control.lag
+            one.attrib |= {"dyntype": "filterexact", "dynprm": numbers(delay)}
             one.set("gainprm", "1" if control.cable is None else numbers(control.cable))
     return parent
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -175,7 +176,7 @@ def export_mjcf(
     controls = controls_of(scene)
     if file is not None and scene.time is not None and any(one.varies for one in controls):
         check_file(Path(file).with_suffix(".csv"), partial(is_marked, mark=b"time,"))
-    links = lump(scene.finger, hinges, [one.at for one in controls if one.jumps], per_arc=per_arc)
+    links = lump(scene.finger, hinges, _jumps(controls), per_arc=per_arc)
     if links.inertia.min() < _LEAST_INERTIA:
         raise InputError(
             f"a link of {hinges} has an inertia of {links.inertia.min():.2g} kg m2, below MuJoCo's least of "
@@ -204,6 +205,12 @@ def export_mjcf(
     text = written(scene, links, controls, start, title, step, frequency, differences, sliders)
     chain = HingeChain(text, hinges, frequency, step, differences, tuple(controls))
     return chain if file is None else _saved(chain, Path(file), scene)
+
+
+def _jumps(controls: Sequence[Control]) -> list[float]:
+    """Where the bending moment jumps [m]."""
+    found = [one.at for one in controls if one.jumps and one.chamber is None]
+    return found + [at for one in controls if one.chamber is not None for at in one.chamber.shape.breaks]
 
 
 def _differences(scene: Scene, controls: list[Control]) -> list[str]:

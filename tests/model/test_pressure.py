@@ -1,0 +1,158 @@
+"""Pressure chambers: closed forms at rest and of the lag, virtual work, mirror images, beside tendons, and by others."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from continuum_grasp import FingerModel
+from continuum_grasp.errors import InputError
+from continuum_grasp.rod import solve_elastica
+from continuum_grasp.scene.families import FAMILIES
+from continuum_grasp.scene.simulate import Scene
+
+LENGTH, STIFFNESS = 0.12, 1.5e-3
+ROD = {"length": LENGTH, "bending_stiffness": STIFFNESS, "linear_density": 0.17}
+CHAMBER = {"area": 4e-5, "offset": -0.005, "max_pressure": 6e4}
+PER_PASCAL = 4e-5 * 0.005
+"""Moment of the chamber [m3]."""
+CABLE = {"max_tension": 30.0, "axial_stiffness": 1e4, "series_stiffness": 3e4}
+
+
+def scene(*chambers, family="clothoid", **changes):
+    base = {
+        "finger": {"rod": ROD, "damping": {"material": 4e-5}, "pressure": chambers},
+        "gravity": [0.0, 0.0],
+        "fidelity": {"family": family, "elements": [0.03] * 4},
+        "actuation": {"pressures": [2e4] * len(chambers)},
+        "initial": {"pose": "straight"},
+        "time": {"duration": 0.2, "step": 0.01},
+    }
+    return Scene.model_validate(base).changed(changes)
+
+
+def turned(found):
+    """Angle of the tip [rad]."""
+    return float(np.sum(np.array(found.model.bending(found.q, found.u, found.model.p_nominal))))
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("share", [0.0, 0.3])
+@pytest.mark.parametrize(("start", "to"), [(0.0, None), (0.0, 0.06), (0.03, 0.09), (0.09, 0.12)])
+def test_at_rest_it_bends_where_it_is(family, share, start, to):
+    whole = to is None
+    if not whole and FAMILIES[family].matches_tip:
+        pytest.skip("a matched tip has the moment of the tip alone")
+    chamber = {**CHAMBER, "start": start, "to": to, "stiffness_share": share}
+    found = cg.equilibrium(scene(chamber, family=family))
+    along = (LENGTH if whole else to) - start
+    # Curvature M / EI, with the wall's stiffness, where the chamber is, and none elsewhere.
+    assert turned(found) == pytest.approx(2e4 * PER_PASCAL * along / (STIFFNESS * (1.0 + share)), rel=2e-9)
+
+
+def test_walls_add_up_on_any_rod():
+    # A taper: the angle is the integral of M / (EI (1 + share)), in closed form for a linear EI.
+    graded = {"length": LENGTH, "sections": [{"to": LENGTH, "bending_stiffness": [2e-3, 1e-3], "linear_density": 0.17}]}
+    one = {**CHAMBER, "stiffness_share": 0.2, "to": 0.06}
+    other = {**CHAMBER, "stiffness_share": 0.1, "offset": -0.01}
+    made = scene(one, other, **{"finger.rod": graded, "fidelity": {"family": "clothoid", "elements": 12}})
+    moment, slope = 2e4 * 4e-5, -1e-3 / LENGTH
+    stiffness = made.finger.profile.bending_stiffness
+    assert float(stiffness(0.03)) == pytest.approx((2e-3 + slope * 0.03) * 1.2 * 1.1)
+    assert float(stiffness(0.09)) == pytest.approx((2e-3 + slope * 0.09) * 1.1)
+
+    def angle(a, b, factor):
+        return factor * math.log((2e-3 + slope * b) / (2e-3 + slope * a)) / slope
+
+    wanted = angle(0.0, 0.06, moment * 0.015 / (1.2 * 1.1)) + angle(0.06, LENGTH, moment * 0.01 / 1.1)
+    assert turned(cg.equilibrium(made)) == pytest.approx(wanted, rel=2e-4)
+
+
+def test_a_muscle_and_a_chamber_on_the_other_side_do_the_same():
+    one = cg.equilibrium(scene({**CHAMBER, "offset": 0.005, "contracts": True}))
+    assert one.q == pytest.approx(cg.equilibrium(scene(CHAMBER)).q, rel=1e-12)
+    assert one.q == pytest.approx(-cg.equilibrium(scene({**CHAMBER, "offset": 0.005})).q, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "tendons",
+    [
+        {"offset": 0.004, "max_tension": 30.0},
+        {"offset": 0.004, "max_tension": 30.0, "friction": 0.1},
+        {"offset": 0.004, **CABLE, "drive": {"kind": "length", "time_constant": 0.02, "arrangement": "one_pulley"}},
+        {"offset": 0.004, **CABLE, "friction": 0.1, "drive": {"kind": "length", "time_constant": 0.02}},
+    ],
+    ids=["tensions", "friction", "pulley", "winches"],
+)
+@pytest.mark.parametrize("lag", [None, 0.05])
+def test_beside_tendons_forces_add_up(tendons, lag):
+    # Virtual work: the pressure's is p A e of the angle that its part of the finger turns, whatever tendons do.
+    chamber = {**CHAMBER, "time_constant": lag, "to": 0.06}
+    finger = scene(chamber, actuation=None).finger.changed({"tendons": tendons})
+    model = FingerModel(finger, elements=4, family="clothoid", gravity=(0.0, 0.0))
+    alone = FingerModel(finger.replaced(pressure=None), elements=model.lengths, family="clothoid", gravity=(0.0, 0.0))
+    assert model.u_names == [*alone.u_names, "pressure_1 [Pa]"]
+    assert ("pressure_1 [Pa]" in model.x_names) == (lag is not None)
+    rng, cells = np.random.default_rng(0), len(model.friction_names)
+    for _ in range(3):
+        q, pull = rng.uniform(-3.0, 3.0, model.n), rng.uniform(0.0, 1e-3, alone.nu)
+        history = (np.append(rng.uniform(-1.0, 1.0, cells), 0.0),) if cells else ()
+        both = np.array(model.actuation(q, np.append(pull, 2e4), model.p_nominal, *history)).ravel()
+        pulled = np.array(alone.actuation(q, pull, alone.p_nominal, *history)).ravel()
+        turn = [float(model.orientation(one, np.zeros(model.nu), 0.06, model.p_nominal)) for one in np.eye(model.n)]
+        assert both - pulled == pytest.approx(2e4 * PER_PASCAL * np.array(turn), rel=1e-12, abs=1e-15)
+
+
+def test_a_pressure_follows_its_command_by_a_lag_of_first_order():
+    ramp = {"times": [0.0, 1.0], "values": [0.0, 5e4], "interpolation": "linear"}
+    found = cg.simulate(scene({**CHAMBER, "time_constant": 0.05}, actuation={"pressures": [ramp]}))
+    place = found.model.x_names.index("pressure_1 [Pa]")
+    late = 5e4 * (found.t - 0.05 * (1.0 - np.exp(-found.t / 0.05)))
+    assert found.x[:, place] == pytest.approx(late, abs=1.0)
+
+
+@pytest.mark.parametrize("family", ["matched_clothoid", "clothoid", "arc"])
+def test_pressure_does_the_work_that_becomes_energy(family):
+    # Without damping kinetic and elastic energy grow by p dV, V the moment per pressure times the turn.
+    undamped = {"finger.damping": {}, "initial.pose": "rest", "time": {"duration": 0.1, "step": 1e-3}}
+    swing = {"times": [0.0, 0.04], "values": [0.0, 2e4]}
+    made = scene(CHAMBER, family=family, **undamped, actuation={"pressures": [swing]})
+    found = cg.simulate(made)
+    after = found.t >= 0.04
+    turn = np.array(
+        [np.sum(np.array(found.model.bending(q, u, found.model.p_nominal))) for q, u in zip(found.q, found.u)]
+    )
+    balance = (found.kinetic + found.potential - 2e4 * PER_PASCAL * turn)[after]
+    assert np.ptp(balance) < 1e-6 * found.kinetic.max()
+
+
+def test_the_exact_rod_agrees():
+    # Three chambers under gravity, held against a force: the rod is integrated by a program of its own.
+    load = {"kind": "force", "at": LENGTH, "force": [0.02, -0.01]}
+    chambers = (
+        {**CHAMBER, "stiffness_share": 0.2},
+        {**CHAMBER, "start": 0.03, "to": 0.09},
+        {**CHAMBER, "offset": 0.003},
+    )
+    made = scene(*chambers, gravity=[0.0, -9.81], loads=[load], **{"fidelity.elements": [0.015] * 8})
+    found = cg.equilibrium(made)
+    assert solve_elastica(made).tip == pytest.approx(found.tip, abs=5e-6 * LENGTH)
+
+
+def test_what_is_wrong_is_said_with_its_key():
+    for changes, key, text in (
+        (
+            {"actuation": {"tensions": [1.0]}},
+            "",
+            "tensions is not what this finger takes, which has no tendons and pressure",
+        ),
+        ({"actuation": {"pressures": [1.0, 2.0]}}, "", r"one entry per chamber \(1\), got 2"),
+        ({"actuation": {"pressures": [7e4]}}, "", "outside min_pressure = 0.0 Pa to max_pressure = 60000.0 Pa"),
+        ({"finger.pressure[0].start": 0.2}, "", "is beyond the finger's length"),
+        ({"fidelity.family": "matched_clothoid", "finger.pressure[0].time_constant": 0.1}, "", "lag"),
+    ):
+        with pytest.raises(InputError, match=text):
+            scene(CHAMBER).changed(changes)
