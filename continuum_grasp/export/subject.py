@@ -371,7 +371,7 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
             drives = [model.drives_at(shape, u, pulled=tension, p=p) for tension in (least, max(greatest))]
         else:
             u[: len(greatest)] = greatest
-            drives = [structure.lag_at(u.tolist())]
+            drives = [model.drives_at(shape, u, p=p)]
     # What sticks is stiff, and states of what slides return to their range.
     return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in ((0.0, SLIDING) if count else (0.0,))]
 

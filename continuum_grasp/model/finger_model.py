@@ -222,12 +222,11 @@ class FingerModel(Functions):
         ``pulled``: winches not where u leaves them, but where (the first of) their tendons have this tension [N].
         Parameters p are nominal where not given.
         """
-        if not self.structure.winches:
-            return self.structure.lag_at(np.asarray(u, dtype=float).ravel().tolist())
         states = np.zeros(len(self.friction_names))
         if np.size(friction_states):
             states[:] = np.ravel(friction_states)
-        of, by = (self._drives_at_rest, u) if pulled is None else (self._drives_drawn, pulled)
+        drawn = pulled is not None and self.structure.winches
+        of, by = (self._drives_drawn, pulled) if drawn else (self._drives_at_rest, u)
         given = [np.asarray(v, dtype=float) for v in (q, by, self.p_nominal if p is None else p)]
         history = [np.append(states, 0.0)] if states.size else []
         return [float(v) for v in np.array(of(*given, *history)).ravel()]

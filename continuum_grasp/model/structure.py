@@ -176,15 +176,6 @@ class Structure:
         flat = np.zeros((len(self.lengths), self.family.degree + 1))
         return self.family.coordinates(flat[:, 0], flat)[: self.n]
 
-    def lag_at(self, u: Sequence[float]) -> list[float]:
-        """States of lags that have reached an input (nu), and of what relaxes; see `FingerModel.drives_at`."""
-        found: list[float] = []
-        for source in self.sources:
-            if source.lag is not None:
-                asked, _ = source.amplitudes([float(v) for v in u[: self.inputs.count]], len(self.inputs.drives))
-                found += map(float, source.lag.at_rest(float(asked)))
-        return found + [0.0] * len(self.states["relaxation"])
-
     @property
     def lagging(self) -> list[tuple[Source, int]]:
         """Sources with a lag, and where in x what lags is."""
