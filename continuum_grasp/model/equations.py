@@ -57,6 +57,7 @@ class Equations:
         self.w = ca.SX.sym("w", len(structure.w_names))
         self.s = ca.SX.sym("s")
         self.pulled = ca.SX.sym("pulled")
+        self.part = ca.SX.sym("part")
         self.p = structure.parameters.symbol
         self.contacts: Contacts | None = None
         self.press = ca.SX(0, 1)
@@ -570,9 +571,10 @@ class Equations:
         found = solve_ldl(self.mass_matrix, self.net_force(self.moving))
         return [*rates, *found, *self.drive_rates, *self._contact_rates]
 
-    def implicit_rate(self, part: ca.SX) -> list[Scalar]:
-        """Derivative of the state as a step takes it that is implicit in elasticity and damping; ``part`` [s]."""
-        n = self._structure.n
+    @property
+    def implicit_rate(self) -> list[Scalar]:
+        """Derivative of the state as a step takes it that is implicit in elasticity and damping in ``part`` [s]."""
+        n, part = self._structure.n, self.part
         stiffness = ca.jacobian(column(self.elastic[:n]), self.q)
         slowed = part * ca.jacobian(column(self.damping[:n]), self.qd) + part**2 * stiffness
         held = self.held_stiffness
@@ -586,7 +588,7 @@ class Equations:
         return [
             *[self.qd[k] + part * rate for k, rate in enumerate(found)],
             *found,
-            *self.implicit_drive_rates(part, ca.vertcat(*found)),
+            *self.implicit_drive_rates(ca.vertcat(*found)),
             *self._contact_rates,
         ]
 
@@ -596,9 +598,9 @@ class Equations:
         lag = [rate for rates in self._lag_rates for rate in rates]
         return [*lag, *self._winch_rates, *self.moving.state_rates]
 
-    def implicit_drive_rates(self, part: ca.SX, accelerations: ca.SX) -> list[Scalar]:
+    def implicit_drive_rates(self, accelerations: ca.SX) -> list[Scalar]:
         """Rates of drives and friction in a step that is implicit in ``part`` [s], where laws with states are stiff."""
-        n = self._structure.n
+        n, part = self._structure.n, self.part
         ahead: list[Scalar] = [*(self.qd[k] + part * accelerations[k] for k in range(n)), *self.full_rates[n:]]
         acting = self._acting(self.drives, self._winches, self.z, self._relaxing, Memory(part=part), ahead)
         own = acting.sections

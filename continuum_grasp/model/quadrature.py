@@ -32,7 +32,6 @@ class Collocation:
     mean_weights: NDArray[np.float64]  # (m,) integral of the density times F
     kernel: NDArray[np.float64]  # (m, m) symmetric
     rotary_weights: NDArray[np.float64]  # (m,) weights times the rotary density
-    rotary_mass: float  # integral of the rotary density
 
     @property
     def offsets(self) -> NDArray[np.float64]:
@@ -96,7 +95,6 @@ def collocation(count: int) -> Collocation:
         mean_weights=weights * (1.0 - nodes),
         kernel=0.5 * (kernel + kernel.T),
         rotary_weights=weights,
-        rotary_mass=1.0,
     )
 
 
@@ -146,7 +144,6 @@ def graded_collocation(
         mean_weights=measure @ moved,
         kernel=0.5 * (kernel + kernel.T),
         rotary_weights=rotary_weights,
-        rotary_mass=float(rotary_weights.sum()),
     )
 
 
