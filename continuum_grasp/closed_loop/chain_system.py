@@ -110,10 +110,7 @@ class ChainSystem:
         self._pairs: list[Pair] = []
         names = [*(f"finger.{k + 1}" for k in range(len(ways))), "finger.tip"]
         if scene.object is not None and scene.contact_law is not None:
-            x, y = scene.object.position
-            place = given.get("object_x", x), given.get("object_y", y)
-            grip = given.get("friction_factor", 1.0)
-            self._body = body = Body(scene.object, scene, given.get("object_mass"), grip, place)
+            self._body = body = Body(scene.object, scene, given)
             law = scene.contact_law
             for k, name in enumerate(names):
                 m = self._motion[:, k]

@@ -467,17 +467,15 @@ class Equations:
         return found
 
     @property
-    def motors(self) -> tuple[list[Scalar], list[Scalar], list[Scalar], list[Scalar]]:
-        """Angles of motors, their rates, torques without dry friction [N m], inertias [kg m2]."""
-        angles, rates, torques, inertias = list[Scalar](), list[Scalar](), list[Scalar](), list[Scalar]()
+    def motors(self) -> list[tuple[Scalar, Scalar, Scalar, Scalar]]:
+        """Of each motor its angle, rate, torque without dry friction [N m] and inertia [kg m2]."""
+        found = []
         for k, held in enumerate(self._winches):
-            winch, states = held.winch, held.states
-            if isinstance(winch, Motor):
-                angles.append(states[0])
-                rates.append(states[1])
-                torques.append(winch.balance(states, self.u[k], winch.of_its(self.moving.tendons.tensions)))
-                inertias.append(winch.inertia)
-        return angles, rates, torques, inertias
+            if isinstance(held.winch, Motor):
+                tensions = held.winch.of_its(self.moving.tendons.tensions)
+                torque = held.winch.balance(held.states, self.u[k], tensions)
+                found.append((held.states[0], held.states[1], torque, held.winch.inertia))
+        return found
 
     def _bending_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
         """Elastic force and friction less actuation, where it is ``driven``."""

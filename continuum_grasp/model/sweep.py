@@ -362,7 +362,7 @@ class Builder:
             gains.insert(0, ca.horzcat(inverse * row, constant))
             matrix = matrix[:b, :b] - (inverse * row).T @ row
             right = right[:b] - row.T * constant
-        handed = [*_lower(matrix), *ca.vertsplit(right), *[1.0, 0.0][: 2 * matched]]
+        handed: list[Scalar] = [*_lower(matrix), *ca.vertsplit(right), *[1.0, 0.0][: 2 * matched]]
         return self._function(
             "inward",
             {"end": end, "shape": shape, "body": body, "row": self.row, "p": self.equations.p, "force": force},

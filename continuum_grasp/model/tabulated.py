@@ -190,7 +190,8 @@ class TabulatedLink:
         turning, square = table.rotary.elements(), length * length
 
         def form(row: ca.SX, at: int, scale: Scalar) -> Scalar:
-            return scale * (self._second * ca.dot(row, cosines) + self._rotary * turning[at])
+            value: Scalar = scale * (self._second * ca.dot(row, cosines) + self._rotary * turning[at])
+            return value
 
         lower = [(a, b) for a in range(size) for b in range(a + 1)]
         entries = {pair: form(table.matrix[k, :].T, 1 + size + k, square) for k, pair in enumerate(lower)}
