@@ -15,8 +15,8 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model import FingerModel, System
+from continuum_grasp.model.contacts import friction_parameter
 from continuum_grasp.model.remade import Remade
-from continuum_grasp.model.system_equations import friction_parameter
 from continuum_grasp.model.winches import Motor, Winch
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import MotorDrive

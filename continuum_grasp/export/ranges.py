@@ -18,7 +18,6 @@ from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
-from continuum_grasp.model.system_equations import SystemEquations
 from continuum_grasp.scene.profile import Channel
 
 _USUAL_RATE = 10.0
@@ -246,8 +245,7 @@ class JointRange:
         elif model.structure.matched:
             use, text, notes, limits = _of_curvature(model, equations)
         # The height of a table, which a contact may depend on, is no number that every function takes.
-        pairs = equations.pairs if isinstance(equations, SystemEquations) else []
-        gaps = [pair.gap for pair in pairs if pair.load is None and not ca.depends_on(ca.SX(pair.gap), equations.w)]
+        gaps = [p.gap for p in equations.pairs if p.load is None and not ca.depends_on(ca.SX(p.gap), equations.w)]
         if gaps:
             depth = functools.reduce(ca.fmax, [(-1.0 / pressed) * gap for gap in gaps], ca.SX(0.0))
             use = depth if use is None else ca.fmax(ca.fabs(use), depth)

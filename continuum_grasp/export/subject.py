@@ -31,7 +31,6 @@ from continuum_grasp.export.ranges import (
 from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
-from continuum_grasp.model.system_equations import SystemEquations
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.spectrum import SLIDING, spring_frequency
 
@@ -105,11 +104,8 @@ class Subject:
         given = {name: pair for name, pair in ranges.items() if name != CONTACT_FORCE or touching is None}
         parameters, forces = parameter_fields(moving, given), force_fields(moving)
         states = state_fields(moving, parameters)
-        if touching is None:
-            equations, pressed = Equations(model.structure), 0.0
-        else:
-            equations = SystemEquations(model.structure, touching.surroundings, touching.object_parameters)
-            pressed = contact_depth(touching, ranges.get(CONTACT_FORCE))
+        equations = Equations(moving.structure)
+        pressed = 0.0 if touching is None else contact_depth(touching, ranges.get(CONTACT_FORCE))
         joint = JointRange.of(model, equations, pressed)
         return Subject(
             finger=model,
@@ -375,7 +371,7 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
             drives = [model.drives_at(shape, u, pulled=tension, p=p) for tension in (least, max(greatest))]
         else:
             u[: len(greatest)] = greatest
-            drives = [structure.lag_at(u.tolist())]
+            drives = [model.drives_at(shape, u, p=p)]
     # What sticks is stiff, and states of what slides return to their range.
     return [(np.array([*drive, *[z] * count]), u) for drive in drives for z in ((0.0, SLIDING) if count else (0.0,))]
 

@@ -81,11 +81,6 @@ class Arc(Link):
         return self._theta if is_end(fraction) else fraction * self._theta
 
     @property
-    def whole_bend(self) -> Scalar:
-        """Bending angle of the end [rad]."""
-        return self._theta
-
-    @property
     def curvatures(self) -> list[Scalar]:
         return [self._theta / self._length]
 

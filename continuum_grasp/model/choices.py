@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from numbers import Integral, Real
 from operator import attrgetter
 from typing import Any, TypedDict
 
 import numpy as np
 
+from continuum_grasp.arguments import instance
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.learned_residual import LearnedResidual
@@ -83,14 +84,11 @@ class Choices:
 
     def numbers(self, name: str, count: int | None = None) -> tuple[float, ...] | None:
         """A list of finite numbers, of a given length."""
-        value = self[name]
-        if value is None:
-            return None
         wanted = f"a list of {count or ''} numbers".replace("  ", " ")
-        entries = _entries(name, value, wanted)
-        if count is not None and len(entries) != count:
-            raise InputError(f"expected {wanted}, got {len(entries)}: {value!r:.60}", key=name)
-        return tuple(_number(f"{name}[{k}]", entry) for k, entry in enumerate(entries))
+        found: tuple[float, ...] | None = self._list(name, wanted, _number)
+        if found is not None and count is not None and len(found) != count:
+            raise InputError(f"expected {wanted}, got {len(found)}: {self[name]!r:.60}", key=name)
+        return found
 
     def elements(self) -> int | tuple[float, ...] | None:
         """A number of elements, or their lengths."""
@@ -110,11 +108,7 @@ class Choices:
 
     def words(self, name: str) -> tuple[str, ...]:
         """A list of words."""
-        entries = _entries(name, [] if self[name] is None else self[name], "a list of names")
-        for k, entry in enumerate(entries):
-            if not isinstance(entry, str):
-                raise InputError(f"expected a name, got {entry!r:.60}", key=f"{name}[{k}]")
-        return entries
+        return self._list(name, "a list of names", _name) or ()
 
     def switch(self, name: str) -> bool | None:
         """True or false."""
@@ -125,26 +119,27 @@ class Choices:
 
     def residual(self) -> LearnedResidual | None:
         """What was learned from logs."""
-        value = self["residual"]
-        if value is not None and not isinstance(value, LearnedResidual):
-            raise InputError(f"expected a LearnedResidual, got {value!r:.60}", key="residual")
-        return value
+        return None if self["residual"] is None else instance("residual", self["residual"], LearnedResidual)
 
     def loads(self) -> tuple[Load, ...]:
         """Point loads."""
-        entries = _entries("loads", () if self["loads"] is None else self["loads"], "a list of loads")
-        for k, entry in enumerate(entries):
-            if not isinstance(entry, ForceLoad | MomentLoad):
-                raise InputError(f"expected a ForceLoad or a MomentLoad, got {entry!r:.60}", key=f"loads[{k}]")
-        return entries
+        return self._list("loads", "a list of loads", lambda *entry: instance(*entry, ForceLoad, MomentLoad)) or ()
+
+    def _list(self, name: str, wanted: str, each: Callable[[str, Any], Any]) -> tuple[Any, ...] | None:
+        value = self[name]
+        if value is None:
+            return None
+        single = isinstance(value, str | Real | ForceLoad | MomentLoad)
+        if single or isinstance(value, dict) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) != 1:
+            hint = f" (write [{value!r:.40}])" if single else ""
+            raise InputError(f"expected {wanted}, got {value!r:.60}{hint}", key=name)
+        return tuple(each(f"{name}[{k}]", entry) for k, entry in enumerate(value))
 
 
-def _entries(name: str, value: Any, wanted: str) -> tuple[Any, ...]:
-    single = isinstance(value, str | Real | ForceLoad | MomentLoad)
-    if single or isinstance(value, dict) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) != 1:
-        hint = f" (write [{value!r:.40}])" if single else ""
-        raise InputError(f"expected {wanted}, got {value!r:.60}{hint}", key=name)
-    return tuple(value)
+def _name(key: str, value: Any) -> str:
+    if not isinstance(value, str):
+        raise InputError(f"expected a name, got {value!r:.60}", key=key)
+    return value
 
 
 def _number(key: str, value: Any) -> float:

@@ -15,7 +15,6 @@ from __future__ import annotations
 import itertools
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -23,20 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.model.link import Bias, Inertia, Link, Section, is_end
-from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, weighted_sum
+from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec
 from continuum_grasp.model.quadrature import Collocation
 from continuum_grasp.model.stumpff import rotation
-from continuum_grasp.model.tabulated import Array, LinkTable
-
-
-@dataclass(frozen=True)
-class _Nodes:
-    """Directions along a link or the first part of it."""
-
-    tangents: list[Vec]  # at the nodes
-    turns: list[Rotation]  # from each node to the next
-    doubled: list[Rotation]  # from each node to the second next
-    end: Rotation  # of the end section
+from continuum_grasp.model.tabulated import Array, Directions, LinkTable, TabulatedLink
 
 
 class CollocatedLink(Link):
@@ -59,22 +48,15 @@ class CollocatedLink(Link):
     ) -> None:
         self._local = list(local)
         self._length = length
-        self._rotary_inertia = rotary_inertia
         self._angle_range = angle_range
         self.rule = rule
         places = zip(rule.piece, rule.nodes.tolist(), strict=True)
         self._shape = np.array([self._angles(u, piece) for piece, u in places]).T
-        self._first_scale = linear_density * length * length
-        self._kernel_scale = self._first_scale * length
-        self._mass = linear_density * length * rule.mass
-        self._kernel, self._mean = rule.kernel, rule.mean_weights
-        if isinstance(self._first_scale, float):
-            # The end moves with the integral of all nodes' tangents: its kinetic energy is one more kernel, w w'.
-            w = rule.weights
-            self._kernel = self._kernel * self._kernel_scale + end_mass * length**2 * np.outer(w, w)
-            self._mean = self._mean * self._first_scale + end_mass * length * w
-            self._mass += end_mass
-            self._first_scale = self._kernel_scale = 1.0
+        # Numbers go into the table, expressions are factors of what it gives.
+        given = (length, linear_density, rotary_inertia)
+        self._numbers = [value if isinstance(value, float) else 1.0 for value in given]
+        self._factors: list[Scalar] = [1.0 if isinstance(value, float) else value for value in given]
+        self._end_mass = end_mass
 
     @abstractmethod
     def _angles(self, fraction: Scalar, piece: int) -> Sequence[Scalar]:
@@ -141,12 +123,16 @@ class CollocatedLink(Link):
 
         The coordinates must be zero. A ``straight`` one has as rest what a curvature [1/m] bends that is one all along.
         """
-        h, rule, more = float(self._length), self.rule, count - self.count
+        rest = self._numbers[0] * self.rule.steps if straight else np.array(self._turns(1.0), dtype=float)
+        return self._table(rest, count - self.count)
+
+    def _table(self, rest: Array, more: int = 0) -> LinkTable:
+        """The link as numbers, with further nodes, and bends at rest from node to node [rad]."""
+        (h, density, rotary), rule, end = self._numbers, self.rule, self._end_mass
         bends = [phi * h for phi in self._turned(1.0)[0]]
         places = np.column_stack([np.zeros(len(bends)), h * self._shape, np.array(bends, dtype=float)])
-        rest = h * rule.steps if straight else np.array(self._turns(1.0), dtype=float)
         one = np.vstack([np.ones(self.count), h * self._shape])
-        rotary = (float(self._rotary_inertia) * h * rule.rotary_weights * one) @ one.T
+        w, mean, kernel = rule.weights, density * h**2 * rule.mean_weights, density * h**3 * rule.kernel
 
         def longer(values: Array) -> Array:
             """With nothing at further nodes, which are where the last one is."""
@@ -156,11 +142,12 @@ class CollocatedLink(Link):
         return LinkTable.of(
             np.column_stack([places[:, :-1], last, places[:, -1:]]),
             np.concatenate([rest[:-1], np.zeros(more), rest[-1:]]),
-            longer(h * rule.weights),
-            longer(self._kernel),
-            longer(self._mean),
-            float(self._mass),
-            rotary,
+            longer(h * w),
+            # The end moves with the integral of all nodes' tangents: its kinetic energy is one more kernel, w w'.
+            longer(kernel + end * h**2 * np.outer(w, w)),
+            longer(mean + end * h * w),
+            density * h * rule.mass + end,
+            (rotary * h * rule.rotary_weights * one) @ one.T,
         )
 
     def reach(self, count: int) -> list[float]:
@@ -171,34 +158,25 @@ class CollocatedLink(Link):
     # -- kinematics ----------------------------------------------------------------------------------------------
 
     @cached_property
-    def _whole(self) -> _Nodes:
-        return self._nodes_up_to(1.0)
+    def _whole(self) -> TabulatedLink:
+        made = self._table(np.zeros(self.count + 1))
+        return TabulatedLink(made.filled(ca.DM(made.numbers)), self._rotations(1.0), *self._factors)
 
-    def _nodes_up_to(self, fraction: Scalar) -> _Nodes:
-        """Directions at the nodes of a part of the link."""
-        # Each is turned from the one before: turns between neighbors are small, so their series are short, and the
+    def _rotations(self, fraction: Scalar) -> list[Rotation]:
+        """Turns from node to node of a part of the link, from its start and to its end."""
+        # Each node is turned from the one before: turns between neighbors are small, so their series are short, and the
         # mass matrix needs them anyway.
-        turns = [
-            rotation(ca.SX(angle), self._angle_range * float(step))
-            for angle, step in zip(self._turns(fraction), self.rule.steps, strict=True)
-        ]
-        # Products of two turns first: half the depth, so the processor can work on them side by side.
-        doubled = [a @ b for a, b in itertools.pairwise(turns)]
-        rotations = [turns[0], doubled[0]]
-        for k in range(2, len(turns) - 1):
-            rotations.append(rotations[k - 2] @ doubled[k - 1])
-        return _Nodes([Vec(r.c, r.s) for r in rotations], turns[1:-1], doubled[1:], rotations[-1] @ turns[-1])
+        steps = zip(self._turns(fraction), self.rule.steps, strict=True)
+        return [rotation(ca.SX(angle), self._angle_range * float(step)) for angle, step in steps]
 
-    @cached_property
+    @property
     def end(self) -> Section:
-        return self._section(1.0, self._whole)
+        return self._whole.end
 
     def section(self, fraction: Scalar) -> Section:
-        if is_end(fraction):
-            return self.end
-        return self._section(fraction, self._nodes_up_to(fraction))
+        return self.end if is_end(fraction) else self._section(fraction, Directions(self._rotations(fraction)))
 
-    def _section(self, fraction: Scalar, nodes: _Nodes) -> Section:
+    def _section(self, fraction: Scalar, nodes: Directions) -> Section:
         shapes = zip(*[self._angles(at, piece) for at, piece in self._places(fraction)], strict=True)
         one = [1.0 for _ in self.rule.nodes]
         return Section(
@@ -219,7 +197,9 @@ class CollocatedLink(Link):
         return total
 
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
-        nodes = self._whole if is_end(fraction) else self._nodes_up_to(fraction)
+        if is_end(fraction):
+            return self._whole.end_bias(omega, rates)
+        nodes = Directions(self._rotations(fraction))
         spins = [self._spin(at, piece, omega, rates) for at, piece in self._places(fraction)]
         return self._integral(fraction, spins, nodes.tangents, self._length)
 
@@ -232,74 +212,12 @@ class CollocatedLink(Link):
 
     # -- kinetics ------------------------------------------------------------------------------------------------
 
-    @cached_property
-    def _differences(self) -> dict[tuple[int, int], Rotation]:
-        """Per pair of nodes j < k, the turn from the tangent at j to that at k."""
-        nodes, count = self._whole, len(self.rule.nodes)
-        found: dict[tuple[int, int], Rotation] = {}
-        for j in range(count):
-            for k in range(j + 1, count):
-                if k == j + 1:
-                    found[j, k] = nodes.turns[j]
-                elif k == j + 2:
-                    found[j, k] = nodes.doubled[j]
-                else:
-                    found[j, k] = found[j, k - 2] @ nodes.doubled[k - 2]
-        return found
-
-    def _form(self, f: NDArray[np.float64], g: NDArray[np.float64], scale: Scalar) -> Scalar:
-        """sum_jk f_j K_jk g_k cos(phi_j - phi_k)."""
-        # cos is even: each pair of nodes once, with the weights of both orders; on the diagonal it is one.
-        kernel = np.outer(f, g) * self._kernel
-        kernel += kernel.T
-        weights = [0.5 * float(np.trace(kernel)), *[float(kernel[pair]) for pair in self._differences]]
-        return weighted_sum(weights, [1.0, *[turn.c for turn in self._differences.values()]], scale)
-
-    @cached_property
+    @property
     def inertia(self) -> Inertia:
-        h, scale, shape, weights = self._length, self._kernel_scale, self._shape, self.rule.rotary_weights
-        one = np.ones(len(weights))
-        rotary = self._rotary_inertia * h
-        # Sections turn by the shapes of the bending angle: rho I times the integrals of these and of their products.
-        rotary_swing = [float(f @ weights) * rotary * h for f in shape]
-        rotary_matrix = [[float(f * weights @ g) * rotary * h * h for g in shape] for f in shape]
-        tangents = self._whole.tangents
-        return Inertia(
-            mass=self._mass,
-            first=_weigh(self._mean, tangents, self._first_scale),
-            second=self._form(one, one, scale) + self.rule.rotary_mass * rotary,
-            arms=tuple(_weigh(self._mean * f, tangents, self._first_scale * h) for f in shape),
-            swing=tuple(self._form(one, f, scale * h) + r for f, r in zip(shape, rotary_swing, strict=True)),
-            matrix=tuple(
-                tuple(self._form(f, g, scale * h * h) + r for g, r in zip(shape, row, strict=True))
-                for f, row in zip(shape, rotary_matrix, strict=True)
-            ),
-        )
+        return self._whole.inertia
 
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
-        nodes, tangents = range(len(self.rule.nodes)), self._whole.tangents
-        spins = [self._spin(at, piece, omega, rates) for at, piece in self._places(1.0)]
-        loads: list[Scalar] = [0.0 for _ in nodes]
-        for (j, k), turn in self._differences.items():
-            # sin is odd: what node k exerts on j, j exerts on k with the other sign.
-            sine = float(self._kernel[j, k]) * turn.s
-            loads[j] += sine * spins[k]
-            loads[k] -= sine * spins[j]
-        scale, h = self._kernel_scale, self._length
-        return Bias(
-            end=_weigh_products(self.rule.weights, spins, tangents, h),
-            force=_weigh_products(self._mean, spins, tangents, self._first_scale),
-            moment=weighted_sum([1.0 for _ in nodes], loads, scale),
-            generalized=tuple(weighted_sum(map(float, f), loads, scale * h) for f in self._shape),
-        )
-
-
-def _weigh(weights: NDArray[np.float64], vectors: Sequence[Vec], scale: Scalar) -> Vec:
-    """Scale * sum of weight times vector."""
-    numbers: list[float] = weights.tolist()
-    return Vec(
-        weighted_sum(numbers, [v.x for v in vectors], scale), weighted_sum(numbers, [v.y for v in vectors], scale)
-    )
+        return self._whole.bias(omega, rates)
 
 
 def _weigh_products(

@@ -18,6 +18,7 @@ import numpy as np
 from continuum_grasp.model.acting import Acting
 from continuum_grasp.model.actuation import Drive, Source
 from continuum_grasp.model.chain import Chain, Load, Place
+from continuum_grasp.model.contacts import Contacts
 from continuum_grasp.model.family import Rod
 from continuum_grasp.model.laws.section import STATEFUL, Kind
 from continuum_grasp.model.layout import place_at
@@ -28,14 +29,19 @@ from continuum_grasp.model.pattern import Pattern, pattern_of, why_dense
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.tendon_forces import Held
+from continuum_grasp.model.touching import Pair, Station
 from continuum_grasp.model.winches import Motor
 from continuum_grasp.scene.loads import ForceLoad
 
 
 class Equations:
-    """Symbols and expressions of a model; every property is built when it is first read."""
+    """Symbols and expressions of a model; every property is built when it is first read.
 
-    def __init__(self, structure: Structure) -> None:
+    States and forces of what the finger touches follow its own. ``pressed``: run-time numbers ``press`` [m], one per
+    contact, make the gaps smaller.
+    """
+
+    def __init__(self, structure: Structure, *, pressed: bool = False) -> None:
         self.structure = self._structure = structure
         self._par = structure.parameters
         self._family = structure.family
@@ -51,7 +57,17 @@ class Equations:
         self.w = ca.SX.sym("w", len(structure.w_names))
         self.s = ca.SX.sym("s")
         self.pulled = ca.SX.sym("pulled")
+        self.part = ca.SX.sym("part")
         self.p = structure.parameters.symbol
+        self.contacts: Contacts | None = None
+        self.press = ca.SX(0, 1)
+        if structure.around is not None:
+            given = {name: self._par[name] for name in structure.object_parameters}
+            stations = [station for _, station in self._stations]
+            self.contacts = Contacts(structure.around, stations, given, pressed=pressed)
+            self.x = ca.vertcat(self.x, self.contacts.states)
+            self.w = ca.vertcat(self.w, self.contacts.body.wrench)
+            self.press = self.contacts.press
 
     # -- input ---------------------------------------------------------------------------------------------------
 
@@ -284,6 +300,10 @@ class Equations:
 
     # -- forces --------------------------------------------------------------------------------------------------
 
+    @property
+    def _world_gravity(self) -> Vec:
+        return Vec(*self._par.vector("gravity"))
+
     @cached_property
     def gravity_vector(self) -> Vec:
         """Gravity in the chain's axes [m/s2]."""
@@ -308,12 +328,35 @@ class Equations:
                 loads.append(Load(place, back.apply(Vec(self.w[start], self.w[start + 1]))))
             elif vector == "w":  # those of u act on the tip, like the tip moment
                 couples.append(Load(place, couple=self.w[start]))
-        return loads + couples + self.contact_loads
+        exerted = zip(self._stations, self.contacts.on_stations, strict=False) if self.contacts else ()
+        touched = [Load(place, back.apply(force), couple) for (place, _), (force, couple) in exerted]
+        return loads + couples + touched
+
+    @cached_property
+    def _stations(self) -> list[tuple[Place, Station]]:
+        """Where the finger may touch."""
+        made = self._structure
+        named = [(f"finger.{k + 1}", at, place_at(at, made.lengths)) for k, at in enumerate(made.contacts)]
+        half = made.finger.profile.half_thickness
+        motions = self.chain.end_velocities(self.full_rates)
+        found = []
+        for name, at, place in [*named, ("finger.tip", made.length, made.tip)]:
+            center, (velocity, spin) = self.to_world(self.chain.position(place)), motions[place.link]
+            # A couple at a matched tip would set the curvature that it depends on; without it the tip must not turn in
+            # the slip either, or power would appear.
+            turns = not (made.matched and place is made.tip)
+            radius, moved = float(half(at)), self.turn.apply(velocity)
+            found.append((place, Station(name, center, radius, moved, spin if turns else 0.0, turns)))
+        return found
 
     @property
-    def contact_loads(self) -> list[Load]:
-        """Forces and couples that follow from the state; none on a finger alone."""
-        return []
+    def pairs(self) -> list[Pair]:
+        """What can touch: stations of the finger first, then supports, then the table."""
+        return self.contacts.pairs if self.contacts else []
+
+    @property
+    def _contact_rates(self) -> list[Scalar]:
+        return self.contacts.rates(self._world_gravity) if self.contacts else []
 
     @cached_property
     def elastic(self) -> list[Scalar]:
@@ -411,9 +454,9 @@ class Equations:
 
     @property
     def drives_drawn(self) -> list[Scalar]:
-        """States of winches where (the first of) their tendons have the tension ``pulled``."""
+        """The same of winches that stand where (the first of) their tendons have the tension ``pulled``."""
         drawn = self._at_rest([Held(winch, pulled=self.pulled) for winch in self._structure.winches])
-        return [*drawn.tendons.drives_at_rest, *[0.0] * len(self._relaxing)]
+        return [*self.lags_at_rest, *drawn.tendons.drives_at_rest, *[0.0] * len(self._relaxing)]
 
     @property
     def _winch_rates(self) -> list[Scalar]:
@@ -424,17 +467,15 @@ class Equations:
         return found
 
     @property
-    def motors(self) -> tuple[list[Scalar], list[Scalar], list[Scalar], list[Scalar]]:
-        """Angles of motors, their rates, torques without dry friction [N m], inertias [kg m2]."""
-        angles, rates, torques, inertias = list[Scalar](), list[Scalar](), list[Scalar](), list[Scalar]()
+    def motors(self) -> list[tuple[Scalar, Scalar, Scalar, Scalar]]:
+        """Of each motor its angle, rate, torque without dry friction [N m] and inertia [kg m2]."""
+        found = []
         for k, held in enumerate(self._winches):
-            winch, states = held.winch, held.states
-            if isinstance(winch, Motor):
-                angles.append(states[0])
-                rates.append(states[1])
-                torques.append(winch.balance(states, self.u[k], winch.of_its(self.moving.tendons.tensions)))
-                inertias.append(winch.inertia)
-        return angles, rates, torques, inertias
+            if isinstance(held.winch, Motor):
+                tensions = held.winch.of_its(self.moving.tendons.tensions)
+                torque = held.winch.balance(held.states, self.u[k], tensions)
+                found.append((held.states[0], held.states[1], torque, held.winch.inertia))
+        return found
 
     def _bending_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
         """Elastic force and friction less actuation, where it is ``driven``."""
@@ -486,57 +527,52 @@ class Equations:
 
     def net_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
         """M qdd under what acts; with what tendons and couples exert where it is ``driven``."""
-        bending = self._bending_force(acting, driven=driven)
-        motion = self.chain.motion_forces(self.full_rates, self.gravity_vector, self.loads)
-        net = []
-        for k in range(self._structure.n):
-            net.append(motion[k] - bending[k] - self.damping[k] - self.known_inertia_force[k])
-        if self._structure.residual is not None:
-            net = [f + r for f, r in zip(net, self.residual_force, strict=True)]
-        return net
+        found = zip(self._forces(acting, self.full_rates, driven), self.damping, self.known_inertia_force, strict=False)
+        return [force - damping - inertia for force, damping, inertia in found]
 
     @cached_property
-    def residual_force(self) -> list[Scalar]:
-        """Generalized forces that were learned from logs; none without."""
-        learned = self._structure.residual
-        return [] if learned is None else residual_force(learned, self._features)
+    def force_at_rest(self) -> list[Scalar]:
+        """The same where neither finger nor inputs move: without mass matrix and velocity products, half the work."""
+        return self._forces(self.resting, None)
+
+    def _forces(self, acting: Acting, rates: Sequence[Scalar] | None, driven: bool = True) -> list[Scalar]:
+        """M qdd under what acts but damping and the inertia of what is known; ``rates`` of None: nothing moves."""
+        n, learned = self._structure.n, self._structure.residual
+        motion = self.chain.motion_forces(rates, self.gravity_vector, self.loads)
+        found = [f - b for f, b in zip(motion, self._bending_force(acting, driven=driven), strict=False)]
+        if learned is None:
+            return found
+        own = residual_force(learned, self._features(rates[:n] if rates else [0.0] * n))
+        return [f + r for f, r in zip(found, own, strict=True)]
 
     @property
     def residual_distance(self) -> Scalar:
-        """Square of the distance from these logs, per that up to which they are trusted [1]; zero without."""
+        """Square of the distance of the state from the logs of learned forces, per that up to which they are trusted
+        [1]; zero without.
+        """
         learned = self._structure.residual
-        return 0.0 if learned is None else distance(learned, self._features)
+        return 0.0 if learned is None else distance(learned, self._features(self.full_rates[: self._structure.n]))
 
-    @property
-    def _features(self) -> list[Scalar]:
-        """What the learned forces depend on."""
+    def _features(self, rates: Sequence[Scalar]) -> list[Scalar]:
+        """What the learned forces depend on, at rates of the coordinates."""
         made, learned = self._structure, self._structure.residual
         if learned is None:
             return []
         # A tension that lags is a state of the same name as its command: what acts comes first.
         found = dict(zip([*made.u_names, *made.x_names], ca.vertsplit(ca.vertcat(self.u, self.x)), strict=False))
-        return [*ca.vertsplit(self.q), *ca.vertsplit(self.qd), *(found[name] for name in learned.drives)]
-
-    @cached_property
-    def force_at_rest(self) -> list[Scalar]:
-        """The same where neither finger nor inputs move: without mass matrix and velocity products, half the work."""
-        acting = self.chain.motion_forces(None, self.gravity_vector, self.loads)
-        bending = self._bending_force(self.resting)
-        net = [acting[k] - bending[k] for k in range(self._structure.n)]
-        if self._structure.residual is not None:
-            still = ca.substitute([ca.SX(r) for r in self.residual_force], [self.qd], [ca.SX.zeros(self.qd.numel())])
-            net = [f + r for f, r in zip(net, still, strict=True)]
-        return net
+        return [*ca.vertsplit(self.q), *rates, *(found[name] for name in learned.drives)]
 
     @cached_property
     def state_rate(self) -> list[Scalar]:
         """Derivative of the state."""
         rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
-        return [*rates, *solve_ldl(self.mass_matrix, self.net_force(self.moving)), *self.drive_rates]
+        found = solve_ldl(self.mass_matrix, self.net_force(self.moving))
+        return [*rates, *found, *self.drive_rates, *self._contact_rates]
 
-    def implicit_rate(self, part: ca.SX) -> list[Scalar]:
-        """Derivative of the state as a step takes it that is implicit in elasticity and damping; ``part`` [s]."""
-        n = self._structure.n
+    @property
+    def implicit_rate(self) -> list[Scalar]:
+        """Derivative of the state as a step takes it that is implicit in elasticity and damping in ``part`` [s]."""
+        n, part = self._structure.n, self.part
         stiffness = ca.jacobian(column(self.elastic[:n]), self.q)
         slowed = part * ca.jacobian(column(self.damping[:n]), self.qd) + part**2 * stiffness
         held = self.held_stiffness
@@ -550,7 +586,8 @@ class Equations:
         return [
             *[self.qd[k] + part * rate for k, rate in enumerate(found)],
             *found,
-            *self.implicit_drive_rates(part, ca.vertcat(*found)),
+            *self.implicit_drive_rates(ca.vertcat(*found)),
+            *self._contact_rates,
         ]
 
     @cached_property
@@ -559,9 +596,9 @@ class Equations:
         lag = [rate for rates in self._lag_rates for rate in rates]
         return [*lag, *self._winch_rates, *self.moving.state_rates]
 
-    def implicit_drive_rates(self, part: ca.SX, accelerations: ca.SX) -> list[Scalar]:
+    def implicit_drive_rates(self, accelerations: ca.SX) -> list[Scalar]:
         """Rates of drives and friction in a step that is implicit in ``part`` [s], where laws with states are stiff."""
-        n = self._structure.n
+        n, part = self._structure.n, self.part
         ahead: list[Scalar] = [*(self.qd[k] + part * accelerations[k] for k in range(n)), *self.full_rates[n:]]
         acting = self._acting(self.drives, self._winches, self.z, self._relaxing, Memory(part=part), ahead)
         own = acting.sections
@@ -591,14 +628,20 @@ class Equations:
 
     @cached_property
     def kinetic_energy(self) -> Scalar:
-        """Kinetic energy [J], with what moves with the input, and that of motors."""
+        """Kinetic energy [J], with what moves with the input, and that of motors and of what is touched."""
         turning = sum((held.winch.kinetic_energy(held.states) for held in self._winches), 0.0)
-        return turning + 0.5 * _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates)
+        bending = 0.5 * _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates)
+        return turning + bending + self._energy_around[0]
+
+    @cached_property
+    def _energy_around(self) -> tuple[Scalar, Scalar]:
+        """Kinetic and potential energy of what is touched [J]."""
+        return self.contacts.energy(self._world_gravity) if self.contacts else (0.0, 0.0)
 
     @cached_property
     def potential_energy(self) -> Scalar:
-        """Elastic energy above the rest shape, with that of tendons on winches, and potential of the weight above the
-        world's origin [J].
+        """Elastic energy above the rest shape, with that of tendons on winches, potential of the weight above the
+        world's origin, and what contacts store [J].
         """
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
         elastic = self._par["bending_stiffness"] * _dot(product, self.full)
@@ -610,7 +653,7 @@ class Equations:
         x, y = self._par.vector("base_position")
         # Potential of the weight: -g . integral of r dm, base included.
         weight = first.dot(self.gravity_vector) + mass * (gx * x + gy * y)
-        return elastic - weight
+        return elastic - weight + self._energy_around[1]
 
 
 def _dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Unpack
 
 import casadi as ca
@@ -12,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.backbone import Backbone
 from continuum_grasp.model.choices import ModelOptions
-from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.functions import Functions, function_names, named
 from continuum_grasp.model.planar import column, matrix
 from continuum_grasp.model.structure import Structure
@@ -150,8 +148,7 @@ class FingerModel(Functions):
     """
 
     def __init__(self, finger: Scene | Finger, **options: Unpack[ModelOptions]) -> None:
-        made = Structure(finger, options)
-        self.structure = made
+        super().__init__(made := Structure(finger, options))
         self.finger = made.finger
         self.family = made.family_name
         self.contacts = made.contacts
@@ -159,13 +156,7 @@ class FingerModel(Functions):
         self.load_entries = made.load_entries
         self.lengths = made.lengths
         self.ranges = made.ranges
-        self.q_names, self.x_names = made.q_names, made.x_names
-        self.u_names, self.w_names = made.u_names, made.w_names
-        self.friction_names = made.friction_names
-        self.p_names, self.p_nominal = made.parameters.labels, made.parameters.nominal
-        self.n, self.nx = made.n, len(made.x_names)
-        self.nu, self.nw, self.np = len(made.u_names), len(made.w_names), len(self.p_names)
-        self._equations = Equations(made)
+        self.q_names, self.friction_names = made.q_names, made.friction_names
 
     def headline(self) -> str:
         """Its elements."""
@@ -198,29 +189,24 @@ class FingerModel(Functions):
         r=lambda eq: ca.horzcat(*[at.column() for at, _ in eq.joints]),
         angle=lambda eq: [angle for _, angle in eq.joints],
     )
-    energy = named("x u p", kinetic=lambda eq: eq.kinetic_energy, potential=lambda eq: eq.potential_energy)
     bending = named("q u p", bend=lambda eq: eq.bends)
     range_use = named("q u p", use=lambda eq: eq.range_use)
 
-    @cached_property
-    def statics(self) -> ca.Function:
-        """What is missing for equilibrium, and the tangent stiffness."""
-        eq = self._equations
-        missing = -column(eq.force_at_rest)
-        names = "q u w p history" if eq.history.numel() else "q u w p"
-        return self._function("statics", names, Q=missing, K=ca.jacobian(missing, eq.q))
-
-    @cached_property
-    def _drives_at_rest(self) -> ca.Function:
-        eq = self._equations
-        names = "q u p history" if eq.history.numel() else "q u p"
-        return self._function("drives_at_rest", names, lag=eq.drives_at_rest)
-
-    @cached_property
-    def _drives_drawn(self) -> ca.Function:
-        eq = self._equations
-        names = "q pulled p history" if eq.history.numel() else "q pulled p"
-        return self._function("drives_drawn", names, lag=eq.drives_drawn)
+    statics = named(
+        "q u w p",
+        Q=lambda eq: -column(eq.force_at_rest),
+        K=lambda eq: ca.jacobian(-column(eq.force_at_rest), eq.q),
+        history=True,
+    )
+    _drives_at_rest = named("q u p", lag=lambda eq: eq.drives_at_rest, history=True)
+    _drives_drawn = named("q u pulled p", lag=lambda eq: eq.drives_drawn, history=True)
+    _tensions = named(
+        "x u p",
+        tensions=lambda eq: list(eq.moving.tendons.tensions),
+        along=lambda eq: [tension for tensions in eq.moving.tendons.along for tension in tensions],
+    )
+    _tensions_at_rest = named("q u p", tensions=lambda eq: list(eq.resting.tendons.tensions), history=True)
+    _sliding = named("q u p", slid=lambda eq: eq.resting.travel)
 
     def drives_at(
         self,
@@ -236,18 +222,14 @@ class FingerModel(Functions):
         ``pulled``: winches not where u leaves them, but where (the first of) their tendons have this tension [N].
         Parameters p are nominal where not given.
         """
-        lags = self.structure.lag_at(np.asarray(u, dtype=float).ravel().tolist())
-        if not self.structure.winches:
-            return lags
         states = np.zeros(len(self.friction_names))
         if np.size(friction_states):
             states[:] = np.ravel(friction_states)
-        of, by = (self._drives_at_rest, u) if pulled is None else (self._drives_drawn, pulled)
-        given = [np.asarray(v, dtype=float) for v in (q, by, self.p_nominal if p is None else p)]
-        history = [np.append(states, 0.0)] if states.size else []
-        found = [float(v) for v in np.array(of(*given, *history)).ravel()]
-        # Lags come first, which no tension of a winch tells.
-        return found if pulled is None else [*lags[: len(self.structure.states["lag"])], *found]
+        of, given = (self._drives_at_rest, [q, u]) if pulled is None else (self._drives_drawn, [q, u, pulled])
+        given.append(self.p_nominal if p is None else p)
+        if states.size:
+            given.append(np.append(states, 0.0))
+        return [float(v) for v in np.array(of(*[np.asarray(v, dtype=float) for v in given])).ravel()]
 
     def drives_at_rest(self) -> ca.Function:
         """``(q, u, p (, history)) -> lag``: states of lags, winches and motors, as `drives_at` gives them."""
@@ -261,7 +243,7 @@ class FingerModel(Functions):
         coordinates without tendons.
         """
         eq = self._equations
-        angles, rates, torques, inertias = eq.motors
+        angles, rates, torques, inertias = ([motor[k] for motor in eq.motors] for k in range(4))
         places, force = ca.vertcat(eq.q, *angles), column([*eq.net_force(eq.moving), *torques])
         return self._function(
             "stiffness_of_drives",
@@ -271,12 +253,6 @@ class FingerModel(Functions):
             inertia=inertias,
             passive=-_slope(column(eq.net_force(eq.moving, driven=False)), eq.q),
         )
-
-    @cached_property
-    def _tensions(self) -> ca.Function:
-        own = self._equations.moving.tendons
-        along = [tension for tensions in own.along for tension in tensions]
-        return self._function("tensions", "x u p", tensions=list(own.tensions), along=along)
 
     def tensions(self) -> ca.Function:
         """``(x, u, p) -> tensions, along``: of each tendon at its drive [N], and at its `tension_places`.
@@ -295,12 +271,6 @@ class FingerModel(Functions):
         if not self.structure.own_tendons:
             raise InputError("the tensions of this finger are its inputs, all along: read them there", key="tensions")
 
-    @cached_property
-    def _tensions_at_rest(self) -> ca.Function:
-        eq = self._equations
-        names = "q u p history" if eq.history.numel() else "q u p"
-        return self._function("tensions_at_rest", names, tensions=list(eq.resting.tendons.tensions))
-
     def tensions_at_rest(self) -> ca.Function:
         """``(q, u, p (, history)) -> tensions`` at the drives of a finger at rest [N]; of the fingers of `tensions`."""
         self._check_own_tensions()
@@ -315,10 +285,6 @@ class FingerModel(Functions):
             for tendon in cells.tendons:
                 found[tendon] = np.cumsum(lengths) - 0.5 * lengths
         return found
-
-    @cached_property
-    def _sliding(self) -> ca.Function:
-        return self._function("sliding", "q u p", slid=self._equations.resting.travel)
 
     def sliding(self) -> ca.Function:
         """``(q, u, p) -> slid``: what moves friction states, since the finger was straight [1].

@@ -11,6 +11,7 @@ import casadi as ca
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.planar import Scalar, Vec, column, matrix
 from continuum_grasp.model.remade import Remade
+from continuum_grasp.model.structure import Structure
 from continuum_grasp.model.sweep import Builder, sweep_function
 from continuum_grasp.summary import Summarized
 
@@ -46,7 +47,8 @@ def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Outp
     def build(model: Functions) -> ca.Function:
         eq = model._equations
         names = f"{inputs} history" if history and eq.history.numel() else inputs
-        return model._function(str(found.attrname), names, **{name: of(eq) for name, of in outputs.items()})
+        # Those that methods give have a private name here.
+        return model._function(str(found.attrname).lstrip("_"), names, **{name: of(eq) for name, of in outputs.items()})
 
     # Built when it is first read: a model has some twenty functions, and most users need two.
     found: cached_property[ca.Function] = cached_property(build)
@@ -57,12 +59,21 @@ def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Outp
 class Functions(Remade, Summarized):
     """What a finger alone and a finger with an object have in common: functions with named inputs and outputs."""
 
-    _equations: Equations
-
     x_names: list[str]
     u_names: list[str]
     w_names: list[str]
     p_names: list[str]
+
+    def __init__(self, structure: Structure) -> None:
+        self.structure = structure
+        self._equations = Equations(structure)
+        touched = self._equations.contacts
+        self.x_names = [*structure.x_names, *(touched.names if touched else [])]
+        self.w_names = [*structure.w_names, *(touched.body.w_names if touched else [])]
+        self.u_names = structure.u_names
+        self.p_names, self.p_nominal = structure.parameters.labels, structure.parameters.nominal
+        self.n, self.nx, self.nu = structure.n, len(self.x_names), len(self.u_names)
+        self.nw, self.np = len(self.w_names), len(self.p_names)
 
     def pairs(self) -> dict[str, str]:
         """Names of states, inputs, forces and parameters."""
@@ -92,34 +103,45 @@ class Functions(Remade, Summarized):
     @cached_property
     def forward_dynamics(self) -> ca.Function:
         """(x, u, w, p) -> xd; the class describes them."""
-        eq = self._equations
-        if not eq.sweeps:
-            return self._function("forward_dynamics", "x u w p", xd=eq.state_rate)
-        x, u, w, p = arguments = [ca.MX.sym(key, getattr(eq, key).numel()) for key in "xuwp"]
-        rates, lagging = sweep_function(Builder(eq))(x, u, w, p)
-        n = eq.q.numel()
-        xd = ca.vertcat(x[n : 2 * n], rates, self.drive_rates(x, u, p) if eq.drives_feel_motion else lagging)
-        return ca.Function("forward_dynamics", arguments, [xd], ["x", "u", "w", "p"], ["xd"])
+        if self.sweeps:
+            return self._swept("forward_dynamics", "x u w p", "xd")
+        return self._function("forward_dynamics", "x u w p", xd=self._equations.state_rate)
+
+    def implicit(self) -> ca.Function:
+        """``(x, u, w, p, part) -> k``: (1 - part A)^-1 xd, where A is the Jacobian of elasticity and damping alone.
+
+        ``part`` [s] is a share of a step.
+        """
+        if self.sweeps:
+            return self._swept("implicit", "x u w p part", "k")
+        return self._function("implicit", "x u w p part", k=self._equations.implicit_rate)
+
+    def _swept(self, name: str, inputs: str, output: str) -> ca.Function:
+        """The derivative of the state by sweeps, implicit in a ``part`` if that is an input."""
+        eq, n = self._equations, self._equations.q.numel()
+        given = {key: ca.MX.sym(key, getattr(eq, key).numel()) for key in inputs.split()}
+        x, u, p, part = given["x"], given["u"], given["p"], given.get("part")
+        ahead = x[n : 2 * n]
+        if part is None:
+            rates, driven = sweep_function(Builder(eq))(*given.values())
+            driven = self.drive_rates(x, u, p) if eq.drives_feel_motion else driven
+        else:
+            rates, driven = sweep_function(Builder(eq, implicit=True))(*given.values(), ahead)
+            ahead += part * rates
+            if eq.drives_feel_motion:
+                own = self._function("drive_rates", "x u p part qdd", lagging=eq.implicit_drive_rates(eq.qdd))
+                driven = own(x, u, p, part, rates)
+        return ca.Function(name, [*given.values()], [ca.vertcat(ahead, rates, driven)], [*given], [output])
 
     @property
     def drive_rates(self) -> ca.Function:
         """(x, u, p) -> rates of the states of drives and of friction."""
-        eq = self._equations
-        value = ca.cse(ca.densify(column(eq.drive_rates)))
-        return ca.Function("drive_rates", [eq.x, eq.u, eq.p], [value], ["x", "u", "p"], ["lagging"])
+        return self._function("drive_rates", "x u p", lagging=self._equations.drive_rates)
 
     @property
     def residual_distance(self) -> ca.Function:
         """(x, u) -> square of the distance from the logs of a learned residual, per that from which on it fades [1]."""
-        eq = self._equations
-        value = ca.cse(ca.densify(ca.SX(eq.residual_distance)))
-        return ca.Function("residual_distance", [eq.x, eq.u], [value], ["x", "u"], ["share"])
-
-    def _implicit_drive_rates(self, x: ca.MX, u: ca.MX, p: ca.MX, part: ca.MX, rates: ca.MX) -> ca.MX:
-        """The same in a step that is implicit in ``part``, by accelerations of the coordinates."""
-        eq, step = self._equations, ca.SX.sym("part")
-        value = ca.cse(ca.densify(column(eq.implicit_drive_rates(step, eq.qdd))))
-        return ca.Function("drive_rates", [eq.x, eq.u, eq.p, step, eq.qdd], [value])(x, u, p, part, rates)
+        return self._function("residual_distance", "x u", share=self._equations.residual_distance)
 
     @property
     def sweeps(self) -> bool:
@@ -132,24 +154,7 @@ class Functions(Remade, Summarized):
         f = self.forward_dynamics
         return Builder(self._equations).kernels().instructions if self.sweeps else int(f.n_instructions())
 
-    def implicit(self) -> ca.Function:
-        """``(x, u, w, p, part) -> k``: (1 - part A)^-1 xd, where A is the Jacobian of elasticity and damping alone.
-
-        ``part`` [s] is a share of a step.
-        """
-        eq = self._equations
-        x, u, w, p = (ca.MX.sym(key, getattr(eq, key).numel()) for key in "xuwp")
-        part, n = ca.MX.sym("part"), eq.q.numel()
-        if self.sweeps:
-            rates, lagging = sweep_function(Builder(eq, implicit=True))(x, u, w, p, part, x[n : 2 * n])
-            driven = self._implicit_drive_rates(x, u, p, part, rates) if eq.drives_feel_motion else lagging
-            k = ca.vertcat(x[n : 2 * n] + part * rates, rates, driven)
-        else:
-            symbol = ca.SX.sym("part")
-            value = ca.cse(ca.densify(column(eq.implicit_rate(symbol))))
-            k = ca.Function("implicit_rate", [eq.x, eq.u, eq.w, eq.p, symbol], [value])(x, u, w, p, part)
-        return ca.Function("implicit", [x, u, w, p, part], [k], ["x", "u", "w", "p", "part"], ["k"])
-
+    energy = named("x u p", kinetic=lambda eq: eq.kinetic_energy, potential=lambda eq: eq.potential_energy)
     internal = named(
         "x u p",
         M=lambda eq: matrix(eq.mass_matrix),

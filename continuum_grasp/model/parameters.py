@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from copy import copy
 
 import casadi as ca
 
@@ -70,6 +71,15 @@ class Parameters:
                 raise InputError(message, key=f"parameters[{k}]")
         self.names = tuple(names)
         self._symbols = {name: ca.SX.sym(name, len(self._nominal[name])) for name in names}
+
+    def extended(self, more: Mapping[str, tuple[str, float]]) -> Parameters:
+        """The same with further run-time arguments, of which units and nominal values are given by name."""
+        made = copy(self)
+        made.names = (*self.names, *more)
+        made._units = self._units | {name: unit for name, (unit, _) in more.items()}
+        made._nominal = self._nominal | {name: [value] for name, (_, value) in more.items()}
+        made._symbols = self._symbols | {name: ca.SX.sym(name) for name in more}
+        return made
 
     @property
     def symbol(self) -> ca.SX:

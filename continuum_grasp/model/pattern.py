@@ -52,8 +52,8 @@ def pattern_of(family: Family, rod: Rod) -> Pattern | None:
     steps = np.max([link.reach(count) for link in collocated], axis=0).tolist()
 
     def link(local: Sequence[Scalar], row: ca.SX) -> TabulatedLink:
-        rest = 1.0 if rod.rest is None else rod.rest
-        return TabulatedLink(local, tables[0].filled(row), steps, density, rotary, rest)
+        table, rest = tables[0].filled(row), 1.0 if rod.rest is None else rod.rest
+        return TabulatedLink(table, table.turned(local, rest, steps), 1.0, density, rotary)
 
     return Pattern(np.array([table.numbers for table in tables]), link)
 
@@ -65,6 +65,8 @@ as it is (``python -m benchmarks.bench_elements``)."""
 
 def why_dense(made: Structure) -> str:
     """Why a finger solves its equations of motion densely; empty where sweeps along the chain may solve them."""
+    if made.around is not None:
+        return "an object, whose contact forces depend on the motion of all elements"
     if len(made.lengths) < FEWEST_ELEMENTS:
         return f"fewer than {FEWEST_ELEMENTS} elements"
     if made.parameters.is_runtime("element_lengths"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -32,7 +32,6 @@ class Collocation:
     mean_weights: NDArray[np.float64]  # (m,) integral of the density times F
     kernel: NDArray[np.float64]  # (m, m) symmetric
     rotary_weights: NDArray[np.float64]  # (m,) weights times the rotary density
-    rotary_mass: float  # integral of the rotary density
 
     @property
     def offsets(self) -> NDArray[np.float64]:
@@ -74,30 +73,6 @@ def running_weights(count: int, fraction: Any) -> Any:
     if isinstance(fraction, ca.SX):
         return ca.DM(weights) @ ca.vertcat(*polynomials)
     return weights @ np.vstack(polynomials)
-
-
-@cache
-def collocation(count: int) -> Collocation:
-    """The rule with ``count`` nodes on one piece of uniform density."""
-    x, w, running = _integrals(count)
-    nodes, weights = 0.5 * (x + 1.0), 0.5 * w
-    # F and G have degree m: their product is integrated by the orthogonality of the Legendre polynomials.
-    kernel = (running.T / (2 * np.arange(count + 1) + 1)) @ running
-    steps = np.diff(np.concatenate(([0.0], nodes, [1.0])))
-    # Symmetric to the last bit, so that CasADi recognizes equal factors of both halves as one.
-    return Collocation(
-        pieces=((0.0, 1.0),),
-        nodes=nodes,
-        piece=(0,) * count,
-        weights=weights,
-        steps=0.5 * (steps + steps[::-1]),
-        running=np.polynomial.legendre.legvander(x, count) @ running,
-        mass=1.0,
-        mean_weights=weights * (1.0 - nodes),
-        kernel=0.5 * (kernel + kernel.T),
-        rotary_weights=weights,
-        rotary_mass=1.0,
-    )
 
 
 Density = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -146,8 +121,15 @@ def graded_collocation(
         mean_weights=measure @ moved,
         kernel=0.5 * (kernel + kernel.T),
         rotary_weights=rotary_weights,
-        rotary_mass=float(rotary_weights.sum()),
     )
+
+
+@cache
+def collocation(count: int) -> Collocation:
+    """The rule with ``count`` nodes on one piece of uniform density."""
+    rule = graded_collocation([(0.0, 1.0)], count, np.ones_like, np.ones_like)
+    # Symmetric to the last bit, so that CasADi recognizes equal factors of both halves as one.
+    return replace(rule, mass=1.0, steps=0.5 * (rule.steps + rule.steps[::-1]))
 
 
 RANGES = (0.3, 0.6, 1.0, 1.5, 2.1, 3.15, 4.5, 6.3)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import count
 
@@ -26,6 +27,7 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
 from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.scene.simulate import Initial, Scene
+from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.tendons import channels
 
 
@@ -34,6 +36,8 @@ class Structure:
 
     def __init__(self, finger: Scene | Finger, options: ModelOptions) -> None:
         self.asked = finger, options
+        self.around: Surroundings | None = None
+        self.object_parameters: tuple[str, ...] = ()
         choices = Choices(finger, options)
         try:
             self._resolve(choices)
@@ -106,6 +110,12 @@ class Structure:
         if scene is not None and not choices.given("family", "elements", "contacts", "loads", "parameters"):
             self.check_initial(scene.initial)
 
+    def beside(self, around: Surroundings | None, more: Mapping[str, tuple[str, float]]) -> Structure:
+        """The same finger in surroundings with an object, of whose run-time arguments unit and value are given."""
+        made = copy(self)
+        made.around, made.object_parameters, made.parameters = around, tuple(more), self.parameters.extended(more)
+        return made
+
     def _check_within_arms(self) -> None:
         """Refuse bends that would turn the path of a tendon on a winch inside out."""
         arm = max(tendon.greatest_offset for tendon in self.finger.tendon_list)
@@ -165,15 +175,6 @@ class Structure:
         """Coordinates (n) of the straight finger, or near it where the shape at rest is not one of the family's."""
         flat = np.zeros((len(self.lengths), self.family.degree + 1))
         return self.family.coordinates(flat[:, 0], flat)[: self.n]
-
-    def lag_at(self, u: Sequence[float]) -> list[float]:
-        """States of lags that have reached an input (nu), and of what relaxes; see `FingerModel.drives_at`."""
-        found: list[float] = []
-        for source in self.sources:
-            if source.lag is not None:
-                asked, _ = source.amplitudes([float(v) for v in u[: self.inputs.count]], len(self.inputs.drives))
-                found += map(float, source.lag.at_rest(float(asked)))
-        return found + [0.0] * len(self.states["relaxation"])
 
     @property
     def lagging(self) -> list[tuple[Source, int]]:

@@ -295,14 +295,16 @@ class Builder:
             bend = Bend(ca.dot(shapes, q), at_rest if rest is None else rest, ca.dot(shapes, qd), others)
             own -= shapes * (measure * law.moment(bend))
             steep += measure * law.damping(bend) * ca.mtimes(shapes, shapes.T)
-        matrix = _lower(inertia.matrix)
+        slowed = ca.SX(size, size)
         if self.implicit:
             slowed = part * (damping * block + per_arc * ca.mtimes(bends, bends.T))
             slowed += part * steep + part**2 * ((stiffness + self.equations.held_stiffness) * block)
             own -= part * stiffness * ca.mtimes(block, r)
-            matrix = [m + k for m, k in zip(matrix, _lower(slowed), strict=True)]
         spots = [end.rotation.c, end.rotation.s, *_flat([end.position, *end.arms, bias.end.perp()])]
-        body = [*_flat([inertia.first]), inertia.second, *_flat(inertia.arms), *inertia.swing, *matrix]
+        # What `_inward` reads: the link's own inertia, lower triangle by rows less that of its mass, then forces.
+        body = [*_flat([inertia.first]), inertia.second]
+        for k, (arm, swing, row) in enumerate(zip(inertia.arms, inertia.swing, inertia.matrix, strict=True)):
+            body += [arm.x, arm.y, swing, *(m + slowed[k, j] for j, m in enumerate(row[: k + 1]))]
         body += [bias.force.y, -1.0 * bias.force.x, bias.moment, *ca.vertsplit(own)]
         return self._function(
             "outward",
@@ -335,70 +337,55 @@ class Builder:
         return self._function("loads", {"turns": turns, "x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}, {"force": forces})
 
     def _inward(self) -> ca.Function:
-        size, shared, state = self._local, self._shared, SECTION + self._shared
-        matched, packed = self._made.matched, state * (state + 1) // 2
+        size, state, matched = self._local, SECTION + self._shared, self._made.matched
+        packed = state * (state + 1) // 2
         end = ca.SX.sym("end", packed + state + 2 * matched)
         shape, body = ca.SX.sym("shape", 4 + 2 * size + 2), ca.SX.sym("body", self._body_size)
         force = ca.SX.sym("force", (SECTION + size) * bool(self._loaded))
-        inertia, bends = self._pattern.link([0.0] * size, self._numbers).inertia, ca.vertsplit(self._own["bends"])
-        turn, (span, *arms, beta) = Rotation(shape[0], shape[1]), _vectors(shape[2:])
+        inertia = self._pattern.link([0.0] * size, self._numbers).inertia
+        total, (turn, to_end, beta) = SECTION + size, self._along(shape)
         # What is beyond, with the mass at the end of the link, in the axes of the link.
-        whole = _symmetric(end[:packed], state)
-        beyond: list[list[Scalar]] = [[whole[i, j] for j in range(state)] for i in range(state)]
-        felt: list[Scalar] = [end[packed + i] for i in range(state)]
-        for k in range(2):
-            beyond[k][k] += self._own["mass"]
-        beyond = _rotated(beyond, turn)
-        felt[:2] = _flat([turn.apply(Vec(felt[0], felt[1]))])
-        felt = [f - (row[0] * beta.x + row[1] * beta.y) for f, row in zip(felt, beyond, strict=True)]
-        # The velocity of the end of the link from that of its start, and from its local coordinates.
-        to_end: list[list[Scalar]] = [[span.x, span.y, 1.0, *[0.0] * shared]]
-        for a, (arm, angle) in enumerate(zip(arms, bends, strict=True)):
-            to_end.append([arm.x, arm.y, angle, *[1.0 if a == size - shared + k else 0.0 for k in range(shared)]])
-        pushed = [[_dot(row, way) for row in beyond] for way in to_end]
-        total = SECTION + size
-        matrix: list[list[Scalar]] = [[0.0] * total for _ in range(total)]
-        for i in range(2):
-            for j in range(i + 1):
-                matrix[i][j] = beyond[i][j]
-        for i, push in enumerate(pushed):
-            matrix[2 + i][:2] = push[:2]
-            for j, way in enumerate(to_end[: i + 1]):
-                matrix[2 + i][2 + j] = _dot(way, push)
-        right: list[Scalar] = [*felt[:2], *[_dot(way, felt) for way in to_end]]
-        # The link's own.
-        own = _unpacked(inertia.mass, body, size)
-        for i in range(total):
-            for j in range(i + 1):
-                matrix[i][j] += own[i][j]
-            right[i] += body[body.numel() - total + i]
-            if force.numel():
-                right[i] += force[i]
-        gains: list[list[Scalar]] = []
+        beyond = _symmetric(end[:packed], state) + self._own["mass"] * ca.diagcat(
+            ca.SX.eye(2), ca.SX(state - 2, state - 2)
+        )
+        beyond = _mirrored(turn @ beyond @ turn.T)
+        felt = turn @ end[packed : packed + state] - beyond @ beta
+        own = ca.vertcat(inertia.mass, 0.0, inertia.mass, body[:-total])
+        matrix = ca.densify(to_end @ beyond @ to_end.T) + _symmetric(own, total)
+        right = to_end @ felt + body[-total:] + (force if force.numel() else 0.0)
+        gains: list[ca.SX] = []
         for b in range(total - 1, state - 1, -1):
             # A coordinate whose acceleration is given, that of a matched tip, moves whatever acts on it.
-            last = matched and b == total - 1
-            inverse = (end[packed + state] if last else 1.0) / matrix[b][b]
+            last, row = matched and b == total - 1, matrix[b, :b]
+            inverse = (end[packed + state] if last else 1.0) / matrix[b, b]
             constant = inverse * right[b] + (end[packed + state + 1] if last else 0.0)
-            gain = [inverse * matrix[b][i] for i in range(b)]
-            for i in range(b):
-                for j in range(i + 1):
-                    matrix[i][j] -= gain[i] * matrix[b][j]
-                right[i] -= matrix[b][i] * constant
-            gains.insert(0, [*gain, constant])
-        handed = [matrix[i][j] for i in range(state) for j in range(i + 1)] + right[:state]
-        if matched:
-            handed += [1.0, 0.0]
+            gains.insert(0, ca.horzcat(inverse * row, constant))
+            matrix = matrix[:b, :b] - (inverse * row).T @ row
+            right = right[:b] - row.T * constant
+        handed: list[Scalar] = [*_lower(matrix), *ca.vertsplit(right), *[1.0, 0.0][: 2 * matched]]
         return self._function(
             "inward",
             {"end": end, "shape": shape, "body": body, "row": self.row, "p": self.equations.p, "force": force},
-            {"handed": handed, "gain": [value for gain in gains for value in gain]},
+            {"handed": handed, "gain": ca.horzsplit(ca.horzcat(*gains))},
         )
+
+    def _along(self, shape: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """From the axes of a link's end to those of the link; the velocity of the end by that of the start and by local
+        coordinates, and what velocity products add, in the latter.
+        """
+        size, shared = self._local, self._shared
+        c, s, *entries = ca.vertsplit(shape)
+        span, *arms, beta = (ca.vertcat(*entries[k : k + 2]) for k in range(0, len(entries), 2))
+        ways = [ca.horzcat(ca.SX.eye(2), ca.SX(2, 1 + shared)), ca.horzcat(span.T, 1.0, ca.SX(1, shared))]
+        for a, (arm, angle) in enumerate(zip(arms, ca.vertsplit(self._own["bends"]), strict=True)):
+            ways.append(ca.horzcat(arm.T, angle, *[float(a == size - shared + k) for k in range(shared)]))
+        turn = ca.diagcat(ca.vertcat(ca.horzcat(c, -s), ca.horzcat(s, c)), ca.SX.eye(1 + shared))
+        return turn, ca.vertcat(*ways), ca.vertcat(beta, ca.SX(1 + shared, 1))
 
     @property
     def _body_size(self) -> int:
-        size = self._local
-        return 2 + 1 + 2 * size + size + size * (size + 1) // 2 + SECTION + size
+        total = SECTION + self._local
+        return total * (total + 1) // 2 - 3 + total
 
     def _root(self) -> ca.Function:
         state = SECTION + self._shared
@@ -417,24 +404,16 @@ class Builder:
         size, state = self._local, SECTION + self._shared
         start, shape = ca.SX.sym("start", state), ca.SX.sym("shape", 4 + 2 * size + 2)
         gain = ca.SX.sym("gain", sum(b + 1 for b in range(state, SECTION + size)))
-        bends = ca.vertsplit(self._own["bends"])
-        turn, (span, *arms, beta) = Rotation(shape[0], shape[1]), _vectors(shape[2:])
-        found: list[Scalar] = [start[k] for k in range(state)]
-        at = 0
+        found, at = ca.vertsplit(start), 0
         for b in range(state, SECTION + size):
-            found.append(gain[at + b] - _dot([gain[at + i] for i in range(b)], found))
+            found.append(gain[at + b] - ca.dot(gain[at : at + b], ca.vertcat(*found)))
             at += b + 1
-        local = found[SECTION:]
-        moved = Vec(found[0], found[1]) + span.scaled(found[2]) + beta
-        for arm, rate in zip(arms, local, strict=True):
-            moved += arm.scaled(rate)
-        moved = turn.transposed().apply(moved)
-        spun = found[2] + _dot(bends, local)
-        following = [moved.x, moved.y, spun, *local[size - self._shared :]]
+        turn, to_end, beta = self._along(shape)
+        following = turn.T @ (to_end.T @ ca.vertcat(*found) + beta)
         return self._function(
             "onward",
             {"start": start, "shape": shape, "gain": gain, "row": self.row},
-            {"following": following, "rates": local[self._shared :]},
+            {"following": ca.vertsplit(following), "rates": found[state:]},
         )
 
 
@@ -454,58 +433,24 @@ def _digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:16]
 
 
-def _dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
-    return sum((u * v for u, v in zip(a, b, strict=True)), 0.0)
-
-
 def _flat(vectors: Sequence[Vec]) -> list[Scalar]:
     return [entry for v in vectors for entry in (v.x, v.y)]
 
 
-def _vectors(entries: ca.SX) -> list[Vec]:
-    return [Vec(entries[k], entries[k + 1]) for k in range(0, entries.numel(), 2)]
-
-
-def _lower(matrix: Sequence[Sequence[Scalar]] | ca.SX) -> list[Scalar]:
+def _lower(matrix: ca.SX) -> list[ca.SX]:
     """Lower triangle by rows."""
-    if isinstance(matrix, ca.SX):
-        return [matrix[a, b] for a in range(matrix.shape[0]) for b in range(a + 1)]
-    return [matrix[a][b] for a in range(len(matrix)) for b in range(a + 1)]
+    return list(ca.vertsplit(ca.triu(matrix.T).nz[:]))
 
 
 def _symmetric(lower: ca.SX, size: int) -> ca.SX:
     """The whole of a matrix of which the lower triangle is given by rows."""
-
-    def entry(a: int, b: int) -> ca.SX:
-        return lower[max(a, b) * (max(a, b) + 1) // 2 + min(a, b)]
-
-    return ca.vertcat(*[ca.horzcat(*[entry(a, b) for b in range(size)]) for a in range(size)])
+    return _mirrored(ca.SX(ca.Sparsity.upper(size), lower).T)
 
 
-def _rotated(matrix: list[list[Scalar]], turn: Rotation) -> list[list[Scalar]]:
-    """A symmetric matrix whose first two entries are a vector, in other axes."""
-    size = len(matrix)
-    half = [turn.apply(Vec(matrix[0][j], matrix[1][j])) for j in range(size)]
-    rows = [turn.apply(Vec(half[0].x, half[1].x)), turn.apply(Vec(half[0].y, half[1].y))]
-    found = [list(row) for row in matrix]
-    found[0][:2], found[1][:2] = [rows[0].x, rows[0].y], [rows[0].y, rows[1].y]
-    for j in range(2, size):
-        found[0][j] = found[j][0] = half[j].x
-        found[1][j] = found[j][1] = half[j].y
-    return found
-
-
-def _unpacked(mass: Scalar, body: ca.SX, size: int) -> list[list[Scalar]]:
-    """Lower triangle of a link's own inertia: velocity of its start, angular velocity, local coordinates."""
-    entries = [body[k] for k in range(body.numel())]
-    (first_x, first_y, second), rest = entries[:3], entries[3:]
-    arms, rest = rest[: 2 * size], rest[2 * size :]
-    swing, rest = rest[:size], rest[size:]
-    rows: list[list[Scalar]] = [[mass], [0.0, mass], [first_x, first_y, second]]
-    for a in range(size):
-        at = a * (a + 1) // 2
-        rows.append([arms[2 * a], arms[2 * a + 1], swing[a], *rest[at : at + a + 1]])
-    return rows
+def _mirrored(matrix: ca.SX) -> ca.SX:
+    """The symmetric matrix of a lower triangle."""
+    # CasADi's own function adds both triangles and subtracts the diagonal, which costs instructions.
+    return ca.tril(matrix) + ca.tril(matrix, False).T
 
 
 SWEEPS: dict[str, Kernels] = {}

@@ -13,16 +13,12 @@ from numpy.typing import ArrayLike
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.choices import ModelOptions
+from continuum_grasp.model.contacts import CONTACT_FRICTION, OBJECT_PARAMETERS, friction_parameter
+from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.finger_model import FingerModel
 from continuum_grasp.model.functions import Functions, function_names, named
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.planar import Vec, column
-from continuum_grasp.model.system_equations import (
-    CONTACT_FRICTION,
-    OBJECT_PARAMETERS,
-    SystemEquations,
-    friction_parameter,
-)
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
@@ -123,28 +119,18 @@ class System(Functions):
         object_parameters: Sequence[str] = (),
         **options: Unpack[ModelOptions],
     ) -> None:
-        self.finger_model = FingerModel(given, **options)
+        self.finger_model = model = FingerModel(given, **options)
         if surroundings is None and isinstance(given, Scene):
             surroundings = given
-        self.surroundings = surroundings if surroundings is not None and surroundings.object is not None else None
-        model = self.finger_model
+        self.surroundings = around = surroundings if surroundings is not None and surroundings.object else None
         self.object_parameters = self._checked(object_parameters)
-        self._equations: SystemEquations = SystemEquations(model.structure, self.surroundings, self.object_parameters)
-        pairs, body = self._equations.pairs, self._equations.body
-        self.touch_names = [pair.name for pair in pairs]
-        self.n, self.nu = model.n, model.nu
-        self.x_names = [*model.x_names, *(body.x_names if body else []), *(z for pair in pairs for z in pair.z_names)]
-        self.w_names = [*model.w_names, *(body.w_names if body else [])]
-        self.u_names = model.u_names
-        units = [OBJECT_PARAMETERS.get(name, "1") for name in self.object_parameters]
-        own_names = (f"{name} [{unit}]" for name, unit in zip(self.object_parameters, units, strict=True))
-        self.p_names = [*model.p_names, *own_names]
-        own = {"friction_factor": 1.0}
-        if body:
-            x, y = body.object.position
-            own |= {"object_mass": body.object.mass, "object_x": x, "object_y": y}
-        self.p_nominal = [*model.p_nominal, *(own.get(name, 0.0) for name in self.object_parameters)]
-        self.nx, self.nw, self.np = len(self.x_names), len(self.w_names), len(self.p_names)
+        values = {"friction_factor": 1.0}
+        if around is not None and around.object is not None:
+            x, y = around.object.position
+            values |= {"object_mass": around.object.mass, "object_x": x, "object_y": y}
+        more = {name: (OBJECT_PARAMETERS.get(name, "1"), values.get(name, 0.0)) for name in self.object_parameters}
+        super().__init__(model.structure.beside(around, more))
+        self.touch_names = [pair.name for pair in self._equations.pairs]
 
     def _checked(self, names: Sequence[str]) -> tuple[str, ...]:
         around = self.surroundings
@@ -168,8 +154,13 @@ class System(Functions):
     @property
     def object_states(self) -> slice:
         """Where in x the object's pose is: x, y, angle, and z where it can slide out of the plane; empty if fixed."""
-        body = self._equations.body
-        return slice(self.finger_model.nx, self.finger_model.nx + (len(body.start) if body else 0))
+        return slice(self.finger_model.nx, self.finger_model.nx + len(self._start))
+
+    @property
+    def _start(self) -> list[float]:
+        """Pose of an object that moves where it is in its surroundings."""
+        touched = self._equations.contacts
+        return touched.body.start if touched else []
 
     @property
     def friction_states(self) -> slice:
@@ -213,7 +204,7 @@ class System(Functions):
         bends, rates, inputs = (_vector(*v) for v in (("q", q, self.n), ("qd", qd, self.n), ("u", u, self.nu)))
         cells = _vector("friction", friction, self.finger_model.structure.friction_states)
         x = [*bends, *rates, *self.finger_model.drives_at(bends, inputs, cells, pulled=pulled), *cells]
-        start = self._equations.body.start if self._equations.body else []
+        start = self._start
         if pose is not None:
             given = np.asarray(pose, dtype=float).ravel()
             start = _vector("pose", np.append(given, start[given.size :]), len(start))
@@ -222,7 +213,7 @@ class System(Functions):
     @cached_property
     def pressed_linearization(self) -> ca.Function:
         """Jacobian A of the state derivative as if the gaps were smaller by ``press`` (K) [m]."""
-        eq = SystemEquations(self.finger_model.structure, self.surroundings, self.object_parameters, pressed=True)
+        eq = Equations(self.structure, pressed=True)
         slope = ca.densify(ca.jacobian(column(eq.state_rate), eq.x))
         names = ["x", "u", "w", "p", "press"]
         return ca.Function("pressed_linearization", [getattr(eq, name) for name in names], [slope], names, ["A"])
@@ -253,7 +244,6 @@ class System(Functions):
         v, spin = columns(velocity for velocity, _ in found), [spin for _, spin in found]
         return self._function("section_velocities", "x u p", v=v, spin=spin)
 
-    energy = named("x u p", kinetic=lambda eq: eq.energies[0], potential=lambda eq: eq.energies[1])
     touch = named(
         "x u w p",
         gap=lambda eq: [pair.gap for pair in eq.pairs],

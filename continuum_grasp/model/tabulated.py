@@ -23,9 +23,51 @@ from continuum_grasp.model.stumpff import rotation
 Array = NDArray[np.float64]
 
 
+class Directions:
+    """Directions along a link or a part of it: of turns from its start to the first node, between nodes, to its end."""
+
+    def __init__(self, turns: Sequence[Rotation]) -> None:
+        self._turns, self._count = list(turns), len(turns) - 1
+
+    @cached_property
+    def _doubled(self) -> list[Rotation]:
+        """Turns from the start and from each node to the second next."""
+        return [a @ b for a, b in itertools.pairwise(self._turns)]
+
+    @cached_property
+    def _rotations(self) -> list[Rotation]:
+        """Of the nodes."""
+        # Products of two turns first: half the depth, so the processor can work on them side by side.
+        found = [self._turns[0], self._doubled[0]]
+        for k in range(2, self._count):
+            found.append(found[k - 2] @ self._doubled[k - 1])
+        return found
+
+    @cached_property
+    def tangents(self) -> list[Vec]:
+        """At the nodes."""
+        return [Vec(turn.c, turn.s) for turn in self._rotations]
+
+    @cached_property
+    def end(self) -> Rotation:
+        """Of the end section."""
+        return self._rotations[-1] @ self._turns[-1]
+
+    @cached_property
+    def between(self) -> list[Rotation]:
+        """Turns between pairs of nodes, in the order of ``itertools.combinations``."""
+        found: dict[tuple[int, int], Rotation] = {}
+        for j, k in itertools.combinations(range(self._count), 2):
+            if k - j <= 2:
+                found[j, k] = self._turns[k] if k == j + 1 else self._doubled[j + 1]
+            else:
+                found[j, k] = found[j, k - 2] @ self._doubled[k - 1]
+        return list(found.values())
+
+
 @dataclass(frozen=True)
 class LinkTable:
-    """What describes a link of m nodes and L local coordinates; entries are numbers or, in ``filled``, symbols.
+    """What describes a link of m nodes and L local coordinates: arrays, or in ``filled`` matrices of CasADi.
 
     Pairs of nodes j < k are in the order of ``itertools.combinations``; before them stands what is on the diagonal.
     """
@@ -85,8 +127,13 @@ class LinkTable:
         """All entries, one after the other."""
         return np.concatenate([np.ravel(getattr(self, each.name)) for each in fields(self)])
 
-    def filled(self, entries: ca.SX) -> LinkTable:
-        """A table of the same form, of expressions (rows, columns) in the order of ``numbers``."""
+    def turned(self, local: Sequence[Scalar], rest: Scalar, reach: Sequence[float]) -> list[Rotation]:
+        """Turns from node to node at local coordinates, up to ``reach`` [rad], with a factor of those at rest."""
+        angles = ca.mtimes(self.turns.T, ca.vertcat(*local)) + rest * self.rest
+        return [rotation(angles[k], angle) for k, angle in enumerate(reach)]
+
+    def filled(self, entries: ca.SX | ca.DM) -> LinkTable:
+        """A table of the same form, of columns in the order of ``numbers``."""
         at, parts = 0, {}
         for each in fields(self):
             shape = np.shape(getattr(self, each.name))
@@ -98,109 +145,88 @@ class LinkTable:
 
 
 class TabulatedLink:
-    """A link of the ``local`` coordinates, as far as its end and its kinetics go; see ``Link``.
+    """End and kinetics of a link by a table, and by the turns from its start to the nodes, between them and to its end.
 
-    ``reach`` (m + 1,) [rad] are the greatest turns from node to node; ``density``, ``rotary`` and ``rest`` factors of
-    the mass, of the rotary inertia and of the bend at rest.
+    ``length``, ``density`` and ``rotary`` are factors of the length, of the mass and of the rotary inertia.
     """
 
     def __init__(
         self,
-        local: Sequence[Scalar],
         table: LinkTable,
-        reach: Sequence[float],
-        density: Scalar,
-        rotary: Scalar,
-        rest: Scalar,
+        turns: Sequence[Rotation],
+        length: Scalar = 1.0,
+        density: Scalar = 1.0,
+        rotary: Scalar = 1.0,
     ) -> None:
-        self._table, self._density, self._rotary = table, density, rotary
-        turns = ca.mtimes(table.turns.T, ca.vertcat(*local)) + rest * table.rest
-        self.whole_bend = ca.dot(table.bends, ca.vertcat(*local)) + rest * ca.sum1(table.rest)
-        self._turns = [rotation(turns[k], angle) for k, angle in enumerate(reach)]
-        self._count = len(reach) - 1
-        self._size = len(local)
-
-    @cached_property
-    def _doubled(self) -> list[Rotation]:
-        """Turns from the start and from each node to the second next."""
-        return [a @ b for a, b in itertools.pairwise(self._turns)]
-
-    @cached_property
-    def _rotations(self) -> list[Rotation]:
-        """Rotations of the nodes and of the end."""
-        # Products of two turns first: half the depth, so the processor can work on them side by side.
-        found = [self._turns[0], self._doubled[0]]
-        for k in range(2, self._count):
-            found.append(found[k - 2] @ self._doubled[k - 1])
-        return [*found, found[-1] @ self._turns[-1]]
+        self._table, self._length, self._rotary = table, length, rotary * length
+        self._first = density * length * length
+        self._second, self._mass = self._first * length, density * length
+        self.directions = Directions(turns)
 
     @cached_property
     def _tangents(self) -> tuple[ca.SX, ca.SX]:
-        nodes = self._rotations[:-1]
-        return ca.vertcat(*[r.c for r in nodes]), ca.vertcat(*[r.s for r in nodes])
+        x, y = zip(*[(at.x, at.y) for at in self.directions.tangents], strict=True)
+        return ca.vertcat(*x), ca.vertcat(*y)
 
-    def _weighed(self, weights: ca.SX) -> Vec:
+    def _weighed(self, weights: ca.SX, scale: Scalar) -> Vec:
         x, y = self._tangents
-        return Vec(ca.dot(weights, x), ca.dot(weights, y))
+        return Vec(ca.dot(weights, x), ca.dot(weights, y)).scaled(scale)
 
-    def _rows(self, weights: ca.SX) -> tuple[Vec, ...]:
-        return tuple(self._weighed(weights[a, :].T) for a in range(self._size))
+    def _rows(self, weights: ca.SX, scale: Scalar) -> tuple[Vec, ...]:
+        return tuple(self._weighed(row.T, scale) for row in ca.vertsplit(weights))
 
     @cached_property
     def end(self) -> Section:
         """The end section."""
-        table = self._table
-        bends = tuple(table.bends[a] for a in range(self._size))
-        return Section(self._weighed(table.position), self._rotations[-1], self._rows(table.arms), bends)
-
-    @cached_property
-    def _between(self) -> list[Rotation]:
-        """Turns between the pairs of nodes."""
-        found: dict[tuple[int, int], Rotation] = {}
-        for j, k in itertools.combinations(range(self._count), 2):
-            if k - j <= 2:
-                found[j, k] = self._turns[k] if k == j + 1 else self._doubled[j + 1]
-            else:
-                found[j, k] = found[j, k - 2] @ self._doubled[k - 1]
-        return list(found.values())
+        table, length = self._table, self._length
+        position, arms = self._weighed(table.position, length), self._rows(table.arms, length * length)
+        return Section(position, self.directions.end, arms, tuple(bend * length for bend in table.bends.elements()))
 
     @cached_property
     def inertia(self) -> Inertia:
         """Mass integrals."""
-        table, size = self._table, self._size
-        cosines = ca.vertcat(1.0, *[turn.c for turn in self._between])
-        turning = self._rotary * table.rotary
+        table, length, size = self._table, self._length, len(self._table.bends.elements())
+        cosines = ca.vertcat(1.0, *[turn.c for turn in self.directions.between])
+        turning, square = table.rotary.elements(), length * length
 
-        def form(row: ca.SX, at: int) -> Scalar:
-            value: ca.SX = self._density * ca.dot(row, cosines) + turning[at]
+        def form(row: ca.SX, at: int, scale: Scalar) -> Scalar:
+            value: Scalar = scale * (self._second * ca.dot(row, cosines) + self._rotary * turning[at])
             return value
 
         lower = [(a, b) for a in range(size) for b in range(a + 1)]
-        entries = {pair: form(table.matrix[k, :].T, 1 + size + k) for k, pair in enumerate(lower)}
+        entries = {pair: form(table.matrix[k, :].T, 1 + size + k, square) for k, pair in enumerate(lower)}
         return Inertia(
-            mass=self._density * table.mass,
-            first=self._weighed(table.first).scaled(self._density),
-            second=form(table.second, 0),
-            arms=tuple(arm.scaled(self._density) for arm in self._rows(table.first_arms)),
-            swing=tuple(form(table.swing[a, :].T, 1 + a) for a in range(size)),
+            mass=self._mass * table.mass.elements()[0],
+            first=self._weighed(table.first, self._first),
+            second=form(table.second, 0, 1.0),
+            arms=self._rows(table.first_arms, self._second),
+            swing=tuple(form(table.swing[a, :].T, 1 + a, length) for a in range(size)),
             matrix=tuple(tuple(entries[max(a, b), min(a, b)] for b in range(size)) for a in range(size)),
         )
 
+    def _squares(self, omega: Scalar, rates: Sequence[Scalar]) -> ca.SX:
+        """Squared angular velocities of the nodes."""
+        spins = omega + ca.mtimes(self._table.shape.T, ca.vertcat(*[self._length * rate for rate in rates]))
+        return spins * spins
+
+    def end_bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
+        """Reversed velocity-product acceleration of the end section."""
+        return self._weighed(self._table.position * self._squares(omega, rates), self._length)
+
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
         """Velocity-product terms."""
-        table, count = self._table, self._count
-        spins = omega + ca.mtimes(table.shape.T, ca.vertcat(*rates))
-        squares = spins * spins
+        table, squares, count = self._table, self._squares(omega, rates), len(self.directions.tangents)
         loads: list[Scalar] = [0.0] * count
-        for at, ((j, k), turn) in enumerate(zip(itertools.combinations(range(count), 2), self._between, strict=True)):
+        pairs = zip(itertools.combinations(range(count), 2), self.directions.between, strict=True)
+        for at, ((j, k), turn) in enumerate(pairs):
             # sin is odd: what node k exerts on j, j exerts on k with the other sign.
             sine = table.sines[at] * turn.s
             loads[j] += sine * squares[k]
             loads[k] -= sine * squares[j]
-        column = self._density * ca.vertcat(*loads)
+        column, turned = ca.vertcat(*loads), self._second * self._length
         return Bias(
-            end=self._weighed(table.position * squares),
-            force=self._weighed(table.first * squares).scaled(self._density),
-            moment=ca.sum1(column),
-            generalized=tuple(ca.dot(table.shape[a, :].T, column) for a in range(self._size)),
+            end=self._weighed(table.position * squares, self._length),
+            force=self._weighed(table.first * squares, self._first),
+            moment=self._second * ca.sum1(column),
+            generalized=tuple(turned * ca.dot(row.T, column) for row in ca.vertsplit(table.shape)),
         )

@@ -18,13 +18,17 @@ from continuum_grasp.scene.surroundings import ContactLaw, Surroundings, Table
 
 @dataclass(frozen=True)
 class Station:
-    """A disc of the finger: world center, radius [m], velocity of the center, and angular velocity."""
+    """A disc of the finger: world center, radius [m], velocity of the center, and angular velocity.
+
+    ``turns``: by the couple of its force, too.
+    """
 
     name: str
     center: Vec
     radius: float
     velocity: Vec = ZERO
     spin: Scalar = 0.0
+    turns: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,7 +51,7 @@ def point(model: FingerModel) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def energy_rate(model: FingerModel, x: np.ndarray, u: np.ndarray, xd: np.ndarray, ud: np.ndarray) -> float:
-    step = 1e-6
+    step = 4e-6
 
     def energy(t: float) -> float:
         return sum(float(v) for v in model.energy(x + t * xd, u + t * ud, []))

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any
 
 import casadi as ca
 
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces.offset_polygon import PolygonSurface
-from continuum_grasp.model.surfaces.outline import Frame, Outline
+from continuum_grasp.model.surfaces.outline import Outline
 from continuum_grasp.model.surfaces.superellipse import SuperellipseSurface
-from continuum_grasp.model.surfaces.surface import Nearest, Surface, chosen
+from continuum_grasp.model.surfaces.surface import Nearest, Surface, chosen, own_outline
 from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
 
 __all__ = ["nearest", "outline_of", "surface_of"]
@@ -28,10 +27,9 @@ def surface_of(part: Part) -> Surface[Any]:
     return _SURFACES[type(part)].of(part)
 
 
-@lru_cache(maxsize=256)
 def outline_of(part: Part) -> Outline:
     """The outline of a part in the object's frame, not grown."""
-    return surface_of(part).outline(part, Frame(), 0.0)
+    return own_outline(surface_of(part), part)
 
 
 def nearest(parts: Sequence[Part], at: Vec) -> Nearest:

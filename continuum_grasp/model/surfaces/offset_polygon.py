@@ -140,33 +140,6 @@ class PolygonSurface(Surface[OffsetPolygon]):
                 best, index = cost, k
         return index
 
-    def nearest_places(self, part: OffsetPolygon, points: Array) -> tuple[Array, Array, Array]:
-        core = np.array(part.vertices)
-        count = len(core)
-        off = points[:, None, :] - core
-        away = np.linalg.norm(off, axis=2)
-        rows, bend = np.arange(len(points)), 1.0 / part.radius if part.radius else np.inf
-        if count == 1:
-            return np.arctan2(off[:, 0, 1], off[:, 0, 0]), away[:, 0] - part.radius, np.full(len(points), bend)
-        edge = np.roll(core, -1, axis=0) - core
-        size = np.linalg.norm(edge, axis=1)
-        normal = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / size[:, None]
-        height = (off * normal).sum(axis=2)
-        share = np.clip((off * edge).sum(axis=2) / size**2, 0.0, 1.0)
-        arm = off - share[:, :, None] * edge
-        reach = np.linalg.norm(arm, axis=2)
-        # Inside, the face of least depth; outside, the edge that is nearest.
-        inside = (height < 0.0).all(axis=1) if count > 2 else np.zeros(len(points), dtype=bool)
-        pick = np.where(inside, height.argmax(axis=1), reach.argmin(axis=1))
-        far = reach[rows, pick]
-        # On an edge the way there has no direction: the face's normal stands for it.
-        on = inside | (far < 1e-12)
-        direction = np.where(on[:, None], normal[pick], arm[rows, pick] / np.maximum(far, 1e-300)[:, None])
-        distance = np.where(inside, height[rows, pick], far)
-        at_corner = ~inside & ((share[rows, pick] == 0.0) | (share[rows, pick] == 1.0))
-        curvatures = np.where(at_corner, bend, 0.0)
-        return np.arctan2(direction[:, 1], direction[:, 0]), distance - part.radius, curvatures
-
     # -- search of a grasp
 
     def outline(self, part: OffsetPolygon, frame: Frame, grown: float) -> Outline:

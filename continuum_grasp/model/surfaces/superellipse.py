@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -109,12 +109,6 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
         c, s = math.cos(part.angle), math.sin(part.angle)
         x, y = point[0] - part.center[0], point[1] - part.center[1]
         return (c * x + s * y) / part.semi_axes[0], (c * y - s * x) / part.semi_axes[1]
-
-    def nearest_places(self, part: SuperellipsePart, points: Array) -> tuple[Array, Array, Array]:
-        outline = _placed(part.center, part.angle, part.semi_axes, part.exponent)
-        distance, walk = outline.nearest(points[:, 0] + 1j * points[:, 1])
-        at = outline.walk(walk)
-        return at.angle, distance, at.dangle / np.abs(at.dpoint)
 
     # -- search of a grasp
 
@@ -288,11 +282,3 @@ class _SuperellipseOutline(Outline):
         x = math.copysign(a * u ** (dual - 1.0) / norm, local.real)
         y = math.copysign(b * v ** (dual - 1.0) / norm, local.imag)
         return [(complex(self.center + complex(x, y) * np.exp(1j * self.angle)), 0.0)]
-
-
-@lru_cache(maxsize=64)
-def _placed(
-    center: tuple[float, float], angle: float, semi_axes: tuple[float, float], exponent: float
-) -> _SuperellipseOutline:
-    """The outline of a part in its own frame, not grown."""
-    return _SuperellipseOutline(complex(*center), angle, semi_axes, exponent, 0.0)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Generic, TypeVar
 
 import casadi as ca
@@ -132,11 +133,15 @@ class Surface(ABC, Generic[P]):
         """Index among the features of that on which a surface point with this outward normal lies best."""
         return 0
 
-    @abstractmethod
     def nearest_places(self, part: P, points: Array) -> tuple[Array, Array, Array]:
         """Angles (K,) of the outward normals [rad] at the surface points nearest to points (K, 2) of the object's
         frame, the distances (K,) [m], negative inside, and the curvatures (K,) there [1/m], infinite at a sharp corner.
         """
+        outline = own_outline(self, part)
+        distances, walks = outline.nearest(points[:, 0] + 1j * points[:, 1])
+        at = outline.walk(walks)
+        with np.errstate(divide="ignore"):
+            return at.angle, distances, at.dangle / np.abs(at.dpoint)
 
     def circles(self, part: P, points: Array, unit: float) -> tuple[Array, Array]:
         """Circles (NEAR, K) that stand for the surface near points (K, 2) of the object's frame, and their distances
@@ -152,6 +157,12 @@ class Surface(ABC, Generic[P]):
     @abstractmethod
     def outline(self, part: P, frame: Frame, grown: float) -> Outline:
         """The outline in other coordinates, grown by a distance of these coordinates."""
+
+
+@lru_cache(maxsize=256)
+def own_outline(surface: Surface[P], part: P) -> Outline:
+    """The outline of a part in the object's frame, not grown."""
+    return surface.outline(part, Frame(), 0.0)
 
 
 def distance_from(point: ca.SX, near: ca.SX) -> ca.SX:
