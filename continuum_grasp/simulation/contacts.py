@@ -108,6 +108,13 @@ CONTACT = Dimension(
 )
 
 
+def greatest_motion(body: GraspObject, poses: Array, others: Array) -> float:
+    """Distance [m] that no point of an object exceeds between poses (T, 3) or (T, 4) and others."""
+    off = poses - others
+    # The origin's, and that by the angle, in column 2, at the object's size.
+    return float((np.linalg.norm(np.delete(off, 2, axis=1), axis=1) + np.abs(off[:, 2]) * body.size).max())
+
+
 def overlaps(body: GraspObject, poses: Array, backbones: Array, half_thickness: Curve) -> Array:
     """Deepest overlap of a finger and an object at some instants (T,) [m]; zero where they are apart.
 

@@ -19,6 +19,7 @@ from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.integrators import INTEGRATORS
 from continuum_grasp.scene.simulate import Timing
+from continuum_grasp.simulation.contacts import greatest_motion
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.trajectory import acting_input
 
@@ -254,12 +255,9 @@ class Stepper:
         found = [np.hypot(*(a - b).transpose(1, 0, 2)).max() for a, b in pairwise(ends)]
         around = None if self._system is None else self._system.surroundings
         if self._system is not None and around is not None and around.object is not None and around.object_moves:
-            columns, size = self._system.object_states, around.object.size
-            for k, (a, b) in enumerate(pairwise(levels)):
-                # No point of the object is off by more than its origin, and its angle (column 2) times its size.
-                moved = (a - b)[:, columns]
-                shifted = np.sqrt(np.sum(np.delete(moved, 2, axis=1) ** 2, axis=1))
-                found[k] = max(found[k], (shifted + np.abs(moved[:, 2]) * size).max())
+            poses = [level[:, self._system.object_states] for level in levels]
+            moved = [greatest_motion(around.object, *pair) for pair in pairwise(poses)]
+            found = [max(pair) for pair in zip(found, moved, strict=True)]
         return [float(one) / self._model.finger.rod.length for one in found]
 
     def _ends(self, x: Array, u: Array) -> Array:

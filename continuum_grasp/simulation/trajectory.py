@@ -79,7 +79,7 @@ class Trajectory(MotionResult):
         Dimension("force_component", "forces and moments that act, in the world's axes", "w_names"),
         XY,
         POSE,
-        Dimension("tendon", "tendons, that on the -X side first", "tendon_numbers"),
+        Dimension("tendon", "tendons, that on the -X side first", 1),
         CONTACT,
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
@@ -165,11 +165,6 @@ class Trajectory(MotionResult):
         return np.asarray(self.core.batch("tip", self.q, self.acting, None))
 
     @property
-    def tendon_numbers(self) -> NDArray[np.int64]:
-        """Numbers of the tendons, from one."""
-        return np.arange(1, len(self.model.finger.tendon_list) + 1)
-
-    @property
     def tensions(self) -> Array | None:
         """Tensions at the drives (T, tendons) [N] of tendons with friction or on winches; None of others."""
         return None if self._tensions is None else self._tensions[0]
@@ -246,10 +241,7 @@ class Trajectory(MotionResult):
     def backbone(self, indices: ArrayLike, points: int = 50) -> Array:
         """Backbones (len(indices), points, 2) at some of the instants [m]."""
         chosen = np.atleast_1d(np.asarray(indices, dtype=int))
-        s = np.tile(np.linspace(0.0, self.length, points), len(chosen))[:, None]
-        q = np.repeat(self.q[chosen], points, axis=0)
-        u = np.repeat(self.acting[chosen], points, axis=0)
-        return np.asarray(self.core.batch("position", q, u, s)).reshape(len(chosen), points, 2)
+        return backbones(self.core, self.q[chosen], self.acting[chosen], points)
 
     def loads_at(self, index: int) -> list[tuple[Array, Array, str]]:
         """Forces at one instant: position (2,) [m], force (2,) in the world [N], and kind.
@@ -298,6 +290,13 @@ def error_text(error: float, length: float) -> str:
         return "not measured"
     size = f"about {error:.2g} of the length, {1e3 * error * length:.2g} mm"
     return size if math.isfinite(error) else "cannot be estimated"
+
+
+def backbones(core: Core, q: Array, u: Array, points: int, p: Array | None = None) -> Array:
+    """World positions (T, points, 2) along the backbones of shapes q (T, n), evenly spaced from base to tip [m]."""
+    s = np.tile(np.linspace(0.0, core.model.finger.rod.length, points), len(q))[:, None]
+    rows = (np.repeat(each, points, axis=0) for each in (q, u))
+    return np.asarray(core.batch("position", *rows, s, p)).reshape(len(q), points, 2)
 
 
 def acting_forces(core: Core, q: Array, u: Array, w: Array, p: Array | None = None) -> list[tuple[Array, Array, str]]:
