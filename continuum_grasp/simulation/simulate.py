@@ -17,6 +17,7 @@ from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.integrators import INTEGRATORS
 from continuum_grasp.scene.simulate import Scene, Timing
+from continuum_grasp.simulation.contacts import overlap_text
 from continuum_grasp.simulation.initial import initial_state, start_warnings
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.slack import tension_warnings
@@ -30,7 +31,7 @@ from continuum_grasp.simulation.spectrum import (
     spectral_radius,
 )
 from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
-from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings, overlap_text
+from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -142,8 +143,8 @@ class _Run:
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
         at_start, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
         inexact = self._error_warnings(used, motion)
-        half, contacts = self._model.finger.profile.half_thickness, result.contacts
-        overlap = overlap_text(result.t, contacts, result.overlap, half) if contacts is not None else ""
+        body, poses, half = self._scene.object, result.object_pose, self._model.finger.profile.half_thickness
+        overlap = overlap_text(result, body, poses, half, 100) if body is not None and poses is not None else ""
         through = f"between the stations that touch, the finger overlaps the object by {overlap}: add contacts"
         pulled = tension_warnings(self._model.finger, result.t, result.tensions)
         warnings = (*at_start, *jumps, *inexact, *limits, *pulled, *((through,) if overlap else ()))

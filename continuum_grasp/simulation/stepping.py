@@ -140,7 +140,7 @@ class Stepper:
         self._model, self._system, self._core, self._signals = model, system, core, signals
         self._positions = core if system is None else Core(model)
         self._time, self._progress = time, progress
-        self._failure: NumericalError | None = None
+        self._failure = ""
         self.steps = round(time.duration / time.step)
         self.taken = 0
 
@@ -203,7 +203,10 @@ class Stepper:
         """States at every output step by the steps, and at the shared ones by longer ones; the finite ones of them."""
         u, w = self._inputs(start * self._time.step, count, plan)
         if plan.method == "reference":
-            return [self._by_variable_steps(x, u, w, looser) for x, looser in zip(ends, (1.0, _LOOSER), strict=False)]
+            pairs, model = zip(ends, (1.0, _LOOSER), strict=False), self._core.model
+            runs = [_integrate_reference(model, x, self._time.step, u, w, looser) for x, looser in pairs]
+            self._failure = runs[0][1]
+            return [states for states, _ in runs]
         rows = 2 * count * plan.substeps + 1
         inputs = signal("u", u, self._core.model.nu, rows, None), signal("w", w, self._core.model.nw, rows, None)
         ratios, h = (1, *plan.ratios)[: len(ends)], self._time.step / plan.substeps
@@ -212,13 +215,6 @@ class Stepper:
         states, valid = run.levels(np.array(ends), ratios, plan.every, count, plan.substeps, h, *inputs, p)
         self.taken += sum(count * plan.substeps // ratio for ratio in ratios)
         return [x[: last + 1] for x, last in zip(states, valid, strict=True)]
-
-    def _by_variable_steps(self, x: Array, u: Array, w: Array, looser: float) -> Array:
-        try:
-            return _integrate_reference(self._core.model, x, self._time.step, u, w, looser=looser)
-        except NumericalError as error:
-            self._failure = error
-            return np.asarray(error.result)
 
     def _stopped(self, plan: Plan, index: int, state: Array) -> NumericalError:
         """What to say of a motion that is not finite after an output step."""
@@ -234,9 +230,7 @@ class Stepper:
                 "raise fidelity.bending_range or lower the loads"
             )
         )
-        error = NumericalError(reason, time=time, state=state)
-        error.__cause__ = self._failure
-        return error
+        return NumericalError(reason, time=time, state=state)
 
     def _inputs(self, start: float, count: int, plan: Plan) -> tuple[Array, Array]:
         """Inputs and forces at half sub-steps, or one row where nothing varies."""
@@ -295,12 +289,12 @@ def _between(rows: Array, every: int, count: int) -> Array:
 
 
 def _integrate_reference(
-    model: FingerModel | System, x0: Array, step: float, u: Array, w: Array, *, looser: float = 1.0
-) -> Array:
+    model: FingerModel | System, x0: Array, step: float, u: Array, w: Array, looser: float
+) -> tuple[Array, str]:
     """Integrate with CVODES (backward differentiation) to states (steps + 1, nx), a ``step`` [s] apart.
 
     Inputs and forces (2 * steps + 1, size) are those at half steps, quadratic in between; ``looser`` is a factor on the
-    tolerances. NumericalError and Interrupted have the states so far as ``result``.
+    tolerances. Where a state is not finite, those before it and why; Interrupted has them as ``result``.
     """
     x, t = ca.MX.sym("x", model.nx), ca.MX.sym("t")
     samples = ca.MX.sym("samples", 3 * (model.nu + model.nw))
@@ -330,5 +324,5 @@ def _integrate_reference(
             if pressed():  # CasADi's integrators would report it as a failure of the motion
                 raise Interrupted("interrupted", result=states[: k + 1])
             if not np.all(np.isfinite(states[k + 1])):
-                raise NumericalError(reason, time=k * step, state=states[k], result=states[: k + 1])
-    return states
+                return states[: k + 1], reason
+    return states, ""

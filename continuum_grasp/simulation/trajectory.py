@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -17,9 +17,8 @@ from continuum_grasp.model.layout import WIDEST
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.profile import Curve
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.contacts import CONTACT, ContactForces, overlaps
+from continuum_grasp.simulation.contacts import CONTACT, ContactForces
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
 from continuum_grasp.simulation.slack import SlackTime, slack_times
 
@@ -230,14 +229,6 @@ class Trajectory(MotionResult):
         """What the contacts of the object bear; None without an object."""
         return None if self.system is None else ContactForces.of(self.system_core, self.x, self.u, self.w)
 
-    def overlap(self, indices: ArrayLike, points: int = 100) -> Array:
-        """Deepest overlap of finger and object (len(indices),) at some of the instants [m]; zero without an object."""
-        chosen = np.atleast_1d(np.asarray(indices, dtype=int))
-        if self.scene.object is None or self.object_pose is None:
-            return np.zeros(len(chosen))
-        half = self.model.finger.profile.half_thickness
-        return overlaps(self.scene.object, self.object_pose[chosen, :3], self.backbone(chosen, points), half)
-
     def backbone(self, indices: ArrayLike, points: int = 50) -> Array:
         """Backbones (len(indices), points, 2) at some of the instants [m]."""
         chosen = np.atleast_1d(np.asarray(indices, dtype=int))
@@ -337,10 +328,6 @@ def acting_input(model: FingerModel, x: Array, u: Array) -> Array:
 
 LOST = 3.0
 """Multiple of the declared bending range beyond which the model means nothing."""
-_THROUGH = 0.5
-"""Overlap between stations that is reported, per the half thickness: what chords cut off is less."""
-_LOOKS = 50
-"""Instants at which overlaps are looked for."""
 
 
 def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | None = None) -> tuple[str, ...]:
@@ -368,22 +355,3 @@ def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | 
                 f"{'take more elements' if reach >= WIDEST else 'raise fidelity.bending_range'}"
             )
     return tuple(found)
-
-
-def overlap_text(
-    t: NDArray[np.float64],
-    contacts: ContactForces,
-    overlap: Callable[[NDArray[np.intp]], NDArray[np.float64]],
-    half_thickness: Curve,
-) -> str:
-    """By how much a finger is deeper in an object than its stations are pressed into it, and when; empty if it is not.
-
-    ``overlap`` gives the deepest overlap [m] at some of the instants, by their indices.
-    """
-    looked = np.unique(np.linspace(0, len(t) - 1, _LOOKS).astype(int))
-    own = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
-    pressed = np.maximum(0.0, -contacts.gap[looked][:, own].min(axis=1))
-    beyond = overlap(looked) - pressed
-    k = int(beyond.argmax())
-    thinnest = float(half_thickness(half_thickness.edges).min())
-    return f"{1e3 * beyond[k]:.2g} mm at t = {t[looked[k]]:g} s" if beyond[k] > _THROUGH * thinnest else ""
