@@ -188,6 +188,11 @@ class Assessment(Errors):
         # Counted, not timed: the choice is the same on every machine. An explicit step goes with 1 / radius.
         return self.instructions * (self.radius if self.choice.scene.time is not None else 1.0)
 
+    def __str__(self) -> str:
+        moves = self.choice.scene.time is not None and not math.isnan(self.frequencies[0])
+        frequency = f", first frequency {self.frequencies[0]:.2g}" if moves else ""
+        return f"{self.choice}: shape {self.shape:.2g} of the length (tip {self.tip:.2g}){frequency}"
+
     def within(self, tolerance: float, frequencies: int) -> bool:
         """Whether shape, and of a scene that moves the first frequencies, meet a tolerance."""
         asked = self.frequencies[: frequencies if self.choice.scene.time is not None else 0]
@@ -250,6 +255,8 @@ def _frequency_errors(true: TrueCase, truth: Array, found: Equilibrium) -> Array
     return relative_errors(own, truth)
 
 
-def relative_errors(frequencies: Array, truth: Array) -> Array:
-    """Relative errors of frequencies; of one that is zero in truth, per the highest."""
-    return np.asarray(np.abs(frequencies - truth) / np.where(truth > 0.0, truth, max(float(truth.max()), 1e-300)))
+def relative_errors(frequencies: Array, truth: Array, factor: float = 1.0) -> Array:
+    """Relative errors of frequencies, times a factor; of one that is zero in truth, per the highest."""
+    return np.asarray(
+        factor * np.abs(frequencies - truth) / np.where(truth > 0.0, truth, max(float(truth.max()), 1e-300))
+    )

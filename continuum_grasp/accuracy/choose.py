@@ -65,13 +65,9 @@ class Chosen(Summarized):
         return scene.model_copy(update={"fidelity": self.best.choice.fidelity})
 
     def __str__(self) -> str:
-        best, moving = self.best, self.best.choice.scene.time is not None
-        errors = f"shape {best.shape:.2g} of the length (tip {best.tip:.2g})"
-        if moving:
-            errors += f", first frequency {best.frequencies[0]:.2g}"
         return (
-            f"{best.choice}: {errors}; {best.instructions} instructions; the cheapest of {len(self.tried)} measured "
-            f"against the exact rod for a tolerance of {self.tolerance:g}"
+            f"{self.best}; {self.best.instructions} instructions; the cheapest of {len(self.tried)} measured against "
+            f"the exact rod for a tolerance of {self.tolerance:g}"
         )
 
 
@@ -210,18 +206,13 @@ def _none_meets(scene: Scene, tolerance: float, tried: list[Assessment]) -> Solv
         return float(np.nanmax([one.shape, *one.frequencies[: scene.fidelity.frequencies]]))
 
     closest = min((one for one in tried if math.isfinite(one.shape)), key=worst, default=None)
-    if closest is None:
-        violated = ["no choice has the equilibria of the exact rod within the listed bending ranges"]
-    else:
-        moving = scene.time is not None and not math.isnan(closest.frequencies[0])
-        frequency = f", first frequency {closest.frequencies[0]:.3g}" if moving else ""
-        violated = [f"{closest.choice}: shape {closest.shape:.3g} of the length{frequency}"]
+    none = "no choice has the equilibria of the exact rod within the listed bending ranges"
     fixed = [name for name in ("family", "elements", "accuracy") if getattr(scene.fidelity, name) is not None]
     free = f", or leave fidelity.{' and '.join(fixed)} open" if fixed else ""
     return SolverError(
         f"no choice of fidelity meets the tolerance of {tolerance:g}",
         status="tolerance not reached",
-        violated=violated,
+        violated=[none if closest is None else str(closest)],
         advice=f"raise fidelity.tolerance{free}",
         result=closest,
     )

@@ -187,4 +187,4 @@ def error_of_modes(found: Modes) -> Array:
     if finer is None or finer.scene is None:
         return np.full(len(own), np.nan)
     true = modes(finer.scene, about=finer).frequencies_hz[: len(own)]
-    return _whole(found.equilibrium.model) * relative_errors(own, true)
+    return relative_errors(own, true, _whole(found.equilibrium.model))
