@@ -134,7 +134,7 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Arra
             damping = damping_matrix(core, shape, u, p, rates)
             yield _slope(mass, stiffness, damping) if usable else np.full_like(mass, np.inf)
 
-    return max([_radius(slopes()), *(1.0 / lag for lag in lags)])
+    return float(max([_radius(slopes()), *(1.0 / lag for lag in lags)]))
 
 
 def _radius(slopes: Iterable[Array]) -> float:

@@ -182,7 +182,8 @@ class Equilibrium(Result):
     @check_arguments
     def backbone(self, points: int = 50) -> Array:
         """World positions (points, 2) along the backbone [m]."""
-        return backbones(Core(self.model, compiled=False), self.q[None], self.u[None], points, self.p)[0]
+        core = Core(self.model, compiled=False)
+        return np.asarray(backbones(core, self.q[None], self.u[None], points, self.p)[0])
 
 
 def slid(model: FingerModel, q: Array, u: Array, p: Array) -> Array:

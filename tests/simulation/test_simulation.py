@@ -10,7 +10,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 from continuum_grasp.core import Core
@@ -29,6 +28,7 @@ from tests.rods import (  # noqa: F401
     UNIT,
     UPRIGHT,
     force,
+    integrated,
     order,
     rod_scene,
     without_compiler,
@@ -45,20 +45,6 @@ def nitinol(family="matched_clothoid", elements=2, duration=1.0, step=1e-3, meth
     """The paper's rod, horizontal, straight and at rest where nothing else is said."""
     time = {"duration": duration, "step": step, "method": method, "tolerance": tolerance}
     return rod_scene(NITINOL, family, elements, time=time, **keys)
-
-
-def integrated(scene, u=None, w=None):
-    """States by DOP853 at a tolerance of 1e-12, with inputs given as functions of time."""
-    model = FingerModel(scene)
-    rate, p = model.forward_dynamics, model.p_nominal
-    u = u or (lambda t: np.zeros(model.nu))
-    w = w or (lambda t: np.zeros(model.nw))
-    t = np.linspace(0.0, scene.time.duration, round(scene.time.duration / scene.time.step) + 1)
-    x0 = initial_state(scene, model)
-    found = solve_ivp(
-        lambda t, x: np.array(rate(x, u(t), w(t), p)).ravel(), (0.0, t[-1]), x0, "DOP853", t, rtol=1e-12, atol=1e-13
-    )
-    return found.y.T
 
 
 def distance(a, b) -> float:
