@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, TypedDict
 
@@ -16,6 +16,7 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.drives import LengthDrive
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.signals import Signals
@@ -252,10 +253,7 @@ def at_start(scene: Scene, model: FingerModel, **search: Any) -> Equilibrium:
     if angles is None:
         signals, friction = Signals(scene, model), friction_of(scene.initial, model)
         return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], **friction, **search)
-    tendons = scene.finger.tendons
-    locked_tendons = tuple(_locked(tendon) for tendon in tendons) if isinstance(tendons, tuple) else _locked(tendons)
-    motors = model.structure.motors
-    finger = scene.finger.replaced(tendons=locked_tendons)
+    motors, finger = model.structure.motors, with_drives(scene.finger, _locked)
     wound = tuple(motor.radius * angle for motor, angle in zip(motors, angles, strict=True))
     given = {finger.input_key: wound if finger.input_key == "lengths" else tuple(angles)}
     same = scene.replaced(finger=finger, actuation=given, initial=scene.initial.replaced(motor_angles=None))
@@ -283,17 +281,30 @@ def statics_model(scene: Scene, model: FingerModel, loads: Sequence[Load]) -> Fi
     )
 
 
-def _locked(tendons: Any) -> Any:
-    """Tendons whose motors are winches that follow a length, or stand before their gear."""
-    drive = tendons.drive
-    if drive.gear_stiffness is not None:
-        # A servo and a gear of twice the stiffness each yield together what the gear does.
-        stiffness = 2.0 * drive.gear_stiffness
-        servo = {"position_gain": stiffness, "rate_gain": 0.0, "torque_constant": None, "torque_max": _BOUNDLESS}
-        return tendons.replaced(drive=drive.replaced(gear_stiffness=stiffness, **servo))
+def with_drives(finger: Finger, changed: Callable[[Any], Any]) -> Finger:
+    """The finger with other drives of its tendons."""
+    tendons: Any = finger.tendons
+    if tendons is None:
+        return finger
+    given = tendons if isinstance(tendons, tuple) else (tendons,)
+    found = tuple(one.replaced(drive=changed(one.drive)) for one in given)
+    return finger.replaced(tendons=found if isinstance(tendons, tuple) else found[0])
+
+
+def following(drive: Any) -> LengthDrive:
+    """A winch that follows a length in place of a drive, for what is at rest: its time constant means nothing."""
     same = {key: getattr(drive, key) for key in ("arrangement", "pretension", "slack")}
-    # The time constant does not matter at rest.
-    return tendons.replaced(drive=LengthDrive(kind="length", time_constant=1.0, **same))
+    return LengthDrive(kind="length", time_constant=1.0, **same)
+
+
+def _locked(drive: Any) -> Any:
+    """A winch that follows a length in place of a motor, or the motor that stands before its gear."""
+    if drive.gear_stiffness is None:
+        return following(drive)
+    # A servo and a gear of twice the stiffness each yield together what the gear does.
+    stiffness = 2.0 * drive.gear_stiffness
+    servo = {"position_gain": stiffness, "rate_gain": 0.0, "torque_constant": None, "torque_max": _BOUNDLESS}
+    return drive.replaced(gear_stiffness=stiffness, **servo)
 
 
 class Friction(TypedDict, total=False):
