@@ -18,7 +18,7 @@ from continuum_grasp.core.rollouts import signal
 from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.integrators import INTEGRATORS
-from continuum_grasp.scene.simulate import Timing
+from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.contacts import greatest_motion
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.trajectory import acting_input
@@ -128,18 +128,12 @@ class Stepper:
     were given up.
     """
 
-    def __init__(
-        self,
-        model: FingerModel,
-        system: System | None,
-        core: Core,
-        signals: Signals,
-        time: Timing,
-        progress: Callable[[float], None],
-    ) -> None:
-        self._model, self._system, self._core, self._signals = model, system, core, signals
-        self._positions = core if system is None else Core(model)
-        self._time, self._progress = time, progress
+    def __init__(self, scene: Scene, time: Timing, model: FingerModel, progress: Callable[[float], None]) -> None:
+        self._time, self._model, self._progress = time, model, progress
+        self.system = System(scene) if scene.object is not None else None
+        self.moving = self.system or model
+        self.core, self.signals = Core(self.moving), Signals(scene, model, nw=self.moving.nw)
+        self._positions = self.core if self.system is None else Core(model)
         self._failure = ""
         self.steps = round(time.duration / time.step)
         self.taken = 0
@@ -149,7 +143,7 @@ class Stepper:
         # Before the motion is timed; the positions' function is compiled by its first call.
         self._ends(np.zeros((1, self._model.nx)), np.zeros((1, self._model.nu)))
         if plan.method != "reference":
-            self._core.prepare_rollout(plan.method)
+            self.core.prepare_rollout(plan.method)
 
     def run(self, x0: Array, plan: Plan) -> Motion:
         """Integrate until the end, an error, Ctrl-C, or a time error beyond the plan's tolerance."""
@@ -203,15 +197,15 @@ class Stepper:
         """States at every output step by the steps, and at the shared ones by longer ones; the finite ones of them."""
         u, w = self._inputs(start * self._time.step, count, plan)
         if plan.method == "reference":
-            pairs, model = zip(ends, (1.0, _LOOSER), strict=False), self._core.model
+            pairs, model = zip(ends, (1.0, _LOOSER), strict=False), self.core.model
             runs = [_integrate_reference(model, x, self._time.step, u, w, looser) for x, looser in pairs]
             self._failure = runs[0][1]
             return [states for states, _ in runs]
         rows = 2 * count * plan.substeps + 1
-        inputs = signal("u", u, self._core.model.nu, rows, None), signal("w", w, self._core.model.nw, rows, None)
+        inputs = signal("u", u, self.core.model.nu, rows, None), signal("w", w, self.core.model.nw, rows, None)
         ratios, h = (1, *plan.ratios)[: len(ends)], self._time.step / plan.substeps
-        run = self._core.prepare_rollout(plan.method)
-        p = np.array(self._core.model.p_nominal, dtype=float)
+        run = self.core.prepare_rollout(plan.method)
+        p = np.array(self.core.model.p_nominal, dtype=float)
         states, valid = run.levels(np.array(ends), ratios, plan.every, count, plan.substeps, h, *inputs, p)
         self.taken += sum(count * plan.substeps // ratio for ratio in ratios)
         return [x[: last + 1] for x, last in zip(states, valid, strict=True)]
@@ -234,22 +228,22 @@ class Stepper:
 
     def _inputs(self, start: float, count: int, plan: Plan) -> tuple[Array, Array]:
         """Inputs and forces at half sub-steps, or one row where nothing varies."""
-        if self._signals.constant and plan.method != "reference":
-            return self._signals.u(start)[0], self._signals.w(start)[0]
+        if self.signals.constant and plan.method != "reference":
+            return self.signals.u(start)[0], self.signals.w(start)[0]
         t = start + np.arange(2 * count * plan.substeps + 1) * (0.5 * self._time.step / plan.substeps)
-        return self._signals.u(t), self._signals.w(t)
+        return self.signals.u(t), self.signals.w(t)
 
     def _distances(self, levels: list[Array], start: float, every: int, looked: int) -> list[float]:
         """Greatest distance of the elements' ends, and of the object's points, per length, from level to level [1]."""
         # Backwards, so that the last instant, where errors are largest, is always among them.
         some = np.arange(len(levels[0]))[:: -max(1, len(levels[0]) // looked)]
-        u = self._signals.u(start + some * (self._time.step * every))
+        u = self.signals.u(start + some * (self._time.step * every))
         levels = [level[some] for level in levels]
         ends = [self._ends(x, u) for x in levels]
         found = [np.hypot(*(a - b).transpose(1, 0, 2)).max() for a, b in pairwise(ends)]
-        around = None if self._system is None else self._system.surroundings
-        if self._system is not None and around is not None and around.object is not None and around.object_moves:
-            poses = [level[:, self._system.object_states] for level in levels]
+        around = None if self.system is None else self.system.surroundings
+        if self.system is not None and around is not None and around.object is not None and around.object_moves:
+            poses = [level[:, self.system.object_states] for level in levels]
             moved = [greatest_motion(around.object, *pair) for pair in pairwise(poses)]
             found = [max(pair) for pair in zip(found, moved, strict=True)]
         return [float(one) / self._model.finger.rod.length for one in found]
