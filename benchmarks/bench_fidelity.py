@@ -29,7 +29,8 @@ def again(chosen: Chosen) -> float:
     scene = chosen.scene
     rod = solve_elastica(scene)
     # So that both are on one branch.
-    found = equilibrium(scene, guess=coordinates_near(chosen.truth.cases[0].rod, chosen.best.choice.model))
+    near = chosen.truth.cases[0].rod
+    found = equilibrium(scene, guess=coordinates_near(chosen.best.choice.model, near.angle, near.curvature))
     s = np.linspace(0.0, scene.finger.rod.length, PLACES)
     return float(np.linalg.norm(found.backbone(PLACES) - rod.position(s), axis=1).max()) / scene.finger.rod.length
 

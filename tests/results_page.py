@@ -71,6 +71,8 @@ def labels(one: Dimension) -> tuple[str, ...]:
     """A dimension."""
     if isinstance(one.labels, tuple):
         found = ", ".join(one.labels) or "none"
+    elif isinstance(one.labels, int):
+        found = f"counted from {one.labels}"
     else:
         found = f"`{one.labels}`" + (f" [{one.unit}]" if one.unit else "")
     return one.name, found, one.meaning

@@ -8,10 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from continuum_grasp.core import core
 from continuum_grasp.core.compiler import why_no_compiler
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
+from continuum_grasp.simulation import initial_state
 
 ROOT = Path(__file__).parents[1]
 HORIZONTAL, UPRIGHT, HANGING = -math.pi / 2, 0.0, math.pi
@@ -62,3 +65,15 @@ def order(errors: Any, ratio: float = 2.0) -> np.ndarray:
     """Observed orders between successive refinements by a ratio."""
     values = np.asarray(errors, dtype=float)
     return np.log(values[:-1] / values[1:]) / math.log(ratio)
+
+
+def integrated(scene: Scene, u: Any = None, w: Any = None) -> np.ndarray:
+    """States (T, nx) of a motion by DOP853 at a tolerance of 1e-12, with inputs given as functions of time."""
+    model = FingerModel(scene)
+    own, u, w = core.Core(model), u or (lambda t: np.zeros(model.nu)), w or (lambda t: np.zeros(model.nw))
+    t = np.linspace(0.0, scene.time.duration, round(scene.time.duration / scene.time.step) + 1)
+    x0 = initial_state(scene, model)
+    found = solve_ivp(
+        lambda t, x: own.forward_dynamics(x, u(t), w(t)), (0.0, t[-1]), x0, "DOP853", t, rtol=1e-12, atol=1e-13
+    )
+    return found.y.T

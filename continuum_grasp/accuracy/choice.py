@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,7 +16,6 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.layout import MOST_ELEMENTS, SHORTEST, element_lengths
 from continuum_grasp.model.quadrature import RANGES
-from continuum_grasp.rod.elastica import Elastica
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.simulate import Fidelity, Scene
 from continuum_grasp.simulation.modes import modes
@@ -163,6 +162,7 @@ def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> fl
 
 
 Array = NDArray[np.float64]
+Curve = Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
@@ -187,6 +187,11 @@ class Assessment(Errors):
         """Instructions: per evaluation, and per second of explicit simulation where the scene moves."""
         # Counted, not timed: the choice is the same on every machine. An explicit step goes with 1 / radius.
         return self.instructions * (self.radius if self.choice.scene.time is not None else 1.0)
+
+    def __str__(self) -> str:
+        moves = self.choice.scene.time is not None and not math.isnan(self.frequencies[0])
+        frequency = f", first frequency {self.frequencies[0]:.2g}" if moves else ""
+        return f"{self.choice}: shape {self.shape:.2g} of the length (tip {self.tip:.2g}){frequency}"
 
     def within(self, tolerance: float, frequencies: int) -> bool:
         """Whether shape, and of a scene that moves the first frequencies, meet a tolerance."""
@@ -226,25 +231,32 @@ def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float =
 def _at_rest(true: TrueCase, model: FingerModel) -> Equilibrium:
     """The model's equilibrium, sought from the exact shape."""
     signals = Signals(true.case.scene, model, true.case.scene.loads)
-    u, w, guess = signals.u(0.0)[0], signals.w(0.0)[0], coordinates_near(true.rod, model)
+    u, w, guess = signals.u(0.0)[0], signals.w(0.0)[0], coordinates_near(model, true.rod.angle, true.rod.curvature)
     return equilibrium_under(model, u, w, guess=guess, reached_by=true.case.scene.initial.reached_by or "pulling")
 
 
-def coordinates_near(rod: Elastica, model: FingerModel) -> Array:
-    """Coordinates (n,) of a model near the shape of the exact rod."""
+def coordinates_near(model: FingerModel, angle: Curve, curvature: Curve, inset: Array | None = None) -> Array:
+    """Coordinates (n,) of a model near a shape, given by its angle [rad] and curvature [1/m] at places (s,) [m].
+
+    The curvature, which jumps at couples, where elements end, is taken ``inset`` (elements,) [m] from there.
+    """
     edges = np.concatenate([[0.0], np.cumsum(model.lengths)])
-    edges[-1] = model.finger.rod.length  # the sum may be beyond the tip by rounding, where the exact rod is not
-    family, short = model.structure.family, 1e-9 * edges[-1]
-    # Just inside the elements: the exact curvature jumps at couples, where elements end.
-    first, last = edges[:-1, None], edges[1:, None]
+    edges[-1] = model.finger.rod.length  # the sum may be beyond the tip by rounding, where there is no shape
+    family, first, last = model.structure.family, edges[:-1, None], edges[1:, None]
+    short = 1e-9 * edges[-1] if inset is None else inset[:, None]
     inside = np.clip(first + (last - first) * family.places, first + short, last - short)
-    curvatures = rod.curvature(inside.ravel()).reshape(inside.shape)
-    return np.asarray(family.coordinates(np.diff(rod.angle(edges)), curvatures)[: model.n])
+    curvatures = curvature(inside.ravel()).reshape(inside.shape)
+    return np.asarray(family.coordinates(np.diff(angle(edges)), curvatures)[: model.n])
 
 
 def _frequency_errors(true: TrueCase, truth: Array, found: Equilibrium) -> Array:
     """Relative errors of the first two frequencies; of one that is unstable in truth, per the second."""
-    model = np.full(2, np.nan)
-    own = modes(true.case.scene, about=found).frequencies_hz[:2]
-    model[: len(own)] = own
-    return np.asarray(np.abs(model - truth) / np.where(truth > 0.0, truth, max(float(truth.max()), 1e-300)))
+    own = np.append(modes(true.case.scene, about=found).frequencies_hz, [np.nan, np.nan])[:2]
+    return relative_errors(own, truth)
+
+
+def relative_errors(frequencies: Array, truth: Array, factor: float = 1.0) -> Array:
+    """Relative errors of frequencies, times a factor; of one that is zero in truth, per the highest."""
+    return np.asarray(
+        factor * np.abs(frequencies - truth) / np.where(truth > 0.0, truth, max(float(truth.max()), 1e-300))
+    )

@@ -15,10 +15,10 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp import __version__, interrupt
-from continuum_grasp.accuracy.choice import ACCURACIES, COUNTS, Assessment, Choice, assess, choices, open_families
+from continuum_grasp.accuracy.choice import ACCURACIES, Assessment, Choice, assess, choices, open_families
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.core.cache import private_folder
+from continuum_grasp.core.cache import entry_for
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene, Timing
@@ -30,9 +30,8 @@ below that of any number of elements on the list."""
 _TERMS_SHARE = 4.0
 """Accuracy of evaluation per tolerance [1] up to which choices are listed where the scene moves: about the tolerance
 itself, see ``allowed_accuracies``."""
-_PRUNE = 0.6
-"""Prune factor: choices with fewer elements than this share of what the order of convergence predicts are skipped.
-With few elements the order is not yet reached, so the prediction itself would skip choices that do."""
+_MEASURE = ("accuracy", "rod", "model", "scene", "simulation")
+"""Packages whose code decides what is chosen."""
 
 
 @dataclass(frozen=True)
@@ -66,13 +65,9 @@ class Chosen(Summarized):
         return scene.model_copy(update={"fidelity": self.best.choice.fidelity})
 
     def __str__(self) -> str:
-        best, moving = self.best, self.best.choice.scene.time is not None
-        errors = f"shape {best.shape:.2g} of the length (tip {best.tip:.2g})"
-        if moving:
-            errors += f", first frequency {best.frequencies[0]:.2g}"
         return (
-            f"{best.choice}: {errors}; {best.instructions} instructions; the cheapest of {len(self.tried)} measured "
-            f"against the exact rod for a tolerance of {self.tolerance:g}"
+            f"{self.best}; {self.best.instructions} instructions; the cheapest of {len(self.tried)} measured against "
+            f"the exact rod for a tolerance of {self.tolerance:g}"
         )
 
 
@@ -131,10 +126,6 @@ def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None 
     for family in open_families(scene):
         search.through(family)
     if search.best is None:
-        # Pruning by order of convergence may have skipped the most elements: no failure is reported without them.
-        for family in open_families(scene):
-            search.through(family, only_most=True)
-    if search.best is None:
         raise _none_meets(scene, asked, search.tried)
     return Chosen(search.best, asked, tuple(search.tried), truth, perf_counter() - began)
 
@@ -161,40 +152,25 @@ class _Search:
     best: Assessment | None = None
     tried: list[Assessment] = field(default_factory=list)
 
-    def through(self, family: str, *, only_most: bool = False) -> None:
-        """Try the choices of a family, from few to many elements, until they cost more than the best.
-
-        Those that cannot meet the tolerance by the order of convergence are skipped, unless
-        only the most elements are asked for.
-        """
+    def through(self, family: str) -> None:
+        """Try the choices of a family, from few to many elements, until they cost more than the best."""
         accuracies = allowed_accuracies(self.scene, self.tolerance)
         # By whether elements are aligned: the two placements converge each on its own.
-        stiffness, hopeless = {False: 0.0, True: 0.0}, {False: 0.0, True: 0.0}
+        stiffness = {False: 0.0, True: 0.0}
         closed: set[bool] = set()
-        counts = COUNTS[-1:] if only_most else COUNTS
-        for coarse in choices(self.scene, self.truth, family, accuracies[0], counts=counts):
+        for coarse in choices(self.scene, self.truth, family, accuracies[0]):
             if coarse.aligned in closed or not coarse.open:
                 continue
             if self._costs_more(coarse, stiffness[coarse.aligned]):
                 closed.add(coarse.aligned)
-                continue
-            if hopeless[coarse.aligned] > coarse.elements:
                 continue
             # First with fine terms: an error that remains is that of the elements, whatever the terms.
             probing = coarse.finest([min(_PROBE, 0.1 * self.tolerance), *accuracies]) or coarse
             probe = self._measured(probing)
             if math.isfinite(probe.radius):
                 stiffness[coarse.aligned] = probe.radius
-            hopeless[coarse.aligned] = self._hopeless_below(probe)
             if probe.within(2.0 * self.tolerance, self.scene.fidelity.frequencies):
                 self._cheapest_terms(coarse, accuracies, probe.radius)
-
-    def _hopeless_below(self, probe: Assessment) -> float:
-        """Number of elements below which the family cannot meet the tolerance, by its order of convergence."""
-        if not math.isfinite(probe.shape):
-            return 0.0
-        order = probe.choice.model.structure.family.order
-        return float(_PRUNE * probe.choice.elements * (probe.shape / self.tolerance) ** (1.0 / order))
 
     def _cheapest_terms(self, coarse: Choice, accuracies: tuple[float, ...], radius: float) -> None:
         before = 0
@@ -230,18 +206,13 @@ def _none_meets(scene: Scene, tolerance: float, tried: list[Assessment]) -> Solv
         return float(np.nanmax([one.shape, *one.frequencies[: scene.fidelity.frequencies]]))
 
     closest = min((one for one in tried if math.isfinite(one.shape)), key=worst, default=None)
-    if closest is None:
-        violated = ["no choice has the equilibria of the exact rod within the listed bending ranges"]
-    else:
-        moving = scene.time is not None and not math.isnan(closest.frequencies[0])
-        frequency = f", first frequency {closest.frequencies[0]:.3g}" if moving else ""
-        violated = [f"{closest.choice}: shape {closest.shape:.3g} of the length{frequency}"]
+    none = "no choice has the equilibria of the exact rod within the listed bending ranges"
     fixed = [name for name in ("family", "elements", "accuracy") if getattr(scene.fidelity, name) is not None]
     free = f", or leave fidelity.{' and '.join(fixed)} open" if fixed else ""
     return SolverError(
         f"no choice of fidelity meets the tolerance of {tolerance:g}",
         status="tolerance not reached",
-        violated=violated,
+        violated=[none if closest is None else str(closest)],
         advice=f"raise fidelity.tolerance{free}",
         result=closest,
     )
@@ -263,38 +234,17 @@ def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, st
         if scene.time is None:
             changed |= {"initial": Initial(pose="equilibrium"), "time": Timing(duration=1.0, step=0.01)}
         asked = scene.model_copy(update=changed)
-    key = _key(asked)
-    file = private_folder("choices") / f"{key}.json"
-    known = _read(file, key)
-    if known is None:
-        from continuum_grasp.results import replacing
 
-        chosen = choose_fidelity(asked)
-        known = {"key": key, "fidelity": chosen.scene.fidelity.model_dump(mode="json"), "note": str(chosen)}
-        with replacing(file) as temporary:
-            temporary.touch(mode=0o600)
-            temporary.write_text(json.dumps(known))
-    fidelity = Fidelity.model_validate(known["fidelity"])
-    return scene.model_copy(update={"fidelity": fidelity}), str(known["note"])
+    def choose(work: Path) -> Path:
+        chosen, written = choose_fidelity(asked), work / "choice.json"
+        written.write_text(json.dumps([chosen.scene.fidelity.model_dump(mode="json"), str(chosen)]))
+        written.chmod(0o600)
+        return written
 
-
-def _read(file: Path, key: str) -> dict[str, Any] | None:
-    """A record that is whole and about this very scene."""
-    try:
-        known = json.loads(file.read_text())
-        Fidelity.model_validate(known["fidelity"])
-        return known if known["key"] == key and isinstance(known["note"], str) else None
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-
-
-def _key(scene: Scene) -> str:
-    """Hash of everything that the choice depends on."""
+    maker = f"{__version__} {ca.CasadiMeta.version()}"
     # The code of the packages too: another version may measure other errors. Not the name, which changes nothing.
-    package = Path(__file__).parents[1]
-    digest = hashlib.sha256(f"{__version__} {ca.CasadiMeta.version()}\n".encode())
-    for folder in ("accuracy", "rod", "model", "simulation"):
-        for file in sorted((package / folder).rglob("*.py")):
-            digest.update(file.read_bytes())
-    digest.update(scene.model_copy(update={"name": None}).model_dump_json().encode())
-    return digest.hexdigest()
+    files = (file for folder in _MEASURE for file in sorted((Path(__file__).parents[1] / folder).rglob("*.py")))
+    of_code = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
+    identity = "\n".join([maker, *of_code, asked.model_copy(update={"name": None}).model_dump_json()])
+    known, note = json.loads(entry_for(identity, ".choice", choose, maker, kind="choices").read_text())
+    return scene.model_copy(update={"fidelity": Fidelity.model_validate(known)}), str(note)

@@ -14,17 +14,19 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.accuracy.choice import coordinates_near, relative_errors
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, NumericalError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
+from continuum_grasp.simulation.contacts import greatest_motion
 from continuum_grasp.simulation.modes import Modes, modes
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.simulate import simulate
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import equilibrium
-from continuum_grasp.simulation.trajectory import Trajectory
+from continuum_grasp.simulation.trajectory import Trajectory, backbones
 
 Array = NDArray[np.float64]
 
@@ -79,17 +81,17 @@ def refined(scene: Scene, model: FingerModel) -> Scene:
 def translated(model: FingerModel, q: Array, u: Array, finer: FingerModel) -> Array:
     """Coordinates (n,) of a finer model near the shape q of a model under an input u."""
     core, family = Core(model, compiled=False), finer.structure.family
-    ends = np.array([0.0, *accumulate(finer.lengths)])
     # The curvature by differences inside the elements, where the angle is smooth.
-    step = 1e-5 * np.diff(ends)[:, None]
-    inside = ends[:-1, None] + np.diff(ends)[:, None] * family.places
-    inside = np.clip(inside, ends[:-1, None] + step, ends[1:, None] - step)
-    places = np.concatenate([ends, (inside - step).ravel(), (inside + step).ravel()])
-    angles = np.asarray(core.batch("orientation", q, u, np.minimum(places, model.finger.rod.length)[:, None], None))
-    angles = angles.ravel()
-    before, after = np.split(angles[len(ends) :], 2)
-    curvatures = (after - before).reshape(inside.shape) / (2.0 * step)
-    return np.asarray(family.coordinates(np.diff(angles[: len(ends)]), curvatures)[: finer.n])
+    step = 1e-5 * np.diff([0.0, *accumulate(finer.lengths)])
+
+    def angle(s: Array) -> Array:
+        return np.asarray(core.batch("orientation", q, u, s[:, None], None)).ravel()
+
+    def curvature(s: Array) -> Array:
+        steps = np.repeat(step, family.places.size)
+        return (angle(s + steps) - angle(s - steps)) / (2.0 * steps)
+
+    return coordinates_near(finer, angle, curvature, step)
 
 
 def motion_within(scene: Scene, tolerance: float | None, progress: Callable[[float], None] | None = None) -> Trajectory:
@@ -140,22 +142,14 @@ def apart(one: Trajectory, other: Trajectory) -> float:
     """Greatest distance of the finger's places, and of the object's points, of two motions, per length [1]."""
     last = len(one.t) - 1
     some = np.unique(np.linspace(0, last, min(_INSTANTS, last + 1)).round().astype(int))
-    shapes = [_shapes(each.model, each.q[some], each.acting[some]) for each in (one, other)]
+    # Evaluated without compiling, which would take longer.
+    cores = [Core(each.model, compiled=False) for each in (one, other)]
+    pairs = zip(cores, (one, other), strict=True)
+    shapes = [backbones(core, each.q[some], each.acting[some], _PLACES) for core, each in pairs]
     found = float(np.linalg.norm(shapes[0] - shapes[1], axis=-1).max())
     if one.object_pose is not None and other.object_pose is not None and one.scene.object is not None:
-        moved = np.abs(one.object_pose - other.object_pose)
-        # No point of the object is off by more than its origin, and its angle times its size.
-        shifted = np.linalg.norm(np.delete(moved, 2, axis=1), axis=1) + moved[:, 2] * one.scene.object.size
-        found = max(found, float(shifted.max()))
+        found = max(found, greatest_motion(one.scene.object, one.object_pose, other.object_pose))
     return found / one.length
-
-
-def _shapes(model: FingerModel, q: Array, u: Array) -> Array:
-    """World positions (T, places, 2) [m] of shapes q (T, n); evaluated without compiling, which would take longer."""
-    s = np.linspace(0.0, model.finger.rod.length, _PLACES)
-    rows = (np.repeat(each, _PLACES, axis=0) for each in (q, u))
-    found = Core(model, compiled=False).batch("position", *rows, np.tile(s, len(q))[:, None])
-    return np.asarray(found).reshape(len(q), _PLACES, 2)
 
 
 def finer_equilibrium(found: Equilibrium) -> Equilibrium | None:
@@ -179,10 +173,8 @@ def error_of_equilibrium(found: Equilibrium) -> float:
         return np.inf
     if finer is None:
         return np.nan
-    shapes = [_shapes(each.model, each.q[None], each.u[None]) for each in (found, finer)]
-    return float(
-        _whole(found.model) * np.linalg.norm(shapes[0] - shapes[1], axis=-1).max() / found.model.finger.rod.length
-    )
+    apart = np.linalg.norm(found.backbone(_PLACES) - finer.backbone(_PLACES), axis=-1).max()
+    return float(_whole(found.model) * apart / found.model.finger.rod.length)
 
 
 def error_of_modes(found: Modes) -> Array:
@@ -195,5 +187,4 @@ def error_of_modes(found: Modes) -> Array:
     if finer is None or finer.scene is None:
         return np.full(len(own), np.nan)
     true = modes(finer.scene, about=finer).frequencies_hz[: len(own)]
-    size = np.where(true > 0.0, true, max(float(true.max()), 1e-300))
-    return np.asarray(_whole(found.equilibrium.model) * np.abs(own - true) / size)
+    return relative_errors(own, true, _whole(found.equilibrium.model))

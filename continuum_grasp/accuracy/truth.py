@@ -141,11 +141,8 @@ def load_cases(scene: Scene) -> list[LoadCase]:
 
 def _extremes(value: Samples | VectorSamples) -> set[float]:
     """Instants at which an entry of a sampled value is greatest or least."""
-    rows = [entry if isinstance(entry, tuple) else (entry,) for entry in value.values]
-    found = set()
-    for column in zip(*rows, strict=True):
-        found |= {value.times[column.index(max(column))], value.times[column.index(min(column))]}
-    return found
+    rows = np.reshape(value.values, (len(value.times), -1))
+    return {value.times[k] for k in (*rows.argmax(axis=0), *rows.argmin(axis=0))}
 
 
 def _frozen(scene: Scene, t: float, held: bool) -> Scene:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from continuum_grasp.cli.options import Config, Json, Out, Pictures, Quiet, Set, Verbose
-from continuum_grasp.cli.output import Output, run_folder, saved_in
+from continuum_grasp.cli.output import Output, run_folder
 from continuum_grasp.errors import SolverError
 
 
@@ -25,9 +25,7 @@ def design(
     with output.computing("designing", folder) as report:
         found = optimize_design(config, progress=report, raise_on_failure=False, overrides=changes or ())
     files = output.save(found, folder, pictures)
-    output.warn(found.warnings)
-    output.pairs({"status": found.status.value, **found.pairs(), **saved_in(folder, files)})
-    output.conclude(
+    output.report(
         found,
         folder,
         files,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from continuum_grasp.cli.export_c import Ranges, Substeps, ranges_of
-from continuum_grasp.cli.options import Config, Json, Quiet, Set, named_path
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
@@ -17,12 +17,7 @@ def export_fmu(
     config: Config,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            parser=named_path,
-            help="Folder of the FMUs (default: runs/export-fmu/NAME-OF-CONFIG); earlier ones are replaced.",
-        ),
+        out_option("Folder of the FMUs (default: runs/export-fmu/NAME-OF-CONFIG); earlier ones are replaced."),
     ] = None,
     what: Annotated[
         str | None,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from continuum_grasp.cli.options import Config, Json, Quiet, Set, named_path
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
 from continuum_grasp.cli.output import Output
 
 
@@ -15,12 +15,7 @@ def export_mjcf(
     config: Config,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            parser=named_path,
-            help="File to write (default: runs/export-mjcf/NAME-OF-CONFIG.xml); an earlier one is replaced.",
-        ),
+        out_option("File to write (default: runs/export-mjcf/NAME-OF-CONFIG.xml); an earlier one is replaced.", "FILE"),
     ] = None,
     hinges: Annotated[int, typer.Option("--hinges", metavar="N", help="How many hinges the finger has.")] = 40,
     changes: Set = None,

@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
-from continuum_grasp.cli.options import Config, Json, Quiet, Set, named_path
+from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
 from continuum_grasp.cli.output import Output
 
 
@@ -15,12 +13,7 @@ def export_web(
     config: Config,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            metavar="FILE",
-            parser=named_path,
-            help="Page to write (default: runs/export-web/NAME-OF-CONFIG.html); an earlier one is replaced.",
-        ),
+        out_option("Page to write (default: runs/export-web/NAME-OF-CONFIG.html); an earlier one is replaced.", "FILE"),
     ] = None,
     changes: Set = None,
     as_json: Json = False,

@@ -29,9 +29,9 @@ def _format(text: str) -> str:
     return text
 
 
-def out_option(explained: str) -> Any:
+def out_option(explained: str, metavar: str = "DIR") -> Any:
     """``--out`` with its own explanation."""
-    return typer.Option("--out", metavar="DIR", parser=named_path, help=explained)
+    return typer.Option("--out", metavar=metavar, parser=named_path, help=explained)
 
 
 Config = Annotated[

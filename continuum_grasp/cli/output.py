@@ -108,6 +108,14 @@ class Output:
                 files.append(cast("MotionResult", result).animate(folder / f"animation.{animation}", speed=speed))
         return files
 
+    def report(
+        self, result: Result, folder: Path, files: Sequence[Path], more: Mapping[str, Any] | None = None, **values: Any
+    ) -> None:
+        """Print warnings, status and numbers of a result, and `conclude`."""
+        self.warn(result.warnings)
+        self.pairs({"status": str(result.status), **result.pairs(), **saved_in(folder, files)})
+        self.conclude(result, folder, files, more, **values)
+
     def conclude(
         self, result: Result, folder: Path, files: Sequence[Path], more: Mapping[str, Any] | None = None, **values: Any
     ) -> None:

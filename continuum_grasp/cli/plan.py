@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from continuum_grasp.cli.options import Animate, Config, Json, Out, Pictures, Quiet, Set, Verbose, named_path
-from continuum_grasp.cli.output import Output, run_folder, saved_in
+from continuum_grasp.cli.output import Output, run_folder
 from continuum_grasp.errors import SolverError
 
 
@@ -48,9 +48,7 @@ def plan(
     with output.computing("planning", folder):
         found = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
     files = output.save(found, folder, pictures, animation, speed)
-    output.warn(found.warnings)
-    output.pairs({"status": found.status.value, **found.pairs(), **saved_in(folder, files)})
-    output.conclude(
+    output.report(
         found,
         folder,
         files,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from continuum_grasp.cli.options import Animate, Config, Json, Out, Pictures, Quiet, Set, Verbose
-from continuum_grasp.cli.output import Output, run_folder, saved_in
+from continuum_grasp.cli.output import Output, run_folder
 from continuum_grasp.errors import InputError
 
 
@@ -35,10 +35,11 @@ def simulate(
         output.say(f"fidelity: {note}")
     files = output.save(trajectory, folder, pictures, animation)
     energy = (trajectory.kinetic + trajectory.potential)[[0, -1]]
-    x, y = trajectory.tip[-1]
-    steps = len(trajectory.t) - 1
-    output.warn(trajectory.warnings)
-    output.pairs({"status": trajectory.status, **trajectory.pairs(), **saved_in(folder, files)})
-    values = {"duration": trajectory.t[-1], "steps": steps, "tip": (x, y), "energy": energy}
+    values = {
+        "duration": trajectory.t[-1],
+        "steps": len(trajectory.t) - 1,
+        "tip": tuple(trajectory.tip[-1]),
+        "energy": energy,
+    }
     values |= {"time_error": trajectory.time_error, "space_error": trajectory.space_error}
-    output.conclude(trajectory, folder, files, **values)
+    output.report(trajectory, folder, files, **values)

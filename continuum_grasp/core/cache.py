@@ -56,12 +56,13 @@ def library_for(source: str, compiler: Compiler, what: str = "code") -> Path:
     return entry_for(compiler.identity(source), ".so", build, compiler.version)
 
 
-def entry_for(identity: str, suffix: str, build: Callable[[Path], Path], compiler: str) -> Path:
+def entry_for(identity: str, suffix: str, build: Callable[[Path], Path], maker: str, kind: str = "compiled") -> Path:
     """What ``build`` writes in an empty folder, which gives its path there, unless it is in the cache by its identity.
 
-    ``identity`` is everything that it depends on. The rules are those of `library_for`.
+    ``identity`` is everything that it depends on, ``maker`` a note of what made it. The rules are those of
+    `library_for`.
     """
-    folder = private_folder()
+    folder = private_folder(kind)
     _remove_left_builds(folder)
     key = hashlib.sha256(identity.encode()).hexdigest()
     entry, record = folder / f"{key}{suffix}", folder / f"{key}.json"
@@ -69,7 +70,7 @@ def entry_for(identity: str, suffix: str, build: Callable[[Path], Path], compile
         return entry
     with _build_folder(folder) as work:
         built, written = build(work), work / "record.json"
-        written.write_text(json.dumps({"key": key, "sha256": _hash(built), "compiler": compiler}))
+        written.write_text(json.dumps({"key": key, "sha256": _hash(built), "maker": maker}))
         written.chmod(0o600)
         os.replace(built, entry)
         os.replace(written, record)

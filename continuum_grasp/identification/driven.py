@@ -17,8 +17,9 @@ from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.memory import clipped
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.initial import friction_history
 from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.static_shape import friction_history
+from continuum_grasp.simulation.statics import friction_given
 
 Array = NDArray[np.float64]
 
@@ -101,7 +102,8 @@ class Driven:
         row = self.commands(np.array([t]), delay)[0]
         u = row[: self.model.nu]
         # Friction is that of the first shape, and goes on from there.
-        history = friction_history(self.scene.initial, self.model, (*self._passed, q)[0], u, p)
+        how = friction_given(self.scene.initial, self.model)
+        history = friction_history(self.model, (*self._passed, q)[0], u, p, **how)
         state, by_q, by_u, by_p = (np.array(part) for part in self._start(q, u, p, history))
         slope = by_q @ by_values + by_p @ turned
         if self._late is not None:

@@ -20,7 +20,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.model.memory import clipped
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.statics import equilibrium_under, friction_of
+from continuum_grasp.simulation.statics import equilibrium_under, friction_given
 from continuum_grasp.simulation.trajectory import limit_warnings
 
 Array = NDArray[np.float64]
@@ -156,8 +156,7 @@ class Shapes:
         self._reach = self.model.structure.family.coordinate_size(min(self.model.ranges), max(self.model.lengths))
         model, initial, signals = self.model, rows.scene.initial, Signals(rows.scene, rows.model)
         # Measured shapes were pulled, unless the scene says otherwise.
-        own = {} if initial.reached_by is None else friction_of(initial, model)
-        start = equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], **own)
+        start = equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], **friction_given(initial, model))
         count = len(rows.unknowns)
         flat = [np.zeros((size, count)) for size in (rows.nominal.size, model.n, start.history.size)]
         self._last = [Resting(rows.nominal, start.q, start.history, *flat)] * rows.count

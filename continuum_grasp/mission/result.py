@@ -25,10 +25,8 @@ from continuum_grasp.results.plain import plain
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.profile import Curve
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.contacts import ContactForces, overlaps
-from continuum_grasp.simulation.trajectory import overlap_text
+from continuum_grasp.simulation.contacts import ContactForces, overlap_text
 
 Array = NDArray[np.float64]
 
@@ -239,13 +237,8 @@ class MissionRun(MotionResult):
         known = [one.text for one in self.exceeded]
         for (name, run), scene in zip(self.fingers.items(), self.scenes, strict=True):
             whose = "" if self.run is not None else f"{name}: "
-            half = scene.finger.profile.half_thickness
             known += [f"{whose}{text}" for text in run.warnings]
-
-            def overlap(indices: NDArray[np.intp], run: ControlRun = run, half: Curve = half) -> Array:
-                return overlaps(self.body, self.object_pose[indices, :3], run.backbone(indices), half)
-
-            found = overlap_text(run.t, present(run.contacts), overlap, half)
+            found = overlap_text(run, self.body, self.object_pose, scene.finger.profile.half_thickness, 50)
             if found:
                 known.append(
                     f"{whose}between its contacts the finger overlaps the object by {found}: add more_contacts"

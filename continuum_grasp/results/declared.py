@@ -70,20 +70,23 @@ class Dimension:
     ----------
     name : str
     meaning : str
-    labels : str or tuple of str
+    labels : str, tuple of str or int
         An attribute of the result with one number or ``"name [unit]"`` per place, dots lead into attributes; or these
-        names themselves. An array may have the first few of them. Empty: places are counted.
+        names themselves. An array may have the first few of them. A number: that of the first place. Empty: places are
+        counted.
     unit : str
         Of labels that are numbers.
     """
 
     name: str
     meaning: str
-    labels: str | tuple[str, ...] = ()
+    labels: str | tuple[str, ...] | int = ()
     unit: str = ""
 
     def labels_of(self, result: Any, size: int) -> list[Any] | None:
         """One label for each of so many places; None where there are none."""
+        if isinstance(self.labels, int):
+            return list(range(self.labels, self.labels + size))
         found = attribute(result, self.labels) if isinstance(self.labels, str) and self.labels else self.labels
         labels = [] if found is None else list(found)
         return labels[:size] if len(labels) >= size and labels else None

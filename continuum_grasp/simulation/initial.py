@@ -12,16 +12,10 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.memory import state_of
 from continuum_grasp.model.structure import tip_moment_jumps
 from continuum_grasp.scene.families import default_family
-from continuum_grasp.scene.simulate import Initial, Scene
+from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.static_shape import friction_states
-from continuum_grasp.simulation.statics import (
-    equilibrium_held,
-    equilibrium_under,
-    friction_of,
-    released_states,
-    statics_model,
-)
+from continuum_grasp.simulation.static_shape import friction_history, friction_states
+from continuum_grasp.simulation.statics import at_start, friction_given, statics_model
 
 Array = NDArray[np.float64]
 
@@ -64,30 +58,23 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     u = signals.u(0.0)[0]
     initial, n = scene.initial, model.n
     q, qd = np.zeros(n), np.zeros(n)
-    stands: Array | None = None
+    stands = np.zeros(0)
     if initial.q is not None:
         model.structure.check_initial(initial)
         q = np.array(initial.q, dtype=float)
         qd = np.zeros(n) if initial.qd is None else np.array(initial.qd, dtype=float)
     elif initial.pose == "equilibrium":
         held = statics_model(scene, model, (*scene.loads, *initial.held_by))
-        acting = Signals(scene, held)
-        w = acting.w(0.0)[0]
-        if initial.motor_angles is None:
-            q = equilibrium_under(held, acting.u(0.0)[0], w, **friction_of(initial, held)).q
-        else:
-            found = equilibrium_held(scene, held, initial.motor_angles, w)
-            q, stands = found.q, found.u[: len(initial.motor_angles)]
+        found = at_start(scene, held)
+        q, stands = found.q, found.u[: len(initial.motor_angles or ())]
     elif initial.pose == "straight":
         q = model.structure.straight()
     # Drives have reached what is commanded at time zero: nothing moves because of them.
     p = np.array(model.p_nominal)
-    ways = friction_states(model, q, u, p, friction_history(initial, model, q, u, p))
-    if stands is None:
-        drives = model.drives_at(q, u, ways)
-    else:
-        at_rest = np.concatenate([stands, u[stands.size :]])
-        drives = model.drives_at(q, at_rest, ways)
+    ways = friction_states(model, q, u, p, friction_history(model, q, u, p, **friction_given(initial, model)))
+    at_rest = np.concatenate([stands, u[stands.size :]])
+    drives = model.drives_at(q, at_rest, ways)
+    if stands.size:
         drives = _standing(model, drives, initial.motor_angles or (), at_rest, u)
     # Tendon friction of a motion acts by another function of its states than that at rest.
     count = model.structure.tendon_friction_states
@@ -108,25 +95,6 @@ def _standing(
             (found[at + 2],) = state_of(np.clip([(torque - needed) / motor.drive.coulomb_friction], -1.0, 1.0))
         at += motor.states
     return found
-
-
-def friction_history(initial: Initial, model: FingerModel, q: Array, u: Array, p: Array) -> Array:
-    """Friction in a shape q (n,) by how it was reached, as functions of the model take it: [states, h].
-
-    Empty without friction; of a shape whose history is not stated nothing slid.
-    """
-    count = len(model.friction_names)
-    history = np.zeros(count + bool(count))
-    if not count or initial.reached_by is None:
-        return history
-    model.structure.check_reached_by(initial)
-    if initial.friction_states is not None:
-        history[:count] = initial.friction_states
-    elif initial.reached_by == "pulling":
-        history[count] = 1.0
-    else:
-        history[:count] = released_states(model, q, u, p)
-    return history
 
 
 def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:

@@ -54,7 +54,7 @@ class Modes(Result):
         Stored("shapes", "(mode, place, xy)", "1", "displacements of the backbone, each of greatest length one"),
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
-        Dimension("mode", "modes, from the lowest frequency", "numbers"),
+        Dimension("mode", "modes, from the lowest frequency", 1),
         Dimension("free_mode", "modes with motors that turn, from the lowest frequency"),
         Dimension("place", "places along the finger, evenly spaced from base to tip", "places", "m"),
         XY,
@@ -94,11 +94,6 @@ class Modes(Result):
     def warnings(self) -> tuple[str, ...]:
         """Warnings of the equilibrium."""
         return self.equilibrium.warnings
-
-    @property
-    def numbers(self) -> NDArray[np.int64]:
-        """Numbers of the modes (m,), from one."""
-        return np.arange(1, len(self.frequencies_hz) + 1)
 
     @property
     def places(self) -> Array:

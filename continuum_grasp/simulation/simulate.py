@@ -14,11 +14,11 @@ from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
-from continuum_grasp.model import FingerModel, System
+from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.integrators import INTEGRATORS
 from continuum_grasp.scene.simulate import Scene, Timing
+from continuum_grasp.simulation.contacts import overlap_text
 from continuum_grasp.simulation.initial import initial_state, start_warnings
-from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.slack import tension_warnings
 from continuum_grasp.simulation.spectrum import (
     TARGET_RADIUS,
@@ -30,7 +30,7 @@ from continuum_grasp.simulation.spectrum import (
     spectral_radius,
 )
 from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
-from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings, overlap_text
+from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], None]
@@ -72,20 +72,15 @@ class _Run:
     """One simulation."""
 
     def __init__(self, scene: Scene, time: Timing, model: FingerModel, progress: Progress | None) -> None:
-        self._scene, self._time, self._model = scene, time, model
-        self._progress = progress or (lambda share: None)
-        self._system = System(scene) if scene.object is not None else None
-        self._moving = self._system or model
-        self._core = Core(self._moving)
-        self._signals = Signals(scene, model, nw=self._moving.nw)
-        self._stepper = Stepper(model, self._system, self._core, self._signals, time, self._progress)
-        self._p = np.array(model.p_nominal)
+        self._scene, self._time, self._model, self._p = scene, time, model, np.array(model.p_nominal)
+        self._stepper = Stepper(scene, time, model, progress or (lambda share: None))
+        self._system, self._core, self._signals = self._stepper.system, self._stepper.core, self._stepper.signals
         self._implicit_substeps = 1
 
     def trajectory(self) -> Trajectory:
         """Integrate and check."""
         started, took = perf_counter(), 0.0
-        x0 = initial_state(self._scene, self._moving)
+        x0 = initial_state(self._scene, self._stepper.moving)
         plan: Plan | None = self._choose(x0)
         while plan is not None:
             used = plan
@@ -142,8 +137,8 @@ class _Run:
         jumps = self._signals.warnings(self._time.step / used.substeps, self._time.duration)
         at_start, limits = start_warnings(self._scene, self._model), limit_warnings(self._model, use, result.t)
         inexact = self._error_warnings(used, motion)
-        half, contacts = self._model.finger.profile.half_thickness, result.contacts
-        overlap = overlap_text(result.t, contacts, result.overlap, half) if contacts is not None else ""
+        body, poses, half = self._scene.object, result.object_pose, self._model.finger.profile.half_thickness
+        overlap = overlap_text(result, body, poses, half, 100) if body is not None and poses is not None else ""
         through = f"between the stations that touch, the finger overlaps the object by {overlap}: add contacts"
         pulled = tension_warnings(self._model.finger, result.t, result.tensions)
         warnings = (*at_start, *jumps, *inexact, *limits, *pulled, *((through,) if overlap else ()))

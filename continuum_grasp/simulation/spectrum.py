@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from itertools import product
+from collections.abc import Iterable, Iterator
+from itertools import chain, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,14 +26,14 @@ def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -
     All contacts of the system are closed; elastic forces of the finger are left out. States are (count, nx).
     """
     system: System = core.model
-    largest = 0.0
+    found = [0.0]
     for x in np.atleast_2d(states):
         still = _at_rest(system, x)
         gap = core.touch(still, u, w, p)[0]
         closed, opened = gap + _full(system), -np.abs(gap) - 1.0
         slopes = [core.pressed_linearization(still, u, w, p, press) for press in (closed, opened)]
-        largest = max(largest, spring_frequency(system, slopes[0] - slopes[1]))
-    return largest
+        found.append(spring_frequency(system, slopes[0] - slopes[1]))
+    return max(found)
 
 
 def spring_frequency(system: System, closing: Array) -> float:
@@ -41,10 +42,7 @@ def spring_frequency(system: System, closing: Array) -> float:
     """
     n, pose = system.n, system.object_states
     accelerations = np.r_[n : 2 * n, pose.stop : pose.stop + pose.stop - pose.start]
-    springs = closing[np.ix_(accelerations, np.r_[0:n, pose])]
-    if not np.all(np.isfinite(springs)):
-        return math.inf
-    return math.sqrt(float(np.abs(np.linalg.eigvals(springs)).max(initial=0.0)))
+    return math.sqrt(_radius([closing[np.ix_(accelerations, np.r_[0:n, pose])]]))
 
 
 def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> float:
@@ -53,18 +51,15 @@ def pressed_radius(core: Core, states: Array, u: Array, w: Array, p: Array) -> f
     Over the states (count, nx) as they are, and at rest with the open contacts closed, which may close within a step;
     infinite where the numbers are not finite.
     """
-    system: System = core.model
-    largest = 0.0
-    for x in np.atleast_2d(states):
-        gap = core.touch(x, u, w, p)[0]
-        still = _at_rest(system, x)
-        closing = np.maximum(gap + _full(system), 0.0)
-        for at, press in ((x, np.zeros_like(gap)), (still, closing)):
-            slope = core.pressed_linearization(at, u, w, p, press)
-            if not np.all(np.isfinite(slope)):
-                return math.inf
-            largest = max(largest, float(np.abs(np.linalg.eigvals(slope)).max()))
-    return largest
+
+    def slopes() -> Iterator[Array]:
+        for x in np.atleast_2d(states):
+            gap = core.touch(x, u, w, p)[0]
+            yield core.pressed_linearization(x, u, w, p, np.zeros_like(gap))
+            closing = np.maximum(gap + _full(core.model), 0.0)
+            yield core.pressed_linearization(_at_rest(core.model, x), u, w, p, closing)
+
+    return _radius(slopes())
 
 
 def representative_states(core: Core, states: Array, u: Array, w: Array) -> Array:
@@ -122,34 +117,33 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Arra
     model = core.model
     moving = np.zeros_like(np.atleast_2d(q)) if qd is None else np.atleast_2d(qd)
     if model.structure.own_tendons or model.friction_names:
-        return _radius_of_states(core, np.atleast_2d(q), moving, u, w, p)
+        # With friction both stuck, where they are stiffest, and sliding; on winches also taut, if commands leave them
+        # slack.
+        moving = moving * model.structure.has_law("damping")
+        pairs = zip(np.atleast_2d(q), moving, strict=True)
+        states = chain.from_iterable(_states(model, shape, rates, u) for shape, rates in pairs)
+        return _radius(core.linearization(x, u, w, p)[0] for x in states)
     lags = [channel.time_constant for channel in model.finger.channels if channel.time_constant is not None]
     if "drive_time_constant [s]" in model.p_names:
         lags = [float(p[model.p_names.index("drive_time_constant [s]")])]
-    largest = max((1.0 / lag for lag in lags), default=0.0)
-    for shape, rates in zip(np.atleast_2d(q), moving, strict=True):
-        mass = core.mass_matrix(shape, u, p)
-        stiffness = core.statics(shape, u, w, p)[1]
-        damping = damping_matrix(core, shape, u, p, rates)
-        usable = all(np.all(np.isfinite(part)) for part in (mass, stiffness, damping))
-        if not usable or np.linalg.cond(mass) * np.finfo(float).eps > 1.0:
-            return math.inf
-        largest = max(largest, float(np.abs(poles(mass, stiffness, damping)).max()))
-    return largest
+
+    def slopes() -> Iterator[Array]:
+        for shape, rates in zip(np.atleast_2d(q), moving, strict=True):
+            mass, stiffness = core.mass_matrix(shape, u, p), core.statics(shape, u, w, p)[1]
+            usable = np.all(np.isfinite(mass)) and np.linalg.cond(mass) * np.finfo(float).eps <= 1.0
+            damping = damping_matrix(core, shape, u, p, rates)
+            yield _slope(mass, stiffness, damping) if usable else np.full_like(mass, np.inf)
+
+    return float(max([_radius(slopes()), *(1.0 / lag for lag in lags)]))
 
 
-def _radius_of_states(core: Core, q: Array, qd: Array, u: Array, w: Array, p: Array) -> float:
-    """The same of a finger that has friction, or whose tendons are wound up.
-
-    With friction both stuck, where they are stiffest, and sliding; on winches also taut, if commands leave them slack.
-    """
+def _radius(slopes: Iterable[Array]) -> float:
+    """Largest absolute eigenvalue of some matrices; infinite where the numbers are not finite."""
     largest = 0.0
-    for shape, rates in zip(q, qd * core.model.structure.has_law("damping"), strict=True):
-        for x in _states(core.model, shape, rates, u):
-            slope = core.linearization(x, u, w, p)[0]
-            if not np.all(np.isfinite(slope)):
-                return math.inf
-            largest = max(largest, float(np.abs(np.linalg.eigvals(slope)).max()))
+    for slope in slopes:
+        if not np.all(np.isfinite(slope)):
+            return math.inf
+        largest = max(largest, float(np.abs(np.linalg.eigvals(slope)).max(initial=0.0)))
     return largest
 
 
@@ -184,8 +178,13 @@ def grows(core: Core, method: str, q: Array, u: Array, w: Array, p: Array, step:
 
 def poles(mass: Array, stiffness: Array, damping: Array) -> NDArray[np.inexact]:
     """Eigenvalues (2 n,) [1/s] of the linearized motion M qdd + D qd + K q = 0."""
+    return np.linalg.eigvals(_slope(mass, stiffness, damping))
+
+
+def _slope(mass: Array, stiffness: Array, damping: Array) -> Array:
+    """Matrix A of the motion d(q, qd)/dt = A (q, qd)."""
     lower = -np.linalg.solve(mass, np.hstack([stiffness, damping]))
-    return np.linalg.eigvals(np.vstack([np.hstack([np.zeros_like(mass), np.eye(len(mass))]), lower]))
+    return np.vstack([np.hstack([np.zeros_like(mass), np.eye(len(mass))]), lower])
 
 
 def in_mass_metric(mass: Array, stiffness: Array) -> tuple[Array, Array, bool]:

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.core import Core
@@ -16,7 +16,7 @@ from continuum_grasp.results.declared import XY, Dimension, Picture, Stored, mak
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.slack import TensionLimit, tension_limits
-from continuum_grasp.simulation.trajectory import acting_forces, error_text
+from continuum_grasp.simulation.trajectory import acting_forces, backbones, error_text
 
 Array = NDArray[np.float64]
 
@@ -63,8 +63,8 @@ class Equilibrium(Result):
         Dimension("force_component", "forces and moments that act, in the world's axes", "model.w_names"),
         Dimension("parameter", "run-time parameters", "model.p_names"),
         Dimension("friction_cell", "states of friction of the tendons and in bending", "model.friction_names"),
-        Dimension("tendon", "tendons, that on the -X side first", "tendon_numbers"),
-        Dimension("drive", "motors", "drive_numbers"),
+        Dimension("tendon", "tendons, that on the -X side first", 1),
+        Dimension("drive", "motors", 1),
         Dimension("end", "least and greatest"),
         Dimension("place", "places along the finger", "places", "m"),
         XY,
@@ -97,16 +97,6 @@ class Equilibrium(Result):
             return self.u[:count] if count else None
         history = (self.history,) if self.history.size else ()
         return np.array(self.model.tensions_at_rest()(self.q, self.u, self.p, *history)).ravel()
-
-    @property
-    def tendon_numbers(self) -> NDArray[np.int64]:
-        """Numbers of the tendons, from one."""
-        return np.arange(1, len(self.model.finger.tendon_list) + 1)
-
-    @property
-    def drive_numbers(self) -> NDArray[np.int64]:
-        """Numbers of the motors, from one."""
-        return np.arange(1, len(self.model.finger.winches) + 1)
 
     @property
     def limits(self) -> tuple[TensionLimit, ...]:
@@ -192,13 +182,44 @@ class Equilibrium(Result):
     @check_arguments
     def backbone(self, points: int = 50) -> Array:
         """World positions (points, 2) along the backbone [m]."""
-        s = np.linspace(0.0, self.model.finger.rod.length, points)[:, None]
-        return np.array(Core(self.model, compiled=False).batch("position", self.q, self.u, s, self.p))
+        core = Core(self.model, compiled=False)
+        return np.asarray(backbones(core, self.q[None], self.u[None], points, self.p)[0])
 
 
 def slid(model: FingerModel, q: Array, u: Array, p: Array) -> Array:
     """What slid since the finger was straight, per presliding, and its bends above rest, per those that slide."""
     return np.array(model.sliding()(q, u, p)).ravel()
+
+
+_SAME_STATE = 1e-6
+"""Sliding per its range that is none [1]: far above rounding."""
+
+
+def friction_history(
+    model: FingerModel,
+    q: Array,
+    u: Array,
+    p: Array,
+    reached_by: str | None = None,
+    friction_states: ArrayLike | None = None,
+) -> Array:
+    """Friction in a shape q (n,) by how it was reached, as functions of the model take it: [states, h].
+
+    Empty without friction; of a shape whose history is not stated nothing slid.
+    """
+    count = len(model.friction_names)
+    history = np.zeros(count + bool(count))
+    if count and reached_by == "state":
+        history[:count] = friction_states
+    elif reached_by == "pulling":
+        # From straight: states are what was slid and bent, most at an end of their range.
+        history[count:] = 1.0
+    elif count and reached_by == "releasing":
+        # A stop that was at 1 far out is at -1 once it slid back by twice its range, however little is left of what it
+        # slid. Where nothing slid at all, nothing says from which side.
+        own = slid(model, q, u, p)
+        history[:count] = np.where(np.abs(own) > _SAME_STATE, -np.sign(own), 0.0)
+    return history
 
 
 def friction_states(model: FingerModel, q: Array, u: Array, p: Array, history: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, TypedDict
 
@@ -16,11 +16,12 @@ from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.drives import LengthDrive
+from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, Load
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric, poles
-from continuum_grasp.simulation.static_shape import Equilibrium, slid
+from continuum_grasp.simulation.static_shape import Equilibrium, friction_history, slid
 from continuum_grasp.simulation.trajectory import LOST, limit_warnings
 
 Array = NDArray[np.float64]
@@ -42,8 +43,6 @@ _MOST_TURNS = 8
 """Searches in which the directions of friction settle [1]."""
 _BOUNDLESS = 1e12
 """Torque that holds a motor wherever it stands [N m]: the greatest number that a scene has."""
-_SAME_STATE = 1e-6
-"""Sliding per its range that is none [1]: far above rounding."""
 
 
 class Search:
@@ -243,55 +242,30 @@ def equilibrium(
         raise InputError("give extra_loads, or a model that has them among its loads, not both")
     if model is None:
         model = FingerModel(scene, loads=(*scene.loads, *extra_loads), input_rates=False)
-    signals = Signals(scene, model)
-    u, w = signals.u(0.0)[0], signals.w(0.0)[0]
-    if scene.initial.motor_angles is not None:
-        found = equilibrium_held(scene, model, scene.initial.motor_angles, w, guess=guess, stable=stable, side=side)
-    else:
-        friction = friction_of(scene.initial, model)
-        found = equilibrium_under(model, u, w, guess=guess, stable=stable, side=side, **friction)
-    return replace(found, scene=scene)
+    return replace(at_start(scene, model, guess=guess, stable=stable, side=side), scene=scene)
 
 
-def equilibrium_held(
-    scene: Scene,
-    model: FingerModel,
-    angles: Sequence[float],
-    w: ArrayLike,
-    *,
-    guess: ArrayLike | None = None,
-    stable: bool = True,
-    side: int = 1,
-) -> Equilibrium:
-    """Find the equilibrium of a finger whose motors stand at ``angles`` (motors,) [rad], under constant forces.
+def at_start(scene: Scene, model: FingerModel, **search: Any) -> Equilibrium:
+    """Find the equilibrium of a model under a scene's inputs and its own loads at time zero.
 
-    Tendons are then as long as on winches that follow a length, behind a play where there is one, and have friction as
-    ``scene.initial`` says that the finger was bent. The input of the result balances the tensions without
-    dry friction of the motors.
-
-    Raises
-    ------
-    SolverError
-        If there is no equilibrium, or if the tensions are more than ``torque_max`` of a motor balances.
+    Where motors stand at ``initial.motor_angles``, tendons are as long as on winches that follow a length, behind a
+    play where there is one, and the input of the result balances the tensions without dry friction of the motors;
+    SolverError if that is more than their ``torque_max``.
     """
-    tendons = scene.finger.tendons
-    locked_tendons = tuple(_locked(tendon) for tendon in tendons) if isinstance(tendons, tuple) else _locked(tendons)
-    motors = model.structure.motors
-    finger = scene.finger.replaced(tendons=locked_tendons)
+    angles = scene.initial.motor_angles
+    if angles is None:
+        signals, friction = Signals(scene, model), friction_of(scene.initial, model)
+        return equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], **friction, **search)
+    motors, finger = model.structure.motors, with_drives(scene.finger, _locked)
     wound = tuple(motor.radius * angle for motor, angle in zip(motors, angles, strict=True))
     # Chambers beside the tendons have their pressures.
     pressures = scene.actuation.values[len(wound) :] if scene.actuation else (0.0,) * len(finger.chambers)
     held_at = wound if "lengths" in finger.input_keys else tuple(angles)
     given = Actuation.of(finger.input_keys, (*held_at, *pressures))
-    initial = scene.initial.replaced(motor_angles=None)
-    same = scene.replaced(finger=finger, actuation=given, initial=initial)
-    locked = statics_model(same, model, model.loads)
-    # Moments that are inputs come after the drives.
-    u = Signals(same, locked).u(0.0)[0]
-    friction = friction_of(initial, locked)
-    found = equilibrium_under(locked, u, w, guess=guess, stable=stable, side=side, **friction)
+    same = scene.replaced(finger=finger, actuation=given, initial=scene.initial.replaced(motor_angles=None))
+    found = at_start(same, statics_model(same, model, model.loads), **search)
     tensions = [] if found.tensions is None else found.tensions.tolist()
-    held = u.copy()
+    held = found.u.copy()  # moments that are inputs come after the drives
     for k, (motor, angle) in enumerate(zip(motors, angles, strict=True)):
         least, greatest = motor.holding([angle], [tensions[j] for j in motor.tendons], 0.0)
         if not math.isfinite(least + greatest):
@@ -313,37 +287,51 @@ def statics_model(scene: Scene, model: FingerModel, loads: Sequence[Load]) -> Fi
     )
 
 
-def _locked(tendons: Any) -> Any:
-    """Tendons whose motors are winches that follow a length, or stand before their gear."""
-    drive = tendons.drive
-    if drive.gear_stiffness is not None:
-        # A servo and a gear of twice the stiffness each yield together what the gear does.
-        stiffness = 2.0 * drive.gear_stiffness
-        servo = {"position_gain": stiffness, "rate_gain": 0.0, "torque_constant": None, "torque_max": _BOUNDLESS}
-        return tendons.replaced(drive=drive.replaced(gear_stiffness=stiffness, **servo))
+def with_drives(finger: Finger, changed: Callable[[Any], Any]) -> Finger:
+    """The finger with other drives of its tendons."""
+    tendons: Any = finger.tendons
+    if tendons is None:
+        return finger
+    given = tendons if isinstance(tendons, tuple) else (tendons,)
+    found = tuple(one.replaced(drive=changed(one.drive)) for one in given)
+    return finger.replaced(tendons=found if isinstance(tendons, tuple) else found[0])
+
+
+def following(drive: Any) -> LengthDrive:
+    """A winch that follows a length in place of a drive, for what is at rest: its time constant means nothing."""
     same = {key: getattr(drive, key) for key in ("arrangement", "pretension", "slack")}
-    # The time constant does not matter at rest.
-    return tendons.replaced(drive=LengthDrive(kind="length", time_constant=1.0, **same))
+    return LengthDrive(kind="length", time_constant=1.0, **same)
+
+
+def _locked(drive: Any) -> Any:
+    """A winch that follows a length in place of a motor, or the motor that stands before its gear."""
+    if drive.gear_stiffness is None:
+        return following(drive)
+    # A servo and a gear of twice the stiffness each yield together what the gear does.
+    stiffness = 2.0 * drive.gear_stiffness
+    servo = {"position_gain": stiffness, "rate_gain": 0.0, "torque_constant": None, "torque_max": _BOUNDLESS}
+    return drive.replaced(gear_stiffness=stiffness, **servo)
 
 
 class Friction(TypedDict, total=False):
     """How a finger with friction came to its shape; see ``equilibrium_under``."""
 
     reached_by: str
-    friction_states: Sequence[float]
+    friction_states: Sequence[float] | None
 
 
 def friction_of(initial: Initial, model: FingerModel) -> Friction:
     """What a scene says of the friction of its finger; InputError where it says nothing, and there is some."""
-    found: Friction = {}
-    if not model.friction_names:
-        return found
     model.structure.check_reached_by(initial)
-    if initial.reached_by is not None:
-        found["reached_by"] = initial.reached_by
-    if initial.friction_states is not None:
-        found["friction_states"] = initial.friction_states
-    return found
+    return friction_given(initial, model)
+
+
+def friction_given(initial: Initial, model: FingerModel) -> Friction:
+    """What a scene says of the friction of its finger, if anything."""
+    if initial.reached_by is None or not model.friction_names:
+        return {}
+    model.structure.check_reached_by(initial)
+    return {"reached_by": initial.reached_by, "friction_states": initial.friction_states}
 
 
 @check_arguments
@@ -395,27 +383,19 @@ def equilibrium_under(
     start = None if guess is None else real_array("guess", guess)
     if start is not None and (start.shape != (model.n,) or not np.all(np.isfinite(start))):
         raise InputError(f"guess: expected {model.n} finite entries, got {start.tolist()}")
-    none = np.zeros(model.structure.friction_states)
-    history = none
-    if none.size and reached_by == "state":
-        states = np.array([] if friction_states is None else friction_states, dtype=float).ravel()
-        if states.shape != none.shape:
-            raise InputError(f"friction_states: expected {none.size} entries, got {states.tolist()}")
-        history = np.append(states, 0.0)
-    elif none.size:
-        # Pulled from straight: states are what was slid and bent, most at an end of their range.
-        history = np.append(none, 1.0)
-    search = Search(model, given, forces, p, history)
+    states = np.array(() if friction_states is None else friction_states, dtype=float).ravel()
+    count = len(model.friction_names)
+    if count and reached_by == "state" and states.size != count:
+        raise InputError(f"friction_states: expected {count} entries, got {states.tolist()}")
+    first = "pulling" if reached_by == "releasing" else reached_by
+    search = Search(model, given, forces, p, friction_history(model, np.zeros(model.n), given, p, first, states))
     found = search.find(search.rest() if start is None else start, stable, side)
-    if reached_by != "releasing" or not none.size:
-        return found
-    states = released_states(model, found.q, given, p)
-    for _ in range(_MOST_TURNS):
-        found = Search(model, given, forces, p, np.append(states, 0.0)).find(found.q, stable, side)
+    for _ in range(_MOST_TURNS if reached_by == "releasing" else 0):
         # The shape decides which way the tendons slid back; it seldom changes that.
-        before, states = states, released_states(model, found.q, given, p)
-        if np.array_equal(before, states):
+        history = friction_history(model, found.q, given, p, reached_by)
+        if np.array_equal(history, found.history):
             break
+        found = Search(model, given, forces, p, history).find(found.q, stable, side)
     return found
 
 
@@ -466,13 +446,3 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
         path.append(Search(*given, history).find(q, True, side))
         states = path[-1].friction_states
     return path
-
-
-def released_states(model: FingerModel, q: Array, u: Array, p: Array) -> Array:
-    """Friction states at a shape that was reached from far beyond it.
-
-    A stop that was at 1 far out is at -1 once it slid back by twice its range, however little is left of what it slid.
-    Where nothing slid at all, nothing says from which side.
-    """
-    own = slid(model, q, u, p)
-    return np.asarray(np.where(np.abs(own) > _SAME_STATE, -np.sign(own), 0.0))

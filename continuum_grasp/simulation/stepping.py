@@ -18,7 +18,8 @@ from continuum_grasp.core.rollouts import signal
 from continuum_grasp.errors import Interrupted, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.scene.integrators import INTEGRATORS
-from continuum_grasp.scene.simulate import Timing
+from continuum_grasp.scene.simulate import Scene, Timing
+from continuum_grasp.simulation.contacts import greatest_motion
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.trajectory import acting_input
 
@@ -127,19 +128,13 @@ class Stepper:
     were given up.
     """
 
-    def __init__(
-        self,
-        model: FingerModel,
-        system: System | None,
-        core: Core,
-        signals: Signals,
-        time: Timing,
-        progress: Callable[[float], None],
-    ) -> None:
-        self._model, self._system, self._core, self._signals = model, system, core, signals
-        self._positions = core if system is None else Core(model)
-        self._time, self._progress = time, progress
-        self._failure: NumericalError | None = None
+    def __init__(self, scene: Scene, time: Timing, model: FingerModel, progress: Callable[[float], None]) -> None:
+        self._time, self._model, self._progress = time, model, progress
+        self.system = System(scene) if scene.object is not None else None
+        self.moving = self.system or model
+        self.core, self.signals = Core(self.moving), Signals(scene, model, nw=self.moving.nw)
+        self._positions = self.core if self.system is None else Core(model)
+        self._failure = ""
         self.steps = round(time.duration / time.step)
         self.taken = 0
 
@@ -148,7 +143,7 @@ class Stepper:
         # Before the motion is timed; the positions' function is compiled by its first call.
         self._ends(np.zeros((1, self._model.nx)), np.zeros((1, self._model.nu)))
         if plan.method != "reference":
-            self._core.prepare_rollout(plan.method)
+            self.core.prepare_rollout(plan.method)
 
     def run(self, x0: Array, plan: Plan) -> Motion:
         """Integrate until the end, an error, Ctrl-C, or a time error beyond the plan's tolerance."""
@@ -202,22 +197,18 @@ class Stepper:
         """States at every output step by the steps, and at the shared ones by longer ones; the finite ones of them."""
         u, w = self._inputs(start * self._time.step, count, plan)
         if plan.method == "reference":
-            return [self._by_variable_steps(x, u, w, looser) for x, looser in zip(ends, (1.0, _LOOSER), strict=False)]
+            pairs, model = zip(ends, (1.0, _LOOSER), strict=False), self.core.model
+            runs = [_integrate_reference(model, x, self._time.step, u, w, looser) for x, looser in pairs]
+            self._failure = runs[0][1]
+            return [states for states, _ in runs]
         rows = 2 * count * plan.substeps + 1
-        inputs = signal("u", u, self._core.model.nu, rows, None), signal("w", w, self._core.model.nw, rows, None)
+        inputs = signal("u", u, self.core.model.nu, rows, None), signal("w", w, self.core.model.nw, rows, None)
         ratios, h = (1, *plan.ratios)[: len(ends)], self._time.step / plan.substeps
-        run = self._core.prepare_rollout(plan.method)
-        p = np.array(self._core.model.p_nominal, dtype=float)
+        run = self.core.prepare_rollout(plan.method)
+        p = np.array(self.core.model.p_nominal, dtype=float)
         states, valid = run.levels(np.array(ends), ratios, plan.every, count, plan.substeps, h, *inputs, p)
         self.taken += sum(count * plan.substeps // ratio for ratio in ratios)
         return [x[: last + 1] for x, last in zip(states, valid, strict=True)]
-
-    def _by_variable_steps(self, x: Array, u: Array, w: Array, looser: float) -> Array:
-        try:
-            return _integrate_reference(self._core.model, x, self._time.step, u, w, looser=looser)
-        except NumericalError as error:
-            self._failure = error
-            return np.asarray(error.result)
 
     def _stopped(self, plan: Plan, index: int, state: Array) -> NumericalError:
         """What to say of a motion that is not finite after an output step."""
@@ -233,33 +224,28 @@ class Stepper:
                 "raise fidelity.bending_range or lower the loads"
             )
         )
-        error = NumericalError(reason, time=time, state=state)
-        error.__cause__ = self._failure
-        return error
+        return NumericalError(reason, time=time, state=state)
 
     def _inputs(self, start: float, count: int, plan: Plan) -> tuple[Array, Array]:
         """Inputs and forces at half sub-steps, or one row where nothing varies."""
-        if self._signals.constant and plan.method != "reference":
-            return self._signals.u(start)[0], self._signals.w(start)[0]
+        if self.signals.constant and plan.method != "reference":
+            return self.signals.u(start)[0], self.signals.w(start)[0]
         t = start + np.arange(2 * count * plan.substeps + 1) * (0.5 * self._time.step / plan.substeps)
-        return self._signals.u(t), self._signals.w(t)
+        return self.signals.u(t), self.signals.w(t)
 
     def _distances(self, levels: list[Array], start: float, every: int, looked: int) -> list[float]:
         """Greatest distance of the elements' ends, and of the object's points, per length, from level to level [1]."""
         # Backwards, so that the last instant, where errors are largest, is always among them.
         some = np.arange(len(levels[0]))[:: -max(1, len(levels[0]) // looked)]
-        u = self._signals.u(start + some * (self._time.step * every))
+        u = self.signals.u(start + some * (self._time.step * every))
         levels = [level[some] for level in levels]
         ends = [self._ends(x, u) for x in levels]
         found = [np.hypot(*(a - b).transpose(1, 0, 2)).max() for a, b in pairwise(ends)]
-        around = None if self._system is None else self._system.surroundings
-        if self._system is not None and around is not None and around.object is not None and around.object_moves:
-            columns, size = self._system.object_states, around.object.size
-            for k, (a, b) in enumerate(pairwise(levels)):
-                # No point of the object is off by more than its origin, and its angle (column 2) times its size.
-                moved = (a - b)[:, columns]
-                shifted = np.sqrt(np.sum(np.delete(moved, 2, axis=1) ** 2, axis=1))
-                found[k] = max(found[k], (shifted + np.abs(moved[:, 2]) * size).max())
+        around = None if self.system is None else self.system.surroundings
+        if self.system is not None and around is not None and around.object is not None and around.object_moves:
+            poses = [level[:, self.system.object_states] for level in levels]
+            moved = [greatest_motion(around.object, *pair) for pair in pairwise(poses)]
+            found = [max(pair) for pair in zip(found, moved, strict=True)]
         return [float(one) / self._model.finger.rod.length for one in found]
 
     def _ends(self, x: Array, u: Array) -> Array:
@@ -297,12 +283,12 @@ def _between(rows: Array, every: int, count: int) -> Array:
 
 
 def _integrate_reference(
-    model: FingerModel | System, x0: Array, step: float, u: Array, w: Array, *, looser: float = 1.0
-) -> Array:
+    model: FingerModel | System, x0: Array, step: float, u: Array, w: Array, looser: float
+) -> tuple[Array, str]:
     """Integrate with CVODES (backward differentiation) to states (steps + 1, nx), a ``step`` [s] apart.
 
     Inputs and forces (2 * steps + 1, size) are those at half steps, quadratic in between; ``looser`` is a factor on the
-    tolerances. NumericalError and Interrupted have the states so far as ``result``.
+    tolerances. Where a state is not finite, those before it and why; Interrupted has them as ``result``.
     """
     x, t = ca.MX.sym("x", model.nx), ca.MX.sym("t")
     samples = ca.MX.sym("samples", 3 * (model.nu + model.nw))
@@ -332,5 +318,5 @@ def _integrate_reference(
             if pressed():  # CasADi's integrators would report it as a failure of the motion
                 raise Interrupted("interrupted", result=states[: k + 1])
             if not np.all(np.isfinite(states[k + 1])):
-                raise NumericalError(reason, time=k * step, state=states[k], result=states[: k + 1])
-    return states
+                return states[: k + 1], reason
+    return states, ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -17,9 +17,8 @@ from continuum_grasp.model.layout import WIDEST
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.loads import ForceLoad
-from continuum_grasp.scene.profile import Curve
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.contacts import CONTACT, ContactForces, overlaps
+from continuum_grasp.simulation.contacts import CONTACT, ContactForces
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
 from continuum_grasp.simulation.slack import SlackTime, slack_times
 
@@ -79,7 +78,7 @@ class Trajectory(MotionResult):
         Dimension("force_component", "forces and moments that act, in the world's axes", "w_names"),
         XY,
         POSE,
-        Dimension("tendon", "tendons, that on the -X side first", "tendon_numbers"),
+        Dimension("tendon", "tendons, that on the -X side first", 1),
         CONTACT,
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
@@ -165,11 +164,6 @@ class Trajectory(MotionResult):
         return np.asarray(self.core.batch("tip", self.q, self.acting, None))
 
     @property
-    def tendon_numbers(self) -> NDArray[np.int64]:
-        """Numbers of the tendons, from one."""
-        return np.arange(1, len(self.model.finger.tendon_list) + 1)
-
-    @property
     def tensions(self) -> Array | None:
         """Tensions at the drives (T, tendons) [N] of tendons with friction or on winches; None of others."""
         return None if self._tensions is None else self._tensions[0]
@@ -235,21 +229,10 @@ class Trajectory(MotionResult):
         """What the contacts of the object bear; None without an object."""
         return None if self.system is None else ContactForces.of(self.system_core, self.x, self.u, self.w)
 
-    def overlap(self, indices: ArrayLike, points: int = 100) -> Array:
-        """Deepest overlap of finger and object (len(indices),) at some of the instants [m]; zero without an object."""
-        chosen = np.atleast_1d(np.asarray(indices, dtype=int))
-        if self.scene.object is None or self.object_pose is None:
-            return np.zeros(len(chosen))
-        half = self.model.finger.profile.half_thickness
-        return overlaps(self.scene.object, self.object_pose[chosen, :3], self.backbone(chosen, points), half)
-
     def backbone(self, indices: ArrayLike, points: int = 50) -> Array:
         """Backbones (len(indices), points, 2) at some of the instants [m]."""
         chosen = np.atleast_1d(np.asarray(indices, dtype=int))
-        s = np.tile(np.linspace(0.0, self.length, points), len(chosen))[:, None]
-        q = np.repeat(self.q[chosen], points, axis=0)
-        u = np.repeat(self.acting[chosen], points, axis=0)
-        return np.asarray(self.core.batch("position", q, u, s)).reshape(len(chosen), points, 2)
+        return backbones(self.core, self.q[chosen], self.acting[chosen], points)
 
     def loads_at(self, index: int) -> list[tuple[Array, Array, str]]:
         """Forces at one instant: position (2,) [m], force (2,) in the world [N], and kind.
@@ -300,6 +283,13 @@ def error_text(error: float, length: float) -> str:
     return size if math.isfinite(error) else "cannot be estimated"
 
 
+def backbones(core: Core, q: Array, u: Array, points: int, p: Array | None = None) -> Array:
+    """World positions (T, points, 2) along the backbones of shapes q (T, n), evenly spaced from base to tip [m]."""
+    s = np.tile(np.linspace(0.0, core.model.finger.rod.length, points), len(q))[:, None]
+    rows = (np.repeat(each, points, axis=0) for each in (q, u))
+    return np.asarray(core.batch("position", *rows, s, p)).reshape(len(q), points, 2)
+
+
 def acting_forces(core: Core, q: Array, u: Array, w: Array, p: Array | None = None) -> list[tuple[Array, Array, str]]:
     """Forces on a finger at coordinates q (n,), acting inputs u and forces w; as ``Trajectory.loads_at``."""
     model: FingerModel = core.model
@@ -333,10 +323,6 @@ def acting_input(model: FingerModel, x: Array, u: Array) -> Array:
 
 LOST = 3.0
 """Multiple of the declared bending range beyond which the model means nothing."""
-_THROUGH = 0.5
-"""Overlap between stations that is reported, per the half thickness: what chords cut off is less."""
-_LOOKS = 50
-"""Instants at which overlaps are looked for."""
 
 
 def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | None = None) -> tuple[str, ...]:
@@ -364,22 +350,3 @@ def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | 
                 f"{'take more elements' if reach >= WIDEST else 'raise fidelity.bending_range'}"
             )
     return tuple(found)
-
-
-def overlap_text(
-    t: NDArray[np.float64],
-    contacts: ContactForces,
-    overlap: Callable[[NDArray[np.intp]], NDArray[np.float64]],
-    half_thickness: Curve,
-) -> str:
-    """By how much a finger is deeper in an object than its stations are pressed into it, and when; empty if it is not.
-
-    ``overlap`` gives the deepest overlap [m] at some of the instants, by their indices.
-    """
-    looked = np.unique(np.linspace(0, len(t) - 1, _LOOKS).astype(int))
-    own = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
-    pressed = np.maximum(0.0, -contacts.gap[looked][:, own].min(axis=1))
-    beyond = overlap(looked) - pressed
-    k = int(beyond.argmax())
-    thinnest = float(half_thickness(half_thickness.edges).min())
-    return f"{1e3 * beyond[k]:.2g} mm at t = {t[looked[k]]:g} s" if beyond[k] > _THROUGH * thinnest else ""

@@ -79,12 +79,6 @@ def test_public_names_are_all_there():
         continuum_grasp.nothing  # noqa: B018
 
 
-@pytest.mark.parametrize("verb", ["simulate", "grasp", "sweep", "modes", "export-c", "schema", "validate", "doctor"])
-def test_every_verb_explains_itself(verb):
-    assert run(verb, "--help").exit_code == 0
-    assert verb in run("--help").output
-
-
 def test_version():
     assert run("--version").output.strip() == f"continuum-grasp {continuum_grasp.__version__}"
     code = "from continuum_grasp.cli import main; import sys; sys.argv = ['x', '--version']; main()"
@@ -262,6 +256,7 @@ def test_numerical_failure_exits_with_1_and_saves_what_there_is(pretend):
     result = run("simulate", RELEASE)
     assert result.exit_code == 1
     assert "error: not finite at 0.1 s" in result.stderr
+    assert "what was computed until then is in runs/simulate/nitinol_release_020g" in result.stderr
     assert Path("runs/simulate/nitinol_release_020g/result.npz").exists()
 
 

@@ -6,17 +6,21 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipkinc, ellipkm1
 
 from continuum_grasp.errors import InputError
 
 __all__ = [
     "TipPose",
+    "beam_pulsations",
     "bent_by_moment",
     "bent_by_tip_force",
     "buckled_column",
     "euler_load",
     "greenhill_length",
+    "roots",
     "small_bend_by_force",
     "small_bend_by_moment",
     "small_bend_by_weight",
@@ -186,6 +190,26 @@ def _slope_at_clamp(force: float, weight: float) -> float:
     for n in range(3, 80):
         terms.append(-(force * terms[n - 2] + weight * terms[n - 3]) / (n * (n - 1)))
     return math.fsum(terms)
+
+
+def beam_pulsations(count: int, mass: float = 0.0) -> np.ndarray:
+    """Angular frequencies (count,) [rad/s] of a unit rod, clamped and free, with a point mass at its tip.
+
+    L. Euler, D. Bernoulli: 1 + cos b cosh b + mass b (cos b sinh b - sin b cosh b) = 0 of the roots b.
+    """
+
+    def characteristic(b: float) -> float:
+        return math.cos(b) + 1.0 / math.cosh(b) + mass * b * (math.cos(b) * math.tanh(b) - math.sin(b))
+
+    return roots(characteristic, 1e-3, (count + 1) * math.pi)[:count] ** 2
+
+
+def roots(function: Callable[[float], float], low: float, high: float) -> np.ndarray:
+    """All places between two at which a function changes its sign, if no two are nearer than a 4000th."""
+    places = np.linspace(low, high, 4000)
+    values = [function(at) for at in places]
+    pairs = zip(places, places[1:], values, values[1:], strict=False)
+    return np.array([brentq(function, a, b, xtol=1e-14) for a, b, x, y in pairs if x * y < 0.0])
 
 
 def small_bend_by_force(load: float, at: float = 1.0) -> TipPose:

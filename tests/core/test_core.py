@@ -282,20 +282,6 @@ def test_every_method_is_documented():
         assert f"| {method.text} |" in page
 
 
-@pytest.mark.parametrize("method", ["rk4", "rodas"])
-def test_energy_drift_falls_with_the_step(method):
-    compiled = small()[1]
-    x0 = np.concatenate([[0.5, 0.3], np.zeros(2)])
-
-    def drift(steps: int) -> float:
-        states = compiled.rollout(x0, steps, 0.2 / steps, method=method)
-        kinetic, potential = compiled.batch("energy", states)
-        total = (kinetic + potential)[:, 0]
-        return float(np.abs(total - total[0]).max())
-
-    assert drift(80) / drift(160) > 2**3.5
-
-
 def test_divergence_stops_with_what_was_computed():
     model, compiled = small()
     x0 = state(model, 0.3).x
@@ -331,13 +317,6 @@ def test_what_was_not_computed_is_not_a_number(method):
         with pytest.raises(NumericalError) as caught:
             compiled.rollout(x0, 500, 1e-4, method=method)
         assert np.isnan(caught.value.result[1, 1:]).all()
-
-
-def test_a_state_that_leaves_the_numbers_stops_at_once():
-    model, compiled = small()
-    with pytest.raises(NumericalError) as caught:
-        compiled.rollout([1e200, *np.zeros(model.nx - 1)], 5, 1e-3)
-    assert len(caught.value.result) == 1
 
 
 def test_the_implicit_method_takes_stiff_steps():

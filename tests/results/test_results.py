@@ -153,36 +153,6 @@ def test_files_follow_the_umask(tmp_path: Path) -> None:
     assert {p.stat().st_mode & 0o777 for p in tmp_path.iterdir()} == {0o644}
 
 
-def fail_at(monkeypatch: pytest.MonkeyPatch, name: str, call: int) -> None:
-    """Make the call-th use of os.<name> raise, as a full disk or an interrupt would."""
-    real, count = getattr(os, name), 0
-
-    def failing(*args: object, **kwargs: object) -> object:
-        nonlocal count
-        count += 1
-        if count == call:
-            raise KeyboardInterrupt
-        return real(*args, **kwargs)
-
-    monkeypatch.setattr(os, name, failing)
-
-
-@pytest.mark.parametrize("old", [False, True])
-@pytest.mark.parametrize(("name", "call"), [("fsync", k) for k in range(1, 6)] + [("replace", k) for k in range(1, 6)])
-def test_raising_in_the_middle_leaves_one_whole_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, call: int, old: bool
-) -> None:
-    folder = tmp_path / "run"
-    if old:
-        write_run(folder, {"a": np.zeros(5)}, {"seed": 0})
-    fail_at(monkeypatch, name, call)
-    with pytest.raises(KeyboardInterrupt):
-        write_run(folder, {"a": np.ones(9)}, {"seed": 1})
-    monkeypatch.undo()
-    assert not [n for n in names(folder) if n.startswith(".tmp-")]
-    check_whole(folder, old)
-
-
 def check_whole(folder: Path, old: bool) -> int | None:
     """The folder holds the old run or the new one or, if there was no old one, none; returns its seed."""
     if not (folder / "result.npz").exists():

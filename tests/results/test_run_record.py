@@ -241,15 +241,18 @@ def test_a_full_disk_is_one_line_and_leaves_whole_files(command, limit, tmp_path
         assert file.read_text().endswith("}\n")
 
 
-def fail_from(monkeypatch, count):
-    """Let the count-th writing to the disk fail, and every later one, as a full disk does."""
+FULL = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def fail_from(monkeypatch, count, error=FULL):
+    """Let the count-th writing to the disk fail, and every later one, as on a full disk, or where Ctrl-C is held."""
     left = [count]
 
     def failing(real):
         def write(*arguments, **named):
             left[0] -= 1
             if left[0] < 0:
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                raise type(error)(*error.args)
             return real(*arguments, **named)
 
         return write
@@ -258,23 +261,26 @@ def fail_from(monkeypatch, count):
         monkeypatch.setattr(owner, name, failing(getattr(owner, name)))
 
 
+@pytest.mark.parametrize("error", [FULL, KeyboardInterrupt()], ids=["full", "interrupted"])
 @pytest.mark.parametrize("old", [False, True])
-def test_every_writing_may_fail(tmp_path, monkeypatch, old):
+def test_every_writing_may_fail(tmp_path, monkeypatch, old, error):
     for count in range(40):
         folder = tmp_path / str(count)
         if old:
             draw(save(folder, 1.0), "picture.png")
         with monkeypatch.context() as patch:
-            fail_from(patch, count)
+            fail_from(patch, count, error)
             raised = None
             try:
                 save(folder, 2.0)
-            except OSError as error:
-                raised = error
+            except (OSError, KeyboardInterrupt) as caught:
+                raised = caught
         if raised is None:
             break
-        assert raised.errno == errno.ENOSPC
-        assert str(raised.filename).startswith(str(folder))
+        assert type(raised) is type(error)
+        if error is FULL:
+            assert raised.errno == errno.ENOSPC
+            assert str(raised.filename).startswith(str(folder))
         if (folder / "result.npz").exists():
             found = read_run(folder)
             assert found.arrays["a"][0] in ((1.0, 2.0) if old else (2.0,))

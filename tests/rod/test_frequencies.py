@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from continuum_grasp.rod.elastica import solve_elastica
 from continuum_grasp.rod.frequencies import natural_frequencies
 from continuum_grasp.simulation import modes
+from tests.closed_forms.rods import beam_pulsations, roots
 from tests.marks import few
 from tests.rods import HANGING, HORIZONTAL, NITINOL, UNIT, UPRIGHT, force, order, rod_scene
 
@@ -21,26 +21,10 @@ def exact(scene, count=2):
     return natural_frequencies(scene.finger, solve_elastica(scene), count)
 
 
-def beam(count: int, mass: float = 0.0) -> np.ndarray:
-    """Hertz of the clamped unit beam with a tip mass: 1 + cos cosh + mass b (cos sinh - sin cosh) = 0."""
-
-    def characteristic(b: float) -> float:
-        return math.cos(b) + 1.0 / math.cosh(b) + mass * b * (math.cos(b) * math.tanh(b) - math.sin(b))
-
-    ends = np.linspace(1e-3, (count + 1) * math.pi, 4000)
-    signs = [characteristic(b) for b in ends]
-    roots = [
-        brentq(characteristic, a, b, xtol=1e-15)
-        for a, b, x, y in zip(ends, ends[1:], signs, signs[1:], strict=False)
-        if x * y < 0.0
-    ]
-    return np.array(roots[:count]) ** 2 / (2.0 * math.pi)
-
-
 @pytest.mark.parametrize("mass", [0.0, 0.1, 1.0, 100.0])
 def test_the_straight_rod_is_the_beam(mass):
     scene = rod_scene(UNIT, gravity=FREE, tip_mass=mass)
-    assert exact(scene, 3) == pytest.approx(beam(3, mass), rel=1e-9)
+    assert exact(scene, 3) == pytest.approx(beam_pulsations(3, mass) / (2.0 * math.pi), rel=1e-9)
 
 
 def test_a_mass_inside_counts_with_the_square_of_the_mode():
@@ -97,13 +81,9 @@ def test_a_body_at_the_tip_is_that_of_beam_theory():
             rows.append([b**2 * bend - omega**2 * moment, b**3 * shear + omega**2 * mass * moved])
         return float(np.linalg.det(rows))
 
-    places = np.linspace(0.5, 40.0, 2000)
-    signs = [characteristic(at) for at in places]
-    pairs = zip(places, places[1:], signs, signs[1:], strict=False)
-    roots = [brentq(characteristic, a, z, xtol=1e-13) for a, z, x, y in pairs if x * y < 0.0]
     body = {"mass": mass, "rotary_inertia": inertia, "center_of_mass": [0.0, ahead]}
     found = exact(rod_scene(UNIT, "clothoid", gravity=FREE, finger={"tip_body": body}), 3)
-    assert 2.0 * math.pi * found == pytest.approx(roots[:3], rel=1e-9)
+    assert 2.0 * math.pi * found == pytest.approx(roots(characteristic, 0.5, 40.0)[:3], rel=1e-9)
 
 
 def test_an_unstable_pose_has_a_frequency_of_zero():

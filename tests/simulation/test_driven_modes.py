@@ -6,10 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy import linalg, optimize
+from scipy import linalg
 
 import continuum_grasp as cg
 from continuum_grasp.simulation import modes
+from tests.closed_forms.rods import roots
 
 LENGTH, DENSITY, STIFFNESS, OFFSET, TIP = 0.18, 0.034, 6.11e-3, 0.005, 0.002
 AXIAL, SERIES = 1e4, 1 / 3e-5
@@ -54,14 +55,12 @@ def beam(spring: float, count: int) -> np.ndarray:
         force = (sh - s + mass * (ch - c), ch + c + mass * (sh - s))
         return (moment[0] * force[1] - moment[1] * force[0]) / ch**2
 
-    scan = np.linspace(0.5, 3.5 * count + 2.0, 4000)
-    values = [missing(k) for k in scan]
-    roots = [
-        optimize.brentq(missing, a, b)
-        for a, b, fa, fb in zip(scan[:-1], scan[1:], values[:-1], values[1:], strict=True)
-        if fa * fb < 0.0
-    ]
-    return np.array(roots[:count]) ** 2 * math.sqrt(STIFFNESS / DENSITY) / LENGTH**2 / (2.0 * math.pi)
+    return (
+        roots(missing, 0.5, 3.5 * count + 2.0)[:count] ** 2
+        * math.sqrt(STIFFNESS / DENSITY)
+        / LENGTH**2
+        / (2.0 * math.pi)
+    )
 
 
 @pytest.mark.parametrize(("pretension", "taut"), [(PULL, 2), (0.0, 0)])

@@ -170,23 +170,6 @@ def test_quadratic_damping_takes_more_of_larger_swings():
 
 
 @pytest.mark.deep
-def test_quadratic_damping_is_resolved_although_the_start_is_at_rest():
-    """Implicit steps that it throws off are made shorter."""
-    tips = {}
-    for method in ("auto", "reference"):
-        made = scene(
-            finger=finger((), damping={"quadratic": 2e-4}),
-            family="clothoid",
-            elements=2,
-            initial={"q": [5.0, 3.0, 0.0]},
-            time={"duration": 0.2, "step": 0.002, "method": method},
-        )
-        tips[method] = cg.simulate(made).tip
-    for tip in tips.values():
-        assert tip == pytest.approx(tips["reference"], abs=1e-3 * LENGTH)
-
-
-@pytest.mark.deep
 def test_slow_motions_follow_the_loop_at_any_rate():
     """Rate independence: a force that goes to and fro in 4 s and in 8 s, against statics."""
     levels = [0.0, 5.0, 1.0, 4.0, 1.0]

@@ -7,33 +7,16 @@ import math
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
-from scipy import linalg, optimize, special
+from scipy import linalg, special
 
 from continuum_grasp.simulation import equilibrium, modes
 from continuum_grasp.simulation.modes import _frequencies
+from tests.closed_forms.rods import beam_pulsations, roots
 from tests.rods import HANGING, NITINOL, UNIT, UPRIGHT, force, order, rod_scene, without_compiler  # noqa: F401
 
 pytestmark = pytest.mark.usefixtures("without_compiler")
 
 FREE = (0.0, 0.0)
-
-
-def clamped_free(count: int, mass_ratio: float = 0.0) -> np.ndarray:
-    """Angular frequencies of the unit rod with a point mass at its tip [rad/s]."""
-
-    def missing(k: float) -> float:
-        inertia = mass_ratio * k * (math.cos(k) * math.tanh(k) - math.sin(k))
-        return 1.0 / math.cosh(k) + math.cos(k) + inertia
-
-    scan = np.linspace(1e-2, math.pi * (count + 1), 400 * (count + 1))
-    values = [missing(k) for k in scan]
-    roots = [optimize.brentq(missing, a, b, xtol=1e-14) for a, b, fa, fb in brackets(scan, values) if fa * fb < 0.0]
-    return np.array(roots[:count]) ** 2
-
-
-def brackets(x, y):
-    """Neighboring points with their values."""
-    return zip(x[:-1], x[1:], y[:-1], y[1:], strict=True)
 
 
 def ritz(mass_ratio: float, gravity: float, terms: int = 10) -> np.ndarray:
@@ -72,7 +55,7 @@ def pulsations(scene) -> np.ndarray:
 )
 def test_clamped_free_frequencies_have_the_errors_of_the_table(family, elements, first, second):
     found = pulsations(rod_scene(UNIT, family, elements, gravity=FREE))
-    errors = 100.0 * (found[:2] / clamped_free(2) - 1.0)
+    errors = 100.0 * (found[:2] / beam_pulsations(2) - 1.0)
     for error, printed in zip(errors, (first, second), strict=True):
         digits = len(printed.partition(".")[2])
         # One unit of the last digit: the table cuts 5.085 to 5.08.
@@ -89,14 +72,14 @@ def test_the_highest_frequency_of_two_unknowns(family, highest):
     [("arc", (4, 8, 16), 2.0), ("clothoid", (2, 4, 8), 4.0), ("matched_clothoid", (4, 6, 9), 4.0)],
 )
 def test_frequencies_converge_with_the_familys_order(family, counts, expected):
-    errors = [pulsations(rod_scene(UNIT, family, n, gravity=FREE))[0] / clamped_free(1)[0] - 1.0 for n in counts]
+    errors = [pulsations(rod_scene(UNIT, family, n, gravity=FREE))[0] / beam_pulsations(1)[0] - 1.0 for n in counts]
     assert min(errors) > 0.0
     assert order(errors, counts[1] / counts[0]) == pytest.approx(expected, abs=0.6)
 
 
 @pytest.mark.parametrize("mass_ratio", [0.1, 1.0, 10.0, 100.0])
 def test_a_tip_mass_lowers_the_frequencies_as_the_rods_equation_says(mass_ratio):
-    expected = clamped_free(3, mass_ratio)
+    expected = beam_pulsations(3, mass_ratio)
     found = pulsations(rod_scene(UNIT, "clothoid", 8, gravity=FREE, tip_mass=mass_ratio))
     assert found[:3] / expected - 1.0 == pytest.approx([0.0, 0.0, 0.0], abs=2e-3)
     assert found[0] / expected[0] - 1.0 == pytest.approx(0.0, abs=5e-6)
@@ -106,7 +89,7 @@ def test_a_tip_mass_lowers_the_frequencies_as_the_rods_equation_says(mass_ratio)
 
 def test_the_two_independent_truths_agree():
     for mass_ratio in (0.0, 1.0):
-        assert ritz(mass_ratio, 0.0)[:2] == pytest.approx(clamped_free(2, mass_ratio), rel=1e-7)
+        assert ritz(mass_ratio, 0.0)[:2] == pytest.approx(beam_pulsations(2, mass_ratio), rel=1e-7)
 
 
 @pytest.mark.parametrize("mass_ratio", [0.0, 2.0])
@@ -119,7 +102,7 @@ def test_hanging_raises_and_standing_lowers_the_frequencies(mass_ratio):
         truth = ritz(mass_ratio, gravity if name == "hanging" else -gravity)[:2]
         assert found[name] / truth - 1.0 == pytest.approx([0.0, 0.0], abs=2e-4)
         assert found[name][0] / truth[0] - 1.0 == pytest.approx(0.0, abs=1e-5)
-    free = clamped_free(2, mass_ratio)
+    free = beam_pulsations(2, mass_ratio)
     assert np.all(found["standing"] < free)
     assert np.all(free < found["hanging"])
 
@@ -128,7 +111,7 @@ def test_the_papers_rod_swings_at_its_frequency():
     """Hertz, for a rod in SI units: lambda^2 / 2 pi sqrt(E I / rho A L^4), rotary inertia too small to see."""
     scale = math.sqrt(60e9 * (math.pi * 0.002**4 / 64) / (6450 * math.pi * 0.001**2 * 0.6**4))
     found = modes(rod_scene(NITINOL, "clothoid", 8, gravity=FREE))
-    assert found.frequencies_hz[:2] == pytest.approx(clamped_free(2) * scale / (2 * math.pi), rel=3e-4)
+    assert found.frequencies_hz[:2] == pytest.approx(beam_pulsations(2) * scale / (2 * math.pi), rel=3e-4)
     assert found.stable
 
 
@@ -167,7 +150,7 @@ def test_mode_shapes_are_those_of_the_beam():
     """The beam's are cosh - cos - sigma (sinh - sin), up to size and sign."""
     found = modes(rod_scene(UNIT, "clothoid", 8, gravity=FREE), points=41)
     s = np.linspace(0.0, 1.0, 41)
-    for shape, k in zip(found.shapes, np.sqrt(clamped_free(2)), strict=False):
+    for shape, k in zip(found.shapes, np.sqrt(beam_pulsations(2)), strict=False):
         sigma = (math.cosh(k) + math.cos(k)) / (math.sinh(k) + math.sin(k))
         beam = np.cosh(k * s) - np.cos(k * s) - sigma * (np.sinh(k * s) - np.sin(k * s))
         assert np.abs(shape[:, 0]).max() < 1e-12
@@ -184,9 +167,7 @@ def test_frequencies_under_a_following_load(load):
         waves = load * pulsation * math.sin(a) * math.sinh(b)
         return load**2 + 2.0 * pulsation**2 * (1.0 + math.cos(a) * math.cosh(b)) + waves
 
-    scan = np.linspace(1.0, 25.0, 600)
-    values = [missing(k) for k in scan]
-    truth = [optimize.brentq(missing, a, b) for a, b, fa, fb in brackets(scan, values) if fa * fb < 0.0]
+    truth = roots(missing, 1.0, 25.0)
     scene = rod_scene(UNIT, "clothoid", 8, angle=UPRIGHT, gravity=FREE, loads=[force(1.0, (0.0, -load), follows=True)])
     found = modes(scene)
     assert found.stable

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import signal
@@ -11,11 +10,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
-from typer.testing import CliRunner
 
-from continuum_grasp.cli import app
 from continuum_grasp.core import Core
 from continuum_grasp.core.rollouts import signal as rows_of
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
@@ -32,6 +28,7 @@ from tests.rods import (  # noqa: F401
     UNIT,
     UPRIGHT,
     force,
+    integrated,
     order,
     rod_scene,
     without_compiler,
@@ -48,20 +45,6 @@ def nitinol(family="matched_clothoid", elements=2, duration=1.0, step=1e-3, meth
     """The paper's rod, horizontal, straight and at rest where nothing else is said."""
     time = {"duration": duration, "step": step, "method": method, "tolerance": tolerance}
     return rod_scene(NITINOL, family, elements, time=time, **keys)
-
-
-def integrated(scene, u=None, w=None):
-    """States by DOP853 at a tolerance of 1e-12, with inputs given as functions of time."""
-    model = FingerModel(scene)
-    rate, p = model.forward_dynamics, model.p_nominal
-    u = u or (lambda t: np.zeros(model.nu))
-    w = w or (lambda t: np.zeros(model.nw))
-    t = np.linspace(0.0, scene.time.duration, round(scene.time.duration / scene.time.step) + 1)
-    x0 = initial_state(scene, model)
-    found = solve_ivp(
-        lambda t, x: np.array(rate(x, u(t), w(t), p)).ravel(), (0.0, t[-1]), x0, "DOP853", t, rtol=1e-12, atol=1e-13
-    )
-    return found.y.T
 
 
 def distance(a, b) -> float:
@@ -114,45 +97,30 @@ def test_methods_have_order_4_and_lose_no_energy(family, explicit, implicit):
         assert drifts[-1] < 1e-6
 
 
-RICH = {
-    "tip_mass": 0.02,
-    "finger": {
-        "rest_curvature": 0.7,
-        "damping": {"material": 2e-4, "per_arc": 1e-4},
-        "masses": [{"at": 0.23, "mass": 0.01}],
-        "base": {"position": [0.1, 0.2], "angle": -1.2},
-    },
-    "gravity": (1.5, -9.0),
-    "actuation": {"tip_moment": 0.03},
-    "contacts": [0.3],
-    "loads": [
-        force(0.6, (0.05, 0.02), follows=True),
-        force(0.4, {"times": [0.0, 0.1], "values": [[0.0, 0.0], [0.1, 0.2]]}),
-        {"kind": "moment", "at": 0.3, "moment": 0.01},
-    ],
-}
-MIRRORED = {
-    "tip_mass": 0.02,
-    "finger": {
-        "rest_curvature": -0.7,
-        "damping": {"material": 2e-4, "per_arc": 1e-4},
-        "masses": [{"at": 0.23, "mass": 0.01}],
-        "base": {"position": [-0.1, 0.2], "angle": 1.2},
-    },
-    "gravity": (-1.5, -9.0),
-    "actuation": {"tip_moment": -0.03},
-    "contacts": [0.3],
-    "loads": [
-        force(0.6, (-0.05, 0.02), follows=True),
-        force(0.4, {"times": [0.0, 0.1], "values": [[0.0, 0.0], [-0.1, 0.2]]}),
-        {"kind": "moment", "at": 0.3, "moment": -0.01},
-    ],
-}
+def rich(side):
+    """Everything that acts on a finger, on one side or mirrored."""
+    return {
+        "tip_mass": 0.02,
+        "finger": {
+            "rest_curvature": side * 0.7,
+            "damping": {"material": 2e-4, "per_arc": 1e-4},
+            "masses": [{"at": 0.23, "mass": 0.01}],
+            "base": {"position": [side * 0.1, 0.2], "angle": -side * 1.2},
+        },
+        "gravity": (side * 1.5, -9.0),
+        "actuation": {"tip_moment": side * 0.03},
+        "contacts": [0.3],
+        "loads": [
+            force(0.6, (side * 0.05, 0.02), follows=True),
+            force(0.4, {"times": [0.0, 0.1], "values": [[0.0, 0.0], [side * 0.1, 0.2]]}),
+            {"kind": "moment", "at": 0.3, "moment": side * 0.01},
+        ],
+    }
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_mirrored_scene_moves_like_its_mirror_image(family):
-    left, right = (simulate(nitinol(family, duration=0.2, **keys)) for keys in (RICH, MIRRORED))
+    left, right = (simulate(nitinol(family, duration=0.2, **keys)) for keys in (rich(1.0), rich(-1.0)))
     assert np.abs(left.tip[-1] - left.tip[0]).max() > 0.05
     assert np.abs(left.x + right.x).max() <= 1e-11 * np.abs(left.x).max()
     assert left.tip == pytest.approx(right.tip * [-1.0, 1.0], abs=1e-12)
@@ -171,17 +139,6 @@ def test_without_damping_time_runs_backwards(family):
         missed.append(np.abs(back.tip[::-1] - there.tip).max())
     assert missed[0] < 1e-5
     assert order(missed)[0] > 3.5
-
-
-def test_where_it_runs_makes_no_difference(monkeypatch):
-    """Compiled and on the virtual machine, with inputs that vary and with both fixed-step methods."""
-    for method in ("rk4", "rodas"):
-        found = []
-        for compiler in ("", "cc"):
-            monkeypatch.setenv("CC", compiler)
-            found.append(simulate(nitinol(duration=0.1, step=2e-3, method=method, **RICH)))
-        assert found[0].statistics["compiled"] is False
-        assert np.abs(found[0].x - found[1].x).max() <= 1e-10 * np.abs(found[0].x).max()
 
 
 # accuracy of the families: design.md, section 2.4
@@ -537,21 +494,6 @@ def test_far_beyond_the_range_the_run_stops_and_keeps_what_it_has(family):
     assert len(partial.warnings) >= 1
 
 
-def test_what_was_computed_is_saved(tmp_path, without_compiler):  # noqa: F811
-    config = ROOT / "configs/simulate/nitinol_release_020g.yaml"
-    settings = ("fidelity.bending_range=0.2", "time.duration=0.4")
-    changes = [part for setting in settings for part in ("--set", setting)]
-    result = CliRunner().invoke(app, ["simulate", str(config), "--out", str(tmp_path / "run"), *changes])
-    assert result.exit_code == 1
-    assert "declared range" in result.stderr
-    assert f"what was computed until then is in {tmp_path / 'run'}" in result.stderr
-    assert json.loads((tmp_path / "run/meta.json").read_text())["status"] == "stopped"
-    with np.load(tmp_path / "run/result.npz") as saved:
-        assert 1 < len(saved["t"]) < 400
-        assert saved["x"].shape == (len(saved["t"]), 4)
-        assert np.all(np.isfinite(saved["tip"]))
-
-
 @pytest.mark.deep
 @pytest.mark.parametrize("method", few(["auto", "rodas", "reference", "rk4"], 3))
 def test_a_motion_that_blows_up_is_stopped_with_time_and_state(method):
@@ -602,21 +544,6 @@ def test_an_output_step_far_above_the_stability_limit_is_divided(family):
     assert radius * 0.1 / substeps < 2.7
     assert len(coarse.t) == 11
     assert coarse.tip == pytest.approx(fine.tip[::100], abs=2e-3)
-
-
-@pytest.mark.deep
-def test_many_explicit_sub_steps_equal_the_implicit_method(monkeypatch):
-    """Material damping makes clothoids stiff."""
-    monkeypatch.setenv("CC", "cc")
-    keys = {"duration": 0.2, "step": 2e-3, "tip_mass": 0.02, "finger": {"damping": {"material": 8e-3}}}
-    explicit, implicit, chosen = (
-        simulate(nitinol("clothoid", 4, method=method, **keys)) for method in ("rk4", "rodas", "auto")
-    )
-    assert explicit.statistics["substeps"] >= 128
-    assert chosen.statistics["method"] == "rodas"
-    assert chosen.statistics["substeps"] == implicit.statistics["substeps"]
-    assert distance(chosen.tip, implicit.tip) < 1e-4
-    assert distance(explicit.tip, implicit.tip) < 1e-3
 
 
 # starts that a matched tip cannot have

@@ -26,13 +26,16 @@ FAR = {"rod": ROD, "base": {"position": [5.0, 5.0], "angle": 0.0}}
 G = 9.81
 
 
-def body(shape=None, law=None, *, duration=1.0, step=1e-3, **keys):
+BALL = {"shape": "circle", "diameter": 0.04, "position": [0.0, 0.02]}
+
+
+def body(shape=BALL, law=None, *, duration=1.0, step=1e-3, **keys):
     """An object alone, on a palm that points up, where nothing else is said."""
     data = {
         "finger": FAR,
         "gravity": [0.0, -G],
         "fidelity": {"family": "arc", "elements": 1},
-        "object": {"shape": "circle", "diameter": 0.04, "mass": 0.1, "position": [0.0, 0.02], **(shape or {})},
+        "object": {"mass": 0.1, **shape},
         "object_moves": True,
         "supports": {"floor": {"type": "palm", "point": [0.0, 0.0], "normal_angle": math.pi / 2}},
         "contact_law": {"stiffness": 5e3, "friction": 0.5, "dissipation": 20.0, **(law or {})},
@@ -50,7 +53,7 @@ def body(shape=None, law=None, *, duration=1.0, step=1e-3, **keys):
 def test_a_ball_bounces_as_the_law_says(dissipation):
     """Against an integration of the one equation that matters, at a tolerance of 1e-12."""
     law = {"dissipation": dissipation, "rounding": 1e-4}
-    found = body({"position": [0.0, 0.07]}, law, duration=0.6, step=5e-4)
+    found = body({**BALL, "position": [0.0, 0.07]}, law, duration=0.6, step=5e-4)
     energy = found.kinetic + found.potential
     assert np.diff(energy).max() < 5e-5 * energy[0]
 
@@ -73,7 +76,7 @@ def test_a_box_on_a_slope_sticks_or_slips(slope, sticks):
     """Friction 0.5 holds up to 0.4636 rad."""
     shape = {"shape": "box", "width": 0.06, "height": 0.03, "position": [0.0, 0.015]}
     gravity = [G * math.sin(slope), -G * math.cos(slope)]
-    found = slid(shape, gravity=gravity)
+    found = body(shape, step=2e-3, gravity=gravity)
     t, x = found.t, found.object_pose
     if sticks:
         assert np.ptp(x[t > 0.5, 0]) < 1e-7
@@ -85,25 +88,11 @@ def test_a_box_on_a_slope_sticks_or_slips(slope, sticks):
     assert found.contacts.shear[-1].sum() == pytest.approx(0.5 * found.contacts.normal_force[-1].sum(), rel=1e-6)
 
 
-def slid(shape, **keys):
-    data = {
-        "finger": FAR,
-        "fidelity": {"family": "arc", "elements": 1},
-        "object": {"mass": 0.1, **shape},
-        "object_moves": True,
-        "supports": {"floor": {"type": "palm", "point": [0.0, 0.0], "normal_angle": math.pi / 2}},
-        "contact_law": {"stiffness": 5e3, "friction": 0.5, "dissipation": 20.0},
-        "time": {"duration": 1.0, "step": 2e-3},
-        **keys,
-    }
-    return simulate(Scene.model_validate(data))
-
-
 @pytest.mark.parametrize(("across", "out"), [(0.0, 4.0), (3.0, 3.0), (3.0, 5.0), (0.0, 6.0)])
 def test_the_friction_disc_is_shared_by_both_directions(across, out):
     """Pressed on by 0.1 * 9.81 N, the box bears 0.4905 N along the wall and out of the plane together."""
     shape = {"shape": "box", "width": 0.2, "height": 0.01, "position": [0.0, 0.005]}
-    found = slid(shape, gravity=[across, -G], out_of_plane_gravity=out)
+    found = body(shape, step=2e-3, gravity=[across, -G], out_of_plane_gravity=out)
     pull, limit = math.hypot(across, out), 0.5 * G
     pose, t = found.object_pose, found.t
     contacts = found.contacts
@@ -140,7 +129,7 @@ def test_a_box_tips_over_the_end_of_an_edge():
     shape = {"shape": "box", "width": 0.06, "height": 0.02}
     edge = {"edge": {"type": "line", "start": [-0.1, 0.0], "end": [0.0, 0.0]}}
     keys = {"supports": edge, "gravity": [0.0, -G]}
-    rests, tips = (slid({**shape, "position": [x, 0.01]}, **keys) for x in (-0.02, 0.01))
+    rests, tips = (body({**shape, "position": [x, 0.01]}, step=2e-3, **keys) for x in (-0.02, 0.01))
     assert abs(rests.object_pose[-1, 2]) < 1e-3
     assert tips.object_pose[100, 2] < -0.3
 

@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from scipy import integrate, optimize, special
+from scipy import integrate, optimize
 
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.rod.elastica import solve_elastica
 from continuum_grasp.scene import ForceLoad
 from continuum_grasp.simulation import equilibrium, equilibrium_path
+from tests.closed_forms import rods as closed_forms
 from tests.marks import few
 from tests.rods import HANGING, HORIZONTAL, UNIT, UPRIGHT, force, order, rod_scene, without_compiler  # noqa: F401
 
@@ -36,40 +37,15 @@ def pressed(load: float, family: str, elements: int, follows: bool = False, **ke
 
 
 def bent_by_force(alpha: float) -> np.ndarray:
-    """Tip of the unit cantilever under a dead force alpha across it (K. E. Bisshopp, D. C. Drucker, 1945)."""
-
-    def modulus(slope: float) -> tuple[float, float]:
-        m = 0.5 * (1.0 + math.sin(slope))
-        return m, math.asin(1.0 / math.sqrt(2.0 * m))
-
-    def missing(slope: float) -> float:
-        m, start = modulus(slope)
-        return special.ellipk(m) - special.ellipkinc(start, m) - math.sqrt(alpha)
-
-    slope = optimize.brentq(missing, 1e-9, math.pi / 2 - 1e-12, xtol=1e-15)
-    m, start = modulus(slope)
-    deflection = 1.0 - 2.0 / math.sqrt(alpha) * (special.ellipe(m) - special.ellipeinc(start, m))
-    return np.array([math.sqrt(2.0 * math.sin(slope) / alpha), deflection])
+    """Tip of the unit cantilever under a dead force alpha across it."""
+    pose = closed_forms.bent_by_tip_force(alpha)
+    return np.array([pose.along, pose.across])
 
 
 def buckled(slope: float) -> tuple[float, np.ndarray]:
     """Load of the unit column whose tip has turned by ``slope``, and the tip (across, along)."""
-    m = math.sin(slope / 2.0) ** 2
-    whole = special.ellipk(m)
-    return whole**2, np.array([2.0 * math.sqrt(m) / whole, 2.0 * special.ellipe(m) / whole - 1.0])
-
-
-def test_the_elliptic_integrals_solve_the_rods_equation():
-    slopes = np.linspace(0.0, 1.0, 201)
-
-    def rate(s, state):
-        return np.array([state[1], -5.0 * np.cos(state[0]), np.cos(state[0]), np.sin(state[0])])
-
-    def ends(a, b):
-        return np.array([a[0], b[1], a[2], a[3]])
-
-    found = integrate.solve_bvp(rate, ends, slopes, np.vstack([slopes, 1.0 - slopes, slopes, 0 * slopes]), tol=1e-9)
-    assert found.y[2:, -1] == pytest.approx(bent_by_force(5.0), abs=1e-8)
+    load, tip = closed_forms.buckled_column(slope)
+    return load, np.array([tip.across, tip.along])
 
 
 @pytest.mark.parametrize(

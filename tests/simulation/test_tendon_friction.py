@@ -235,26 +235,6 @@ def test_derivatives_hold_where_the_law_bends(beyond):
         assert slope[:, k] == pytest.approx(by, rel=1e-4, abs=1e-8 * np.abs(slope).max())
 
 
-def test_mirrored_fingers_move_alike():
-    ends = []
-    for tensions in ([RISING, 1.0], [1.0, RISING]):
-        time = {"duration": 0.6, "step": 0.01}
-        ends.append(cg.simulate(cg.Scene(finger=finger(0.2), actuation={"tensions": tensions}, time=time, **SCENE)).x)
-    assert ends[0] == pytest.approx(-ends[1], abs=1e-8)
-
-
-@pytest.mark.deep
-def test_implicit_steps_of_milliseconds_follow():
-    def end(**time):
-        given = {"tensions": [RISING, 0.0]}
-        timing = {"duration": 0.6, **time}
-        return cg.simulate(cg.Scene(finger=finger(0.15), actuation=given, time=timing, **SCENE)).tip[-1]
-
-    exact = end(step=1e-3, method="reference")
-    for step, error in ((1e-3, 5e-4), (5e-3, 2e-3)):
-        assert end(step=step, method="rodas") == pytest.approx(exact, abs=error * LENGTH)
-
-
 def test_friction_costs_what_it_is_worth():
     def cost(**tendons):
         own = cg.FingerModel(finger(**tendons), family="clothoid", elements=2)

@@ -7,7 +7,6 @@ import sys
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from continuum_grasp.core import Core
 from continuum_grasp.core.rollouts import signal
@@ -15,9 +14,9 @@ from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene, Timing
-from continuum_grasp.simulation import initial_state, simulate
+from continuum_grasp.simulation import simulate
 from tests.marks import few
-from tests.rods import NITINOL, ROOT, force, order, rod_scene, without_compiler  # noqa: F401
+from tests.rods import NITINOL, ROOT, force, integrated, order, rod_scene, without_compiler  # noqa: F401
 
 PULLED_UP = {"pose": "equilibrium", "held_by": [force(0.6, (0.0, 0.8))]}
 """A force of 0.8 N at the tip lifts the finger, and lets go."""
@@ -41,18 +40,6 @@ def true_error(trajectory, truth):
     return np.hypot(*difference.transpose(1, 0, 2)).max() / trajectory.length
 
 
-def integrated(scene, t):
-    """States by DOP853 on the compiled right-hand side."""
-    model = FingerModel(scene)
-    core, u, w = Core(model), np.zeros(model.nu), np.zeros(model.nw)
-    core.prepare("forward_dynamics")
-    x0 = initial_state(scene, model)
-    found = solve_ivp(
-        lambda t, x: core.forward_dynamics(x, u, w), (0.0, t[-1]), x0, "DOP853", t, rtol=1e-12, atol=1e-13
-    )
-    return found.y.T
-
-
 CASES = {
     "4 arcs": ("arc", 4, 1e-3),
     "2 matched clothoids, far apart": ("matched_clothoid", 2, 1e-2),
@@ -69,7 +56,7 @@ def test_the_error_stays_within_the_tolerance_and_the_estimate_covers_it(case):
     truth = None
     for tolerance in (1e-3, 1e-4, 1e-6):
         found = simulate(released(family, elements, step, tolerance=tolerance))
-        truth = integrated(found.scene, found.t) if truth is None else truth
+        truth = integrated(found.scene) if truth is None else truth
         error = true_error(found, truth)
         assert found.warnings == ()
         assert error <= found.time_error
@@ -78,7 +65,7 @@ def test_the_error_stays_within_the_tolerance_and_the_estimate_covers_it(case):
 
 def test_ten_seconds_without_damping_keep_the_tolerance():
     found = simulate(released("matched_clothoid", 2, 1e-2, duration=10.0))
-    assert true_error(found, integrated(found.scene, found.t)) <= found.time_error <= 1e-4
+    assert true_error(found, integrated(found.scene)) <= found.time_error <= 1e-4
 
 
 @pytest.mark.deep
@@ -89,7 +76,7 @@ def test_fixed_steps_report_an_error_of_order_4_and_warn(method, steps, without_
     truth, reported, true = None, [], []
     for step in steps:
         found = simulate(released("arc", 2, step, method=method, tolerance=1e-10))
-        truth = integrated(scene, simulate(scene).t) if truth is None else truth
+        truth = integrated(scene) if truth is None else truth
         every = round(steps[0] / step)
         reported.append(found.time_error)
         difference = (ends(found, found.x[::every]) - ends(found, truth)).transpose(1, 0, 2)

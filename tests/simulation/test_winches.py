@@ -194,19 +194,6 @@ def test_dry_friction_with_a_memory_holds_a_load_without_current():
     assert crept[1] > 1e-3
 
 
-def test_motors_at_rest_pull_as_hard_as_their_torque():
-    torque = 0.06
-    for drive, u in ((MOTOR, [torque]), ({**MOTOR, "arrangement": "per_tendon", "pretension": 0.0}, [torque, 0.01])):
-        made = model(drive)
-        found = equilibrium_under(made, u, np.zeros(made.nw))
-        first, second = pulled(made, found, u)
-        assert first - second == pytest.approx((u[0] - (u[1] if len(u) > 1 else 0.0)) / 0.008, rel=1e-9)
-        assert bend(made, found.q) == pytest.approx((first - second) * OFFSET * LENGTH / STIFFNESS, rel=1e-9)
-        # and a motion that starts there stays
-        x = [*found.q, *np.zeros(made.n), *made.drives_at(found.q, u)]
-        assert np.abs(np.array(made.forward_dynamics(x, u, [0.0, 0.0], []))).max() < 1e-5
-
-
 def test_a_current_is_a_torque_by_its_constant():
     found = [
         np.array(made.forward_dynamics(np.full(made.nx, 0.1), [value], [0.0, 0.0], []))
@@ -281,26 +268,6 @@ def test_a_position_servo_at_rest_stays_there(angle, arrangement):
     assert 0.008 * (first - second) == pytest.approx(np.clip(0.4 * (angle - states[0]), -0.2, 0.2), abs=1e-9)
     rates = made.forward_dynamics([*found.q, *np.zeros(made.n), *states], [angle], [0.0, 0.0], [])
     assert np.abs(np.array(rates)).max() < 2e-4
-
-
-def test_backlash_is_passed_when_the_load_changes_sides():
-    """Turned to and fro under a slow torque, the motor is ahead of the drum by half the play and the gear's twist."""
-    drive = {**MOTOR, "backlash": 0.04, "gear_stiffness": 20.0, "coulomb_friction": 0.0, "viscous_friction": 2e-3}
-    swing = {"times": [0.0, 1.0, 2.0], "values": [0.0, 0.05, -0.05]}
-    motion = cg.simulate(scene(drive, {"torques": [swing]}, 2.5))
-    compliance = 3e-5 + LENGTH / 1e4
-    path, (first, second) = OFFSET * np.array([bend(motion.model, q) for q in motion.q]), motion.tensions.T
-    longer = compliance * np.where(first > second, first - 2.0, 2.0 - second)
-    ahead = motion.x[:, 2 * motion.n] - (path + longer) / 0.008
-    for at, torque in ((1.0, 0.05), (2.5, -0.05)):
-        assert ahead[motion.t == at][0] == pytest.approx(np.sign(torque) * 0.02 + torque / 20.0, abs=3e-4)
-    made = motion.model
-    found = equilibrium_under(made, [0.05], np.zeros(made.nw))
-    states = made.drives_at(found.q, [0.05])
-    drum = (OFFSET * bend(made, found.q) + compliance * (found.tensions[0] - 2.0)) / 0.008
-    assert states[0] - drum == pytest.approx(0.0225, rel=1e-9)
-    rates = made.forward_dynamics([*found.q, *np.zeros(made.n), *states], [0.05], np.zeros(made.nw), [])
-    assert np.abs(np.array(rates)).max() < 1e-5
 
 
 def test_times_without_tension_and_what_is_said_of_them():

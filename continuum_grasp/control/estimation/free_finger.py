@@ -16,10 +16,8 @@ from continuum_grasp.errors import NumericalError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.memory import RETURN_TIME
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.drives import LengthDrive
-from continuum_grasp.scene.finger import Finger
 from continuum_grasp.simulation.spectrum import sample_shapes
-from continuum_grasp.simulation.statics import Friction, equilibrium_under
+from continuum_grasp.simulation.statics import Friction, equilibrium_under, following, with_drives
 
 Array = NDArray[np.float64]
 
@@ -45,7 +43,7 @@ class FreeFinger:
 
     def __init__(self, scene: ControlScene, parameters: tuple[str, ...], places: tuple[float, ...]) -> None:
         self.model = FingerModel(
-            _followed(scene.finger),
+            with_drives(scene.finger, following),
             family=scene.fidelity.family,
             elements=scene.fidelity.elements,
             bending_range=scene.fidelity.bending_range,
@@ -191,23 +189,6 @@ class FreeFinger:
         """Lengths [m] at which each winch holds a fifth of what its tendon bears."""
         most = 0.2 * min(tendon.max_tension for tendon in self.model.finger.tendon_list)
         return self.model.drives_at(shape, np.zeros(self.model.nu), friction, pulled=most)[::2]
-
-
-def _followed(finger: Finger) -> Finger:
-    """The finger with winches that follow lengths, in place of motors."""
-
-    def changed(drive: object) -> LengthDrive:
-        own = {name: getattr(drive, name) for name in ("arrangement", "pretension", "slack")}
-        return LengthDrive(kind="length", time_constant=1.0, **own)
-
-    tendons = finger.tendons
-    if isinstance(tendons, tuple):
-        return finger.model_copy(
-            update={"tendons": tuple(t.model_copy(update={"drive": changed(t.drive)}) for t in tendons)}
-        )
-    if tendons is None:
-        return finger
-    return finger.model_copy(update={"tendons": tendons.model_copy(update={"drive": changed(tendons.drive)})})
 
 
 def steps_per_period(finger: FreeFinger, members: Array, period: float) -> int:
