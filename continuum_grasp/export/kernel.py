@@ -133,8 +133,8 @@ class Kernel:
         return f"void {prefix}_kernel_{self.name}({', '.join(arguments)})"
 
     def call(self, prefix: str, **arguments: str) -> str:
-        """C that calls it, with an expression for each input and output; those of no use are left out."""
-        given = ", ".join(arguments[name] for name in (*self.inputs, *self.outputs))
+        """C that calls it, with an expression for each input and output, its own name where none is given."""
+        given = ", ".join(arguments.get(name, name) for name in (*self.inputs, *self.outputs))
         return f"{prefix}_kernel_{self.name}({given});"
 
     def c_source(self, prefix: str, real: Real) -> str:

@@ -73,7 +73,9 @@ class SweptKernel(Kernel):
         calls = {}
         for key, part in self._parts.items():
             given = self._arguments(key, wide=True)
-            calls[key] = f"{part.name}_lanes({', '.join(given[name] for name in (*part.inputs, *part.outputs))});"
+            calls[key] = (
+                f"{part.name}_lanes({', '.join(given.get(name, name) for name in (*part.inputs, *part.outputs))});"
+            )
         arguments = [f"const lanes *{name}" for name in self.inputs] + ["lanes *xd"]
         head = f"static void {self.name}_lanes({', '.join(arguments)})"
         return "\n".join([*parts, self._loop(head, "lanes", real.name, real, calls)])
@@ -88,8 +90,7 @@ class SweptKernel(Kernel):
         """C of the arguments of a part."""
         made = self._made
         window = f"k * {made.stride}"
-        given = {name: name for name in ("u", "w", "p", "x", "drive", "tip", "tip_rate", "base", "lagging", "end")}
-        given |= {"lag": f"x + {2 * made.unknowns}", "spin": "spins[k]", "spun": "spins[k + 1]", "start": "start"}
+        given = {"lag": f"x + {2 * made.unknowns}", "spin": "spins[k]", "spun": "spins[k + 1]"}
         given |= {"q": f"q + {window}", "qd": f"qd + {window}", "row": "row" if wide else "rows[k]"}
         given |= {"shape": "shape[k]", "body": "body[k]", "gain": "gain[k]", "turn": "turns[k]"}
         given |= {"turned": "turns[k + 1]", "turns": "before", "handed": "end", "following": "start"}

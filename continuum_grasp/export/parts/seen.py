@@ -7,15 +7,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import casadi as ca
-import numpy as np
 
 from continuum_grasp import __version__
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Argument, Call, Code, Part
-from continuum_grasp.export.parts.model import DRAWN, drawing, range_warning
+from continuum_grasp.export.part import Argument, Part
+from continuum_grasp.export.parts.model import DRAWN, evaluating
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 from continuum_grasp.model import System
@@ -61,13 +60,6 @@ def _kernel(name: str, given: Symbols, found: Symbols, text: str) -> Kernel:
     return Kernel(name, straight_function(name, dict(given), {n: ca.densify(v) for n, v in found.items()}), text)
 
 
-def _filled(kernel: Kernel, prefix: str) -> str:
-    """C that fills ``result`` with the outputs, one behind the other."""
-    starts = np.cumsum([0, *kernel.outputs.values()])
-    places = {name: f"result + {start}" for name, start in zip(kernel.outputs, starts, strict=False)}
-    return f"  {kernel.call(prefix, **{name: name for name in kernel.inputs}, **places)}\n"
-
-
 def shape(subject: Subject) -> Part:
     """Write many sections in one call, without derivatives."""
     fields = {"x": ("m", "base first, tip last"), "y": ("m", ""), "angle": ("rad", "its tangent is (-sin, cos) of it")}
@@ -95,16 +87,8 @@ def _of_sections(
 ) -> Part:
     count = (subject.sections,)
     struct = Struct(kind, text, tuple(Field(f, unit, said, shape=count) for f, (unit, said) in fields.items()))
-
-    call = Call(
-        name,
-        text + DRAWN,
-        subject.acting(forces=False, drawn=True),
-        Argument(struct.name, struct, "result"),
-        _filled(kernel, subject.prefix) + range_warning(subject),
-        drawing(subject, kernel),
-        codes=(Code.WARN_LEFT_RANGE,),
-    )
+    inputs, output = subject.acting(forces=False, drawn=True), Argument(struct.name, struct, "result")
+    call = evaluating(subject, kernel, name, text + DRAWN, inputs, output, warns=True)
     constants = {"SECTIONS": f"{subject.sections} /* from base to tip, of a shape and of velocities */"}
     return Part(name, (kernel, *subject.kernels), (call,), constants)
 
@@ -123,17 +107,12 @@ def contact(subject: Subject) -> Part:
         f"Contacts with the object, in this order: {names}. Normals are the object's, outward; zero on a table.",
         tuple(Field(name, unit, text, shape=count) for name, unit, text in TOUCH),
     )
-
-    call = Call(
-        "touch",
+    text = (
         "Gaps, forces and places of all contacts, by the contact law of the scene with its friction. It warns where "
-        "the state is beyond what a step takes.",
-        subject.acting(forces="w" in kernel.inputs),
-        Argument("contacts", struct, "result"),
-        _filled(kernel, subject.prefix) + range_warning(subject),
-        drawing(subject, kernel),
-        codes=(Code.WARN_LEFT_RANGE,),
+        "the state is beyond what a step takes."
     )
+    inputs, output = subject.acting(forces="w" in kernel.inputs), Argument("contacts", struct, "result")
+    call = evaluating(subject, kernel, "touch", text, inputs, output, warns=True)
     return Part("contact", (kernel, *subject.kernels), (call,), {"CONTACTS": f"{count[0]} /* {names} */"})
 
 

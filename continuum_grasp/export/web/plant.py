@@ -164,7 +164,6 @@ class WebPlant:
         """All of its C: one file without a library."""
         real = REALS["double"]
         strict = c_source(set().union(*(kernel.calls for kernel in self._kernels)), real, "plant")
-        names = {name: name for name in self.arrays}
         words = {
             "kernels": "\n".join([strict, *(kernel.c_source("plant", real) for kernel in self._kernels)]),
             "exponent": real.bit_pattern(real.exponent_mask),
@@ -178,9 +177,9 @@ class WebPlant:
             "gamma": real.literal(GAMMA),
             "settled": real.literal(SETTLED),
             "memory": ", ".join(f"{name}[{max(size, 1)}]" for name, size in self.arrays.items()),
-            "rate": self._rates.call("plant", x="at", u="u", w="w", p="p", rate="rate"),
-            "look": "\n  ".join(kernel.call("plant", **names) for kernel in self.look),
-            "sense": "" if self.sense is None else self.sense.call("plant", **names),
+            "rate": self._rates.call("plant", x="at"),
+            "look": "\n  ".join(kernel.call("plant") for kernel in self.look),
+            "sense": "" if self.sense is None else self.sense.call("plant"),
             "addresses": "\n".join(f"plant_real *at_{name}(void) {{ return {name}; }}" for name in self.arrays),
         }
         return fill("web/plant.c", words)
