@@ -4,26 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from continuum_grasp.export.fmu.variable import STRICT, Count, Group, Unit, Variable, library_of, variables_of
+from continuum_grasp.export.control.loop import DIAGNOSIS
+from continuum_grasp.export.fmu.variable import STRICT, Group, Unit, Variable, count, library_of, variables_of
 from continuum_grasp.export.source import names_of
 from continuum_grasp.scene.control import ControlScene
 
-_REALS = {
-    "violation": "largest share by which a soft bound is left in the plan",
-    "residual": "of the optimality conditions, relative",
-    "cost": "of the plan",
-    "mismatch": "mean squared normalized innovation of the sensor that contradicts the model most",
-    "activity": "mean squared change of the command, per that at its rate limit",
-}
-_COUNTS = {
-    "anomalies": "what was noticed, bits of ANOMALY in the header",
-    "iterations": "factorizations beyond the first",
-    "health": "0 well, 1 mismatch, 2 detuned, 3 a reading is frozen, 4 tripped",
-    "sensor": "number of the sensor that contradicts the model most",
-    "frozen": "number of a reading that does not move; -1: none",
-    "trip": "why the controller is tripped; 0: it is not",
-    "rung": "how often the weight of the command's rate is raised fourfold",
-}
+_COUNTS = [name for kind, name, _ in DIAGNOSIS if kind != "real"]
+_REALS = [name for kind, name, _ in DIAGNOSIS if kind == "real"]
+_TEXTS = {name: text for _, name, text in DIAGNOSIS}
 
 
 def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> Unit:
@@ -46,7 +34,7 @@ def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> U
         Group("FMU_KNOWN", variables_of("known", "tunable", known, nominal)),
         Group("FMU_COMMAND", variables_of("command", "output", structs["command"])),
         Group("FMU_ESTIMATE", variables_of("estimate", "output", structs[start])),
-        Group("FMU_DIAGNOSIS", tuple(Variable(f"diagnosis.{k}", "1", text, "output") for k, text in _REALS.items())),
+        Group("FMU_DIAGNOSIS", tuple(Variable(f"diagnosis.{k}", "1", _TEXTS[k], "output") for k in _REALS)),
     ]
     names = [entry["name"] for entry in structs["reference"]]
     lines = [
@@ -63,8 +51,8 @@ def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> U
         stop=scene.duration or 1.0,
         groups=tuple(groups),
         counts=(
-            Count("code", "of the last call: 0 a new plan, above a warning, below what was refused"),
-            *(Count(f"diagnosis.{name}", text) for name, text in _COUNTS.items()),
+            count("code", "of the last call: 0 a new plan, above a warning, below what was refused"),
+            *(count(f"diagnosis.{name}", _TEXTS[name]) for name in _COUNTS),
         ),
         continuous=False,
         linear=False,

@@ -197,7 +197,7 @@ _BASE = {
     "Hz": {"s": -1},
     "1": {},
 }
-_TOKEN = re.compile(r"\s*(\(|\)(\d*)|/|([A-Za-z]+|1)(\d*))")
+_FACTOR = re.compile(r"\s*(/*)\s*(?:\(([^()]*)\)|([A-Za-z]+|1))(\d*)")
 
 
 def base_unit(unit: str) -> dict[str, int] | None:
@@ -206,33 +206,13 @@ def base_unit(unit: str) -> dict[str, int] | None:
     Factors stand side by side; a stroke divides by the one factor, or parenthesis, behind it: ``N m2`` is
     ``{"kg": 1, "m": 3, "s": -2}``.
     """
-    found, at = _product(unit, 0)
-    return None if found is None or at != len(unit) else {name: power for name, power in found.items() if power}
-
-
-def _product(unit: str, at: int) -> tuple[dict[str, int] | None, int]:
-    """Exponents of the factors up to the end or a closing parenthesis, and where that is."""
-    found: dict[str, int] = {}
-    sign, empty = 1, True
-    while match := _TOKEN.match(unit, at):
-        word, at = match[1], match.end()
-        if word.startswith(")"):
-            return (None if empty else found), match.start()
-        if word == "/":
-            sign = -1
-            continue
-        inner: dict[str, int] | None
-        if word == "(":
-            inner, at = _product(unit, at)
-            closing = _TOKEN.match(unit, at)
-            if inner is None or closing is None or not closing[1].startswith(")"):
-                return None, at
-            power, at = int(closing[2] or 1), closing.end()
-        else:
-            inner, power = _BASE.get(match[3]), int(match[4] or 1)
-        if inner is None:
-            return None, at
+    found, at = dict[str, int](), 0
+    while not at or at < len(unit):
+        match = _FACTOR.match(unit, at)
+        inner = None if match is None else _BASE.get(match[3]) if match[2] is None else base_unit(match[2])
+        if match is None or inner is None:
+            return None
+        power, at = (-1 if match[1] else 1) * int(match[4] or 1), match.end()
         for name, exponent in inner.items():
-            found[name] = found.get(name, 0) + sign * power * exponent
-        sign, empty = 1, False
-    return (None if empty else found), at
+            found[name] = found.get(name, 0) + power * exponent
+    return {name: power for name, power in found.items() if power}

@@ -10,12 +10,12 @@ import numpy as np
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.fmu.variable import (
     STRICT,
-    Count,
     Group,
     Kind,
     Unit,
     Variable,
     contact_variables,
+    count,
     library_of,
     tip_variables,
     variables_of,
@@ -71,7 +71,7 @@ def finger_unit(
         step=internal,
         stop=scene.time.duration if scene.time is not None else 1.0,
         groups=tuple(groups),
-        counts=(Count("code", "of the last step: 0 done, above a warning, below what was refused"),),
+        counts=(count("code", "of the last step: 0 done, above a warning, below what was refused"),),
         continuous=True,
         linear=linear,
         feedthrough=model.tip.jac_sparsity(0, model.tip.index_in("u")).nnz() > 0,

@@ -16,7 +16,7 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.export.casadi_source import generated_c
-from continuum_grasp.export.fmu.variable import Count, Group, Unit, contact_variables, labeled, tip_variables
+from continuum_grasp.export.fmu.variable import Group, Unit, contact_variables, count, labeled, tip_variables
 from continuum_grasp.export.part import Code
 from continuum_grasp.export.parts.seen import by_component
 from continuum_grasp.export.source import names_of
@@ -84,7 +84,7 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
             Group("FMU_TIP", seen),
             labeled("measurement", "output", measured, [0.0] * len(measured)),
         ),
-        counts=(Count("code", "of the last step: 0 done, below what was refused"),),
+        counts=(count("code", "of the last step: 0 done, below what was refused"),),
         continuous=True,
         linear=False,
         feedthrough=any(named[1].jac_sparsity(0, k).nnz() for k in (1, 2)),

@@ -62,14 +62,6 @@ class Variable:
 
 
 @dataclass(frozen=True)
-class Count:
-    """A whole number that is an output."""
-
-    name: str
-    text: str
-
-
-@dataclass(frozen=True)
 class Group:
     """Variables that lie side by side, like the members of a struct; ``name`` is that of their place in C."""
 
@@ -117,7 +109,7 @@ class Unit:
     step: float
     stop: float
     groups: tuple[Group, ...]
-    counts: tuple[Count, ...]
+    counts: tuple[Variable, ...]
     continuous: bool
     linear: bool
     feedthrough: bool
@@ -171,6 +163,11 @@ def variables_of(
             )
         )
     return tuple(found)
+
+
+def count(name: str, text: str) -> Variable:
+    """A whole number that is an output."""
+    return Variable(name, "", text, "output")
 
 
 _TIP = (

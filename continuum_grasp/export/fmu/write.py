@@ -30,7 +30,6 @@ from continuum_grasp.export.fmu.controller import controller_unit
 from continuum_grasp.export.fmu.description import build_description, model_description
 from continuum_grasp.export.fmu.finger import finger_unit
 from continuum_grasp.export.fmu.loop_plant import loop_plant_unit
-from continuum_grasp.export.fmu.rest import rest_of
 from continuum_grasp.export.fmu.variable import Unit
 from continuum_grasp.export.manifest import strict_flags
 from continuum_grasp.export.source import chosen, names_of, prefix_of, substeps_of
@@ -47,6 +46,7 @@ _TIMEOUT = 1800.0
 """After which a compiler is taken to hang [s]."""
 _LONG = 20_000
 """Lines of a source from which it is compiled with less optimization, as plants of many elements are."""
+_DECLARED = re.compile(r"^(\w+)\(([^)]*)\)$", re.MULTILINE)
 _FUNCTION = re.compile(r"^(FMI[23]\([^)]*\)\([^{;]*?\))\s*\{", re.MULTILINE)
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 """Time of every file in an archive, so that equal scenes give equal archives."""
@@ -202,15 +202,18 @@ def _written(unit: Unit, kind: str, fmi: str, file: Path, binary: bool, work: Pa
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             archive.writestr(entry, content[name])
-    outputs = tuple(v.name for v in unit.variables if v.kind in ("state", "output"))
+
+    def named(*kinds: str) -> tuple[str, ...]:
+        return tuple(v.name for v in (*unit.variables, *unit.counts) if v.kind in kinds)
+
     return FunctionalMockupUnit(
         file=file,
         fmi=fmi,
         what=kind,
         step=unit.step,
-        inputs=tuple(v.name for v in unit.variables if v.kind == "input"),
-        outputs=(*outputs, *(count.name for count in unit.counts)),
-        parameters=tuple(v.name for v in unit.variables if v.kind in ("tunable", "fixed")),
+        inputs=named("input"),
+        outputs=named("state", "output"),
+        parameters=named("tunable", "fixed"),
         binary=platform_name,
     )
 
@@ -263,11 +266,29 @@ def _source(unit: Unit, fmi: str) -> str:
     types, *glue = (fill(f"fmu/{name}", words) for name in unit.glue)
     own = {"v": fmi, **_SPELLED[fmi]}
     parts = {name: fill(f"fmu/{name}.c", own) for name in ("names", "shared")}
-    words |= {**parts, "prototypes": "<<prototypes>>", "others": rest_of(fmi)}
+    words |= {**parts, "prototypes": "<<prototypes>>", "others": _rest(fmi)}
     standard = fill(f"fmu/fmi{fmi}.c", words)
     declared = "\n".join(f"{head};" for head in _FUNCTION.findall(standard))
     standard = filled(standard, {"prototypes": declared})
     return fill("fmu/common.c", {**words, "types": types, "glue": "".join(glue)}) + "\n" + standard
+
+
+def _rest(fmi: str) -> str:
+    """C of functions of which an FMU without events and clocks has nothing: to read or write no variable is done,
+    anything else is refused.
+    """
+    of = f"{_SPELLED[fmi]['handle']} instance, const fmi{fmi}ValueReference vr[], size_t n"
+    found = []
+    for name, given in _DECLARED.findall(fill(f"fmu/rest{fmi}.txt", {}).replace("OF", of)):
+        arguments = " ".join(given.split())
+        names = re.findall(r"(\w+)(?:\[\])?(?:,|$)", arguments)
+        unused = "".join(f"  (void){one};\n" for one in names if one != "instance")
+        done = f"  if (instance && n == 0) return fmi{fmi}OK;\n" if arguments.startswith(of) else ""
+        found.append(
+            f"FMI{fmi}(fmi{fmi}Status, fmi{fmi}{name})({arguments})\n{{\n{unused}{done}"
+            f'  return fmi{fmi}_refused(instance, "{name}: this FMU has nothing of the kind");\n}}\n'
+        )
+    return "\n".join(found)
 
 
 def _platform(fmi: str) -> tuple[str, str]:
@@ -313,20 +334,11 @@ def _compiled(unit: Unit, files: Mapping[str, str], suffix: str, work: Path) -> 
 def _page(unit: Unit) -> str:
     """A page of the variables."""
     rows = []
-    for v in unit.variables:
+    for v in (*unit.variables, *unit.counts):
         span = [f"{end:g}" for end in (v.low, v.high) if abs(end) < 1e300]
-        cells = (
-            v.name,
-            v.kind,
-            v.unit,
-            " to ".join(span) if v.kind in ("input", "tunable", "fixed", "state") else "",
-            v.text,
-        )
+        taken = " to ".join(span) if v.kind in ("input", "tunable", "fixed", "state") else ""
+        cells = (v.name, v.kind, v.unit, taken, v.text)
         rows.append(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>")
-    rows += [
-        f"<tr><td>{c.name}</td><td>output</td><td></td><td></td><td>{html.escape(c.text)}</td></tr>"
-        for c in unit.counts
-    ]
     return (
         f'<!DOCTYPE html>\n<html lang="en"><meta charset="utf-8"><title>{html.escape(unit.title)}</title>\n'
         f"<h1>{html.escape(unit.title)}</h1>\n<p>{html.escape(unit.what)}; internal step {unit.step:g} s; made by "
