@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from continuum_grasp.arguments import positive
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.fmu.variable import (
     STRICT,
@@ -21,7 +22,7 @@ from continuum_grasp.export.fmu.variable import (
     variables_of,
 )
 from continuum_grasp.export.parts.model import has_linearization
-from continuum_grasp.export.source import positive, source_of
+from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
@@ -44,7 +45,7 @@ def finger_unit(
     # Forces of contacts have no derivatives here.
     linear = not touching and has_linearization(subject)
     what = ["dynamics", "step", "kinematics", *["linearization"] * linear, *["contact"] * bool(touching)]
-    internal = positive(step, "step") or source.step
+    internal = source.step if step is None else positive("step", step)
     sources, manifest = library_of(scene, what=what, prefix=identifier, ranges=ranges, step=internal, substeps=substeps)
     structs: dict[str, Any] = manifest["structs"]
     internal = internal or manifest["steps"]["step"]["accurate_s"]

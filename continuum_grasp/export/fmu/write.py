@@ -32,7 +32,7 @@ from continuum_grasp.export.fmu.finger import finger_unit
 from continuum_grasp.export.fmu.loop_plant import loop_plant_unit
 from continuum_grasp.export.fmu.variable import Unit
 from continuum_grasp.export.manifest import strict_flags
-from continuum_grasp.export.source import chosen, names_of, prefix_of, substeps_of
+from continuum_grasp.export.source import chosen, names_of, prefix_of
 from continuum_grasp.export.template import fill
 from continuum_grasp.results import replacing
 from continuum_grasp.scene.control import ControlScene
@@ -143,7 +143,7 @@ def export_fmu(
     scene = scene_of(given, (Scene, ControlScene))
     own = prefix_of(name) if name is not None else identifier_of(given, scene)
     versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
-    makers = _makers(scene, own, what, step, substeps_of(substeps), ranges, preview)
+    makers = _makers(scene, own, what, step, substeps, ranges, preview)
     files = {(kind, fmi): Path(folder) / f"{own}_{kind}_fmi{fmi}.fmu" for kind in makers for fmi in versions}
     for file in files.values():
         check_file(file, is_unit)
@@ -179,8 +179,8 @@ def _makers(
         if names != ["plant"]:
             raise InputError("a simulated scene has a plant alone; a controller needs a closed loop", key="what")
         return {"plant": partial(finger_unit, scene, f"{name}_plant", step=step, substeps=substeps, ranges=ranges)}
-    for key, value in (("step", step), ("ranges", ranges), ("substeps", substeps)):
-        if value:
+    for key, value in (("step", step), ("ranges", ranges or None), ("substeps", substeps)):
+        if value is not None:
             raise InputError("is for a simulated scene: a closed loop has its own", key=key)
     made = {
         "plant": partial(loop_plant_unit, scene, f"{name}_plant"),

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.accuracy.choose import resolve_fidelity
-from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.closed_loop.links import Links, lump, rounded_step
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
@@ -169,8 +169,7 @@ def export_mjcf(
     scene = scene_of(scene)
     _CARRIED.check(scene)
     listed = _CHAIN.check(scene)
-    if not 1 <= hinges <= _MOST_HINGES:
-        raise InputError(f"expected a whole number from 1 to {_MOST_HINGES}, got {hinges}", key="hinges")
+    whole("hinges", hinges, 1, _MOST_HINGES)
     per_arc = FingerModel(resolve_fidelity(scene)[0]).lengths if scene.finger.damping.per_arc else ()
     controls = controls_of(scene)
     if file is not None and scene.time is not None and any(one.varies for one in controls):
