@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import html
-import json
 import os
 import platform
 import re
-import subprocess
 import sys
 import tempfile
 import uuid
@@ -31,7 +29,7 @@ from continuum_grasp.export.fmu.description import build_description, model_desc
 from continuum_grasp.export.fmu.finger import finger_unit
 from continuum_grasp.export.fmu.loop_plant import loop_plant_unit
 from continuum_grasp.export.fmu.variable import Unit
-from continuum_grasp.export.manifest import strict_flags
+from continuum_grasp.export.manifest import manifest_text, strict_flags, write_files
 from continuum_grasp.export.source import chosen, names_of, prefix_of
 from continuum_grasp.export.template import fill
 from continuum_grasp.results import replacing
@@ -42,8 +40,6 @@ from continuum_grasp.scene.simulate import Scene
 WHAT = ("plant", "controller")
 """What may be exported of a closed loop; of a simulated scene, the first."""
 VERSIONS = ("2", "3")
-_TIMEOUT = 1800.0
-"""After which a compiler is taken to hang [s]."""
 _LONG = 20_000
 """Lines of a source from which it is compiled with less optimization, as plants of many elements are."""
 _DECLARED = re.compile(r"^(\w+)\(([^)]*)\)$", re.MULTILINE)
@@ -228,7 +224,7 @@ def _files(unit: Unit, fmi: str) -> dict[str, str]:
     found["modelDescription.xml"] = model_description(unit, fmi, token)
     found["documentation/index.html"] = _page(unit)
     found["documentation/licenses/license.txt"] = fill("LICENSE", {"version": __version__})
-    found["resources/MANIFEST.json"] = json.dumps(unit.manifest, indent=2, allow_nan=False) + "\n"
+    found["resources/MANIFEST.json"] = manifest_text(unit.manifest)
     if fmi == "3":
         names = sorted(name for name in sources if name.endswith(".c"))
         found["sources/buildDescription.xml"] = build_description(unit, names)
@@ -312,22 +308,14 @@ def _compiled(unit: Unit, files: Mapping[str, str], suffix: str, work: Path) -> 
     flags = [flag for flag in strict_flags(compiler.version) if flag in unit.flags]
     sources = {Path(name).name: text for name, text in files.items() if name.startswith("sources/")}
     level = "-O1" if max(text.count("\n") for text in sources.values()) > _LONG else "-O2"
-    line = [*compiler.command, *flags, "-O0" if quick_compile() else level, "-w", "-fPIC", "-fvisibility=hidden"]
+    flags += ["-O0" if quick_compile() else level, "-w", "-fPIC", "-fvisibility=hidden"]
     folder = work / unit.identifier
-    folder.mkdir(exist_ok=True)
-    for name, text in sources.items():
-        (folder / name).write_text(text, encoding="utf-8")
-
-    def run(*more: str) -> None:
-        done = subprocess.run([*line, *more], cwd=folder, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
-        if done.returncode != 0:
-            raise InputError(f"the C compiler refused the sources: {done.stderr[:2000]}", key="binary")
-
+    write_files(folder, sources)
     stems = [name[:-2] for name in sorted(sources) if name.endswith(".c")]
     missing = [stem for stem in stems if not (folder / f"{stem}.o").exists()]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(lambda stem: run("-c", f"{stem}.c"), missing))
-    run("-shared", *(f"{stem}.o" for stem in stems), "-o", f"unit{suffix}", "-lm")
+        list(pool.map(lambda stem: compiler.run([*flags, "-c", f"{stem}.c"], folder), missing))
+    compiler.run([*flags, "-shared", *(f"{stem}.o" for stem in stems), "-o", f"unit{suffix}", "-lm"], folder)
     return (folder / f"unit{suffix}").read_bytes()
 
 
