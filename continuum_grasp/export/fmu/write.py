@@ -327,10 +327,5 @@ def _page(unit: Unit) -> str:
         taken = " to ".join(span) if v.kind in ("input", "tunable", "fixed", "state") else ""
         cells = (v.name, v.kind, v.unit, taken, v.text)
         rows.append(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>")
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><meta charset="utf-8"><title>{html.escape(unit.title)}</title>\n'
-        f"<h1>{html.escape(unit.title)}</h1>\n<p>{html.escape(unit.what)}; internal step {unit.step:g} s; made by "
-        f"continuum_grasp {__version__}.</p>\n<table>\n"
-        "<tr><th>variable</th><th>kind</th><th>unit</th><th>range</th><th>meaning</th></tr>\n"
-        f"{chr(10).join(rows)}\n</table>\n</html>\n"
-    )
+    words = {"title": html.escape(unit.title), "what": html.escape(unit.what), "step": f"{unit.step:g}"}
+    return fill("fmu/page.html", {**words, "version": __version__, "rows": "\n".join(rows)})

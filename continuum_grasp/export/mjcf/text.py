@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Sequence
 from functools import partial
 from xml.etree import ElementTree as ET
@@ -15,6 +16,7 @@ from continuum_grasp.closed_loop.links import Links
 from continuum_grasp.export.mjcf.controls import Control, drawn_in, offset_at
 from continuum_grasp.export.mjcf.sliders import Sliders
 from continuum_grasp.export.mjcf.surroundings import add_surroundings, numbers, touching
+from continuum_grasp.export.template import fill
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 
@@ -98,37 +100,18 @@ def _explanation(
     scene: Scene, links: Links, controls: Sequence[Control], frequency: float, differences: Sequence[str]
 ) -> str:
     """What the file is, in its first lines."""
-    lines = [
-        f"A continuum finger as a chain of {len(links.at)} hinges, by continuum_grasp {__version__} (export-mjcf).",
-        "SI units. The finger lies in the x-y plane; all hinges turn about z. Each hinge has the compliance of one",
-        "element of the rod, where a moment that is linear along the element bends it by the same angle; each link",
-        "has mass and inertia of its part of the rod, with the point masses on it. Moments of inertia about x and y",
-        "do not matter in the plane. Shapes and frequencies approach those of the rod with the square of the number",
-        "of hinges.",
-        f"First natural frequency, straight and unloaded: {frequency:.6g} Hz.",
-        "The step is half of the longest stable one of the straight chain, or less.",
-    ]
-    if any(control.gear is None for control in controls):
-        lines += [
-            "Actuators tendon_1, tendon_2, ... take tensions [N]; positive ones pull (gear -1).",
-            "Tendons run through sites beside each hinge, at their offset from the backbone.",
-        ]
-        if any(control.cable is not None for control in controls):
-            lines[-2:] = [
-                "Actuators tendon_1, tendon_2, ... take cable that is wound up [m], from where it is just taut on the",
-                "straight finger; each pulls by the stiffness of its tendon, or not at all. The length of a tendon is",
-                "how far the hinges draw it in.",
-            ]
-    if links.stop is not None:
-        lines.append("Tendons stop_1, stop_2, ... are springs with a dead band: stops, where the links touch.")
-    if scene.finger.damping.dry_friction:
-        lines += [
-            "Joints slider_1_1, ... have the dry friction in bending; springs branch_1_1, ... tie the hinges to them.",
-            "Take angles of hinges by name: sliders are between them in qpos.",
-        ]
-    lines.append("Keyframe 'start': state and controls of the scene at time zero.")
-    lines += [f"Differs: {text}." for text in differences]
-    return "\n" + "\n".join(f"    {line}" for line in lines) + "\n  "
+    wound = any(control.cable is not None for control in controls)
+    words = {
+        "hinges": len(links.at),
+        "version": __version__,
+        "frequency": f"{frequency:.6g}",
+        "pulled": not wound and any(control.gear is None for control in controls),
+        "wound": wound,
+        "stops": links.stop is not None,
+        "sliders": scene.finger.damping.dry_friction,
+        "differences": "".join(f"Differs: {text}.\n" for text in differences),
+    }
+    return f"\n{textwrap.indent(fill('mjcf/comment.txt', words), '    ')}  "
 
 
 def _bodies(
