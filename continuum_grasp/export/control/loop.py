@@ -165,6 +165,11 @@ class Loop:
         return self.calls.period
 
     @property
+    def nodes(self) -> int:
+        """Nodes of a reference: from now on, one each stage."""
+        return self.stages.stages + 1
+
+    @property
     def measurement_names(self) -> tuple[str, ...]:
         """Names and units of what is measured; the state where there is no estimator."""
         return self.estimated if self.estimation is None else self.estimation.measurement_names
@@ -239,9 +244,9 @@ class Loop:
     @cached_property
     def reference(self) -> Struct:
         """Setpoints of all nodes."""
-        nodes, fields = self.stages.stages + 1, named_fields(self.stages.r_names, self.ranges.r)
+        fields = named_fields(self.stages.r_names, self.ranges.r)
         text = f"Setpoints from now on, one each {self.stages.stage:g} s."
-        return Struct("reference", text, tuple(replace(field, shape=(nodes,)) for field in fields))
+        return Struct("reference", text, tuple(replace(field, shape=(self.nodes,)) for field in fields))
 
     @cached_property
     def settings(self) -> Struct:

@@ -176,7 +176,7 @@ class _Writer:
     def words(self, common: dict[str, object]) -> dict[str, object]:
         loop, p, big = self.loop, self.prefix, self.prefix.upper()
         known = loop.known.size if loop.known is not None else 0
-        start, nx, nz = loop.start, loop.stages.nd, loop.start.size
+        nx, nz = loop.stages.nd, loop.start.size
         taken, at = [], 0
         for member in CHANGEABLE:
             count = np.size(getattr(loop.stages, member))
@@ -190,14 +190,7 @@ class _Writer:
         quiet_nan = self.real.exponent_mask | 1 << (self.real.mantissa_bits - 1)
         return {
             **common,
-            "period": f"{loop.period:g}",
-            "n": loop.stages.stages,
-            "stage": f"{loop.stages.stage:g}",
-            "start": start.name,
-            "nz": nz,
-            "nu": loop.command.size,
-            "nm": loop.measurement.size,
-            "ns": loop.settings.size,
+            "loop": loop,
             "np_size": max(loop.stages.np, 1),
             "take": "\n".join(taken),
             "read_reference": "\n".join(
@@ -216,7 +209,6 @@ class _Writer:
             "missing": self.real.bit_pattern(quiet_nan),
             "estimated": "\n".join(estimated),
             "what_is_measured": "a measurement" if self.filter else "the state",
-            "safe": loop.safe,
             "sensors": ",\n".join(
                 f"  {big}_SENSOR_{name.upper().replace(' ', '_')} = {k}" for k, name in enumerate(loop.watched)
             ),
@@ -224,7 +216,6 @@ class _Writer:
             "indent_step": " " * len(f"int {p}_estimator_step("),
             "estimator_settings": "loop_settings.ekf" if self.mpc else "ekf_settings",
             "contact_settings": "loop_settings.contact" if self.mpc else "contact_settings",
-            "touch": loop.touch,
             "known": known,
             "known_nominal": "known_nominal" if known else "0",
             "known_or_null": "p" if known else "0",

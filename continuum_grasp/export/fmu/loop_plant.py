@@ -90,8 +90,7 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
         feedthrough=any(named[1].jac_sparsity(0, k).nnz() for k in (1, 2)),
         glue=("loop_plant_types.c", "loop_plant.c"),
         words={
-            "nx": model.nx,
-            "nu": model.nu,
+            "model": model,
             "shown": len(seen),
             "given": max(4, *(f.sz_arg() for f in named)),
             "found": max(1, *(f.sz_res() for f in named)),

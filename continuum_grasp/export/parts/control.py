@@ -93,7 +93,7 @@ def _part(subject: Subject, name: str, structs: list[Struct], codes: tuple[Code,
     constants = {"PERIOD": f"{subject.real.literal(loop.period)} /* s, from one call to the next */"}
     if name == "mpc":
         nodes = f"of a reference: from now on, one each {loop.stages.stage:g} s"
-        constants["NODES"] = f"{loop.stages.stages + 1} /* {nodes} */"
+        constants["NODES"] = f"{loop.nodes} /* {nodes} */"
     return Part(
         name,
         [adapter.kernel for adapter in adapters_of(loop.functions) if adapter.kernel is not None],
@@ -125,15 +125,14 @@ def _estimator_runner(prefix: str, loop: Loop) -> str:
     known, measurement = _take_known(loop, "estimator", ROW_FLAGS)
     applied = measurement + loop.measurement.size
     words = {"take_known": known, "measurement": measurement, "applied": applied, "nz": nz, "anomalies": 2 * nz}
-    words |= {"touch": loop.touch, "contact": 2 * nz + 1}
-    return _runner("estimator", prefix, words)
+    return _runner("estimator", prefix, {**words, "loop": loop, "contact": 2 * nz + 1})
 
 
 def _controller_runner(prefix: str, loop: Loop) -> str:
     """C that runs a row: flags, settings, what is known, the measurement, setpoints now and later, the node from which
     the later ones hold, what was applied.
     """
-    nu, nr, nodes = loop.command.size, loop.stages.nr, loop.stages.stages + 1
+    nu, nr = loop.command.size, loop.stages.nr
     known, measurement = _take_known(loop, "controller", ROW_FLAGS + loop.settings.size)
     wanted = measurement + loop.measurement.size
     low = ROW_FLAGS + 2 * nr  # settings begin with the weights of the setpoints, running and terminal; see CHANGEABLE
@@ -141,11 +140,8 @@ def _controller_runner(prefix: str, loop: Loop) -> str:
     words = {
         "take_known": known,
         "measurement": measurement,
-        "start": loop.start.name,
-        "nu": nu,
-        "nr": nr,
-        "nodes": nodes,
-        "nodes_size": nr * nodes,
+        "loop": loop,
+        "nodes_size": nr * loop.nodes,
         "wanted": wanted,
         "later": wanted + nr,
         "switch": wanted + 2 * nr,
@@ -154,6 +150,5 @@ def _controller_runner(prefix: str, loop: Loop) -> str:
         "high": low + nu,
         "end": end,
         **{f"end{k}": end + k for k in range(1, 6)},
-        "touch": loop.touch,
     }
     return _runner("controller", prefix, words)

@@ -3,7 +3,7 @@ static int run_estimator_step(check_memory *memory, const <<p>>_real *row, <<p>>
 {
   <<p>>_measurement measurement;
   <<p>>_command applied;
-  <<p>>_estimate estimate, variance;<<if touch>>
+  <<p>>_estimate estimate, variance;<<if loop.touch>>
   <<p>>_contact contact;<<end>>
   int k, code = 0;
   if (row[0] > 0) <<p>>_estimator_init(&memory->estimator);
@@ -20,7 +20,7 @@ static int run_estimator_step(check_memory *memory, const <<p>>_real *row, <<p>>
   <<p>>_estimator_variance(&memory->estimator, &variance);
   memcpy(out + <<nz>>, &variance, sizeof variance);
   out[<<anomalies>>] = (<<p>>_real)<<p>>_estimator_anomalies(&memory->estimator);
-<<if touch>>
+<<if loop.touch>>
   <<p>>_estimator_contact(&memory->estimator, &contact);
   memcpy(out + <<contact>>, &contact, sizeof contact);
 <<end>>  return code;
