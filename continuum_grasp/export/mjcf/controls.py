@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.loads import ForceLoad, Samples, VectorSamples
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import interpolate, value_of
@@ -120,12 +119,6 @@ def _wound(scene: Scene) -> list[Control]:
             )
         )
     return found
-
-
-def offset_at(finger: Finger, tendon: int, s: float) -> float:
-    """Distance of a tendon from the backbone at s [m], positive on the -X side."""
-    one = finger.tendon_list[tendon]
-    return ends(one.offset)[0] * float(one.shape(finger.profile.length)(s))
 
 
 def drawn_in(finger: Finger, tendon: int, at: Array) -> Array:

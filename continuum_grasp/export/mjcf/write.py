@@ -124,7 +124,7 @@ class HingeChain:
 def export_mjcf(
     scene: Scene | str | os.PathLike[str], file: str | os.PathLike[str] | None = None, *, hinges: int = 40
 ) -> HingeChain:
-    """Write the finger of a scene as a chain of hinges for MuJoCo, with spatial tendons and the scene's loads.
+    """Write the finger of a scene as a chain of hinges for MuJoCo, with its tendons and the scene's loads.
 
     Each of ``hinges`` elements of the rod becomes one hinge with the element's compliance, where it acts (the midpoint
     rule; see `continuum_grasp.closed_loop.links`), between links with the masses of the rod: shapes and frequencies
