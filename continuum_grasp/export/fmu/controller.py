@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from continuum_grasp.export.control.loop import DIAGNOSIS
-from continuum_grasp.export.fmu.variable import STRICT, Group, Unit, Variable, count, library_of, variables_of
+from continuum_grasp.export.fmu.variable import STRICT, Unit, Variable, count, library_of, variables_of
 from continuum_grasp.export.source import names_of
 from continuum_grasp.scene.control import ControlScene
 
@@ -27,15 +27,15 @@ def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> U
         "measurement", "input", structs["measurement"], list(loop["measurement_at_start"].values()), may_be_missing=True
     )
     nominal = list(loop["nominal_known"].values())
-    groups = [
-        Group("FMU_MEASUREMENT", measured),
-        Group("FMU_REFERENCE", _reference(structs["reference"], wanted, nodes if preview else 0, loop["stage_s"])),
-        Group("FMU_SETTINGS", variables_of("settings", "tunable", structs["settings"], settings)),
-        Group("FMU_KNOWN", variables_of("known", "tunable", known, nominal)),
-        Group("FMU_COMMAND", variables_of("command", "output", structs["command"])),
-        Group("FMU_ESTIMATE", variables_of("estimate", "output", structs[start])),
-        Group("FMU_DIAGNOSIS", tuple(Variable(f"diagnosis.{k}", "1", _TEXTS[k], "output") for k in _REALS)),
-    ]
+    groups = {
+        "FMU_MEASUREMENT": measured,
+        "FMU_REFERENCE": _reference(structs["reference"], wanted, nodes if preview else 0, loop["stage_s"]),
+        "FMU_SETTINGS": variables_of("settings", "tunable", structs["settings"], settings),
+        "FMU_KNOWN": variables_of("known", "tunable", known, nominal),
+        "FMU_COMMAND": variables_of("command", "output", structs["command"]),
+        "FMU_ESTIMATE": variables_of("estimate", "output", structs[start]),
+        "FMU_DIAGNOSIS": tuple(Variable(f"diagnosis.{k}", "1", _TEXTS[k], "output") for k in _REALS),
+    }
     names = [entry["name"] for entry in structs["reference"]]
     lines = [
         f"    f->scratch.reference.{name}[k] = values[FMU_REFERENCE + {f'{j * nodes} + k' if preview else j}];"
@@ -49,7 +49,7 @@ def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> U
         what="its predictive controller",
         step=loop["period_s"],
         stop=scene.duration or 1.0,
-        groups=tuple(groups),
+        groups=groups,
         counts=(
             count("code", "of the last call: 0 a new plan, above a warning, below what was refused"),
             *(count(f"diagnosis.{name}", _TEXTS[name]) for name in _COUNTS),

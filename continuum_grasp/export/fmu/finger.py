@@ -11,14 +11,13 @@ from continuum_grasp.arguments import positive
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.fmu.variable import (
     STRICT,
-    Group,
+    TIP,
     Kind,
     Unit,
     Variable,
     contact_variables,
     count,
     library_of,
-    tip_variables,
     variables_of,
 )
 from continuum_grasp.export.parts.model import has_linearization
@@ -53,16 +52,16 @@ def finger_unit(
     acts: Kind = "fixed" if model.structure.moment_is_constant else "input"
     signals, state = Signals(scene, model, nw=moving.nw), np.asarray(initial_state(scene, moving), dtype=float)
     parameters = list(manifest["nominal_parameters"].values())
-    groups = [
-        Group("FMU_INPUTS", variables_of("input", acts, structs["input"], signals.u(0.0)[0][: model.nu])),
-        Group("FMU_FORCES", variables_of("forces", "input", structs.get("forces", []), signals.w(0.0)[0])),
-        Group("FMU_PARAMETERS", variables_of("parameters", "tunable", structs.get("parameters", []), parameters)),
-        Group("FMU_STATE", variables_of("state", "state", structs["state"], state)),
-        Group("FMU_TIP", tip_variables()),
-        *([Group("FMU_CONTACTS", tuple(contact_variables(touching)))] if touching else []),
-        Group("FMU_RATES", _rates(structs["rate"]) if linear else ()),
-    ]
-    words: dict[str, Any] = {"forces": bool(groups[1].variables), "parameters": bool(parameters)}
+    groups = {
+        "FMU_INPUTS": variables_of("input", acts, structs["input"], signals.u(0.0)[0][: model.nu]),
+        "FMU_FORCES": variables_of("forces", "input", structs.get("forces", []), signals.w(0.0)[0]),
+        "FMU_PARAMETERS": variables_of("parameters", "tunable", structs.get("parameters", []), parameters),
+        "FMU_STATE": variables_of("state", "state", structs["state"], state),
+        "FMU_TIP": TIP,
+        **({"FMU_CONTACTS": contact_variables(touching)} if touching else {}),
+        "FMU_RATES": _rates(structs["rate"]) if linear else (),
+    }
+    words: dict[str, Any] = {"forces": bool(groups["FMU_FORCES"]), "parameters": bool(parameters)}
     words |= {"acting": ", &forces" if words["forces"] else "", "contacts": bool(touching)}
     words["touched"] = ", &forces" if "forces" in manifest["functions"].get("touch", {}).get("inputs", ()) else ""
     return Unit(
@@ -71,7 +70,7 @@ def finger_unit(
         what="a planar continuum finger" + " with the object that it touches" * (subject.touching is not None),
         step=internal,
         stop=scene.time.duration if scene.time is not None else 1.0,
-        groups=tuple(groups),
+        groups=groups,
         counts=(count("code", "of the last step: 0 done, above a warning, below what was refused"),),
         continuous=True,
         linear=linear,
