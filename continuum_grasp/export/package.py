@@ -292,7 +292,6 @@ def _contents(subject: Subject, parts: Sequence[Part], title: str, what: str = "
     contents.words.update(
         {
             "p": prefix,
-            "P": prefix.upper(),
             "version": __version__,
             "number": number,
             "version3": ".".join([*number.split("."), "0", "0"][:3]),  # package.xml of ROS asks for three numbers

@@ -109,15 +109,11 @@ def c_source(names: Iterable[str], real: Real, prefix: str) -> str:
     n = _constants(real)
     words = {
         "p": prefix,
-        "P": prefix.upper(),
-        "width": real.width,
+        "n": n,
+        "real": real,
         "exponent_mask": real.bit_pattern(real.exponent_mask),
         "guess": real.bit_pattern(n.guess),
-        "newton": n.newton,
-        "bias": real.bias,
-        "mantissa": real.mantissa_bits,
         "sign_bit": real.width - 1,
-        "up_power": n.up_power,
         **{name: real.literal(getattr(n, name)) for name in n.numbers},
         **{f"{name}_series": f"{{{', '.join(map(real.literal, getattr(n, name)))}}}" for name in _TERMS},
         **{f"{name}_last": len(getattr(n, name)) - 1 for name in _TERMS},

@@ -234,7 +234,7 @@ class Subject:
             return ""
         p = self.prefix
         declared = ", ".join(f"const {p}_real *{name}" for name in self.guard.inputs)
-        return fill("guard.c", {"p": p, "P": p.upper(), "declared": declared, "call": self.guard.call(p)})
+        return fill("guard.c", {"p": p, "declared": declared, "call": self.guard.call(p)})
 
     @property
     def guard_source(self) -> str:

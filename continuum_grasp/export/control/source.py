@@ -257,7 +257,7 @@ def control_sources(loop: Loop, prefix: str, real: Real) -> tuple[dict[str, str]
     The declarations leave places for the bytes of the memory, which are known once it was compiled.
     """
     writer = _Writer(loop, prefix, real)
-    words = writer.words({"p": prefix, "P": prefix.upper(), "version": __version__})
+    words = writer.words({"p": prefix, "version": __version__})
     files = {f"include/{prefix}_memory.h": writer.memory(words), f"src/{prefix}_control.c": writer.source(words)}
     headers = {"estimator": "estimator", "mpc": "controller"}
     declared = {name: fill(f"control/{headers[name]}.h", words) for name in loop.parts}

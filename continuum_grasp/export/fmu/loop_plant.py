@@ -103,7 +103,7 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
             "noise": " + values[FMU_NOISE + k]" if noisy else "",
         },
         sources={
-            f"{identifier}.h": fill("fmu/plant.h", {"p": identifier, "P": big, "codes": codes, "texts": texts}),
+            f"{identifier}.h": fill("fmu/plant.h", {"p": identifier, "codes": codes, "texts": texts}),
             f"{identifier}_plant.h": header,
             f"{identifier}_plant.c": source,
         },

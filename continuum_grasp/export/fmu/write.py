@@ -243,7 +243,6 @@ def _source(unit: Unit, fmi: str) -> str:
     """C between the library and the standard, one file."""
     words: dict[str, object] = {
         "p": unit.identifier,
-        "P": unit.identifier.upper(),
         "unit": unit,
         "fmi": f"{fmi}.0",
         "version": __version__,

@@ -117,4 +117,4 @@ def _runner(subject: Subject, loop: Loop, name: str, **between: int) -> str:
     places = dict(zip(sizes, itertools.accumulate(sizes.values(), initial=ROW_FLAGS), strict=False))
     # Settings begin with the weights of the setpoints, running and terminal; see CHANGEABLE.
     words = {"loop": loop, "low": ROW_FLAGS + 2 * loop.stages.nr, "behind": loop.command.size + loop.start.size}
-    return fill(f"tests/run_{name}.c", {"p": subject.prefix, "P": subject.prefix.upper(), **places, **words})
+    return fill(f"tests/run_{name}.c", {"p": subject.prefix, **places, **words})

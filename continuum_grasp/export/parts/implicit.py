@@ -58,7 +58,6 @@ def implicit_step(subject: Subject) -> Part:
 
     words = {
         "p": prefix,
-        "P": prefix.upper(),
         "nonzeros": slope.outputs["jacobian"],
         "substeps": real.literal(substeps),
         "settled": real.literal(SETTLED),

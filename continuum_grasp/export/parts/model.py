@@ -289,7 +289,6 @@ def step(subject: Subject) -> Part:
     numbers |= {"substeps": subject.substeps, "accurate": coarse}
     words: dict[str, object] = {
         "p": subject.prefix,
-        "P": subject.prefix.upper(),
         "dynamics": kernel.call(subject.prefix, x="point", xd="rate"),
         **{name: real.literal(value) for name, value in numbers.items()},
         "left_range": subject.left_range("result"),

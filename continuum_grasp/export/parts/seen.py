@@ -150,7 +150,7 @@ def metadata(subject: Subject) -> Part:
             "count": f"{len(entries)}u",
             "version": __version__,
         }
-        return fill("metadata.c", {"p": prefix, "P": prefix.upper(), **words})
+        return fill("metadata.c", {"p": prefix, **words})
 
-    declared = fill("metadata.h", {"p": prefix, "P": prefix.upper()})
+    declared = fill("metadata.h", {"p": prefix})
     return Part("metadata", (), (), declarations=declared, describes=(f"src/{prefix}_metadata.c", table))

@@ -3,7 +3,7 @@
 {<<if rows>>
   static const <<real>> rows[<<made.links>>][<<row>>] = {<<rows>>};<<end>>
   <<t>> drive[<<drive>>], <<if tip>>tip[1], tip_rate[1], <<end>><<if lags>>lagging[<<lags>>], <<end>>base[2], q[<<full>>], qd[<<full>>], rates[<<full>>];
-  <<t>> spins[<<made.links>> + 1][<<spin>>], shape[<<made.links>>][<<shape>>], body[<<made.links>>][<<body>>], gain[<<made.links>>][<<gain>>];
+  <<t>> spins[<<made.links>> + 1][<<spun>>], shape[<<made.links>>][<<shape>>], body[<<made.links>>][<<body>>], gain[<<made.links>>][<<gain>>];
   <<t>> start[<<start>>], end[<<end_size>>];<<if wide>>
   <<t>> row[<<row>>];<<end>><<if loads>>
   static const int loaded[<<loads>>] = {<<loaded>>};
@@ -16,7 +16,7 @@
   }<<if tip>>
   q[<<made.unknowns>>] = tip[0];
   qd[<<made.unknowns>>] = tip_rate[0];<<end>>
-  for (i = 0; i < <<spin>>; ++i) spins[0][i] = <<zero>>;
+  for (i = 0; i < <<spun>>; ++i) spins[0][i] = <<zero>>;
   for (k = 0; k < <<made.links>>; ++k) {<<if wide>>
     for (i = 0; i < <<row>>; ++i) row[i] = same(rows[k][i]);<<end>>
     <<carry_call>>
