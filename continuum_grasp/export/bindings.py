@@ -12,22 +12,13 @@ from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import Call, Stateful
 from continuum_grasp.export.subject import Subject
 
-_BEGUN = ("state", "measurement", "reference", "command")
-"""Structs with a function that fills them with what they begin with."""
 _OPEN = ("measurement", "reference")
 """Structs of which a part may be given; the rest is as they begin: not measured, as the scene wants it."""
 
 
-def _begun(contents: Contents) -> list[str]:
-    names = {struct.name for struct in contents.structs if contents.stateful} - {"state"}
-    if contents.calls and contents.subject.touching is not None:
-        names.add("state")
-    return [name for name in _BEGUN if name in names]
-
-
 def _interface(contents: Contents) -> dict[str, object]:
     """Structs and functions as plain values: fields with shapes, types and units, arguments with their structs."""
-    words, begins = contents.words, _beginnings(contents.subject)
+    words = contents.words
     structs = {s.name: [[f.name, list(f.shape), "real", f.unit] for f in s.fields] for s in contents.structs}
     if any(function.types[0] == "controller" for function in contents.stateful):
         structs["diagnosis"] = [[name, [], kind, text] for kind, name, text in DIAGNOSIS]
@@ -36,7 +27,7 @@ def _interface(contents: Contents) -> dict[str, object]:
         "abi": int(words["abi"][:-1], 16),
         "configuration": words["hash"],
         "structs": structs,
-        "begun": {name: begins[name] for name in _begun(contents)},
+        "begun": _beginnings(contents),
         "open": list(_OPEN),
         "functions": {
             call.name: {
@@ -64,20 +55,20 @@ def _interface(contents: Contents) -> dict[str, object]:
     }
 
 
-def _beginnings(subject: Subject) -> dict[str, dict[str, object]]:
-    """What structs of a closed loop begin with; those that are not here with zeros."""
-    found: dict[str, dict[str, object]] = {}
-    if subject.touching is not None:
+def _beginnings(contents: Contents) -> dict[str, dict[str, object]]:
+    """What structs begin with that have a function to fill them; others begin with zeros."""
+    subject, loop, found = contents.subject, contents.subject.loop, dict[str, dict[str, object]]()
+    if contents.calls and subject.touching is not None:
         found["state"] = dict(zip((f.name for f in subject.state.fields), map(float, subject.start), strict=True))
-    loop = subject.loop
-    if loop is None:
-        return found
-    wanted = zip(loop.reference.fields, loop.wanted, strict=True)
-    return found | {
-        "measurement": {field.name: math.nan for field in loop.measurement.fields},
-        "reference": {field.name: [float(value)] * field.size for field, value in wanted},
-        "command": {field.name: float(value) for field, value in zip(loop.command.fields, loop.before, strict=True)},
-    }
+    if loop is not None and contents.stateful:
+        wanted, before = zip(loop.reference.fields, loop.wanted, strict=True), map(float, loop.before)
+        own: dict[str, dict[str, object]] = {
+            "measurement": {field.name: math.nan for field in loop.measurement.fields},
+            "reference": {field.name: [float(value)] * field.size for field, value in wanted},
+            "command": dict(zip((field.name for field in loop.command.fields), before, strict=True)),
+        }
+        found |= {struct.name: own[struct.name] for struct in contents.structs if struct.name in own}
+    return found
 
 
 def _members(subject: Subject, function: Stateful) -> list[str]:
@@ -101,7 +92,7 @@ def python_binding(contents: Contents) -> str:
 def wasm_exports(contents: Contents) -> list[str]:
     """Functions that a module exports."""
     calls, stateful = contents.calls, contents.stateful
-    names = ["strerror", "version", "abi", "configuration", *(f"{name}_init_abi" for name in _begun(contents))]
+    names = ["strerror", "version", "abi", "configuration", *(f"{name}_init_abi" for name in _beginnings(contents))]
     names += [f"{function.types[0]}_{method.name}" for function in stateful for method in function.methods]
     names += [call.name for call in calls] + (["init_abi"] if calls else [])
     names += [name for function in stateful for name in (function.name, f"{function.types[0]}_init_abi")]

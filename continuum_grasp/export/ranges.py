@@ -16,6 +16,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.export.control.loop import identifiers, unit_of
 from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
+from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.system_equations import SystemEquations
@@ -303,44 +304,6 @@ def _of_curvature(
 
 
 _DRIVE = r"(tension|length|motor_angle|torque|current|angle)_(\d+)"
-_PATTERNS = (
-    (r"length_(\d+)", "cable that winch {0} winds up, from where it is at zero"),
-    (r"motor_angle_(\d+)", "angle of motor {0}, at the drum"),
-    (r"motor_friction_(\d+)", "which way dry friction of motor {0} acts, -1 to 1 where it slips"),
-    (r"torque_(\d+)", "of motor {0}, at the drum"),
-    (r"current_(\d+)", "of motor {0}"),
-    (r"angle_(\d+)", "where the servo of motor {0} turns its drum"),
-    (r"friction_\d+_conduit", "which way friction in the conduit acts, -1 to 1 where the tendon slides"),
-    (r"friction_(\d+)_(\d+)", "which way friction in cell {1} of tendons {0} acts, -1 to 1 where they slide"),
-    (r"theta_(\d+)", "bend of element {0}, positive towards the base's -X"),
-    (r"kappa_(\d+)", "curvature at node {0}, counted from the base as 0"),
-    (r"(theta|kappa)_(\d+)_rate", "its rate"),
-    (r"tip_moment", "moment at the tip, positive like bends"),
-    (r"moment_(\d+)", "bending moment of the tendons of shape {0}, at the base"),
-    (r"(tip_)?moment(_\d+)?_rate", "its rate"),
-    (r"tip_couple_(\d+)", "further moment at the tip"),
-    (r"(\w+)_acceleration", "second derivative of {0}"),
-    (r"(\w+)_rate", "rate of {0}"),
-    (r"tip_([xy])", "world force at the tip"),
-    (r"load_(\d+)_([xy])", "world force of load {0}"),
-    (r"load_(\d+)_across", "force of load {0} across the finger, which it follows"),
-    (r"load_(\d+)_along", "the same along the finger"),
-    (r"load_(\d+)_moment", "moment of load {0}"),
-    (r"base_position_([xy])", "world position of the base"),
-    (r"object_([xy])", "world position of the object"),
-    (r"base_angle", "from the world's to the base's axes"),
-    (r"gravity_([xy])", "world gravity"),
-    (r"element_lengths(?:_(\d+))?", "length of the element"),
-    (r"linear_density", "mass per length"),
-    (r"bending_stiffness", "E I"),
-    (r"rotary_inertia", "per length"),
-    (r"material_damping", "moment per rate of curvature"),
-    (r"per_arc_damping", "moment per rate of an element's bend"),
-    (r"rest_curvature", "curvature of the finger that is left alone"),
-    (r"tendon_offset", "of the tendons from the backbone"),
-    (r"tendon_friction", "between tendon and guides"),
-    (r"tip_mass", "at the tip"),
-)
 
 
 def _pulled(model: FingerModel, tendon: int) -> tuple[Channel, float]:
@@ -362,7 +325,8 @@ def _description(model: FingerModel, name: str) -> str:
         side = "base's -X side, which bends positively" if arm > 0.0 else "other side"
         end = f", up to {channel.to:g} m" if channel.to < model.finger.rod.length else ""
         return f"tendon on the {side}{end}"
-    for pattern, text in _PATTERNS:
+    for line in fill("descriptions.txt", {}).splitlines():
+        pattern, _, text = line.partition(": ")
         match = re.fullmatch(pattern, name)
         if match:
             return text.format(*(group or "" for group in match.groups()))
