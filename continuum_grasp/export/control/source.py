@@ -11,6 +11,7 @@ from continuum_grasp import __version__
 from continuum_grasp.control.compiled import estimator_sizes
 from continuum_grasp.control.field import Field as Member
 from continuum_grasp.control.rti.source import dimensions, iteration_bodies, template
+from continuum_grasp.control.status import ANOMALY_TEXTS, MEASUREMENT_TEXTS, Anomaly, Verdict
 from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.export.control.kernels import adapters_of
 from continuum_grasp.export.control.loop import CHANGEABLE, DIAGNOSIS, Loop
@@ -23,26 +24,14 @@ SIZES = ("estimator_bytes", "estimator_work_bytes", "controller_bytes", "control
 """Places of the header for what is known once it was compiled."""
 UNKNOWN = "0x7fffffff"
 """What stands there before: more than any memory, so that the checks of the sizes in the C hold."""
+_RENAMED = {"BAD_PARAMETERS": "BAD_KNOWN", "INPUT_LIMITED": "COMMAND_LIMITED"}
+"""Anomalies of what has another name in a package."""
 ANOMALIES = {
-    "MISSING": "an entry of the measurement is not there",
-    "ABSURD": "one is infinite or out of its range",
-    "OUTLIER": "one is too far from what was expected: its sensor was rejected",
-    "REOPENED": "one is too far too often: used with bounded influence",
-    "BLIND": "nothing was measured for as long as a plan lasts",
-    "ESTIMATE_LIMITED": "an estimated disturbance was moved into its range",
-    "ESTIMATE_RESTARTED": "the estimate was not finite or out of its range; the estimator started again",
-    "BAD_SETPOINTS": "a setpoint is not finite or out of its range",
-    "BAD_KNOWN": "an entry of known is; the last good ones are used",
-    "BAD_APPLIED": "what is said to have been applied is",
-    "LATE": "the last command was late",
-    "NOT_SOLVED": "the iteration failed",
-    "COMMAND_LIMITED": "the planned command was out of its range",
-    "RATE_LIMITED": "the planned command was further from the last one than its rate allows",
-    "FROZEN": "a reading does not move: it counts as missing until it does",
-    "BEYOND_LIMIT": "a limit was moved past the last command, which approaches it at its greatest rate",
-    "UNFAMILIAR": "the state is beyond the logs of the learned residual, which fades to zero",
-    "PLAN_GAPS": "the plan was no motion of the model: replaced, or integrated anew",
+    _RENAMED.get(str(anomaly.name), str(anomaly.name)): ANOMALY_TEXTS.get(anomaly)
+    or f"a reading: {MEASUREMENT_TEXTS[Verdict[str(anomaly.name)]]}"
+    for anomaly in Anomaly
 }
+"""What each bit of anomalies means, by its name, from the lowest one on."""
 
 
 _TOUCH_MEMORY = """
