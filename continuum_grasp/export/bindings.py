@@ -114,7 +114,7 @@ def wasm_files(contents: Contents) -> dict[str, str]:
         example += f"{', '.join(last.inputs)});"
     more = {
         "exports": " ".join(f"-Wl,--export={name}" for name in wasm_exports(contents)),
-        "interface": json.dumps(_interface(contents)),
+        "interface": json.dumps(_interface(contents) | {"begun": list(_beginnings(contents))}),
         "use": "".join(used).rstrip("\n"),
         "example": example,
     }

@@ -62,7 +62,7 @@ class Finger {
     const place = this.#start + this.#offset;
     this.#reserve(place + 8 * sizeOf(fields));
     new Uint8Array(this.#c.memory.buffer, place, 8 * sizeOf(fields)).fill(0);
-    if (struct in INTERFACE.begun) this.#check(this.#c[`<<p>>_${struct}_init_abi`](place, INTERFACE.abi));
+    if (INTERFACE.begun.includes(struct)) this.#check(this.#c[`<<p>>_${struct}_init_abi`](place, INTERFACE.abi));
     return this.#read(place, fields);
   }
 
