@@ -14,7 +14,6 @@ from continuum_grasp.export.fmu.variable import (
     TIP,
     Kind,
     Unit,
-    Variable,
     contact_variables,
     count,
     library_of,
@@ -52,6 +51,7 @@ def finger_unit(
     acts: Kind = "fixed" if model.structure.moment_is_constant else "input"
     signals, state = Signals(scene, model, nw=moving.nw), np.asarray(initial_state(scene, moving), dtype=float)
     parameters = list(manifest["nominal_parameters"].values())
+    rates = [{**entry, "text": f"rate of state.{entry['name']}"} for entry in structs["rate"]]
     groups = {
         "FMU_INPUTS": variables_of("input", acts, structs["input"], signals.u(0.0)[0][: model.nu]),
         "FMU_FORCES": variables_of("forces", "input", structs.get("forces", []), signals.w(0.0)[0]),
@@ -59,7 +59,7 @@ def finger_unit(
         "FMU_STATE": variables_of("state", "state", structs["state"], state),
         "FMU_TIP": TIP,
         **({"FMU_CONTACTS": contact_variables(touching)} if touching else {}),
-        "FMU_RATES": _rates(structs["rate"]) if linear else (),
+        "FMU_RATES": variables_of("rate", "rate", rates if linear else ()),
     }
     words: dict[str, Any] = {"forces": bool(groups["FMU_FORCES"]), "parameters": bool(parameters)}
     words |= {"acting": ", &forces" if words["forces"] else "", "contacts": bool(touching)}
@@ -80,11 +80,4 @@ def finger_unit(
         sources=sources,
         flags=STRICT,
         manifest=manifest,
-    )
-
-
-def _rates(entries: Sequence[Mapping[str, Any]]) -> tuple[Variable, ...]:
-    """Rates of the states, which are the states' derivatives."""
-    return tuple(
-        Variable(f"rate.{entry['name']}", entry["unit"], f"rate of state.{entry['name']}", "rate") for entry in entries
     )

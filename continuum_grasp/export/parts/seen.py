@@ -24,18 +24,32 @@ Symbols = Mapping[str, ca.SX]
 # Each kernel is of the state, input and parameters of a system, which are expressions of the symbols that are given.
 
 
-def shape_kernel(system: System, at: Sequence[float], given: Symbols, x: ca.SX, u: ca.SX, p: ca.SX) -> Kernel:
-    """Positions and angles of sections at places along the finger [m]."""
-    r, angle = system.sections(at)(x, u, p)
-    found = {"section_x": r[0, :].T, "section_y": r[1, :].T, "section_angle": angle}
-    return _kernel("shape", given, found, "Positions and angles of sections.")
+_SECTIONS = {
+    "shape": (
+        "sections",
+        "Sections of the finger in the world, evenly spaced from base to tip.",
+        "Positions and angles of sections.",
+        (("x", "m", "base first, tip last"), ("y", "m", ""), ("angle", "rad", "its tangent is (-sin, cos) of it")),
+    ),
+    "velocities": (
+        "section_velocities",
+        "Velocities of the sections of a shape, in the world.",
+        "Velocities and turning rates of sections.",
+        (("x", "m/s", "base first, tip last"), ("y", "m/s", ""), ("spin", "rad/s", "rate of the angle")),
+    ),
+}
+"""By part: struct, which is a function of ``System`` too, its text, that of the kernel, and fields."""
 
 
-def velocity_kernel(system: System, at: Sequence[float], given: Symbols, x: ca.SX, u: ca.SX, p: ca.SX) -> Kernel:
-    """Their velocities and turning rates."""
-    v, spin = system.section_velocities(at)(x, u, p)
-    found = {"section_vx": v[0, :].T, "section_vy": v[1, :].T, "section_spin": spin}
-    return _kernel("velocities", given, found, "Velocities and turning rates of sections.")
+def sections_kernel(
+    name: str, system: System, at: Sequence[float], given: Symbols, x: ca.SX, u: ca.SX, p: ca.SX
+) -> Kernel:
+    """Positions and angles of sections at places along the finger [m], or their velocities and turning rates."""
+    kind, _, text, fields = _SECTIONS[name]
+    across, turn = getattr(system, kind)(at)(x, u, p)
+    axes = "v" * (name == "velocities")
+    found = {f"section_{axes}x": across[0, :].T, f"section_{axes}y": across[1, :].T, f"section_{fields[2][0]}": turn}
+    return _kernel(name, given, found, text)
 
 
 def contact_kernel(system: System, given: Symbols, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> Kernel:
@@ -60,33 +74,12 @@ def _kernel(name: str, given: Symbols, found: Symbols, text: str) -> Kernel:
     return Kernel(name, straight_function(name, dict(given), {n: ca.densify(v) for n, v in found.items()}), text)
 
 
-def shape(subject: Subject) -> Part:
-    """Write many sections in one call, without derivatives."""
-    fields = {"x": ("m", "base first, tip last"), "y": ("m", ""), "angle": ("rad", "its tangent is (-sin, cos) of it")}
-    text = "Sections of the finger in the world, evenly spaced from base to tip."
-    return _of_sections(subject, "shape", "sections", text, fields, shape_kernel(subject.system, *_finger(subject)))
-
-
-def velocities(subject: Subject) -> Part:
-    """Write their velocities."""
-    fields = {"x": ("m/s", "base first, tip last"), "y": ("m/s", ""), "spin": ("rad/s", "rate of the angle")}
-    text = "Velocities of the sections of a shape, in the world."
-    return _of_sections(
-        subject, "velocities", "section_velocities", text, fields, velocity_kernel(subject.system, *_finger(subject))
-    )
-
-
-def _finger(subject: Subject) -> tuple[list[float], dict[str, ca.SX], ca.SX, ca.SX, ca.SX]:
-    """Where sections are, and symbols of state, input and parameters."""
-    given = {name: ca.SX.sym(name, getattr(subject.system, f"n{name}")) for name in "xup"}
-    return subject.stations, given, given["x"], given["u"], given["p"]
-
-
-def _of_sections(
-    subject: Subject, name: str, kind: str, text: str, fields: Mapping[str, tuple[str, str]], kernel: Kernel
-) -> Part:
-    count = (subject.sections,)
-    struct = Struct(kind, text, tuple(Field(f, unit, said, shape=count) for f, (unit, said) in fields.items()))
+def sections(name: str, subject: Subject) -> Part:
+    """Write many sections in one call, without derivatives, or their velocities."""
+    kind, text, _, entries = _SECTIONS[name]
+    given = {letter: ca.SX.sym(letter, getattr(subject.system, f"n{letter}")) for letter in "xup"}
+    kernel = sections_kernel(name, subject.system, subject.stations, given, *given.values())
+    struct = Struct(kind, text, tuple(Field(f, unit, said, shape=(subject.sections,)) for f, unit, said in entries))
     inputs, output = subject.acting(forces=False, drawn=True), Argument(struct.name, struct, "result")
     call = evaluating(subject, kernel, name, text + DRAWN, inputs, output, warns=True)
     constants = {"SECTIONS": f"{subject.sections} /* from base to tip, of a shape and of velocities */"}

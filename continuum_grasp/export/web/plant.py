@@ -24,7 +24,7 @@ from continuum_grasp.export.control.loop import unit_of
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.parts.implicit import SETTLED
-from continuum_grasp.export.parts.seen import contact_kernel, shape_kernel
+from continuum_grasp.export.parts.seen import contact_kernel, sections_kernel
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
@@ -136,7 +136,7 @@ class WebPlant:
         """What is drawn: sections and contacts, by the kernels of ``export-c``."""
         x, _, w, p = self.symbols
         own, given = x[: self.system.nx], self.given
-        shape = shape_kernel(self.system, self.at.tolist(), given, own, self.acting, p)
+        shape = sections_kernel("shape", self.system, self.at.tolist(), given, own, self.acting, p)
         if not self.system.touch_names:
             return (shape,)
         return shape, contact_kernel(self.system, given, own, self.acting, w, p)
