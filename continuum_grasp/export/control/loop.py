@@ -210,7 +210,7 @@ class Loop:
     @cached_property
     def applied(self) -> Struct:
         """The same that was applied, which may be off or beyond what can be commanded."""
-        return Struct("command", "", named_fields(self.stages.u_names, self.ranges.applied))
+        return Struct("applied", "", named_fields(self.stages.u_names, self.ranges.applied))
 
     @cached_property
     def wanted(self) -> Array:

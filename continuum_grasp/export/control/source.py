@@ -16,7 +16,7 @@ from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.export.control.kernels import adapters_of
 from continuum_grasp.export.control.loop import CHANGEABLE, DIAGNOSIS, Loop
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
-from continuum_grasp.export.fields import Real, Struct, each_once
+from continuum_grasp.export.fields import Real, each_once
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 
@@ -54,11 +54,6 @@ class _Writer:
     def array(self, name: str, values: Iterable[float]) -> str:
         numbers = ", ".join(map(self.real.finite_literal, values))
         return f"static const {self.prefix}_real {name}[] = {{{numbers}}};"
-
-    def bounds(self, struct: Struct, name: str = "") -> str:
-        low, high = zip(*struct.bounded, strict=True)
-        name = name or struct.name
-        return "\n".join([self.array(f"{name}_low", low), self.array(f"{name}_high", high)])
 
     # -- memory ------------------------------------------------------------------------------------------------------
 
@@ -129,13 +124,13 @@ class _Writer:
     def numbers(self) -> str:
         loop, p = self.loop, self.prefix
         nominal = loop.stages.p_nominal
-        texts = [self.bounds(loop.applied, "applied"), self.bounds(loop.start)]
+        texts = [*(s.bounds(p, self.real) for s in (loop.applied, loop.start))]
         texts += [self.array("first_state", loop.first), self.array("first_command", loop.before)]
         if loop.known is not None:
             texts.append(self.array("known_nominal", nominal))
-            texts += [self.bounds(loop.known)] if "estimator" in loop.parts else []
+            texts += [loop.known.bounds(p, self.real)] if "estimator" in loop.parts else []
         if self.mpc:
-            texts += [self.array("settings_nominal", loop.nominal_settings), self.bounds(loop.settings)]
+            texts += [self.array("settings_nominal", loop.nominal_settings), loop.settings.bounds(p, self.real)]
             texts.append(self.array("first_setpoints", loop.wanted))
             texts.append(f"static const {p}_loop_settings loop_settings = {self.initializer(loop.members)};")
         else:
