@@ -31,10 +31,11 @@ def choice(key: str, value: Any, allowed: Iterable[Any]) -> Any:
     raise InputError(f"expected one of {', '.join(map(str, known))}, got {shown(value)}", key=key)
 
 
-def whole(key: str, value: Any, least: int = 1) -> int:
-    """A whole number that C can hold, 1 or more where no other least one is given."""
-    if not isinstance(value, Integral) or isinstance(value, bool) or not least <= int(value) < 2**31:
-        raise InputError(f"expected a whole number, {least} or more, got {shown(value)}", key=key)
+def whole(key: str, value: Any, least: int = 1, most: int = 2**31 - 1) -> int:
+    """A whole number of a range, ends included; 1 or more, and one that C can hold, where no other range is given."""
+    if not isinstance(value, Integral) or isinstance(value, bool) or not least <= int(value) <= most:
+        wanted = f", {least} or more" if most == 2**31 - 1 else f" from {least} to {most}"
+        raise InputError(f"expected a whole number{wanted}, got {shown(value)}", key=key)
     return int(value)
 
 

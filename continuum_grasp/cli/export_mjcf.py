@@ -22,7 +22,7 @@ def export_mjcf(
     as_json: Json = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a finger as a chain of hinges for MuJoCo, with spatial tendons and the scene's loads."""
+    """Write a finger as a chain of hinges for MuJoCo, with its tendons and the scene's loads."""
     from continuum_grasp.export import export_mjcf as write
     from continuum_grasp.scene.load import scene_of
     from continuum_grasp.scene.simulate import Scene

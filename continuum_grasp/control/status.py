@@ -97,14 +97,14 @@ class Verdict(IntEnum):
     FROZEN = 6
 
 
-_OF_MEASUREMENTS = {
+MEASUREMENT_TEXTS = {
     Verdict.MISSING: "not measured",
     Verdict.ABSURD: "infinite or beyond its limits",
     Verdict.OUTLIER: "outlier rejected",
     Verdict.REOPENED: "outlier too often, so it is used with bounded influence",
     Verdict.FROZEN: "frozen: the reading does not move",
 }
-_OF_THE_REST = {
+ANOMALY_TEXTS = {
     Anomaly.BLIND: "nothing was measured for as long as a plan lasts",
     Anomaly.ESTIMATE_LIMITED: "an estimated disturbance was clipped to its limits",
     Anomaly.ESTIMATE_RESTARTED: "the estimate was not finite or beyond its limits; the estimator restarted",
@@ -127,11 +127,11 @@ def texts(anomalies: int, verdicts: Sequence[float], names: Sequence[str]) -> tu
     Those of measurements begin with their name.
     """
     measured = [
-        f"{name.split(' ')[0]}: {_OF_MEASUREMENTS[Verdict(int(verdict))]}"
+        f"{name.split(' ')[0]}: {MEASUREMENT_TEXTS[Verdict(int(verdict))]}"
         for name, verdict in zip(names, verdicts, strict=True)
-        if int(verdict) in _OF_MEASUREMENTS
+        if int(verdict) in MEASUREMENT_TEXTS
     ]
-    return (*measured, *[text for bit, text in _OF_THE_REST.items() if anomalies & bit])
+    return (*measured, *[text for bit, text in ANOMALY_TEXTS.items() if anomalies & bit])
 
 
 _TRIPS = {

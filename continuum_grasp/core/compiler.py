@@ -85,24 +85,25 @@ class Compiler:
         units = translation_units(source.read_text(), _LONG)
         with _logged(what, units):
             if len(units) == 1:
-                self._run([*self.flags(units[0]), "-shared", str(source), "-o", str(library), "-lm"])
+                self.run([*self.flags(units[0]), "-shared", str(source), "-o", str(library), "-lm"])
             else:
                 objects = [str(source.with_suffix(f".{k}.o")) for k in range(len(units))]
                 with ThreadPoolExecutor(os.cpu_count()) as pool:
                     list(pool.map(self._compile, units, objects))
-                self._run(["-shared", *objects, "-o", str(library), "-lm"])
+                self.run(["-shared", *objects, "-o", str(library), "-lm"])
         if not library.exists():
             raise CompileError(f"{shlex.join(self.command)}: no library was written")
 
     def _compile(self, unit: str, to: str) -> None:
         file = Path(to).with_suffix(".c")
         file.write_text(unit)
-        self._run([*self.flags(unit), "-c", str(file), "-o", to])
+        self.run([*self.flags(unit), "-c", str(file), "-o", to])
 
-    def _run(self, arguments: Sequence[str]) -> None:
+    def run(self, arguments: Sequence[str], folder: Path | None = None) -> None:
+        """Run the compiler, in a folder; CompileError if it fails, OSError where the disk is full."""
         try:
             line = [*self.command, *arguments]
-            done = subprocess.run(line, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
+            done = subprocess.run(line, cwd=folder, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
         except (OSError, subprocess.TimeoutExpired) as error:
             raise CompileError(f"{shlex.join(self.command)}: {error}") from error
         if done.returncode != 0:

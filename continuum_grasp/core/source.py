@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, reduce
 from importlib.resources import files
 
 import casadi as ca
@@ -18,14 +18,22 @@ from continuum_grasp.core.precision import literal, single
 from continuum_grasp.core.sweeps import with_loops
 from continuum_grasp.errors import InputError
 
-_PLACE = re.compile(r"<<(\w+)>>")
-_BLOCK = re.compile(r"<<if (\w+)>>(.*?)<<end>>", re.DOTALL)
+_PLACE = re.compile(r"<<(\w+)([\w.]*):?([\w.]*)>>")
+_BLOCK = re.compile(r"<<if (?P<no>not )?(\w+)([\w.]*)>>(.*?)<<end>>", re.DOTALL)
 
 
 def filled(text: str, words: Mapping[str, object]) -> str:
-    """Text with its words for ``<<word>>``, and ``<<if word>>...<<end>>`` left out where the word is false or empty."""
-    text = _BLOCK.sub(lambda match: match[2] if words[match[1]] else "", text)
-    return _PLACE.sub(lambda match: str(words[match[1]]), text)
+    """Text with its words for ``<<word>>``, and ``<<if word>>...<<end>>`` left out where the word is false or empty,
+    ``<<if not word>>...<<end>>`` where it is not.
+
+    ``<<word.name:format>>`` is an attribute of a word, in a format of Python.
+    """
+
+    def value(word: str, names: str) -> object:
+        return reduce(getattr, names.split(".")[1:], words[word])
+
+    text = _BLOCK.sub(lambda match: match[4] if bool(value(match[2], match[3])) != bool(match["no"]) else "", text)
+    return _PLACE.sub(lambda match: format(value(match[1], match[2]), match[3]), text)
 
 
 @cache

@@ -2,9 +2,9 @@
 
 from continuum_grasp.export.casadi_source import export_casadi
 from continuum_grasp.export.fmu.write import FunctionalMockupUnit, export_fmu
-from continuum_grasp.export.mjcf import HingeChain, export_mjcf
+from continuum_grasp.export.mjcf.write import HingeChain, export_mjcf
 from continuum_grasp.export.package import Package, export_c
-from continuum_grasp.export.web import Page, export_web
+from continuum_grasp.export.web.page import Page, export_web
 
 __all__ = [
     "FunctionalMockupUnit",

@@ -145,6 +145,13 @@ class Struct:
         """Range of every number."""
         return tuple((field.low, field.high) for field in self.fields for _ in range(field.size))
 
+    def bounds(self, prefix: str, real: Real, mark: str = "") -> str:
+        """C of the least and of the greatest value of every number."""
+        # C has no literal of infinity, and a finite number is within the greatest one.
+        lows, highs = (", ".join(map(real.finite_literal, side)) for side in zip(*self.bounded, strict=True))
+        kind = f"{mark}static const {prefix}_real {self.name}"
+        return f"{kind}_low[] = {{{lows}}};\n{kind}_high[] = {{{highs}}};"
+
     def declaration(self, prefix: str) -> str:
         """C of the typedef."""
         rows = [(f"  {prefix}_real {f.name}{''.join(f'[{n}]' for n in f.shape)};", _comment(f)) for f in self.fields]

@@ -126,16 +126,19 @@ class Kernel:
         names = (_NAMES[o].removeprefix("OP_") for o in self._operations)
         return Counter(_SHOWN.get(n, n.lower()) for n in names if n not in ("INPUT", "OUTPUT", "CONST", "ASSIGN"))
 
-    def prototype(self, prefix: str) -> str:
-        """The C declaration, without the semicolon."""
-        arguments = [f"const {prefix}_real *{name}" for name in self.inputs]
-        arguments += [f"{prefix}_real *{name}" for name in self.outputs]
-        return f"void {prefix}_kernel_{self.name}({', '.join(arguments)})"
+    def prototype(self, prefix: str | None) -> str:
+        """The C declaration, without the semicolon; without a prefix that on vectors of lanes."""
+        kind = "lanes" if prefix is None else f"{prefix}_real"
+        arguments = [f"const {kind} *{name}" for name in self.inputs] + [f"{kind} *{name}" for name in self.outputs]
+        return f"{'static ' if prefix is None else ''}void {self._symbol(prefix)}({', '.join(arguments)})"
 
-    def call(self, prefix: str, **arguments: str) -> str:
-        """C that calls it, with an expression for each input and output; those of no use are left out."""
-        given = ", ".join(arguments[name] for name in (*self.inputs, *self.outputs))
-        return f"{prefix}_kernel_{self.name}({given});"
+    def call(self, prefix: str | None, **arguments: str) -> str:
+        """C that calls it, with an expression for each input and output, its own name where none is given."""
+        given = ", ".join(arguments.get(name, name) for name in (*self.inputs, *self.outputs))
+        return f"{self._symbol(prefix)}({given});"
+
+    def _symbol(self, prefix: str | None) -> str:
+        return f"{self.name}_lanes" if prefix is None else f"{prefix}_kernel_{self.name}"
 
     def c_source(self, prefix: str, real: Real) -> str:
         """The C definition."""
@@ -143,9 +146,7 @@ class Kernel:
 
     def lane_source(self, real: Real) -> str:
         """The same on vectors of the type ``lanes``, which ``batch.c`` declares, each lane with the same bits."""
-        arguments = [f"const lanes *{name}" for name in self.inputs] + [f"lanes *{name}" for name in self.outputs]
-        head = f"static void {self.name}_lanes({', '.join(arguments)})"
-        return "\n".join([head, *self._body("lanes", real, _LANES), ""])
+        return "\n".join([self.prototype(None), *self._body("lanes", real, _LANES), ""])
 
     def lane_helpers(self, real: Real) -> str:
         """C of the functions that its lanes need one by one."""

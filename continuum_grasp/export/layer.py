@@ -148,8 +148,7 @@ def _header(contents: Contents) -> str:
         dimensions="\n".join(lines),
         codes=table,
         structs="\n".join(struct.declaration(prefix) for struct in contents.structs),
-        modeled=calls,
-        replayed=not calls,
+        calls=calls,
         owner=last.types[0] if last else "",
         step=last.name if last else "",
         parameters=f"\n  {prefix}_parameters parameters;" if subject.parameters else "",
@@ -212,8 +211,8 @@ def _layer_source(contents: Contents) -> str:
         "layer.c",
         sizes="\n".join(sizes),
         codes="\n".join(codes),
-        modeled=calls,
-        bounds="\n".join(_bounds(subject, struct) for struct in checked),
+        calls=calls,
+        bounds="\n".join(struct.bounds(prefix, subject.real, f"{prefix.upper()}_API ") for struct in checked),
         readers="\n".join(struct.reader(prefix) for struct in checked),
         writers="\n".join(struct.writer(prefix) for struct in each_once(written)),
         check=contents.fill("check_numbers.c"),
@@ -238,13 +237,6 @@ def library_files(contents: Contents) -> dict[str, str]:
         "tests/check.h": contents.fill("tests/check.h"),
         **own,
     }
-
-
-def _bounds(subject: Subject, struct: Struct) -> str:
-    # C has no literal of infinity, and a finite number is within the greatest one.
-    lows, highs = (", ".join(map(subject.real.finite_literal, side)) for side in zip(*struct.bounded, strict=True))
-    kind = f"{subject.prefix.upper()}_API static const {subject.prefix}_real {struct.name}"
-    return f"{kind}_low[] = {{{lows}}};\n{kind}_high[] = {{{highs}}};"
 
 
 def _function(contents: Contents, call: Call) -> str:

@@ -139,7 +139,7 @@ def _loop_description(loop: Loop, real: Real) -> dict[str, Any]:
     return {
         "period_s": loop.period,
         "stage_s": loop.stages.stage,
-        "nodes": loop.stages.stages + 1,
+        "nodes": loop.nodes,
         "delay_periods": loop.periods,
         "measurement_at_start": named(loop.measurement, loop.measured_at_start),
         "command_before": named(loop.command, loop.before),

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from continuum_grasp import __version__, interrupt
-from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arguments import check_arguments, positive, whole
 from continuum_grasp.control.rti_solver import RtiSolver
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError, check_errors, error_bounds
@@ -30,13 +30,10 @@ from continuum_grasp.export.source import (
     Source,
     names_of,
     parts_of,
-    positive,
     prefix_of,
-    sections_of,
     source_of,
-    substeps_of,
 )
-from continuum_grasp.export.subject import Subject
+from continuum_grasp.export.subject import MOST_SUBSTEPS, Subject
 from continuum_grasp.export.targets import example_files, measure, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
@@ -44,6 +41,8 @@ from continuum_grasp.scene.control import ControlScene
 
 _ASKED_ERROR = 1e-2
 """Greatest relative error of single precision by default."""
+_MOST_SECTIONS = 200
+"""Each is code of its own."""
 _ARGUMENT = "an argument of the functions"
 _PACKAGE = Consumer(
     "export-c, operators",
@@ -178,16 +177,16 @@ class Asked(NamedTuple):
 
 def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[dict[str, str], dict[str, Any]]:
     """Files of a package by path, and what its manifest holds; one that is not ``tested`` is its library alone."""
-    limit = positive(asked.error, "error") or _ASKED_ERROR
+    limit = _ASKED_ERROR if asked.error is None else positive("error", asked.error)
     target, computed_in = target_of(asked.target, asked.real)
     kind = REALS[computed_in]
     source = source_of(given, kind)
     names = parts_of(asked.what, source)
-    longest = source.step if asked.step is None else positive(asked.step, "step")
+    longest = source.step if asked.step is None else positive("step", asked.step)
     if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
         longest = None
     subject = _subject(source, names, kind, asked, longest)
-    subject = replace(subject, sections=sections_of(asked.sections))
+    subject = replace(subject, sections=whole("sections", asked.sections, 2, _MOST_SECTIONS))
     # What is too large is refused before the spectral radius is looked for, which step needs.
     made = {name: PARTS[name](subject) for name in sorted(names, key=lambda name: name == "step")}
     parts = [made[name] for name in names]
@@ -246,7 +245,8 @@ def controller_of(scene: ControlScene) -> tuple[Contents, Loop]:
 
 def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked, longest: float | None) -> Subject:
     """The model and the loop that it is part of, or a solver's loop alone."""
-    prefix, count = prefix_of(asked.prefix), substeps_of(asked.substeps)
+    prefix = prefix_of(asked.prefix)
+    count = None if asked.substeps is None else whole("substeps", asked.substeps, 1, MOST_SUBSTEPS)
     if isinstance(source.loop, RtiSolver):
         if asked.ranges:
             raise InputError("a solver of a problem takes any finite number: expected no ranges", key="ranges")
@@ -292,7 +292,6 @@ def _contents(subject: Subject, parts: Sequence[Part], title: str, what: str = "
     contents.words.update(
         {
             "p": prefix,
-            "P": prefix.upper(),
             "version": __version__,
             "number": number,
             "version3": ".".join([*number.split("."), "0", "0"][:3]),  # package.xml of ROS asks for three numbers

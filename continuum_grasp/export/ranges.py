@@ -16,6 +16,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.export.control.loop import identifiers, unit_of
 from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
+from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.scene.profile import Channel
@@ -103,8 +104,7 @@ def _usual_drive(model: FingerModel, name: str) -> float | None:
         return None
     kind, number = match[1], int(match[2]) - 1
     if kind in ("tension", "pressure"):
-        least, most = _of_pull(model, kind, number)
-        channel, arm = _pulled(model, kind, number)
+        least, most, channel, arm = _pulled(model, match)
         usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
         return min(max(-least, most), usual_moment / abs(channel.gain * arm))
     winch = model.structure.winches[number]
@@ -124,7 +124,7 @@ def input_fields(model: FingerModel) -> tuple[Field, ...]:
         if size is None or drive is None:
             found.append(field.around(usual_moment))
         elif drive[1] in ("tension", "pressure"):
-            least, most = _of_pull(model, drive[1], int(drive[2]) - 1)
+            least, most, *_ = _pulled(model, drive)
             found.append(field.within(min(least, 0.0), max(most, 0.0), size))
         else:
             high = model.structure.winches[int(drive[2]) - 1].drive.limit
@@ -302,59 +302,13 @@ def _of_curvature(
 
 
 _DRIVE = r"(tension|pressure|length|motor_angle|torque|current|angle)_(\d+)"
-_PATTERNS = (
-    (r"length_(\d+)", "cable that winch {0} winds up, from where it is at zero"),
-    (r"motor_angle_(\d+)", "angle of motor {0}, at the drum"),
-    (r"motor_friction_(\d+)", "which way dry friction of motor {0} acts, -1 to 1 where it slips"),
-    (r"torque_(\d+)", "of motor {0}, at the drum"),
-    (r"current_(\d+)", "of motor {0}"),
-    (r"angle_(\d+)", "where the servo of motor {0} turns its drum"),
-    (r"friction_\d+_conduit", "which way friction in the conduit acts, -1 to 1 where the tendon slides"),
-    (r"friction_(\d+)_(\d+)", "which way friction in cell {1} of tendons {0} acts, -1 to 1 where they slide"),
-    (r"theta_(\d+)", "bend of element {0}, positive towards the base's -X"),
-    (r"kappa_(\d+)", "curvature at node {0}, counted from the base as 0"),
-    (r"(theta|kappa)_(\d+)_rate", "its rate"),
-    (r"tip_moment", "moment at the tip, positive like bends"),
-    (r"moment_(\d+)", "bending moment of the tendons of shape {0}, at the base"),
-    (r"(tip_)?moment(_\d+)?_rate", "its rate"),
-    (r"tip_couple_(\d+)", "further moment at the tip"),
-    (r"(\w+)_acceleration", "second derivative of {0}"),
-    (r"(\w+)_rate", "rate of {0}"),
-    (r"tip_([xy])", "world force at the tip"),
-    (r"load_(\d+)_([xy])", "world force of load {0}"),
-    (r"load_(\d+)_across", "force of load {0} across the finger, which it follows"),
-    (r"load_(\d+)_along", "the same along the finger"),
-    (r"load_(\d+)_moment", "moment of load {0}"),
-    (r"base_position_([xy])", "world position of the base"),
-    (r"object_([xy])", "world position of the object"),
-    (r"base_angle", "from the world's to the base's axes"),
-    (r"gravity_([xy])", "world gravity"),
-    (r"element_lengths(?:_(\d+))?", "length of the element"),
-    (r"linear_density", "mass per length"),
-    (r"bending_stiffness", "E I"),
-    (r"rotary_inertia", "per length"),
-    (r"material_damping", "moment per rate of curvature"),
-    (r"per_arc_damping", "moment per rate of an element's bend"),
-    (r"rest_curvature", "curvature of the finger that is left alone"),
-    (r"tendon_offset", "of the tendons from the backbone"),
-    (r"tendon_friction", "between tendon and guides"),
-    (r"tip_mass", "at the tip"),
-)
 
 
-def _of_pull(model: FingerModel, kind: str, number: int) -> tuple[float, float]:
-    """Least and greatest tension that may be commanded of a tendon, from zero on, or pressure of a chamber."""
-    if kind == "tension":
-        return 0.0, model.finger.tendon_list[number].max_tension
-    chamber = model.finger.chambers[number]
-    return chamber.min_pressure, chamber.max_pressure
-
-
-def _pulled(model: FingerModel, kind: str, number: int) -> tuple[Channel, float]:
-    """The channel of a tendon or a chamber, and its arm there."""
-    place = number + (len(model.finger.tendon_list) if kind == "pressure" else 0)
-    arms = ((channel, channel.arms[place]) for channel in model.finger.channels)
-    return next((channel, arm) for channel, arm in arms if arm)
+def _pulled(model: FingerModel, drive: re.Match[str]) -> tuple[float, float, Channel, float]:
+    """Least and greatest of what may be commanded of a tendon or a chamber, its channel, and its arm there."""
+    finger = model.finger
+    place = int(drive[2]) - 1 + (len(finger.tendon_list) if drive[1] == "pressure" else 0)
+    return finger.pull_limits[0][place], finger.pull_limits[1][place], *finger.pulls[place]
 
 
 def _description(model: FingerModel, name: str) -> str:
@@ -372,11 +326,12 @@ def _description(model: FingerModel, name: str) -> str:
         way = "positively" if chamber.arm > 0.0 else "negatively"
         return f"chamber from {chamber.start:g} to {to:g} m along the finger, which bends it {way}"
     if drive and drive[1] == "tension":
-        channel, arm = _pulled(model, "tension", int(drive[2]) - 1)
+        *_, channel, arm = _pulled(model, drive)
         side = "base's -X side, which bends positively" if arm > 0.0 else "other side"
         end = f", up to {channel.to:g} m" if channel.to < model.finger.rod.length else ""
         return f"tendon on the {side}{end}"
-    for pattern, text in _PATTERNS:
+    for line in fill("descriptions.txt", {}).splitlines():
+        pattern, _, text = line.partition(": ")
         match = re.fullmatch(pattern, name)
         if match:
             return text.format(*(group or "" for group in match.groups()))

@@ -11,7 +11,6 @@ from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import Call, Stateful
 from continuum_grasp.export.parts.model import moment_note
-from continuum_grasp.export.subject import Subject
 
 
 def readme(
@@ -52,22 +51,21 @@ def readme(
     return contents.fill(
         "README.md",
         source=source,
-        finger=finger is not None,
-        **_model_words(subject),
+        finger=finger,
+        subject=subject,
+        elements=" + ".join(f"{h:g}" for h in finger.lengths) if finger else "",
+        ranges=", ".join(f"{r:.4g}" for r in finger.ranges) if finger else "",
         functions=functions,
         structs=structs,
         operations=operations,
         codes=_table(("code", "name", "meaning"), [(str(int(c)), c.name, c.text) for c in contents.codes]),
         measured=measured is not None,
-        unmeasured=measured is None,
         **(_measured(measured) if measured is not None else {}),
         **_rounding(contents, errors),
         **_usage(contents),
         loops="Loops have bounded counts." if stateful else "Loops have fixed counts.",
         calls=calls,
-        replayed=not calls,
         mixed=calls and stateful,
-        independent=not stateful,
         stateful=_stateful(contents),
         step="step" in names,
         mpc="mpc" in names,
@@ -76,17 +74,6 @@ def readme(
         wasm=wasm,
         cases=sum(vectors.values()),
     )
-
-
-def _model_words(subject: Subject) -> dict[str, str]:
-    """What is said of the model of a finger."""
-    names = ("family", "elements", "ranges", "radius", "longest", "accurate")
-    if subject.finger is None:
-        return dict.fromkeys(names, "")
-    model = subject.finger
-    found = model.family, " + ".join(f"{h:g}" for h in model.lengths), ", ".join(f"{r:.4g}" for r in model.ranges)
-    steps = f"{subject.radius:.4g}", f"{subject.longest_step:g}", f"{subject.accurate_step:g}"
-    return dict(zip(names, (*found, *steps), strict=True))
 
 
 _BEGIN_NOTES = {
@@ -131,20 +118,13 @@ def _stateful(contents: Contents) -> str:
         return ""
     owners = [name for function in contents.stateful for name in function.types]
     rows = [(f"`{contents.subject.prefix}_{name}`", words[f"{name}_bytes"]) for name in owners]
-    limits = loop.calls
-    usual, first = _times(limits.sqp_iterations), _times(limits.start_iterations)
+    usual, first = _times(loop.calls.sqp_iterations), _times(loop.calls.start_iterations)
     return contents.fill(
         "control/README.md",
-        period=f"{loop.period:g}",
+        loop=loop,
         memory=_table(("memory", "bytes"), rows),
-        n=loop.stages.stages,
-        stage=f"{loop.stages.stage:g}",
         iterations=f"{usual} at the last plan, or {first} where there is none: at first, and after blindness",
-        factorizations=limits.iterations,
-        safe=loop.safe,
         mpc="mpc" in loop.parts,
-        observed=loop.estimation is not None,
-        touch=loop.contact is not None,
         owner=contents.stateful[-1].types[0],
         places=", ".join(f"{at:g} m" for at in loop.contact.finger.places) if loop.contact is not None else "",
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import keyword
-import math
 import os
 import re
 from collections.abc import Collection, Mapping, Sequence
@@ -18,7 +17,6 @@ from continuum_grasp.control.rti_solver import RtiSolver
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
-from continuum_grasp.export.subject import MOST_SUBSTEPS
 from continuum_grasp.model import FingerModel, ModelOptions
 from continuum_grasp.model.stumpff import ROUNDING
 from continuum_grasp.scene.control import ControlScene
@@ -141,33 +139,6 @@ def prefix_of(given: Any) -> str:
             f"word, header, library or target of C, Python or CMake, got {given!r:.60}",
             key="prefix",
         )
-    return given
-
-
-def substeps_of(given: Any) -> int | None:
-    """A number of sub-steps; None where none is asked for."""
-    return None if given is None else _whole(given, 1, MOST_SUBSTEPS, "substeps")
-
-
-def sections_of(given: Any) -> int:
-    """A number of sections that are seen at once."""
-    return _whole(given, 2, MOST_SECTIONS, "sections")
-
-
-def _whole(given: Any, least: int, most: int, key: str) -> int:
-    if type(given) is not int or not least <= given <= most:
-        raise InputError(f"expected a whole number from {least} to {most}, got {given!r:.60}", key=key)
-    return given
-
-
-MOST_SECTIONS = 200
-"""Each is code of its own."""
-
-
-def positive(given: float | None, key: str) -> float | None:
-    """A number above zero, or None; InputError for anything else."""
-    if given is not None and not (isinstance(given, (int, float)) and 0.0 < given < math.inf):
-        raise InputError(f"expected a number above zero, got {given!r:.60}", key=key)
     return given
 
 

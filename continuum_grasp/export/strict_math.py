@@ -14,9 +14,10 @@ atan, atan2, asin, acos, cosh 3; tan, tanh, sinh 5; pow 2 + 2 |y log(x)|.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from functools import cached_property
+from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -27,173 +28,121 @@ from continuum_grasp.export.template import fill
 
 Array = NDArray[Any]
 
-
-@dataclass(frozen=True)
-class _Series:
-    """Constants of one precision; all are numbers of that precision."""
-
-    half_pi: tuple[float, float, float]
-    """Three parts of pi/2, the first ones of few digits, so that their products with whole numbers are exact."""
-    ln2: tuple[float, float]
-    """Two parts of ln 2, the same way."""
-    sine: int
-    """Terms of the sine; the cosine has one more. The first left out is below half a rounding at pi / 4."""
-    exponential: int
-    """Degree of the exponential; the first term left out is below half a rounding at ln 2 / 2."""
-    logarithm: int
-    """Terms of artanh(s) / s in s^2; the first left out is below half a rounding at the greatest s, 0.172."""
-    arctangent: int
-    """Terms of arctan(t) / t in t^2; the first left out is below half a rounding at tan(pi / 8)."""
-    half_pi_rest: float
-    """pi / 2 less its nearest number."""
-    saturation: float
-    """From where on tanh is one, and the lesser exponential of sinh and cosh nothing."""
-    newton: int
-    """Iterations of the square root: each turns the relative error e, 0.034 of the guess, into 1.5 e^2."""
-    guess: int
-    """Bits of the first guess of 1 / sqrt(x), less half those of x; of the double by M. Robertson, A Brief History of
-    InvSqrt (2012)."""
-    widest: tuple[float, float]
-    """Arguments at which the exponential is near the least normal number, or infinite for certain; lesser ones are
-    taken for the first, so that what divides by it (friction of tendons) never divides by zero."""
-    scale: tuple[float, float]
-    """What brings a subnormal number up for the square root, and what takes the root down again."""
-
-    @cached_property
-    def coefficients(self) -> dict[str, list[float]]:
-        """Series from the highest power down, as Horner's rule takes them: exp(x); sin(x) / x and cos(x) in x^2;
-        2 artanh(s) / s in s^2; arctan(t) / t in t^2.
-        """
-        series = {
-            "exp": [1.0 / math.factorial(k) for k in range(self.exponential + 1)],
-            "sin": [(-1.0) ** k / math.factorial(2 * k + 1) for k in range(self.sine)],
-            "cos": [(-1.0) ** k / math.factorial(2 * k) for k in range(self.sine + 1)],
-            "log": [2.0 / (2 * k + 1) for k in range(self.logarithm)],
-            "atan": [(-1.0) ** k / (2 * k + 1) for k in range(self.arctangent)],
-        }
-        return {name: values[::-1] for name, values in series.items()}
-
-
-_SERIES = {
-    "float": _Series(
-        half_pi=(1.5703125, 4.837512969970703e-4, 7.549789954891882e-8),
-        ln2=(0.693359375, -2.12194440e-4),
-        sine=5,
-        exponential=8,
-        logarithm=6,
-        arctangent=9,
-        half_pi_rest=-4.371139000186241e-08,
-        saturation=10.0,
-        newton=3,
-        guess=0x5F3759DF,
-        widest=(-87.0, 90.0),
-        scale=(2.0**24, 2.0**-12),
-    ),
-    "double": _Series(
-        half_pi=(1.57079632673412561417, 6.07710050630396597660e-11, 2.02226624879595063154e-21),
-        ln2=(6.93147180369123816490e-01, 1.90821492927058770002e-10),
-        sine=8,
-        exponential=14,
-        logarithm=11,
-        arctangent=21,
-        half_pi_rest=6.123233995736766e-17,
-        saturation=20.0,
-        newton=4,
-        guess=0x5FE6EB50C7B537A9,
-        widest=(-708.0, 710.0),
-        scale=(2.0**54, 2.0**-27),
-    ),
+_NUMBERS = {
+    "half": 0.5,
+    "one": 1.0,
+    "three_halves": 1.5,
+    "two": 2.0,
+    "zero": 0.0,
+    "per_ln2": 1.0 / math.log(2.0),
+    "per_half_pi": 2.0 / math.pi,
+    "quarter_pi": 0.25 * math.pi,
+    "half_pi": 0.5 * math.pi,
+    "root_two": math.sqrt(2.0),
+    "tan_eighth": math.sqrt(2.0) - 1.0,
+    "most_angle": 1e9,  # reduced [rad]: quarters of a turn within it are whole numbers of 32 bits
 }
+"""Constants of both precisions."""
+_OWN_NUMBERS = {
+    # Three parts of pi / 2 and two of ln 2, the first ones of few digits, so that their products with whole numbers are
+    # exact; pi / 2 less its nearest number.
+    "pi_1": (1.5703125, 1.57079632673412561417),
+    "pi_2": (4.837512969970703e-4, 6.07710050630396597660e-11),
+    "pi_3": (7.549789954891882e-8, 2.02226624879595063154e-21),
+    "ln2_1": (0.693359375, 6.93147180369123816490e-01),
+    "ln2_2": (-2.12194440e-4, 1.90821492927058770002e-10),
+    "half_pi_rest": (-4.371139000186241e-08, 6.123233995736766e-17),
+    # From where on tanh is one, and the lesser exponential of sinh and cosh nothing.
+    "tanh_most": (10.0, 20.0),
+    # Arguments at which the exponential is near the least normal number, or infinite for certain; lesser ones are taken
+    # for the first, so that what divides by it (friction of tendons) never divides by zero.
+    "exp_least": (-87.0, -708.0),
+    "exp_most": (90.0, 710.0),
+    # What brings a subnormal number up for the square root, and what takes the root down again.
+    "up": (2.0**24, 2.0**54),
+    "down": (2.0**-12, 2.0**-27),
+}
+"""Constants of float and double, numbers of that precision."""
+_COUNTS = {
+    # Terms of Taylor series, of which the first left out is below half a rounding: sin(x) / x and cos(x) in x^2 at
+    # pi / 4; exp(x) at ln 2 / 2; 2 artanh(s) / s in s^2 at the greatest s, 0.172; arctan(t) / t in t^2 at tan(pi / 8).
+    "sin": (5, 8),
+    "cos": (6, 9),
+    "exp": (9, 15),
+    "log": (6, 11),
+    "atan": (9, 21),
+    # Iterations of the square root: each turns the relative error e, 0.034 of the guess, into 1.5 e^2.
+    "newton": (3, 4),
+    # Bits of the first guess of 1 / sqrt(x), less half those of x; of the double by M. Robertson, A Brief History of
+    # InvSqrt (2012).
+    "guess": (0x5F3759DF, 0x5FE6EB50C7B537A9),
+    "up_power": (24, 54),
+}
+"""Whole numbers of float and double."""
+_TERMS: dict[str, Callable[[int], float]] = {
+    "exp": lambda k: 1.0 / math.factorial(k),
+    "sin": lambda k: (-1.0) ** k / math.factorial(2 * k + 1),
+    "cos": lambda k: (-1.0) ** k / math.factorial(2 * k),
+    "log": lambda k: 2.0 / (2 * k + 1),
+    "atan": lambda k: (-1.0) ** k / (2 * k + 1),
+}
+"""Coefficients of the series."""
+
+
+@cache
+def _constants(real: Real) -> SimpleNamespace:
+    """Constants in their own precision, and series from the highest power down, as Horner's rule takes them."""
+    at = ("float", "double").index(real.name)
+    counts = {name: values[at] for name, values in _COUNTS.items()}
+    numbers = _NUMBERS | {name: values[at] for name, values in _OWN_NUMBERS.items()} | {"least": real.least_normal}
+    return SimpleNamespace(
+        real=real,
+        numbers=list(numbers),
+        **{name: real.dtype(value) for name, value in numbers.items()},
+        **{name: counts[name] for name in ("newton", "guess", "up_power")},
+        **{name: [real.dtype(term(k)) for k in range(counts[name])][::-1] for name, term in _TERMS.items()},
+    )
 
 
 def c_source(names: Iterable[str], real: Real, prefix: str) -> str:
-    """C of the named functions, keys of ``FUNCTIONS``, in their own precision, for a package's prefix."""
-    s, wanted = _SERIES[real.name], _with_needs(names)
-    numbers = {
-        "least": real.least_normal,
-        "up": s.scale[0],
-        "down": s.scale[1],
-        "per_ln2": 1.0 / math.log(2.0),
-        "ln2_1": s.ln2[0],
-        "ln2_2": s.ln2[1],
-        "exp_least": s.widest[0],
-        "exp_most": s.widest[1],
-        "per_half_pi": 2.0 / math.pi,
-        "pi_1": s.half_pi[0],
-        "pi_2": s.half_pi[1],
-        "pi_3": s.half_pi[2],
-        "half": 0.5,
-        "two": 2.0,
-        "three_halves": 1.5,
-        "most_angle": _MOST_ANGLE,
-        "root_two": math.sqrt(2.0),
-        "tan_eighth": _TAN_EIGHTH,
-        "quarter_pi": 0.25 * math.pi,
-        "half_pi": 0.5 * math.pi,
-        "half_pi_rest": s.half_pi_rest,
-        "tanh_most": s.saturation,
-        "zero": 0.0,
-        "one": 1.0,
-    }
+    """C of the named functions, keys of ``FUNCTIONS``, with what they call, for a package's prefix."""
+    n = _constants(real)
     words = {
         "p": prefix,
-        "P": prefix.upper(),
-        "width": real.width,
+        "n": n,
+        "real": real,
         "exponent_mask": real.bit_pattern(real.exponent_mask),
-        "guess": real.bit_pattern(s.guess),
-        "newton": s.newton,
-        "bias": real.bias,
-        "mantissa": real.mantissa_bits,
+        "guess": real.bit_pattern(n.guess),
         "sign_bit": real.width - 1,
-        "up_power": round(math.log2(s.scale[0])),
-        **{name: real.literal(value) for name, value in numbers.items()},
-        **{f"{name}_series": f"{{{', '.join(map(real.literal, values))}}}" for name, values in s.coefficients.items()},
-        **{f"{name}_last": len(values) - 1 for name, values in s.coefficients.items()},
+        **{name: real.literal(getattr(n, name)) for name in n.numbers},
+        **{f"{name}_series": f"{{{', '.join(map(real.literal, getattr(n, name)))}}}" for name in _TERMS},
+        **{f"{name}_last": len(getattr(n, name)) - 1 for name in _TERMS},
     }
-    return "\n".join(fill(f"strict/{name}.c", words) for name in wanted)
+    found: dict[str, str] = {}
 
+    def add(name: str) -> None:
+        """Add a function behind what it calls."""
+        text = fill(f"strict/{name}.c", words)
+        for called in sorted(set(_CALL.findall(text)) - {name, *found}):
+            add(called)
+        found[name] = text
 
-_MOST_ANGLE = 1e9
-"""Greatest angle that is reduced [rad]: quarters of a turn within it are whole numbers of 32 bits."""
-_TAN_EIGHTH = math.sqrt(2.0) - 1.0
-_NEEDS = {
-    "turn": ("nan",),
-    "sqrt": ("nan",),
-    "cos": ("turn",),
-    "sin": ("turn",),
-    "tan": ("turn",),
-    "exp": ("power_of_two",),
-    "expm1": ("nan", "exp"),
-    "log": ("nan",),
-    "log1p": ("log",),
-    "tanh": ("nan", "expm1"),
-    "sinh": ("nan", "expm1"),
-    "cosh": ("nan", "exp"),
-    "atan2": ("nan",),
-    "atan": ("atan2",),
-    "asin": ("sqrt", "atan2"),
-    "acos": ("sqrt", "atan2"),
-    "pow": ("exp", "log"),
-}
-"""Functions that the C of a function calls."""
-
-
-def _with_needs(names: Iterable[str]) -> list[str]:
-    """Functions with those that they call, each behind what it calls."""
-    found: dict[str, None] = {}
     for name in sorted(set(names)):
-        found |= dict.fromkeys([*_with_needs(_NEEDS.get(name, ())), name])
-    return list(found)
+        if name not in found:
+            add(name)
+    return "\n".join(found.values())
 
 
-# -- the same on arrays --------------------------------------------------------------------------------------------
+_CALL = re.compile(r"\bstrict_(\w+)\(")
 
 
-def _horner(coefficients: list[float], x: Array) -> Array:
-    t = x.dtype.type
-    value: Array = np.full_like(x, t(coefficients[0]))
+# -- the same on arrays, by the constants of their precision ---------------------------------------------------------
+
+
+def _horner(coefficients: list[Any], x: Array) -> Array:
+    value: Array = np.full_like(x, coefficients[0])
     for c in coefficients[1:]:
-        value = value * x + t(c)
+        value = value * x + c
     return value
 
 
@@ -203,147 +152,134 @@ def _nearest(x: Array) -> Array:
     return np.asarray(np.trunc(x + np.where(x < 0, -half, half)))
 
 
-def _power_of_two(k: Array, real: Real) -> Array:
-    bits = (k.astype(np.int64) + real.bias) << real.mantissa_bits
-    return np.asarray(bits.astype(real.bits).view(real.dtype))
+def _power_of_two(k: Array, n: SimpleNamespace) -> Array:
+    bits = (k.astype(np.int64) + n.real.bias) << n.real.mantissa_bits
+    return np.asarray(bits.astype(n.real.bits).view(n.real.dtype))
 
 
-def _exp(x: Array, real: Real) -> Array:
-    s, t = _SERIES[real.name], real.dtype
-    x = np.where(x < t(s.widest[0]), t(s.widest[0]), np.where(x > t(s.widest[1]), t(s.widest[1]), x))
-    k = _nearest(x * t(1.0 / math.log(2.0)))
-    r = (x - k * t(s.ln2[0])) - k * t(s.ln2[1])
+def _by_ln2(x: Array, n: SimpleNamespace) -> tuple[Array, Array]:
+    """Whole multiples of ln 2, and what is left."""
+    k = _nearest(x * n.per_ln2)
+    return k, (x - k * n.ln2_1) - k * n.ln2_2
+
+
+def _exp(x: Array, n: SimpleNamespace) -> Array:
+    k, r = _by_ln2(np.where(x < n.exp_least, n.exp_least, np.where(x > n.exp_most, n.exp_most, x)), n)
     # 2^k in two factors: k is one beyond the exponents of normal numbers where the result is just finite.
-    first = np.trunc(k / t(2.0))
-    with np.errstate(over="ignore", under="ignore"):
-        return _horner(s.coefficients["exp"], r) * _power_of_two(first, real) * _power_of_two(k - first, real)
+    first = np.trunc(k / n.two)
+    return _horner(n.exp, r) * _power_of_two(first, n) * _power_of_two(k - first, n)
 
 
-def _turn(x: Array, real: Real, quarters: int) -> Array:
+def _turn(x: Array, n: SimpleNamespace, quarters: int) -> Array:
     """Cosine of x less so many quarters of a turn."""
-    s, t = _SERIES[real.name], real.dtype
-    k = _nearest(np.clip(x, -t(_MOST_ANGLE), t(_MOST_ANGLE)) * t(2.0 / math.pi))
-    r = ((x - k * t(s.half_pi[0])) - k * t(s.half_pi[1])) - k * t(s.half_pi[2])
+    k = _nearest(np.clip(x, -n.most_angle, n.most_angle) * n.per_half_pi)
+    r = ((x - k * n.pi_1) - k * n.pi_2) - k * n.pi_3
     square, at = r * r, (k.astype(np.int64) - quarters) & 3
-    cosine, sine = _horner(s.coefficients["cos"], square), r * _horner(s.coefficients["sin"], square)
     # cos(r + at pi/2) is cos r, -sin r, -cos r, sin r for at = 0, 1, 2, 3.
-    value = np.where(at & 1, sine, cosine)
+    value = np.where(at & 1, r * _horner(n.sin, square), _horner(n.cos, square))
     value = np.where((at == 1) | (at == 2), -value, value)
-    return np.where(np.abs(x) > t(_MOST_ANGLE), t(np.nan), value)
+    return np.where(np.abs(x) > n.most_angle, n.real.dtype(np.nan), value)
 
 
-def _sqrt(x: Array, real: Real) -> Array:
-    s, t = _SERIES[real.name], real.dtype
-    with np.errstate(all="ignore"):
-        small = x < t(real.least_normal)
-        scaled = np.where(small, x * t(s.scale[0]), x)
-        y = (real.bits(s.guess) - (scaled.view(real.bits) >> real.bits(1))).view(t)
-        for _ in range(s.newton):
-            y = y * (t(1.5) - t(0.5) * scaled * y * y)
-        root = scaled * y
-        root = t(0.5) * (root + scaled / root)
-        root = np.where(small, root * t(s.scale[1]), root)
-        return np.where(x > 0, root, np.where(x < 0, t(np.nan), x))
+def _sqrt(x: Array, n: SimpleNamespace) -> Array:
+    bits, small = n.real.bits, x < n.least
+    scaled = np.where(small, x * n.up, x)
+    y = (bits(n.guess) - (scaled.view(bits) >> bits(1))).view(n.real.dtype)
+    for _ in range(n.newton):
+        y = y * (n.three_halves - n.half * scaled * y * y)
+    root = scaled * y
+    root = n.half * (root + scaled / root)
+    root = np.where(small, root * n.down, root)
+    return np.where(x > 0, root, np.where(x < 0, n.real.dtype(np.nan), x))
 
 
-def _expm1(x: Array, real: Real) -> Array:
-    s, t = _SERIES[real.name], real.dtype
-    near = np.clip(x, t(-1), t(1))
-    k = _nearest(near * t(1.0 / math.log(2.0)))
-    r = (near - k * t(s.ln2[0])) - k * t(s.ln2[1])
-    scale = _power_of_two(k, real)
-    value = scale * (_horner(s.coefficients["exp"][:-1], r) * r) + (scale - t(1))
-    return np.asarray(np.where(np.abs(x) > 1, _exp(x, real) - t(1), value))
+def _expm1(x: Array, n: SimpleNamespace) -> Array:
+    k, r = _by_ln2(np.clip(x, -n.one, n.one), n)
+    scale = _power_of_two(k, n)
+    value = scale * (_horner(n.exp[:-1], r) * r) + (scale - n.one)
+    return np.asarray(np.where(np.abs(x) > 1, _exp(x, n) - n.one, value))
 
 
-def _log(x: Array, real: Real) -> Array:
-    s, t = _SERIES[real.name], real.dtype
-    small = x < t(real.least_normal)
-    scaled = np.where(x > 0, np.where(small, x * t(s.scale[0]), x), t(1))
-    exponent = (scaled.view(real.bits) >> real.bits(real.mantissa_bits)).astype(np.int64) - real.bias
-    fraction = scaled.view(real.bits) & real.bits((1 << real.mantissa_bits) - 1)
-    m = (fraction | real.bits(real.bias << real.mantissa_bits)).view(t)
-    k = np.where(small, exponent - round(math.log2(s.scale[0])), exponent)
-    beyond = m > t(math.sqrt(2.0))
-    m, k = np.where(beyond, t(0.5) * m, m), np.where(beyond, k + 1, k).astype(t)
-    ratio = (m - t(1)) / (m + t(1))
-    value = k * t(s.ln2[0]) + (k * t(s.ln2[1]) + ratio * _horner(s.coefficients["log"], ratio * ratio))
-    return np.asarray(np.where(x > 0, value, np.where(x < 0, t(np.nan), t(-np.inf))))
+def _log(x: Array, n: SimpleNamespace) -> Array:
+    bits, bias, mantissa = n.real.bits, n.real.bias, n.real.mantissa_bits
+    small = x < n.least
+    scaled = np.where(x > 0, np.where(small, x * n.up, x), n.one).view(bits)
+    exponent = (scaled >> bits(mantissa)).astype(np.int64) - bias
+    m = ((scaled & bits((1 << mantissa) - 1)) | bits(bias << mantissa)).view(n.real.dtype)
+    beyond = m > n.root_two
+    m, k = np.where(beyond, n.half * m, m), (exponent - n.up_power * small + beyond).astype(n.real.dtype)
+    ratio = (m - n.one) / (m + n.one)
+    value = k * n.ln2_1 + (k * n.ln2_2 + ratio * _horner(n.log, ratio * ratio))
+    return np.asarray(np.where(x > 0, value, np.where(x < 0, n.real.dtype(np.nan), n.real.dtype(-np.inf))))
 
 
-def _log1p(x: Array, real: Real) -> Array:
-    t = real.dtype
-    u = t(1) + x
-    off = u - t(1)
-    return np.asarray(np.where(off != 0, _log(u, real) * (x / np.where(off != 0, off, t(1))), x))
+def _log1p(x: Array, n: SimpleNamespace) -> Array:
+    u = n.one + x
+    off = u - n.one
+    return np.asarray(np.where(off != 0, _log(u, n) * (x / np.where(off != 0, off, n.one)), x))
 
 
-def _tan(x: Array, real: Real) -> Array:
-    sine, cosine = _turn(x, real, 1), _turn(x, real, 0)
-    return np.where(cosine != 0, sine / np.where(cosine != 0, cosine, 1), real.dtype(np.nan))
+def _tan(x: Array, n: SimpleNamespace) -> Array:
+    sine, cosine = _turn(x, n, 1), _turn(x, n, 0)
+    return np.where(cosine != 0, sine / np.where(cosine != 0, cosine, 1), n.real.dtype(np.nan))
 
 
 def _signed(x: Array, value: Array) -> Array:
     return np.where(x < 0, -value, value)
 
 
-def _tanh(x: Array, real: Real) -> Array:
-    t = real.dtype
-    e = _expm1(t(2) * np.abs(x), real)
-    return _signed(x, np.where(np.abs(x) > t(_SERIES[real.name].saturation), t(1), e / (e + t(2))))
+def _tanh(x: Array, n: SimpleNamespace) -> Array:
+    e = _expm1(n.two * np.abs(x), n)
+    return _signed(x, np.where(np.abs(x) > n.tanh_most, n.one, e / (e + n.two)))
 
 
-def _sinh(x: Array, real: Real) -> Array:
-    t, size = real.dtype, np.abs(x)
-    root, e = _exp(t(0.5) * size, real), _expm1(size, real)
-    far = size > t(_SERIES[real.name].saturation)
-    return _signed(x, np.where(far, t(0.5) * root * root, t(0.5) * (e + e / (e + t(1)))))
+def _sinh(x: Array, n: SimpleNamespace) -> Array:
+    size = np.abs(x)
+    root, e = _exp(n.half * size, n), _expm1(size, n)
+    return _signed(x, np.where(size > n.tanh_most, n.half * root * root, n.half * (e + e / (e + n.one))))
 
 
-def _cosh(x: Array, real: Real) -> Array:
-    t, size = real.dtype, np.abs(x)
-    far = size > t(_SERIES[real.name].saturation)
-    e = _exp(np.where(far, t(0.5) * size, size), real)
-    return np.asarray(np.where(far, t(0.5) * e * e, t(0.5) * e + t(0.5) / e))
+def _cosh(x: Array, n: SimpleNamespace) -> Array:
+    far = np.abs(x) > n.tanh_most
+    e = _exp(np.where(far, n.half * np.abs(x), np.abs(x)), n)
+    return np.asarray(np.where(far, n.half * e * e, n.half * e + n.half / e))
 
 
-def _atan2(y: Array, x: Array, real: Real) -> Array:
-    s, t = _SERIES[real.name], real.dtype
+def _atan2(y: Array, x: Array, n: SimpleNamespace) -> Array:
     a, b = np.abs(y), np.abs(x)
-    none, steep, rest = (a == 0) & (b == 0), a > b, t(s.half_pi_rest)
-    ratio = np.where(steep, b, a) / np.where(none, t(1), np.where(steep, a, b))
-    turned = ratio > t(_TAN_EIGHTH)
-    ratio = np.where(turned, (ratio - t(1)) / (ratio + t(1)), ratio)
-    value = ratio * _horner(s.coefficients["atan"], ratio * ratio)
-    value = np.where(turned, t(0.25 * math.pi) + (value + t(0.5) * rest), value)
-    value = np.where(steep, t(0.5 * math.pi) - (value - rest), value)
-    value = np.where(x < 0, t(2) * t(0.5 * math.pi) - (value - t(2) * rest), value)
-    return np.where(none, t(0), _signed(y, value))
+    none, steep = (a == 0) & (b == 0), a > b
+    ratio = np.where(steep, b, a) / np.where(none, n.one, np.where(steep, a, b))
+    turned = ratio > n.tan_eighth
+    ratio = np.where(turned, (ratio - n.one) / (ratio + n.one), ratio)
+    value = ratio * _horner(n.atan, ratio * ratio)
+    value = np.where(turned, n.quarter_pi + (value + n.half * n.half_pi_rest), value)
+    value = np.where(steep, n.half_pi - (value - n.half_pi_rest), value)
+    value = np.where(x < 0, n.two * n.half_pi - (value - n.two * n.half_pi_rest), value)
+    return np.where(none, n.zero, _signed(y, value))
 
 
-def _cathetus(x: Array, real: Real) -> Array:
-    return _sqrt((real.dtype(1) - x) * (real.dtype(1) + x), real)
+def _cathetus(x: Array, n: SimpleNamespace) -> Array:
+    return _sqrt((n.one - x) * (n.one + x), n)
 
 
-def _pow(x: Array, y: Array, real: Real) -> Array:
-    t = real.dtype
-    of_zero = np.where(y > 0, t(0), np.where(y < 0, t(np.nan), t(1)))
-    return np.where(x == 0, of_zero, _exp(y * _log(x, real), real))
+def _pow(x: Array, y: Array, n: SimpleNamespace) -> Array:
+    of_zero = np.where(y > 0, n.zero, np.where(y < 0, n.real.dtype(np.nan), n.one))
+    return np.where(x == 0, of_zero, _exp(y * _log(x, n), n))
 
 
 FUNCTIONS: dict[str, Callable[..., Array]] = {
-    "acos": lambda x, real: _atan2(_cathetus(x, real), x, real),
-    "asin": lambda x, real: _atan2(x, _cathetus(x, real), real),
-    "atan": lambda x, real: _atan2(x, np.ones_like(x), real),
+    "acos": lambda x, n: _atan2(_cathetus(x, n), x, n),
+    "asin": lambda x, n: _atan2(x, _cathetus(x, n), n),
+    "atan": lambda x, n: _atan2(x, np.ones_like(x), n),
     "atan2": _atan2,
-    "cos": lambda x, real: _turn(x, real, 0),
+    "cos": lambda x, n: _turn(x, n, 0),
     "cosh": _cosh,
     "exp": _exp,
     "expm1": _expm1,
     "log": _log,
     "log1p": _log1p,
     "pow": _pow,
-    "sin": lambda x, real: _turn(x, real, 1),
+    "sin": lambda x, n: _turn(x, n, 1),
     "sinh": _sinh,
     "sqrt": _sqrt,
     "tan": _tan,
@@ -355,7 +291,7 @@ FUNCTIONS: dict[str, Callable[..., Array]] = {
 def reference(name: str, *arguments: Array, real: Real) -> Array:
     """A function of ``FUNCTIONS`` on arrays of the precision, as its C computes it."""
     with np.errstate(all="ignore"):
-        found = FUNCTIONS[name](*arguments, real)
+        found = FUNCTIONS[name](*arguments, _constants(real))
     if name in ("cos", "exp", "sin", "sqrt"):  # which pass on what is not finite
         return found
     finite = np.logical_and.reduce([np.isfinite(a) for a in arguments])

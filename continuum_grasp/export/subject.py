@@ -228,10 +228,9 @@ class Subject:
         """C of the function that reports a matched tip or a tension out of its range."""
         if self.guard is None:
             return ""
-        p, inputs = self.prefix, self.guard.inputs
-        declared = ", ".join(f"const {p}_real *{name}" for name in inputs)
-        call = self.guard.call(p, **{name: name for name in inputs}, use="use")
-        return fill("guard.c", {"p": p, "P": p.upper(), "declared": declared, "call": call})
+        p = self.prefix
+        declared = ", ".join(f"const {p}_real *{name}" for name in self.guard.inputs)
+        return fill("guard.c", {"p": p, "declared": declared, "call": self.guard.call(p)})
 
     @property
     def guard_source(self) -> str:

@@ -63,20 +63,13 @@ class SweptKernel(Kernel):
     def c_source(self, prefix: str, real: Real) -> str:
         """The C definition, with those of its parts."""
         parts = [part.c_source(prefix, real).replace("\nvoid ", "\nstatic void ", 1) for part in self._parts.values()]
-        kind = f"{prefix}_real"
-        calls = {key: part.call(prefix, **self._arguments(key, wide=False)) for key, part in self._parts.items()}
-        return "\n".join([*parts, self._loop(self.prototype(prefix), kind, kind, real, calls)])
+        return "\n".join([*parts, self._loop(prefix, f"{prefix}_real", real)])
 
     def lane_source(self, real: Real) -> str:
         """The same on vectors of the type ``lanes``."""
-        parts = [part.lane_source(real) for part in self._parts.values()]
-        calls = {}
-        for key, part in self._parts.items():
-            given = self._arguments(key, wide=True)
-            calls[key] = f"{part.name}_lanes({', '.join(given[name] for name in (*part.inputs, *part.outputs))});"
-        arguments = [f"const lanes *{name}" for name in self.inputs] + ["lanes *xd"]
-        head = f"static void {self.name}_lanes({', '.join(arguments)})"
-        return "\n".join([*parts, self._loop(head, "lanes", real.name, real, calls)])
+        return "\n".join(
+            [*(part.lane_source(real) for part in self._parts.values()), self._loop(None, real.name, real)]
+        )
 
     def lane_helpers(self, real: Real) -> str:
         """C of the functions that its lanes need one by one, each once."""
@@ -88,52 +81,44 @@ class SweptKernel(Kernel):
         """C of the arguments of a part."""
         made = self._made
         window = f"k * {made.stride}"
-        given = {name: name for name in ("u", "w", "p", "x", "drive", "tip", "tip_rate", "base", "lagging", "end")}
-        given |= {"lag": f"x + {2 * made.unknowns}", "spin": "spins[k]", "spun": "spins[k + 1]", "start": "start"}
+        given = {"lag": f"x + {2 * made.unknowns}", "spin": "spins[k]", "spun": "spins[k + 1]"}
         given |= {"q": f"q + {window}", "qd": f"qd + {window}", "row": "row" if wide else "rows[k]"}
         given |= {"shape": "shape[k]", "body": "body[k]", "gain": "gain[k]", "turn": "turns[k]"}
         given |= {"turned": "turns[k + 1]", "turns": "before", "handed": "end", "following": "start"}
         given |= {"rates": f"rates + {made.shared} + {window}", "force": "acting" if key == "loads" else "force[k]"}
         return given | ({"spin": f"spins[{made.links}]"} if key == "tip" else {})
 
-    def _loop(self, head: str, kind: str, plain: str, real: Real, calls: dict[str, str]) -> str:
-        made, sizes = self._made, dict[str, int]()
-        for part in self._sizes.values():
-            sizes |= part
-        lanes = kind == "lanes"
+    def _loop(self, prefix: str | None, plain: str, real: Real) -> str:
+        made, lanes, sizes = self._made, prefix is None, dict[str, int]()
+        for of in self._sizes.values():
+            sizes |= of
+        calls = {key: part.call(prefix, **self._arguments(key, wide=lanes)) for key, part in self._parts.items()}
         zero, one = (f"same({v})" if lanes else v for v in (real.literal(0.0), real.literal(1.0)))
         tip = sizes["tip"]
         rows = made.rows.tolist()
         return fill(
             "sweep.c",
             {
+                **sizes,
                 **{f"{key}_call": calls.get(key, "") for key in _TEXTS},
                 "driven_call": f"\n  {calls['driven']}" if "driven" in calls else "",
                 "text": self.text,
-                "head": head,
-                "t": kind,
+                "head": self.prototype(prefix),
+                "t": "lanes" if lanes else plain,
                 "real": plain,
                 "zero": zero,
                 "one": one,
                 "rows": ",\n    ".join(f"{{{', '.join(map(real.literal, row))}}}" for row in rows if row),
                 "row": made.rows.shape[1],
                 "wide": lanes and made.rows.size,
-                "links": made.links,
+                "made": made,
                 "drive": max(sizes["drive"], 1),
                 "lags": self.outputs["xd"] - 2 * made.unknowns,
                 "full": made.unknowns + tip,
-                "tip": tip,
-                "n": made.unknowns,
-                "spin": sizes["spun"],
-                "shape": sizes["shape"],
-                "body": sizes["body"],
-                "gain": sizes["gain"],
-                "start": sizes["start"],
                 "end_size": sizes["end"],
                 "loads": len(made.loaded),
                 "loaded": ", ".join(map(str, made.loaded)),
                 "force": SECTION + made.local,
-                "shared": made.shared,
                 "section": SECTION,
             },
         )

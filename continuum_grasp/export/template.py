@@ -8,5 +8,5 @@ from continuum_grasp.core.source import filled, template
 
 
 def fill(name: str, words: Mapping[str, object]) -> str:
-    """Fill a template, by its path below ``templates``; more words than it asks for may be given."""
-    return filled(template("export", name), words)
+    """Fill a template, by its path below ``templates``, of some of the words; ``P`` is the prefix ``p`` in capitals."""
+    return filled(template("export", name), {"P": str(words.get("p", "")).upper(), **words})

@@ -232,26 +232,19 @@ def check_source(contents: Contents, vectors: Sequence[Vectors]) -> str:
 
 
 def _tables(vectors: Vectors, prefix: str, real: Real) -> str:
-    name, untouched = vectors.name, (vectors.codes < 0)[:, None]
+    given, good = vectors.inputs, np.isfinite(vectors.inputs)
     bad = [(b.row, b.entry, _bits(b.value, real), int(b.code)) for b in vectors.bad]
-    spoilt = [
-        (int(k), int(j), _bits(vectors.inputs[k, j], real), 0) for k, j in np.argwhere(~np.isfinite(vectors.inputs))
-    ]
-    return f"""\
-static const {prefix}_real {name}_inputs[] = {{
-{_rows(np.where(np.isfinite(vectors.inputs), vectors.inputs, 0), real)}
-}};
-static const {prefix}_real {name}_outputs[] = {{
-{_rows(np.where(untouched, 0, vectors.outputs), real)}
-}};
-static const signed char {name}_codes[] = {{{", ".join(str(int(code)) for code in vectors.codes)}}};
-static const bad_input {name}_bad[] = {{
-{_entries(bad)}
-}};
-static const bad_input {name}_spoilt[] = {{
-{_entries([*spoilt, (-1, 0, _bits(0.0, real), 0)])}
-}};
-"""
+    spoilt = [(int(k), int(j), _bits(given[k, j], real), 0) for k, j in np.argwhere(~good)]
+    words = {
+        "p": prefix,
+        "name": vectors.name,
+        "inputs": _rows(np.where(good, given, 0), real),
+        "outputs": _rows(np.where((vectors.codes < 0)[:, None], 0, vectors.outputs), real),
+        "codes": ", ".join(str(int(code)) for code in vectors.codes),
+        "bad": _entries(bad),
+        "spoilt": _entries([*spoilt, (-1, 0, _bits(0.0, real), 0)]),
+    }
+    return fill("tests/table.h", words)
 
 
 def _entries(rows: Sequence[tuple[int, int, str, int]]) -> str:

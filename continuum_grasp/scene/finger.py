@@ -395,6 +395,12 @@ class Finger(Value):
         own = channels(self.rod.length, self.tendon_list)
         return (*(replace(one, arms=one.arms + none) for one in own), *self.chamber_channels)
 
+    @property
+    def pulls(self) -> tuple[tuple[Channel, float], ...]:
+        """Of each tendon, then of each chamber: its channel, and its arm there."""
+        count = len(self.tendon_list) + len(self.chambers)
+        return tuple(next((one, one.arms[k]) for one in self.channels if one.arms[k]) for k in range(count))
+
     @cached_property
     def chamber_channels(self) -> tuple[Channel, ...]:
         """The moments by which chambers bend the finger."""

@@ -49,7 +49,7 @@ def called(library, name: str, x: np.ndarray) -> np.ndarray:
 def levels(monkeypatch) -> list[tuple[int, str]]:
     """Lines of the longest function and level of every translation unit that is compiled."""
     seen: list[tuple[int, str]] = []
-    plain = Compiler._run
+    plain = Compiler.run
 
     def run(self, arguments):
         for name in (one for one in arguments if one.endswith(".c")):
@@ -58,7 +58,7 @@ def levels(monkeypatch) -> list[tuple[int, str]]:
                 seen.append((longest_function(file.read()), level))
         plain(self, arguments)
 
-    monkeypatch.setattr(Compiler, "_run", run)
+    monkeypatch.setattr(Compiler, "run", run)
     monkeypatch.setattr(compiler, "_LONG", 300)
     monkeypatch.delenv("CONTINUUM_GRASP_QUICK_COMPILE", raising=False)
     return seen

@@ -6,8 +6,7 @@ import ctypes
 import json
 import math
 import re
-from functools import lru_cache, partial
-from types import SimpleNamespace
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -17,8 +16,7 @@ from continuum_grasp.control.estimation.estimator import Estimator
 from continuum_grasp.control.status import Status
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
-from continuum_grasp.export.control.loop import Loop, identifiers, unit_of
-from continuum_grasp.export.control.replay import _Finger
+from continuum_grasp.export.control.loop import identifiers, unit_of
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
@@ -73,25 +71,6 @@ def reference(finger, rows):
     if finger.Real is ctypes.c_float:
         columns = [(ctypes.c_float * len(rows))(*column) for column in columns]
     return finger.Reference(*columns)
-
-
-def test_vectors_have_late_measurements_with_the_noise_of_sensors():
-    """0.1 mm, else 0.01 in its unit, of the readings of two periods ago."""
-    mixing, count = np.array([[2.0, 0.0], [1.0, 1.0]]), 2000
-    estimation = SimpleNamespace(mixing=mixing, nz=2, nx=2, outputs=lambda z, u, p: [mixing @ z])
-    stages = SimpleNamespace(substeps=1, stage=0.01, nd=2, p_nominal=())
-    given = {"period": 0.01, "periods": 2, "first": np.zeros(2), "measurement_names": ("tip_x [m]", "tension_1 [N]")}
-    loop = SimpleNamespace(stages=stages, estimation=estimation, **given)
-    loop.measured = partial(Loop.measured, loop)
-    finger = _Finger(loop, np.random.default_rng(0))
-    found = []
-    for k in range(count):
-        finger.x = np.array([3.0, 5.0]) * k
-        found.append(finger.measured(np.zeros(1)))
-    noise = np.array(found)[2:] - np.outer(np.arange(count - 2), [3.0, 5.0])
-    deviations = np.array([1e-4, 1e-2])
-    assert np.all(np.abs(noise.mean(axis=0)) < 4.0 / math.sqrt(count) * deviations)
-    assert noise.std(axis=0) == pytest.approx(deviations, rel=0.1)
 
 
 # The C.

@@ -165,12 +165,6 @@ console.log(JSON.stringify(finger.fields().map(Object.values)));
     assert json.loads(names.stdout) == described(manifest)
 
 
-def test_a_module_without_metadata_has_none(tmp_path):
-    package = export_c(scene("arcs"), tmp_path, what=["shape"], sections=3)
-    assert not [name for name in package.files if "metadata" in name]
-    assert "finger_fields" not in (tmp_path / "include/finger.h").read_text()
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -40,15 +40,15 @@ Array = NDArray[np.float64]
 CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
 """Members of ``rti_settings`` that the public settings have, in their order."""
 DIAGNOSIS = (
-    ("uint32_t", "anomalies", "what was noticed, bits of ..._ANOMALY_..."),
+    ("uint32_t", "anomalies", "what was noticed, bits of ..._ANOMALY_... in the header"),
     ("int", "iterations", "factorizations beyond the first"),
     ("real", "violation", "largest share by which a soft bound is left in the plan"),
     ("real", "residual", "of the optimality conditions, relative"),
     ("real", "cost", "of the plan"),
-    ("int", "health", "..._HEALTH_..."),
-    ("int", "sensor", "..._SENSOR_... that contradicts the model most"),
+    ("int", "health", "..._HEALTH_...: 0 well, 1 mismatch, 2 detuned, 3 a reading is frozen, 4 tripped"),
+    ("int", "sensor", "number of the sensor, ..._SENSOR_..., that contradicts the model most"),
     ("int", "frozen", "number of a reading that does not move, in the order of the measurement; -1: none"),
-    ("int", "trip", "..._TRIP_..."),
+    ("int", "trip", "..._TRIP_...: why the controller is tripped; 0: it is not"),
     ("int", "rung", "how often the weight of the command's rate is raised fourfold"),
     ("real", "mismatch", "mean squared normalized innovation of that sensor; about 1 where all is well"),
     ("real", "activity", "mean squared change of the command, per that at its rate limit"),
@@ -165,6 +165,11 @@ class Loop:
         return self.calls.period
 
     @property
+    def nodes(self) -> int:
+        """Nodes of a reference: from now on, one each stage."""
+        return self.stages.stages + 1
+
+    @property
     def measurement_names(self) -> tuple[str, ...]:
         """Names and units of what is measured; the state where there is no estimator."""
         return self.estimated if self.estimation is None else self.estimation.measurement_names
@@ -205,7 +210,7 @@ class Loop:
     @cached_property
     def applied(self) -> Struct:
         """The same that was applied, which may be off or beyond what can be commanded."""
-        return Struct("command", "", named_fields(self.stages.u_names, self.ranges.applied))
+        return Struct("applied", "", named_fields(self.stages.u_names, self.ranges.applied))
 
     @cached_property
     def wanted(self) -> Array:
@@ -239,9 +244,9 @@ class Loop:
     @cached_property
     def reference(self) -> Struct:
         """Setpoints of all nodes."""
-        nodes, fields = self.stages.stages + 1, named_fields(self.stages.r_names, self.ranges.r)
+        fields = named_fields(self.stages.r_names, self.ranges.r)
         text = f"Setpoints from now on, one each {self.stages.stage:g} s."
-        return Struct("reference", text, tuple(replace(field, shape=(nodes,)) for field in fields))
+        return Struct("reference", text, tuple(replace(field, shape=(self.nodes,)) for field in fields))
 
     @cached_property
     def settings(self) -> Struct:

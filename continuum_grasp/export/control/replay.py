@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ctypes
 import math
-import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -39,8 +38,6 @@ _HELD = 20
 """Calls for which setpoints stay."""
 _FREE = 1e6
 """Greatest number where any will do [SI]."""
-_TIMEOUT = 600.0
-"""After which a compiler is taken to hang [s]; builds take seconds."""
 
 
 class _Host:
@@ -69,10 +66,7 @@ class _Host:
             write_files(Path(work), {**files, "host.c": source})
             sources = [name for name in files if name.startswith("src/") and name.endswith(".c")]
             flags = [*strict_flags(compiler.version), "-O1", "-shared", "-fPIC", "-w", "-Iinclude", "-Itests"]
-            line = [*compiler.command, *flags, *sources, "host.c", "-o", "host.so"]
-            done = subprocess.run(line, cwd=work, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
-            if done.returncode != 0:
-                raise InputError(f"the C compiler refused the package: {done.stderr[:2000]}")
+            compiler.run([*flags, *sources, "host.c", "-o", "host.so"], Path(work))
             self._library = ctypes.CDLL(str(Path(work) / "host.so"))
         self._library.host_size.restype = ctypes.c_size_t
         self.sizes = {name: int(self._library.host_size(k)) for k, name in enumerate(owners)}

@@ -11,11 +11,12 @@ from continuum_grasp import __version__
 from continuum_grasp.control.compiled import estimator_sizes
 from continuum_grasp.control.field import Field as Member
 from continuum_grasp.control.rti.source import dimensions, iteration_bodies, template
+from continuum_grasp.control.status import ANOMALY_TEXTS, MEASUREMENT_TEXTS, Anomaly, Verdict
 from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.export.control.kernels import adapters_of
 from continuum_grasp.export.control.loop import CHANGEABLE, DIAGNOSIS, Loop
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
-from continuum_grasp.export.fields import Real, Struct, each_once
+from continuum_grasp.export.fields import Real, each_once
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 
@@ -23,26 +24,14 @@ SIZES = ("estimator_bytes", "estimator_work_bytes", "controller_bytes", "control
 """Places of the header for what is known once it was compiled."""
 UNKNOWN = "0x7fffffff"
 """What stands there before: more than any memory, so that the checks of the sizes in the C hold."""
+_RENAMED = {"BAD_PARAMETERS": "BAD_KNOWN", "INPUT_LIMITED": "COMMAND_LIMITED"}
+"""Anomalies of what has another name in a package."""
 ANOMALIES = {
-    "MISSING": "an entry of the measurement is not there",
-    "ABSURD": "one is infinite or out of its range",
-    "OUTLIER": "one is too far from what was expected: its sensor was rejected",
-    "REOPENED": "one is too far too often: used with bounded influence",
-    "BLIND": "nothing was measured for as long as a plan lasts",
-    "ESTIMATE_LIMITED": "an estimated disturbance was moved into its range",
-    "ESTIMATE_RESTARTED": "the estimate was not finite or out of its range; the estimator started again",
-    "BAD_SETPOINTS": "a setpoint is not finite or out of its range",
-    "BAD_KNOWN": "an entry of known is; the last good ones are used",
-    "BAD_APPLIED": "what is said to have been applied is",
-    "LATE": "the last command was late",
-    "NOT_SOLVED": "the iteration failed",
-    "COMMAND_LIMITED": "the planned command was out of its range",
-    "RATE_LIMITED": "the planned command was further from the last one than its rate allows",
-    "FROZEN": "a reading does not move: it counts as missing until it does",
-    "BEYOND_LIMIT": "a limit was moved past the last command, which approaches it at its greatest rate",
-    "UNFAMILIAR": "the state is beyond the logs of the learned residual, which fades to zero",
-    "PLAN_GAPS": "the plan was no motion of the model: replaced, or integrated anew",
+    _RENAMED.get(str(anomaly.name), str(anomaly.name)): ANOMALY_TEXTS.get(anomaly)
+    or f"a reading: {MEASUREMENT_TEXTS[Verdict[str(anomaly.name)]]}"
+    for anomaly in Anomaly
 }
+"""What each bit of anomalies means, by its name, from the lowest one on."""
 
 
 _TOUCH_MEMORY = """
@@ -65,11 +54,6 @@ class _Writer:
     def array(self, name: str, values: Iterable[float]) -> str:
         numbers = ", ".join(map(self.real.finite_literal, values))
         return f"static const {self.prefix}_real {name}[] = {{{numbers}}};"
-
-    def bounds(self, struct: Struct, name: str = "") -> str:
-        low, high = zip(*struct.bounded, strict=True)
-        name = name or struct.name
-        return "\n".join([self.array(f"{name}_low", low), self.array(f"{name}_high", high)])
 
     # -- memory ------------------------------------------------------------------------------------------------------
 
@@ -140,13 +124,13 @@ class _Writer:
     def numbers(self) -> str:
         loop, p = self.loop, self.prefix
         nominal = loop.stages.p_nominal
-        texts = [self.bounds(loop.applied, "applied"), self.bounds(loop.start)]
+        texts = [*(s.bounds(p, self.real) for s in (loop.applied, loop.start))]
         texts += [self.array("first_state", loop.first), self.array("first_command", loop.before)]
         if loop.known is not None:
             texts.append(self.array("known_nominal", nominal))
-            texts += [self.bounds(loop.known)] if "estimator" in loop.parts else []
+            texts += [loop.known.bounds(p, self.real)] if "estimator" in loop.parts else []
         if self.mpc:
-            texts += [self.array("settings_nominal", loop.nominal_settings), self.bounds(loop.settings)]
+            texts += [self.array("settings_nominal", loop.nominal_settings), loop.settings.bounds(p, self.real)]
             texts.append(self.array("first_setpoints", loop.wanted))
             texts.append(f"static const {p}_loop_settings loop_settings = {self.initializer(loop.members)};")
         else:
@@ -176,7 +160,7 @@ class _Writer:
     def words(self, common: dict[str, object]) -> dict[str, object]:
         loop, p, big = self.loop, self.prefix, self.prefix.upper()
         known = loop.known.size if loop.known is not None else 0
-        start, nx, nz = loop.start, loop.stages.nd, loop.start.size
+        nx, nz = loop.stages.nd, loop.start.size
         taken, at = [], 0
         for member in CHANGEABLE:
             count = np.size(getattr(loop.stages, member))
@@ -190,14 +174,7 @@ class _Writer:
         quiet_nan = self.real.exponent_mask | 1 << (self.real.mantissa_bits - 1)
         return {
             **common,
-            "period": f"{loop.period:g}",
-            "n": loop.stages.stages,
-            "stage": f"{loop.stages.stage:g}",
-            "start": start.name,
-            "nz": nz,
-            "nu": loop.command.size,
-            "nm": loop.measurement.size,
-            "ns": loop.settings.size,
+            "loop": loop,
             "np_size": max(loop.stages.np, 1),
             "take": "\n".join(taken),
             "read_reference": "\n".join(
@@ -216,7 +193,6 @@ class _Writer:
             "missing": self.real.bit_pattern(quiet_nan),
             "estimated": "\n".join(estimated),
             "what_is_measured": "a measurement" if self.filter else "the state",
-            "safe": loop.safe,
             "sensors": ",\n".join(
                 f"  {big}_SENSOR_{name.upper().replace(' ', '_')} = {k}" for k, name in enumerate(loop.watched)
             ),
@@ -224,7 +200,6 @@ class _Writer:
             "indent_step": " " * len(f"int {p}_estimator_step("),
             "estimator_settings": "loop_settings.ekf" if self.mpc else "ekf_settings",
             "contact_settings": "loop_settings.contact" if self.mpc else "contact_settings",
-            "touch": loop.touch,
             "known": known,
             "known_nominal": "known_nominal" if known else "0",
             "known_or_null": "p" if known else "0",
@@ -266,7 +241,7 @@ def control_sources(loop: Loop, prefix: str, real: Real) -> tuple[dict[str, str]
     The declarations leave places for the bytes of the memory, which are known once it was compiled.
     """
     writer = _Writer(loop, prefix, real)
-    words = writer.words({"p": prefix, "P": prefix.upper(), "version": __version__})
+    words = writer.words({"p": prefix, "version": __version__})
     files = {f"include/{prefix}_memory.h": writer.memory(words), f"src/{prefix}_control.c": writer.source(words)}
     headers = {"estimator": "estimator", "mpc": "controller"}
     declared = {name: fill(f"control/{headers[name]}.h", words) for name in loop.parts}

@@ -4,26 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from continuum_grasp.export.fmu.variable import STRICT, Count, Group, Unit, Variable, library_of, variables_of
+from continuum_grasp.export.control.loop import DIAGNOSIS
+from continuum_grasp.export.fmu.variable import STRICT, Unit, Variable, count, library_of, variables_of
 from continuum_grasp.export.source import names_of
 from continuum_grasp.scene.control import ControlScene
 
-_REALS = {
-    "violation": "largest share by which a soft bound is left in the plan",
-    "residual": "of the optimality conditions, relative",
-    "cost": "of the plan",
-    "mismatch": "mean squared normalized innovation of the sensor that contradicts the model most",
-    "activity": "mean squared change of the command, per that at its rate limit",
-}
-_COUNTS = {
-    "anomalies": "what was noticed, bits of ANOMALY in the header",
-    "iterations": "factorizations beyond the first",
-    "health": "0 well, 1 mismatch, 2 detuned, 3 a reading is frozen, 4 tripped",
-    "sensor": "number of the sensor that contradicts the model most",
-    "frozen": "number of a reading that does not move; -1: none",
-    "trip": "why the controller is tripped; 0: it is not",
-    "rung": "how often the weight of the command's rate is raised fourfold",
-}
+_COUNTS = [name for kind, name, _ in DIAGNOSIS if kind != "real"]
+_REALS = [name for kind, name, _ in DIAGNOSIS if kind == "real"]
+_TEXTS = {name: text for _, name, text in DIAGNOSIS}
 
 
 def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> Unit:
@@ -39,15 +27,15 @@ def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> U
         "measurement", "input", structs["measurement"], list(loop["measurement_at_start"].values()), may_be_missing=True
     )
     nominal = list(loop["nominal_known"].values())
-    groups = [
-        Group("FMU_MEASUREMENT", measured),
-        Group("FMU_REFERENCE", _reference(structs["reference"], wanted, nodes if preview else 0, loop["stage_s"])),
-        Group("FMU_SETTINGS", variables_of("settings", "tunable", structs["settings"], settings)),
-        Group("FMU_KNOWN", variables_of("known", "tunable", known, nominal)),
-        Group("FMU_COMMAND", variables_of("command", "output", structs["command"])),
-        Group("FMU_ESTIMATE", variables_of("estimate", "output", structs[start])),
-        Group("FMU_DIAGNOSIS", tuple(Variable(f"diagnosis.{k}", "1", text, "output") for k, text in _REALS.items())),
-    ]
+    groups = {
+        "FMU_MEASUREMENT": measured,
+        "FMU_REFERENCE": _reference(structs["reference"], wanted, nodes if preview else 0, loop["stage_s"]),
+        "FMU_SETTINGS": variables_of("settings", "tunable", structs["settings"], settings),
+        "FMU_KNOWN": variables_of("known", "tunable", known, nominal),
+        "FMU_COMMAND": variables_of("command", "output", structs["command"]),
+        "FMU_ESTIMATE": variables_of("estimate", "output", structs[start]),
+        "FMU_DIAGNOSIS": tuple(Variable(f"diagnosis.{k}", "1", _TEXTS[k], "output") for k in _REALS),
+    }
     names = [entry["name"] for entry in structs["reference"]]
     lines = [
         f"    f->scratch.reference.{name}[k] = values[FMU_REFERENCE + {f'{j * nodes} + k' if preview else j}];"
@@ -61,10 +49,10 @@ def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> U
         what="its predictive controller",
         step=loop["period_s"],
         stop=scene.duration or 1.0,
-        groups=tuple(groups),
+        groups=groups,
         counts=(
-            Count("code", "of the last call: 0 a new plan, above a warning, below what was refused"),
-            *(Count(f"diagnosis.{name}", text) for name, text in _COUNTS.items()),
+            count("code", "of the last call: 0 a new plan, above a warning, below what was refused"),
+            *(count(f"diagnosis.{name}", _TEXTS[name]) for name in _COUNTS),
         ),
         continuous=False,
         linear=False,

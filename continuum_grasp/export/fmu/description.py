@@ -6,34 +6,43 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree
+from xml.sax.saxutils import escape
 
 from continuum_grasp import __version__
 from continuum_grasp.export.fmu.variable import Unit, Variable
-
-_CATEGORIES = {
-    "logAll": "everything",
-    "logStatusWarning": "a code of the library that is a warning, where it is new",
-    "logStatusDiscard": "what was refused, and left all as it was",
-    "logStatusError": "a call that is not allowed, or wrong",
-}
+from continuum_grasp.export.template import fill
 
 
 def model_description(unit: Unit, fmi: str, token: str) -> str:
     """XML of a version, ``"2"`` or ``"3"``."""
     old, reals = fmi == "2", unit.variables
-    root = _root(unit, f"{fmi}.0", **{"guid" if old else "instantiationToken": token})
-    simulates = ElementTree.SubElement(root, "CoSimulation", _flags(unit, old))
+    given = {"title": unit.title, "what": unit.what, "hash": unit.manifest["configuration_hash"], "token": token}
+    words = {name: escape(str(text), {'"': "&quot;"}) for name, text in given.items()} | {
+        "fmi": fmi,
+        "old": old,
+        "id": "guid" if old else "instantiationToken",
+        "version": __version__,
+        "unit": unit,
+        "linear": str(unit.linear).lower(),
+        "step": _number(unit.step),
+        "stop": _number(unit.stop),
+    }
+    root = ElementTree.fromstring(fill("fmu/description.xml", words))
+    simulates, definitions, _, _, listed, structure = root
     if old:
         files = ElementTree.SubElement(simulates, "SourceFiles")
         for name in sorted([*(n for n in unit.sources if n.endswith(".c")), "fmi2.c"]):
             ElementTree.SubElement(files, "File", name=name)
-    _units_and_log(root, unit)
-    listed = ElementTree.SubElement(root, "ModelVariables")
+    for name in sorted({v.unit for v in reals} | {"s"}):
+        of = ElementTree.SubElement(definitions, "Unit", name=name)
+        base = base_unit(name)
+        if base is not None:
+            ElementTree.SubElement(of, "BaseUnit", {key: str(power) for key, power in base.items()})
     # In FMI 2.0 variables are numbered from one, in their order; in FMI 3.0 they are named by their references.
     offset = 1 if old else 0
 
     def add(kind: str, name: str, text: str, more: Mapping[str, str], values: Mapping[str, str]) -> None:
-        own = {"name": name, "valueReference": str(len(listed)), **_text(text), **more}
+        own = {"name": name, "valueReference": str(len(listed)), **({"description": text} if text else {}), **more}
         if old:
             ElementTree.SubElement(ElementTree.SubElement(listed, "ScalarVariable", own), kind, dict(values))
         else:
@@ -50,9 +59,9 @@ def model_description(unit: Unit, fmi: str, token: str) -> str:
     counts = range(len(reals), len(listed))
     if not old:
         add("Float64", "time", "time", {"causality": "independent", "variability": "continuous"}, {"unit": "s"})
-    structure = ElementTree.SubElement(root, "ModelStructure")
     seen = [k for k, v in enumerate(reals) if v.kind in ("state", "output")]
-    unknown = [k for k, v in enumerate(reals) if _is_unknown(unit, v)]
+    # What the initialization computes.
+    unknown = [k for k, v in enumerate(reals) if v.kind == "output" or (v.kind == "rate" and unit.linear)]
     groups = (
         ("Outputs", "Output", (*seen, *counts)),
         ("Derivatives", "ContinuousStateDerivative", rates if unit.linear else ()),
@@ -88,37 +97,6 @@ def _number(value: float) -> str:
     return repr(float(value)) if math.isfinite(value) else "NaN"
 
 
-def _root(unit: Unit, fmi: str, **more: str) -> ElementTree.Element:
-    return ElementTree.Element(
-        "fmiModelDescription",
-        {
-            "fmiVersion": fmi,
-            "modelName": unit.title,
-            **more,
-            "description": f"{unit.title}: {unit.what}",
-            "version": str(unit.manifest["configuration_hash"]),
-            "generationTool": f"continuum_grasp {__version__}",
-            "license": "MIT",
-            "variableNamingConvention": "structured",
-        },
-    )
-
-
-def _units_and_log(root: ElementTree.Element, unit: Unit) -> None:
-    definitions = ElementTree.SubElement(root, "UnitDefinitions")
-    for name in sorted({v.unit for v in unit.variables} | {"s"}):
-        of = ElementTree.SubElement(definitions, "Unit", name=name)
-        base = base_unit(name)
-        if base is not None:
-            ElementTree.SubElement(of, "BaseUnit", {key: str(power) for key, power in base.items()})
-    categories = ElementTree.SubElement(root, "LogCategories")
-    for name, text in _CATEGORIES.items():
-        ElementTree.SubElement(categories, "Category", name=name, description=text)
-    ElementTree.SubElement(
-        root, "DefaultExperiment", startTime="0.0", stopTime=_number(unit.stop), stepSize=_number(unit.step)
-    )
-
-
 def _real(unit: Unit, variable: Variable) -> dict[str, str]:
     """Attributes that both versions have of a real variable."""
     found = {"unit": variable.unit}
@@ -149,10 +127,6 @@ def _roles(unit: Unit, variable: Variable) -> dict[str, str]:
 _COUNT = {"causality": "output", "variability": "discrete", "initial": "calculated"}
 
 
-def _text(text: str) -> dict[str, str]:
-    return {"description": text} if text else {}
-
-
 def _depends(unit: Unit, variable: Variable) -> list[int]:
     """Value references of states and inputs on which a result depends, as far as the structure tells."""
     inputs = [k for k, v in enumerate(unit.variables) if v.kind == "input"]
@@ -162,25 +136,6 @@ def _depends(unit: Unit, variable: Variable) -> list[int]:
     if variable.kind == "rate" or not unit.continuous:
         return sorted(states + inputs)
     return sorted(states + (inputs if unit.feedthrough else []))
-
-
-def _flags(unit: Unit, old: bool) -> dict[str, str]:
-    state, derivatives = "state" if old else "State", "providesDirectionalDerivative" + ("" if old else "s")
-    own = {"canNotUseMemoryManagementFunctions": "true"} if old else {"fixedInternalStepSize": _number(unit.step)}
-    return {
-        "modelIdentifier": unit.identifier,
-        "canHandleVariableCommunicationStepSize": "true",
-        "canBeInstantiatedOnlyOncePerProcess": "false",
-        f"canGetAndSetFMU{state}": "true",
-        f"canSerializeFMU{state}": "true",
-        derivatives: "true" if unit.linear else "false",
-        **own,
-    }
-
-
-def _is_unknown(unit: Unit, variable: Variable) -> bool:
-    """Whether it is computed by the initialization."""
-    return variable.kind == "output" or (variable.kind == "rate" and unit.linear)
 
 
 _BASE = {
@@ -197,7 +152,7 @@ _BASE = {
     "Hz": {"s": -1},
     "1": {},
 }
-_TOKEN = re.compile(r"\s*(\(|\)(\d*)|/|([A-Za-z]+|1)(\d*))")
+_FACTOR = re.compile(r"\s*(/*)\s*(?:\(([^()]*)\)|([A-Za-z]+|1))(\d*)")
 
 
 def base_unit(unit: str) -> dict[str, int] | None:
@@ -206,33 +161,13 @@ def base_unit(unit: str) -> dict[str, int] | None:
     Factors stand side by side; a stroke divides by the one factor, or parenthesis, behind it: ``N m2`` is
     ``{"kg": 1, "m": 3, "s": -2}``.
     """
-    found, at = _product(unit, 0)
-    return None if found is None or at != len(unit) else {name: power for name, power in found.items() if power}
-
-
-def _product(unit: str, at: int) -> tuple[dict[str, int] | None, int]:
-    """Exponents of the factors up to the end or a closing parenthesis, and where that is."""
-    found: dict[str, int] = {}
-    sign, empty = 1, True
-    while match := _TOKEN.match(unit, at):
-        word, at = match[1], match.end()
-        if word.startswith(")"):
-            return (None if empty else found), match.start()
-        if word == "/":
-            sign = -1
-            continue
-        inner: dict[str, int] | None
-        if word == "(":
-            inner, at = _product(unit, at)
-            closing = _TOKEN.match(unit, at)
-            if inner is None or closing is None or not closing[1].startswith(")"):
-                return None, at
-            power, at = int(closing[2] or 1), closing.end()
-        else:
-            inner, power = _BASE.get(match[3]), int(match[4] or 1)
-        if inner is None:
-            return None, at
+    found, at = dict[str, int](), 0
+    while not at or at < len(unit):
+        match = _FACTOR.match(unit, at)
+        inner = None if match is None else _BASE.get(match[3]) if match[2] is None else base_unit(match[2])
+        if match is None or inner is None:
+            return None
+        power, at = (-1 if match[1] else 1) * int(match[4] or 1), match.end()
         for name, exponent in inner.items():
-            found[name] = found.get(name, 0) + sign * power * exponent
-        sign, empty = 1, False
-    return (None if empty else found), at
+            found[name] = found.get(name, 0) + power * exponent
+    return {name: power for name, power in found.items() if power}

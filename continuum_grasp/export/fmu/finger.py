@@ -7,21 +7,20 @@ from typing import Any
 
 import numpy as np
 
+from continuum_grasp.arguments import positive
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.fmu.variable import (
     STRICT,
-    Count,
-    Group,
+    TIP,
     Kind,
     Unit,
-    Variable,
     contact_variables,
+    count,
     library_of,
-    tip_variables,
     variables_of,
 )
 from continuum_grasp.export.parts.model import has_linearization
-from continuum_grasp.export.source import positive, source_of
+from continuum_grasp.export.source import source_of
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
@@ -44,7 +43,7 @@ def finger_unit(
     # Forces of contacts have no derivatives here.
     linear = not touching and has_linearization(subject)
     what = ["dynamics", "step", "kinematics", *["linearization"] * linear, *["contact"] * bool(touching)]
-    internal = positive(step, "step") or source.step
+    internal = source.step if step is None else positive("step", step)
     sources, manifest = library_of(scene, what=what, prefix=identifier, ranges=ranges, step=internal, substeps=substeps)
     structs: dict[str, Any] = manifest["structs"]
     internal = internal or manifest["steps"]["step"]["accurate_s"]
@@ -52,16 +51,17 @@ def finger_unit(
     acts: Kind = "fixed" if model.structure.moment_is_constant else "input"
     signals, state = Signals(scene, model, nw=moving.nw), np.asarray(initial_state(scene, moving), dtype=float)
     parameters = list(manifest["nominal_parameters"].values())
-    groups = [
-        Group("FMU_INPUTS", variables_of("input", acts, structs["input"], signals.u(0.0)[0][: model.nu])),
-        Group("FMU_FORCES", variables_of("forces", "input", structs.get("forces", []), signals.w(0.0)[0])),
-        Group("FMU_PARAMETERS", variables_of("parameters", "tunable", structs.get("parameters", []), parameters)),
-        Group("FMU_STATE", variables_of("state", "state", structs["state"], state)),
-        Group("FMU_TIP", tip_variables()),
-        *([Group("FMU_CONTACTS", tuple(contact_variables(touching)))] if touching else []),
-        Group("FMU_RATES", _rates(structs["rate"]) if linear else ()),
-    ]
-    words: dict[str, Any] = {"forces": bool(groups[1].variables), "parameters": bool(parameters)}
+    rates = [{**entry, "text": f"rate of state.{entry['name']}"} for entry in structs["rate"]]
+    groups = {
+        "FMU_INPUTS": variables_of("input", acts, structs["input"], signals.u(0.0)[0][: model.nu]),
+        "FMU_FORCES": variables_of("forces", "input", structs.get("forces", []), signals.w(0.0)[0]),
+        "FMU_PARAMETERS": variables_of("parameters", "tunable", structs.get("parameters", []), parameters),
+        "FMU_STATE": variables_of("state", "state", structs["state"], state),
+        "FMU_TIP": TIP,
+        **({"FMU_CONTACTS": contact_variables(touching)} if touching else {}),
+        "FMU_RATES": variables_of("rate", "rate", rates if linear else ()),
+    }
+    words: dict[str, Any] = {"forces": bool(groups["FMU_FORCES"]), "parameters": bool(parameters)}
     words |= {"acting": ", &forces" if words["forces"] else "", "contacts": bool(touching)}
     words["touched"] = ", &forces" if "forces" in manifest["functions"].get("touch", {}).get("inputs", ()) else ""
     return Unit(
@@ -70,8 +70,8 @@ def finger_unit(
         what="a planar continuum finger" + " with the object that it touches" * (subject.touching is not None),
         step=internal,
         stop=scene.time.duration if scene.time is not None else 1.0,
-        groups=tuple(groups),
-        counts=(Count("code", "of the last step: 0 done, above a warning, below what was refused"),),
+        groups=groups,
+        counts=(count("code", "of the last step: 0 done, above a warning, below what was refused"),),
         continuous=True,
         linear=linear,
         feedthrough=model.tip.jac_sparsity(0, model.tip.index_in("u")).nnz() > 0,
@@ -80,11 +80,4 @@ def finger_unit(
         sources=sources,
         flags=STRICT,
         manifest=manifest,
-    )
-
-
-def _rates(entries: Sequence[Mapping[str, Any]]) -> tuple[Variable, ...]:
-    """Rates of the states, which are the states' derivatives."""
-    return tuple(
-        Variable(f"rate.{entry['name']}", entry["unit"], f"rate of state.{entry['name']}", "rate") for entry in entries
     )

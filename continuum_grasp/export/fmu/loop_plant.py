@@ -16,7 +16,7 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.export.casadi_source import generated_c
-from continuum_grasp.export.fmu.variable import Count, Group, Unit, contact_variables, labeled, tip_variables
+from continuum_grasp.export.fmu.variable import TIP, Unit, contact_variables, count, labeled
 from continuum_grasp.export.part import Code
 from continuum_grasp.export.parts.seen import by_component
 from continuum_grasp.export.source import names_of
@@ -65,7 +65,7 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
         for name, value in values.items()
     ]
     source, header = generated_c(f"{identifier}_plant", named)
-    seen = (*tip_variables(), *contact_variables(model.system.touch_names))
+    seen = (*TIP, *contact_variables(model.system.touch_names))
     big = identifier.upper()
     texts = "".join(f'    case {big}_{c.name}: return "{c.text}";\n' for c in _CODES)
     codes = ", ".join(f"{big}_{c.name} = {int(c)}" for c in _CODES)
@@ -75,23 +75,22 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
         what="the plant of its closed loop",
         step=step,
         stop=scene.duration or 1.0,
-        groups=(
-            Group("FMU_INPUTS", labeled("command", "input", model.u_names, rest).variables),
-            labeled("forces", "input", model.w_names, model.forces(0.0)[0]),
-            Group("FMU_PARAMETERS", ()),
-            labeled("noise", "input", measured if noisy else (), [0.0] * (len(measured) if noisy else 0)),
-            labeled("state", "state", model.x_names, model.start),
-            Group("FMU_TIP", seen),
-            labeled("measurement", "output", measured, [0.0] * len(measured)),
-        ),
-        counts=(Count("code", "of the last step: 0 done, below what was refused"),),
+        groups={
+            "FMU_INPUTS": labeled("command", "input", model.u_names, rest),
+            "FMU_FORCES": labeled("forces", "input", model.w_names, model.forces(0.0)[0]),
+            "FMU_PARAMETERS": (),
+            "FMU_NOISE": labeled("noise", "input", measured if noisy else ()),
+            "FMU_STATE": labeled("state", "state", model.x_names, model.start),
+            "FMU_TIP": seen,
+            "FMU_MEASUREMENT": labeled("measurement", "output", measured),
+        },
+        counts=(count("code", "of the last step: 0 done, below what was refused"),),
         continuous=True,
         linear=False,
         feedthrough=any(named[1].jac_sparsity(0, k).nnz() for k in (1, 2)),
         glue=("loop_plant_types.c", "loop_plant.c"),
         words={
-            "nx": model.nx,
-            "nu": model.nu,
+            "model": model,
             "shown": len(seen),
             "given": max(4, *(f.sz_arg() for f in named)),
             "found": max(1, *(f.sz_res() for f in named)),
@@ -104,7 +103,7 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
             "noise": " + values[FMU_NOISE + k]" if noisy else "",
         },
         sources={
-            f"{identifier}.h": fill("fmu/plant.h", {"p": identifier, "P": big, "codes": codes, "texts": texts}),
+            f"{identifier}.h": fill("fmu/plant.h", {"p": identifier, "codes": codes, "texts": texts}),
             f"{identifier}_plant.h": header,
             f"{identifier}_plant.c": source,
         },

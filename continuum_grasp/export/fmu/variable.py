@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -62,22 +63,6 @@ class Variable:
 
 
 @dataclass(frozen=True)
-class Count:
-    """A whole number that is an output."""
-
-    name: str
-    text: str
-
-
-@dataclass(frozen=True)
-class Group:
-    """Variables that lie side by side, like the members of a struct; ``name`` is that of their place in C."""
-
-    name: str
-    variables: tuple[Variable, ...]
-
-
-@dataclass(frozen=True)
 class Unit:
     """What a functional mock-up unit is made of.
 
@@ -92,7 +77,8 @@ class Unit:
     stop : float
         End of the scene [s].
     groups, counts
-        Real variables and whole numbers; value references are the places in this order.
+        Real variables, side by side like the members of a struct by the name of their place in C, and whole numbers;
+        value references are the places in this order.
     continuous : bool
         Whether real variables change between steps, or from one step to the next alone.
     linear : bool
@@ -116,8 +102,8 @@ class Unit:
     what: str
     step: float
     stop: float
-    groups: tuple[Group, ...]
-    counts: tuple[Count, ...]
+    groups: Mapping[str, tuple[Variable, ...]]
+    counts: tuple[Variable, ...]
     continuous: bool
     linear: bool
     feedthrough: bool
@@ -130,16 +116,13 @@ class Unit:
     @property
     def variables(self) -> list[Variable]:
         """All real variables."""
-        return [variable for group in self.groups for variable in group.variables]
+        return [variable for group in self.groups.values() for variable in group]
 
     @property
     def places(self) -> dict[str, int]:
         """Where the groups begin."""
-        found, at = {}, 0
-        for group in self.groups:
-            found[group.name] = at
-            at += len(group.variables)
-        return found
+        starts = itertools.accumulate((len(group) for group in self.groups.values()), initial=0)
+        return dict(zip(self.groups, starts, strict=False))
 
 
 def variables_of(
@@ -152,50 +135,40 @@ def variables_of(
     """Variables ``group.name`` of the entries that a manifest has of a struct, with their values to begin with."""
     found = []
     for k, entry in enumerate(entries):
-        low, high = entry.get("low", -math.inf), entry.get("high", math.inf)
+        known = {name: entry[name] for name in ("low", "high", "nominal") if name in entry}
         start = 0.0 if starts is None else float(starts[k])
-        nominal = entry.get("nominal")
-        if kind == "tunable" and nominal is None and start != 0.0:
-            nominal = abs(start)
-        found.append(
-            Variable(
-                f"{group}.{entry['name']}",
-                entry["unit"],
-                entry.get("text", ""),
-                kind,
-                start,
-                low,
-                high,
-                nominal,
-                **more,
-            )
-        )
+        if kind == "tunable" and start != 0.0:
+            known.setdefault("nominal", abs(start))
+        name, text = f"{group}.{entry['name']}", entry.get("text", "")
+        found.append(Variable(name, entry["unit"], text, kind, start, **known, **more))
     return tuple(found)
 
 
-_TIP = (
-    ("x", "m", "of the tip in the world"),
-    ("y", "m", "of the tip in the world"),
-    ("angle", "rad", "of the tip; its tangent is (-sin, cos) of it"),
+def count(name: str, text: str) -> Variable:
+    """A whole number that is an output."""
+    return Variable(name, "", text, "output")
+
+
+TIP = (
+    Variable("tip.x", "m", "of the tip in the world", "output"),
+    Variable("tip.y", "m", "of the tip in the world", "output"),
+    Variable("tip.angle", "rad", "of the tip; its tangent is (-sin, cos) of it", "output"),
 )
+"""Position and angle of the tip."""
 
 
-def tip_variables() -> tuple[Variable, ...]:
-    """Position and angle of the tip."""
-    return tuple(Variable(f"tip.{name}", unit, text, "output") for name, unit, text in _TIP)
-
-
-def contact_variables(touching: Sequence[str]) -> list[Variable]:
+def contact_variables(touching: Sequence[str]) -> tuple[Variable, ...]:
     """Gaps, forces and places of contacts by their names."""
-    names = identifiers(touching)
-    return [Variable(f"contact.{at}.{field}", unit, text, "output") for field, unit, text in TOUCH for at in names]
+    of = [(field, unit, text, at) for field, unit, text in TOUCH for at in identifiers(touching)]
+    return tuple(Variable(f"contact.{at}.{field}", unit, text, "output") for field, unit, text, at in of)
 
 
-def labeled(group: str, kind: Kind, labels: Sequence[str], starts: Sequence[float] | NDArray[Any]) -> Group:
+def labeled(
+    group: str, kind: Kind, labels: Sequence[str], starts: Sequence[float] | NDArray[Any] | None = None
+) -> tuple[Variable, ...]:
     """Variables of labels ``name [unit]``, with their values to begin with."""
-    named = zip(identifiers(labels), labels, starts, strict=True)
-    own = tuple(Variable(f"{group}.{name}", unit_of(label), "", kind, float(start)) for name, label, start in named)
-    return Group(f"FMU_{group.upper()}", own)
+    entries = [{"name": n, "unit": unit_of(label)} for n, label in zip(identifiers(labels), labels, strict=True)]
+    return variables_of(group, kind, entries, starts)
 
 
 _OF_LIBRARY = ("include/", "src/")

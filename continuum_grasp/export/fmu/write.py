@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import html
-import json
 import os
 import platform
 import re
-import subprocess
 import sys
 import tempfile
 import uuid
@@ -22,7 +20,7 @@ from typing import Any
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.core.compiler import find_compiler, quick_compile, why_no_compiler
+from continuum_grasp.core.compiler import CompileError, find_compiler, quick_compile, why_no_compiler
 from continuum_grasp.core.source import filled
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.destination import check_file, is_unit
@@ -30,10 +28,9 @@ from continuum_grasp.export.fmu.controller import controller_unit
 from continuum_grasp.export.fmu.description import build_description, model_description
 from continuum_grasp.export.fmu.finger import finger_unit
 from continuum_grasp.export.fmu.loop_plant import loop_plant_unit
-from continuum_grasp.export.fmu.rest import rest_of
 from continuum_grasp.export.fmu.variable import Unit
-from continuum_grasp.export.manifest import strict_flags
-from continuum_grasp.export.source import chosen, names_of, prefix_of, substeps_of
+from continuum_grasp.export.manifest import manifest_text, strict_flags, write_files
+from continuum_grasp.export.source import chosen, names_of, prefix_of
 from continuum_grasp.export.template import fill
 from continuum_grasp.results import replacing
 from continuum_grasp.scene.control import ControlScene
@@ -43,10 +40,9 @@ from continuum_grasp.scene.simulate import Scene
 WHAT = ("plant", "controller")
 """What may be exported of a closed loop; of a simulated scene, the first."""
 VERSIONS = ("2", "3")
-_TIMEOUT = 1800.0
-"""After which a compiler is taken to hang [s]."""
 _LONG = 20_000
 """Lines of a source from which it is compiled with less optimization, as plants of many elements are."""
+_DECLARED = re.compile(r"^(\w+)\(([^)]*)\)$", re.MULTILINE)
 _FUNCTION = re.compile(r"^(FMI[23]\([^)]*\)\([^{;]*?\))\s*\{", re.MULTILINE)
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 """Time of every file in an archive, so that equal scenes give equal archives."""
@@ -143,7 +139,7 @@ def export_fmu(
     scene = scene_of(given, (Scene, ControlScene))
     own = prefix_of(name) if name is not None else identifier_of(given, scene)
     versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
-    makers = _makers(scene, own, what, step, substeps_of(substeps), ranges, preview)
+    makers = _makers(scene, own, what, step, substeps, ranges, preview)
     files = {(kind, fmi): Path(folder) / f"{own}_{kind}_fmi{fmi}.fmu" for kind in makers for fmi in versions}
     for file in files.values():
         check_file(file, is_unit)
@@ -179,8 +175,8 @@ def _makers(
         if names != ["plant"]:
             raise InputError("a simulated scene has a plant alone; a controller needs a closed loop", key="what")
         return {"plant": partial(finger_unit, scene, f"{name}_plant", step=step, substeps=substeps, ranges=ranges)}
-    for key, value in (("step", step), ("ranges", ranges), ("substeps", substeps)):
-        if value:
+    for key, value in (("step", step), ("ranges", ranges or None), ("substeps", substeps)):
+        if value is not None:
             raise InputError("is for a simulated scene: a closed loop has its own", key=key)
     made = {
         "plant": partial(loop_plant_unit, scene, f"{name}_plant"),
@@ -202,15 +198,18 @@ def _written(unit: Unit, kind: str, fmi: str, file: Path, binary: bool, work: Pa
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
             archive.writestr(entry, content[name])
-    outputs = tuple(v.name for v in unit.variables if v.kind in ("state", "output"))
+
+    def named(*kinds: str) -> tuple[str, ...]:
+        return tuple(v.name for v in (*unit.variables, *unit.counts) if v.kind in kinds)
+
     return FunctionalMockupUnit(
         file=file,
         fmi=fmi,
         what=kind,
         step=unit.step,
-        inputs=tuple(v.name for v in unit.variables if v.kind == "input"),
-        outputs=(*outputs, *(count.name for count in unit.counts)),
-        parameters=tuple(v.name for v in unit.variables if v.kind in ("tunable", "fixed")),
+        inputs=named("input"),
+        outputs=named("state", "output"),
+        parameters=named("tunable", "fixed"),
         binary=platform_name,
     )
 
@@ -225,7 +224,7 @@ def _files(unit: Unit, fmi: str) -> dict[str, str]:
     found["modelDescription.xml"] = model_description(unit, fmi, token)
     found["documentation/index.html"] = _page(unit)
     found["documentation/licenses/license.txt"] = fill("LICENSE", {"version": __version__})
-    found["resources/MANIFEST.json"] = json.dumps(unit.manifest, indent=2, allow_nan=False) + "\n"
+    found["resources/MANIFEST.json"] = manifest_text(unit.manifest)
     if fmi == "3":
         names = sorted(name for name in sources if name.endswith(".c"))
         found["sources/buildDescription.xml"] = build_description(unit, names)
@@ -244,15 +243,11 @@ def _source(unit: Unit, fmi: str) -> str:
     """C between the library and the standard, one file."""
     words: dict[str, object] = {
         "p": unit.identifier,
-        "P": unit.identifier.upper(),
-        "title": unit.title,
-        "what": unit.what,
+        "unit": unit,
         "fmi": f"{fmi}.0",
         "version": __version__,
         "step": repr(float(unit.step)),
         "token": _NO_TOKEN,
-        "linear": unit.linear,
-        "plain": not unit.linear,
         "places": "\n".join(f"  {name} = {at}," for name, at in unit.places.items()),
         "counts": "\n".join(f"  FMU_{count.name.rpartition('.')[2].upper()}," for count in unit.counts),
         "variables": ",\n".join(v.c_source for v in unit.variables),
@@ -263,11 +258,29 @@ def _source(unit: Unit, fmi: str) -> str:
     types, *glue = (fill(f"fmu/{name}", words) for name in unit.glue)
     own = {"v": fmi, **_SPELLED[fmi]}
     parts = {name: fill(f"fmu/{name}.c", own) for name in ("names", "shared")}
-    words |= {**parts, "prototypes": "<<prototypes>>", "others": rest_of(fmi)}
+    words |= {**parts, "prototypes": "<<prototypes>>", "others": _rest(fmi)}
     standard = fill(f"fmu/fmi{fmi}.c", words)
     declared = "\n".join(f"{head};" for head in _FUNCTION.findall(standard))
     standard = filled(standard, {"prototypes": declared})
     return fill("fmu/common.c", {**words, "types": types, "glue": "".join(glue)}) + "\n" + standard
+
+
+def _rest(fmi: str) -> str:
+    """C of functions of which an FMU without events and clocks has nothing: to read or write no variable is done,
+    anything else is refused.
+    """
+    of = f"{_SPELLED[fmi]['handle']} instance, const fmi{fmi}ValueReference vr[], size_t n"
+    found = []
+    for name, given in _DECLARED.findall(fill(f"fmu/rest{fmi}.txt", {}).replace("OF", of)):
+        arguments = " ".join(given.split())
+        names = re.findall(r"(\w+)(?:\[\])?(?:,|$)", arguments)
+        unused = "".join(f"  (void){one};\n" for one in names if one != "instance")
+        done = f"  if (instance && n == 0) return fmi{fmi}OK;\n" if arguments.startswith(of) else ""
+        found.append(
+            f"FMI{fmi}(fmi{fmi}Status, fmi{fmi}{name})({arguments})\n{{\n{unused}{done}"
+            f'  return fmi{fmi}_refused(instance, "{name}: this FMU has nothing of the kind");\n}}\n'
+        )
+    return "\n".join(found)
 
 
 def _platform(fmi: str) -> tuple[str, str]:
@@ -291,46 +304,27 @@ def _compiled(unit: Unit, files: Mapping[str, str], suffix: str, work: Path) -> 
     flags = [flag for flag in strict_flags(compiler.version) if flag in unit.flags]
     sources = {Path(name).name: text for name, text in files.items() if name.startswith("sources/")}
     level = "-O1" if max(text.count("\n") for text in sources.values()) > _LONG else "-O2"
-    line = [*compiler.command, *flags, "-O0" if quick_compile() else level, "-w", "-fPIC", "-fvisibility=hidden"]
+    flags += ["-O0" if quick_compile() else level, "-w", "-fPIC", "-fvisibility=hidden"]
     folder = work / unit.identifier
-    folder.mkdir(exist_ok=True)
-    for name, text in sources.items():
-        (folder / name).write_text(text, encoding="utf-8")
-
-    def run(*more: str) -> None:
-        done = subprocess.run([*line, *more], cwd=folder, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
-        if done.returncode != 0:
-            raise InputError(f"the C compiler refused the sources: {done.stderr[:2000]}", key="binary")
-
+    write_files(folder, sources)
     stems = [name[:-2] for name in sorted(sources) if name.endswith(".c")]
     missing = [stem for stem in stems if not (folder / f"{stem}.o").exists()]
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(lambda stem: run("-c", f"{stem}.c"), missing))
-    run("-shared", *(f"{stem}.o" for stem in stems), "-o", f"unit{suffix}", "-lm")
+    try:
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(lambda stem: compiler.run([*flags, "-c", f"{stem}.c"], folder), missing))
+        compiler.run([*flags, "-shared", *(f"{stem}.o" for stem in stems), "-o", f"unit{suffix}", "-lm"], folder)
+    except CompileError as error:
+        raise InputError(f"the sources do not compile: {error}; or leave the binary out", key="binary") from error
     return (folder / f"unit{suffix}").read_bytes()
 
 
 def _page(unit: Unit) -> str:
     """A page of the variables."""
     rows = []
-    for v in unit.variables:
+    for v in (*unit.variables, *unit.counts):
         span = [f"{end:g}" for end in (v.low, v.high) if abs(end) < 1e300]
-        cells = (
-            v.name,
-            v.kind,
-            v.unit,
-            " to ".join(span) if v.kind in ("input", "tunable", "fixed", "state") else "",
-            v.text,
-        )
+        taken = " to ".join(span) if v.kind in ("input", "tunable", "fixed", "state") else ""
+        cells = (v.name, v.kind, v.unit, taken, v.text)
         rows.append(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>")
-    rows += [
-        f"<tr><td>{c.name}</td><td>output</td><td></td><td></td><td>{html.escape(c.text)}</td></tr>"
-        for c in unit.counts
-    ]
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><meta charset="utf-8"><title>{html.escape(unit.title)}</title>\n'
-        f"<h1>{html.escape(unit.title)}</h1>\n<p>{html.escape(unit.what)}; internal step {unit.step:g} s; made by "
-        f"continuum_grasp {__version__}.</p>\n<table>\n"
-        "<tr><th>variable</th><th>kind</th><th>unit</th><th>range</th><th>meaning</th></tr>\n"
-        f"{chr(10).join(rows)}\n</table>\n</html>\n"
-    )
+    words = {"title": html.escape(unit.title), "what": html.escape(unit.what), "step": f"{unit.step:g}"}
+    return fill("fmu/page.html", {**words, "version": __version__, "rows": "\n".join(rows)})

@@ -10,8 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.scene.drives import LengthDrive
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.loads import ForceLoad, Samples, VectorSamples
 from continuum_grasp.scene.profile import Channel
 from continuum_grasp.scene.simulate import Scene
@@ -29,25 +27,42 @@ class Control:
     """Constant, or samples in time."""
     at: float
     """Where it ends, or acts [m]."""
-    jumps: bool
-    """Whether the bending moment jumps there."""
+    jumps: tuple[float, ...] = ()
+    """Where its bending moment jumps [m]."""
     component: int | None = None
     """Of samples of vectors."""
     gear: tuple[float, ...] | None = None
-    """Force and moment per control at a site there; None: a tendon, or a chamber."""
+    """Force and moment per control at a site there; None: it bends hinges by a channel."""
     follows: bool = True
     """Whether the force turns with the finger."""
     limits: tuple[float, float] | None = None
     lag: float | None = None
-    """Time constant of its drive [s]."""
+    """Time constant of a filter of first order for its drive [s]."""
     cable: float | None = None
     """Stiffness of a tendon that is wound up [N/m]; None: its tension is commanded."""
     sense: float = 1.0
     """Factor of the values: whether a pulley winds up or pays out."""
     start: float = 0.0
     """What is added to them: cable that is wound up of the straight finger [m]."""
-    chamber: Channel | None = None
-    """By what a pressure bends hinges; None: no chamber."""
+    channel: Channel | None = None
+    """What a tendon or a chamber bends hinges by; None: a force or moment at a site."""
+    arm: float = 0.0
+    """Its arm there."""
+
+    @classmethod
+    def of(cls, name: str, value: Any, pull: tuple[Channel, float], **others: Any) -> Control:
+        """A tendon or a chamber, by its channel and its arm there."""
+        channel, arm = pull
+        # 1/(T s + 1)^2 and 1/(2 T s + 1) have the same mean delay 2 T.
+        lag = channel.time_constant and channel.order * channel.time_constant
+        given = {"lag": lag, **others}
+        return cls(name, value, channel.to, tuple(channel.shape.breaks), channel=channel, arm=arm, **given)
+
+    def levers(self, at: Array) -> Array:
+        """Moments about hinges at places (N,) per control: of a tendon how far it is drawn in per angle [m]."""
+        if self.channel is None:
+            return np.zeros(len(at))
+        return self.arm * self.channel.gain * self.channel.shape(at, tip_side=True)
 
     @property
     def varies(self) -> bool:
@@ -69,57 +84,44 @@ def controls_of(scene: Scene) -> list[Control]:
     for k, load in enumerate(scene.loads):
         value = value_of(load)
         if not isinstance(load, ForceLoad):
-            name = f"load_{k + 1}_moment"
-            found.append(Control(name, value, load.at, load.at < tip, gear=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0)))
+            name, jumps = f"load_{k + 1}_moment", (load.at,) if load.at < tip else ()
+            found.append(Control(name, value, load.at, jumps, gear=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0)))
             continue
         for component, axis in enumerate("xy"):
             gear = tuple(float(j == component) for j in range(6))
             one = value if isinstance(value, VectorSamples) else value[component]  # type: ignore[index]
             name = f"load_{k + 1}_{axis}"
-            found.append(Control(name, one, load.at, False, component, gear, load.follows))
+            found.append(Control(name, one, load.at, (), component, gear, load.follows))
     return found
 
 
 def _inputs(scene: Scene) -> list[Control]:
     finger, actuation = scene.finger, scene.actuation
-    tip = finger.profile.length
     if "tip_moment" in finger.input_keys:
         if actuation is None:
             return []
-        return [Control("tip_moment", actuation.tip_moment, tip, False, gear=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0))]
-    return (_wound(scene) if finger.winches else _pulled(scene)) + _chambers(scene)
-
-
-def _chambers(scene: Scene) -> list[Control]:
-    finger = scene.finger
-    given = scene.actuation.given if scene.actuation is not None else {}
+        gear = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+        return [Control("tip_moment", actuation.tip_moment, finger.profile.length, gear=gear)]
+    tendons = len(finger.tendon_list)
+    given = {} if actuation is None else actuation.given
     pressures = given.get("pressures", (0.0,) * len(finger.chambers))
-    found = zip(finger.chambers, finger.chamber_channels, pressures, strict=True)
-    return [
-        Control(
-            f"chamber_{k}",
-            pressure,
-            channel.to,
-            bool(channel.shape.breaks),
-            limits=(own.min_pressure, own.max_pressure),
-            lag=own.time_constant,
-            chamber=channel,
-        )
-        for k, (own, channel, pressure) in enumerate(found, start=1)
-    ]
+    found = _wound(scene) if finger.winches else _pulled(scene)
+    for k, (own, pressure) in enumerate(zip(finger.chambers, pressures, strict=True)):
+        limits = own.min_pressure, own.max_pressure
+        found.append(Control.of(f"chamber_{k + 1}", pressure, finger.pulls[tendons + k], limits=limits))
+    return found
 
 
 def _pulled(scene: Scene) -> list[Control]:
     """Tendons whose tensions are commanded."""
-    finger, tip = scene.finger, scene.finger.profile.length
+    finger = scene.finger
     tensions = None if scene.actuation is None else scene.actuation.tensions
     found = []
     for j, tendon in enumerate(finger.tendon_list):
-        to = tendon.end(tip)
         # Slack tendons, of a scene without input, have no tension at all.
         limits = (0.0 if tensions is None else tendon.min_tension, tendon.max_tension)
         tension = 0.0 if tensions is None else tensions[j]
-        found.append(Control(f"tendon_{j + 1}", tension, to, to < tip, limits=limits, lag=tendon.time_constant))
+        found.append(Control.of(f"tendon_{j + 1}", tension, finger.pulls[j], limits=limits))
     return found
 
 
@@ -134,12 +136,11 @@ def _wound(scene: Scene) -> list[Control]:
         to = tendon.end(finger.profile.length)
         compliance = 1.0 / (tendon.series_stiffness or 1.0) + to / (tendon.axial_stiffness or 1.0)
         found.append(
-            Control(
+            Control.of(
                 f"tendon_{j + 1}",
                 given[0 if pulley else j],
-                to,
-                to < finger.profile.length,
-                lag=drive.time_constant,
+                finger.pulls[j],
+                lag=2.0 * drive.time_constant,
                 cable=1.0 / compliance,
                 sense=-1.0 if pulley and j == 1 else 1.0,
                 start=drive.pretension * compliance - drive.slack,
@@ -148,22 +149,11 @@ def _wound(scene: Scene) -> list[Control]:
     return found
 
 
-def offset_at(finger: Finger, tendon: int, s: float) -> float:
-    """Distance of a tendon from the backbone at s [m], positive on the -X side."""
-    one = finger.tendon_list[tendon]
-    return ends(one.offset)[0] * float(one.shape(finger.profile.length)(s))
-
-
-def drawn_in(finger: Finger, tendon: int, at: Array) -> Array:
-    """How far a tendon is drawn in per angle of hinges at places (N,) [m]: none beyond its end."""
-    one, length = finger.tendon_list[tendon], finger.profile.length
-    return one.arm(length) * one.shape(length)(at, tip_side=True)
-
-
-def cable_springs(finger: Finger, controls: Sequence[Control], at: Array) -> Array:
+def cable_springs(controls: Sequence[Control], at: Array) -> Array:
     """Stiffness (N, N) of all cables, taut, at hinges [N m/rad]."""
     found = np.zeros((len(at), len(at)))
-    for j, control in enumerate(one for one in controls if one.cable is not None):
-        arms = drawn_in(finger, j, at)
-        found += (control.cable or 0.0) * np.outer(arms, arms)
+    for one in controls:
+        if one.cable is not None:
+            levers = one.levers(at)
+            found += one.cable * np.outer(levers, levers)
     return found

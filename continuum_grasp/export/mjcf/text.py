@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import textwrap
 from collections.abc import Callable, Sequence
 from functools import partial
 from xml.etree import ElementTree as ET
@@ -12,21 +12,15 @@ from numpy.typing import NDArray
 
 from continuum_grasp import __version__
 from continuum_grasp.closed_loop.links import Links
-from continuum_grasp.export.mjcf.controls import Control, drawn_in, offset_at
+from continuum_grasp.export.mjcf.controls import Control
 from continuum_grasp.export.mjcf.sliders import Sliders
 from continuum_grasp.export.mjcf.surroundings import add_surroundings, numbers, touching
+from continuum_grasp.export.template import fill
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
 
-_REACH = 1.2
-"""Distance of a tendon's sites from their hinge, per distance at which those on the inner side would meet at the
-greatest bend: the lever is short of the offset by a share of the square of the bend per hinge."""
-_LEAST_BEND = 2.0 * math.pi
-"""Bend of the whole finger up to which the sites never meet [rad]; more, where tensions and rest bend it further."""
-_NEAREST, _FARTHEST = 0.02, 0.45
-"""Least and greatest distance of a tendon's sites from their hinge, per length of the link [1]."""
 _NEVER = 1e3
 """Bend of a hinge that no finger has, for the side without stops [rad]."""
 _THIN = 0.005
@@ -64,7 +58,7 @@ def written(
     ET.SubElement(world, "camera", name="plane", pos=numbers(x, y, 3.0 * length), xyaxes="1 0 0 0 1 0")
     ET.SubElement(world, "site", name="world")
     sites: dict[int, list[tuple[str, float, float]]] = {}
-    tendons = _tendons(scene.finger, links, controls, sites)
+    tendons = _tendons(scene.finger, links, controls)
     for control in {_site(control): control for control in controls if control.gear is not None}.values():
         sites.setdefault(links.link_of(control.at), []).append((_site(control), 0.0, control.at))
     sites.setdefault(len(links.at) - 1, []).append(("tip", 0.0, length))
@@ -98,42 +92,23 @@ def _explanation(
     scene: Scene, links: Links, controls: Sequence[Control], frequency: float, differences: Sequence[str]
 ) -> str:
     """What the file is, in its first lines."""
-    lines = [
-        f"A continuum finger as a chain of {len(links.at)} hinges, by continuum_grasp {__version__} (export-mjcf).",
-        "SI units. The finger lies in the x-y plane; all hinges turn about z. Each hinge has the compliance of one",
-        "element of the rod, where a moment that is linear along the element bends it by the same angle; each link",
-        "has mass and inertia of its part of the rod, with the point masses on it. Moments of inertia about x and y",
-        "do not matter in the plane. Shapes and frequencies approach those of the rod with the square of the number",
-        "of hinges.",
-        f"First natural frequency, straight and unloaded: {frequency:.6g} Hz.",
-        "The step is half of the longest stable one of the straight chain, or less.",
-    ]
-    if any(control.chamber is not None for control in controls):
-        lines += [
-            "Actuators chamber_1, ... take pressures [Pa]; each bends its hinges by fixed moments per pressure, which",
-            "are the coefficients of its tendon.",
-        ]
-    if any(control.gear is None and control.chamber is None for control in controls):
-        lines += [
-            "Actuators tendon_1, tendon_2, ... take tensions [N]; positive ones pull (gear -1).",
-            "Tendons run through sites beside each hinge, at their offset from the backbone.",
-        ]
-        if any(control.cable is not None for control in controls):
-            lines[-2:] = [
-                "Actuators tendon_1, tendon_2, ... take cable that is wound up [m], from where it is just taut on the",
-                "straight finger; each pulls by the stiffness of its tendon, or not at all. The length of a tendon is",
-                "how far the hinges draw it in.",
-            ]
-    if links.stop is not None:
-        lines.append("Tendons stop_1, stop_2, ... are springs with a dead band: stops, where the links touch.")
-    if scene.finger.damping.dry_friction:
-        lines += [
-            "Joints slider_1_1, ... have the dry friction in bending; springs branch_1_1, ... tie the hinges to them.",
-            "Take angles of hinges by name: sliders are between them in qpos.",
-        ]
-    lines.append("Keyframe 'start': state and controls of the scene at time zero.")
-    lines += [f"Differs: {text}." for text in differences]
-    return "\n" + "\n".join(f"    {line}" for line in lines) + "\n  "
+    bending = [control for control in controls if control.channel is not None]
+    chambers = len(scene.finger.chambers)
+    tendons = bending[: len(bending) - chambers]
+    wound = any(control.cable is not None for control in tendons)
+    words = {
+        "hinges": len(links.at),
+        "version": __version__,
+        "frequency": f"{frequency:.6g}",
+        "tendons": tendons,
+        "pulled": tendons and not wound,
+        "wound": wound,
+        "chambers": chambers,
+        "stops": links.stop is not None,
+        "sliders": scene.finger.damping.dry_friction,
+        "differences": "".join(f"Differs: {text}.\n" for text in differences),
+    }
+    return f"\n{textwrap.indent(fill('mjcf/comment.txt', words), '    ')}  "
 
 
 def _bodies(
@@ -180,39 +155,17 @@ def _bodies(
             ET.SubElement(body, "site", name=name, pos=numbers(across, at - begin, 0.0))
 
 
-def _tendons(
-    finger: Finger, links: Links, controls: Sequence[Control], sites: dict[int, list[tuple[str, float, float]]]
-) -> ET.Element:
-    """Tendons and stops; the tendons' sites are added to those of the links."""
-    tendons = [control for control in controls if control.gear is None and control.chamber is None]
-    pulls = [control for control in tendons if control.cable is None]
+def _tendons(finger: Finger, links: Links, controls: Sequence[Control]) -> ET.Element:
+    """Tendons, chambers and stops."""
     parent = ET.Element("tendon")
-    for j, control in enumerate(one for one in controls if one.cable is not None):
-        # What a rod's bend draws in, exactly: a path through sites would be off by a share of the bend at each hinge.
-        wound = ET.SubElement(parent, "fixed", name=control.name)
-        for k in range(int(np.sum(links.at < control.at))):
-            arm = drawn_in(finger, j, links.at[k : k + 1])[0]
-            ET.SubElement(wound, "joint", joint=f"hinge_{k + 1}", coef=numbers(arm))
     for control in controls:
-        if control.chamber is not None:
-            bent = ET.SubElement(parent, "fixed", name=control.name)
-            for k, at in enumerate(links.at):
-                moment = control.chamber.gain * float(control.chamber.shape(at))
-                if moment != 0.0:
-                    ET.SubElement(bent, "joint", joint=f"hinge_{k + 1}", coef=numbers(moment))
-    distances = _distances(finger, links, pulls) if pulls else np.empty(0)
-    for j, control in enumerate(pulls):
-        passed = int(np.sum(links.at < control.at))
-        places = [(-1, 0.0)]
-        for k in range(passed):
-            places += [(k - 1, float(links.at[k] - distances[k])), (k, float(links.at[k] + distances[k]))]
-        places.append((passed - 1, control.at))
-        tendon = ET.SubElement(parent, "spatial", name=control.name, width=numbers(0.002 * finger.profile.length))
-        for number, (link, at) in enumerate(places):
-            name = f"{control.name}_{number}"
-            # A positive moment bends towards -X, where the tendons of a positive arm run.
-            sites.setdefault(link, []).append((name, -offset_at(finger, j, at), at))
-            ET.SubElement(tendon, "site", site=name)
+        if control.channel is None:
+            continue
+        # What a rod's bend draws in, exactly: a path through sites would be off by a share of the bend at each hinge.
+        tendon = ET.SubElement(parent, "fixed", name=control.name)
+        for k, lever in enumerate(control.levers(links.at)):
+            if lever != 0.0:
+                ET.SubElement(tendon, "joint", joint=f"hinge_{k + 1}", coef=numbers(lever))
     if finger.stops is not None and links.stop is not None:
         for k, bend in enumerate(links.stop):
             # A spring with a dead band: what the stiffness grows by where the links touch.
@@ -224,30 +177,6 @@ def _tendons(
     return parent
 
 
-def _distances(finger: Finger, links: Links, pulls: Sequence[Control]) -> Array:
-    """How far from each hinge the sites of tendons are [m]: far enough that those on the inner side never meet."""
-    profile = finger.profile
-    found = np.zeros(len(links.at))
-    lengths = np.diff(np.concatenate([[0.0], links.at, links.ends[-1:]]))
-    for k, at in enumerate(links.at):
-        offsets = [offset_at(finger, j, at) if at < pull.at else 0.0 for j, pull in enumerate(pulls)]
-        moments = [e * (pull.limits or (0.0, 0.0))[1] for e, pull in zip(offsets, pulls, strict=True)]
-        moment = max(sum(m for m in moments if m > 0.0), -sum(m for m in moments if m < 0.0))
-        element = float(links.edges[k + 1] - links.edges[k])
-        limit = min(float(finger.curvature_limit_at(at)) * element, math.inf if links.stop is None else links.stop[k])
-        farthest = min(abs(links.rest[k]) + moment / links.stiffness[k], limit)
-        bend = max(_LEAST_BEND * element / profile.length, farthest)
-        # Beyond a right angle at one hinge the chain is no image of the rod.
-        near = _REACH * math.tan(min(0.5 * bend, 0.25 * math.pi))
-        # The slope of the short part beside the hinge grows as that part shrinks: lengthened by the slope, the error
-        # of the lever vanishes with the bend.
-        slopes = [abs(one.slope(profile.length)) for one in finger.tendon_list]
-        apart = max(abs(e) * (near + slope) for e, slope in zip(offsets, slopes, strict=True))
-        shortest = min(lengths[k], lengths[k + 1])
-        found[k] = min(max(apart, _NEAREST * shortest), _FARTHEST * shortest)
-    return found
-
-
 def _actuators(controls: Sequence[Control]) -> ET.Element:
     parent = ET.Element("actuator")
     for control in controls:
@@ -256,7 +185,7 @@ def _actuators(controls: Sequence[Control]) -> ET.Element:
             one.attrib |= {"tendon": control.name, "forcerange": numbers(0.0, _NEVER), "biastype": "affine"}
             one.set("biasprm", numbers(0.0, -control.cable, 0.0))
         elif control.gear is None:
-            one.attrib |= {"tendon": control.name, "gear": "-1" if control.chamber is None else "1"}
+            one.set("tendon", control.name)
         else:
             one.attrib |= {"site": _site(control), "gear": numbers(*control.gear)}
             if not control.follows:
@@ -264,9 +193,7 @@ def _actuators(controls: Sequence[Control]) -> ET.Element:
         if control.limits is not None:
             one.set("ctrlrange", numbers(*control.limits))
         if control.lag:
-            # 1/(T s + 1)^2 and 1/(2 T s + 1) have the same mean delay 2 T.
-            delay = 2.0 * control.lag if control.chamber is None else control.lag
-            one.attrib |= {"dyntype": "filterexact", "dynprm": numbers(delay)}
+            one.attrib |= {"dyntype": "filterexact", "dynprm": numbers(control.lag)}
             one.set("gainprm", "1" if control.cable is None else numbers(control.cable))
     return parent
 

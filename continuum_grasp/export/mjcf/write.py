@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.accuracy.choose import resolve_fidelity
-from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arguments import check_arguments, whole
 from continuum_grasp.closed_loop.links import Links, lump, rounded_step
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
@@ -125,7 +124,7 @@ class HingeChain:
 def export_mjcf(
     scene: Scene | str | os.PathLike[str], file: str | os.PathLike[str] | None = None, *, hinges: int = 40
 ) -> HingeChain:
-    """Write the finger of a scene as a chain of hinges for MuJoCo, with spatial tendons and the scene's loads.
+    """Write the finger of a scene as a chain of hinges for MuJoCo, with its tendons and the scene's loads.
 
     Each of ``hinges`` elements of the rod becomes one hinge with the element's compliance, where it acts (the midpoint
     rule; see `continuum_grasp.closed_loop.links`), between links with the masses of the rod: shapes and frequencies
@@ -170,13 +169,12 @@ def export_mjcf(
     scene = scene_of(scene)
     _CARRIED.check(scene)
     listed = _CHAIN.check(scene)
-    if not 1 <= hinges <= _MOST_HINGES:
-        raise InputError(f"expected a whole number from 1 to {_MOST_HINGES}, got {hinges}", key="hinges")
+    whole("hinges", hinges, 1, _MOST_HINGES)
     per_arc = FingerModel(resolve_fidelity(scene)[0]).lengths if scene.finger.damping.per_arc else ()
     controls = controls_of(scene)
     if file is not None and scene.time is not None and any(one.varies for one in controls):
         check_file(Path(file).with_suffix(".csv"), partial(is_marked, mark=b"time,"))
-    links = lump(scene.finger, hinges, _jumps(controls), per_arc=per_arc)
+    links = lump(scene.finger, hinges, [at for one in controls for at in one.jumps], per_arc=per_arc)
     if links.inertia.min() < _LEAST_INERTIA:
         raise InputError(
             f"a link of {hinges} has an inertia of {links.inertia.min():.2g} kg m2, below MuJoCo's least of "
@@ -184,7 +182,7 @@ def export_mjcf(
             key="hinges",
         )
     pulsations, _ = links.pulsations()
-    springs = cable_springs(scene.finger, controls, links.at)
+    springs = cable_springs(controls, links.at)
     start, states = _start(scene, links)
     sliders = Sliders.of(scene.finger, links, start[0], states)
     if sliders is not None:
@@ -207,16 +205,10 @@ def export_mjcf(
     return chain if file is None else _saved(chain, Path(file), scene)
 
 
-def _jumps(controls: Sequence[Control]) -> list[float]:
-    """Where the bending moment jumps [m]."""
-    found = [one.at for one in controls if one.jumps and one.chamber is None]
-    return found + [at for one in controls if one.chamber is not None for at in one.chamber.shape.breaks]
-
-
 def _differences(scene: Scene, controls: list[Control]) -> list[str]:
     """What the chain does otherwise."""
     found = []
-    if any(one.lag for one in controls):
+    if any(one.lag and one.channel and one.channel.order > 1 for one in controls):
         key = "tendons.drive.time_constant" if scene.finger.winches else "tendons.time_constant"
         found.append(
             f"{key}: MuJoCo's filter is of first order; it has twice the time constant of the critically damped one of "

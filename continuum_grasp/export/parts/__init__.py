@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from continuum_grasp.export.part import Part
 from continuum_grasp.export.parts.control import estimator, mpc
 from continuum_grasp.export.parts.implicit import implicit_step
 from continuum_grasp.export.parts.model import dynamics, kinematics, linearization, statics, step
-from continuum_grasp.export.parts.seen import contact, metadata, shape, velocities
+from continuum_grasp.export.parts.seen import contact, metadata, sections
 from continuum_grasp.export.subject import Subject
 
 __all__ = ["ASKED_FOR", "OF_LOOPS", "PARTS"]
@@ -20,8 +21,8 @@ PARTS: dict[str, Callable[[Subject], Part]] = {
     "kinematics": kinematics,
     "statics": statics,
     "linearization": linearization,
-    "shape": shape,
-    "velocities": velocities,
+    "shape": partial(sections, "shape"),
+    "velocities": partial(sections, "velocities"),
     "contact": contact,
     "estimator": estimator,
     "mpc": mpc,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.control.kernels import adapters_of
@@ -23,7 +23,7 @@ def estimator(subject: Subject) -> Part:
     function = Stateful(
         "estimator_step",
         "State and disturbances now, from a measurement and the command that was applied.",
-        _estimator_runner(subject.prefix, loop),
+        _runner(subject, loop, "estimator"),
         ("estimator", "estimator_work"),
         ("measurement", "command"),
         "estimate",
@@ -54,7 +54,7 @@ def mpc(subject: Subject) -> Part:
     function = Stateful(
         "mpc",
         f"The command for {measured} and setpoints, by one real-time iteration.",
-        _controller_runner(subject.prefix, loop),
+        _runner(subject, loop, "controller", wanted=loop.stages.nr, later=loop.stages.nr, switch=1),
         ("controller", "controller_work"),
         ("measurement", "reference"),
         "command",
@@ -93,7 +93,7 @@ def _part(subject: Subject, name: str, structs: list[Struct], codes: tuple[Code,
     constants = {"PERIOD": f"{subject.real.literal(loop.period)} /* s, from one call to the next */"}
     if name == "mpc":
         nodes = f"of a reference: from now on, one each {loop.stages.stage:g} s"
-        constants["NODES"] = f"{loop.stages.stages + 1} /* {nodes} */"
+        constants["NODES"] = f"{loop.nodes} /* {nodes} */"
     return Part(
         name,
         [adapter.kernel for adapter in adapters_of(loop.functions) if adapter.kernel is not None],
@@ -107,53 +107,14 @@ def _part(subject: Subject, name: str, structs: list[Struct], codes: tuple[Code,
     )
 
 
-def _take_known(loop: Loop, owner: str, at: int) -> tuple[str, int]:
-    """C that takes what is known of the finger from a row, where there is any, and where the row goes on."""
-    if loop.known is None:
-        return "", at
-    place = f"memory->{owner}.known"
-    return f"  memcpy(&{place}, row + {at}, sizeof {place});\n", at + loop.known.size
-
-
-def _runner(name: str, prefix: str, words: Mapping[str, object]) -> str:
-    return fill(f"tests/run_{name}.c", {"p": prefix, "P": prefix.upper(), **words})
-
-
-def _estimator_runner(prefix: str, loop: Loop) -> str:
-    """C that runs a row: flags, what is known, the measurement, what was applied."""
-    nz = loop.estimate.size
-    known, measurement = _take_known(loop, "estimator", ROW_FLAGS)
-    applied = measurement + loop.measurement.size
-    words = {"take_known": known, "measurement": measurement, "applied": applied, "nz": nz, "anomalies": 2 * nz}
-    words |= {"touch": loop.touch, "contact": 2 * nz + 1}
-    return _runner("estimator", prefix, words)
-
-
-def _controller_runner(prefix: str, loop: Loop) -> str:
-    """C that runs a row: flags, settings, what is known, the measurement, setpoints now and later, the node from which
-    the later ones hold, what was applied.
+def _runner(subject: Subject, loop: Loop, name: str, **between: int) -> str:
+    """C that runs a row: flags, settings of a controller, what is known, the measurement, what is ``between`` by its
+    sizes, what was applied.
     """
-    nu, nr, nodes = loop.command.size, loop.stages.nr, loop.stages.stages + 1
-    known, measurement = _take_known(loop, "controller", ROW_FLAGS + loop.settings.size)
-    wanted = measurement + loop.measurement.size
-    low = ROW_FLAGS + 2 * nr  # settings begin with the weights of the setpoints, running and terminal; see CHANGEABLE
-    end = nu + loop.start.size
-    words = {
-        "take_known": known,
-        "measurement": measurement,
-        "start": loop.start.name,
-        "nu": nu,
-        "nr": nr,
-        "nodes": nodes,
-        "nodes_size": nr * nodes,
-        "wanted": wanted,
-        "later": wanted + nr,
-        "switch": wanted + 2 * nr,
-        "applied": wanted + 2 * nr + 1,
-        "low": low,
-        "high": low + nu,
-        "end": end,
-        **{f"end{k}": end + k for k in range(1, 6)},
-        "touch": loop.touch,
-    }
-    return _runner("controller", prefix, words)
+    settings = loop.settings.size if name == "controller" else 0
+    sizes = {"settings": settings, "known": loop.known.size if loop.known is not None else 0}
+    sizes |= {"measurement": loop.measurement.size, **between, "applied": loop.command.size}
+    places = dict(zip(sizes, itertools.accumulate(sizes.values(), initial=ROW_FLAGS), strict=False))
+    # Settings begin with the weights of the setpoints, running and terminal; see CHANGEABLE.
+    words = {"loop": loop, "low": ROW_FLAGS + 2 * loop.stages.nr, "behind": loop.command.size + loop.start.size}
+    return fill(f"tests/run_{name}.c", {"p": subject.prefix, **places, **words})

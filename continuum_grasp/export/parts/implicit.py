@@ -11,10 +11,9 @@ import numpy as np
 
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators.sdirk2 import correct, predict
-from continuum_grasp.export.fields import Field
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Rows
-from continuum_grasp.export.parts.model import LEAST_PART, check_derivatives, codes_of, moment_note, step_codes
+from continuum_grasp.export.part import Array, Code, Part, Rows
+from continuum_grasp.export.parts.model import check_derivatives, codes_of, stepping
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 from continuum_grasp.model.planar import column
@@ -38,14 +37,8 @@ def implicit_step(subject: Subject) -> Part:
     slope, guess, first, last, size = kernels = _kernels(subject)
     substeps = subject.count or 1
     longest = real.rounded(substeps * LONGEST)
-    length = Field("h", "s", "step", LEAST_PART * longest, longest, longest)
 
-    def reference(rows: Rows) -> tuple[Array, Array]:
-        result, moved = steps(rows)
-        codes = np.where(moved[:, 0] > real.dtype(_UNSOLVED), Code.ERR_STEP, codes_of(result))
-        return result, step_codes(subject, rows, result, codes, moved[:, 0] > real.dtype(SETTLED))
-
-    def steps(rows: Rows) -> tuple[Array, Array]:
+    def steps(rows: Rows) -> tuple[Array, Array, Array]:
         # The order of operations is that of implicit_step.c, for the same bits.
         part = rows["h"] / real.dtype(substeps)
         x, moved = rows["x"], np.zeros_like(part)
@@ -60,37 +53,24 @@ def implicit_step(subject: Subject) -> Part:
             off = size.evaluate(real, x=base, at=ahead["at"])["off"]
             with np.errstate(invalid="ignore"):
                 x, moved = base, np.where(off > moved, off, moved)
-        return x, moved
-
-    def call_of(kernel: Kernel, **own: str) -> str:
-        common = {"h": "&part", "rate": "rate", "jacobian": "jacobian", "k": "k", "u": "u", "w": "w", "p": "p"}
-        return kernel.call(prefix, **{**common, **own})
+        codes = np.where(moved[:, 0] > real.dtype(_UNSOLVED), Code.ERR_STEP, codes_of(x))
+        return x, codes, moved[:, 0] > real.dtype(SETTLED)
 
     words = {
         "p": prefix,
-        "P": prefix.upper(),
         "nonzeros": slope.outputs["jacobian"],
         "substeps": real.literal(substeps),
         "settled": real.literal(SETTLED),
         "unsolved": real.literal(_UNSOLVED),
-        "slope_base": call_of(slope, x="base"),
-        "guess": call_of(guess, start="base", at="ahead"),
-        "slope_ahead": call_of(slope, x="ahead"),
-        "first": call_of(first, start="result", next="base", rates="before"),
-        "last": call_of(last, start="result", before="before", next="base"),
-        "size": call_of(size, x="base", at="ahead", off="&off"),
+        "slope_base": slope.call(prefix, x="base"),
+        "guess": guess.call(prefix, h="&part", start="base", at="ahead"),
+        "slope_ahead": slope.call(prefix, x="ahead"),
+        "first": first.call(prefix, h="&part", start="result", next="base", rates="before"),
+        "last": last.call(prefix, h="&part", start="result", next="base"),
+        "size": size.call(prefix, x="base", at="ahead", off="&off"),
         "left_range": subject.left_range("result"),
     }
-    call = Call(
-        "implicit_step",
-        " ".join([_STEP, moment_note(subject)]).strip(),
-        (*subject.acting(), Argument("h", length, "h", Code.ERR_STEP)),
-        Argument("next", subject.state, "result"),
-        fill("implicit_step.c", words),
-        reference,
-        subject.guard_source,
-        (Code.WARN_COARSE_STEP, Code.WARN_LEFT_RANGE, Code.ERR_STEP),
-    )
+    call = stepping(subject, "implicit_step", _STEP, longest, fill("implicit_step.c", words), steps)
     constants = {"IMPLICIT_SUBSTEPS": str(substeps), "LONGEST_IMPLICIT_STEP": real.literal(longest)}
     return Part("implicit_step", (*kernels, *subject.kernels), (call,), constants)
 

@@ -5,7 +5,7 @@ A step is one of the classical Runge-Kutta method of order 4, which calls the dy
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Struct, outside
 from continuum_grasp.export.kernel import Kernel, check_size
-from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Reference, Rows
+from continuum_grasp.export.part import Argument, Array, Call, Code, Part, Rows
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.swept import SweptKernel
@@ -38,19 +38,50 @@ def codes_of(result: Array) -> Array:
     return np.where(np.isfinite(result).all(axis=1), Code.OK, Code.ERR_RESULT)
 
 
-def _outputs(subject: Subject, kernel: Kernel, rows: Rows) -> Array:
-    """Outputs of a kernel, one behind the other."""
-    return np.concatenate(list(kernel.evaluate(subject.real, **rows).values()), axis=1)
+DRAWN = " A state that no step takes is drawn all the same, less accurately, with a warning."
 
 
-def refusing(subject: Subject, kernel: Kernel) -> Reference:
-    """Reference of a function that refuses states out of range, and has no warnings."""
+def evaluating(
+    subject: Subject,
+    kernel: Kernel,
+    name: str,
+    text: str,
+    inputs: tuple[Argument, ...],
+    output: Argument,
+    *,
+    warns: bool,
+) -> Call:
+    """A public function that one kernel computes, whose outputs lie one behind the other.
+
+    It refuses states out of range or, where it ``warns``, says that they are.
+    """
+    starts = np.cumsum([0, *kernel.outputs.values()])
+    alone = len(kernel.outputs) == 1
+    places = {n: "result" if alone else f"result + {k}" for n, k in zip(kernel.outputs, starts, strict=False)}
+    numbers = {a.array: f"&{a.array}" for a in inputs if not a.is_struct}
+    body = f"  {kernel.call(subject.prefix, **numbers, **places)}\n"
 
     def reference(rows: Rows) -> tuple[Array, Array]:
-        result = _outputs(subject, kernel, rows)
-        return result, np.where(subject.refused(rows), Code.ERR_RANGE, codes_of(result))
+        result = np.concatenate(list(kernel.evaluate(subject.real, **rows).values()), axis=1)
+        codes = codes_of(result)
+        if not warns:
+            return result, np.where(subject.refused(rows), Code.ERR_RANGE, codes)
+        beyond = subject.out_of_range(rows) | outside(subject.input, rows["u"])
+        return result, np.where((codes == Code.OK) & beyond, Code.WARN_LEFT_RANGE, codes)
 
-    return reference
+    if not warns:
+        return Call(name, text, inputs, output, body, reference, subject.guard_source)
+    big = subject.prefix.upper()
+    beyond = f"check(u, input_low, input_high, {big}_NU) < 0 || {subject.left_range('x')}"
+    body += f"  if ({beyond}) code = {big}_WARN_LEFT_RANGE;\n"
+    return Call(name, text, inputs, output, body, reference, codes=(Code.WARN_LEFT_RANGE,))
+
+
+def _acted_on(subject: Subject, kernel: Kernel, name: str, text: str, output: Struct) -> Call:
+    """A function of state, input and forces, which refuses states out of range."""
+    return evaluating(
+        subject, kernel, name, text, subject.acting(), Argument(output.name, output, "result"), warns=False
+    )
 
 
 def rate_fields(states: Sequence[Field]) -> tuple[Field, ...]:
@@ -64,15 +95,8 @@ def dynamics(subject: Subject) -> Part:
     """Rate of change of the state."""
     kernel = _dynamics_kernel(subject)
     rate = Struct("rate", "Rate of change of each entry of the state.", rate_fields(subject.state.fields))
-    call = Call(
-        "dynamics",
-        "Rate of change of the state: accelerations of the finger under input and forces.",
-        subject.acting(),
-        Argument("rate", rate, "result"),
-        f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', xd='result')}\n",
-        refusing(subject, kernel),
-        subject.guard_source,
-    )
+    text = "Rate of change of the state: accelerations of the finger under input and forces."
+    call = _acted_on(subject, kernel, "dynamics", text, rate)
     return Part("dynamics", (kernel, *subject.kernels), (call,))
 
 
@@ -98,16 +122,9 @@ def statics(subject: Subject) -> Part:
     kernel = Kernel(
         "statics", ca.Function("statics", [x, u, w, p], [both], ["x", "u", "w", "p"], ["balance"]), "Statics."
     )
-    call = Call(
-        "statics",
-        "Balance of the finger at rest in a state, whose rates are not read."
-        + (" What touches it is left out." if subject.touching is not None else ""),
-        subject.acting(),
-        Argument("balance", balance, "result"),
-        f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', balance='result')}\n",
-        refusing(subject, kernel),
-        subject.guard_source,
-    )
+    text = "Balance of the finger at rest in a state, whose rates are not read."
+    text += " What touches it is left out." if subject.touching is not None else ""
+    call = _acted_on(subject, kernel, "statics", text, balance)
     return Part("statics", (kernel, *subject.kernels), (call,))
 
 
@@ -135,29 +152,14 @@ def kinematics(subject: Subject) -> Part:
     length = max(longest, subject.model.finger.rod.length)  # of the longest finger that the parameters may make
     position = Field("s", "m", "position along the finger", 0.0, length, length)
     acting, output = subject.acting(forces=False, drawn=True), Argument("section", section, "result")
-    prefix, codes, warning = subject.prefix, (Code.WARN_LEFT_RANGE,), range_warning(subject)
+    at = (*acting, Argument("s", position, "s"))
+    tip_text = f"The tip: position, angle, and derivatives by the bending coordinates.{DRAWN}"
+    section_text = f"The section at a position s along the finger, from the base.{DRAWN}"
     calls = (
-        Call(
-            "tip",
-            f"The tip: position, angle, and derivatives by the bending coordinates.{DRAWN}",
-            acting,
-            output,
-            f"  {tip_kernel.call(prefix, x='x', u='u', p='p', at='result')}\n{warning}",
-            drawing(subject, tip_kernel),
-            codes=codes,
-        ),
-        Call(
-            "section_at",
-            f"The section at a position s along the finger, from the base.{DRAWN}",
-            (*acting, Argument("s", position, "s")),
-            output,
-            f"  {section_kernel.call(prefix, x='x', u='u', s='&s', p='p', at='result')}\n{warning}",
-            drawing(subject, section_kernel),
-            codes=codes,
-        ),
+        evaluating(subject, tip_kernel, "tip", tip_text, acting, output, warns=True),
+        evaluating(subject, section_kernel, "section_at", section_text, at, output, warns=True),
     )
-    kernels = (tip_kernel, section_kernel, *subject.kernels)
-    return Part("kinematics", kernels, calls)
+    return Part("kinematics", (tip_kernel, section_kernel, *subject.kernels), calls)
 
 
 def linearization(subject: Subject) -> Part:
@@ -183,15 +185,8 @@ def linearization(subject: Subject) -> Part:
     # CasADi is column-major, arrays of C are row-major.
     flat = ca.vertcat(*(ca.vec(ca.densify(ca.jacobian(of, at)).T) for of, at, _, _ in by.values()))
     kernel = Kernel("linearization", subject.function("linearization", "x u w p", by=flat), "Linearization.")
-    call = Call(
-        "linearize",
-        "Derivatives of what dynamics and tip compute, by state, input and forces: xd = A x + B u around a point.",
-        subject.acting(),
-        Argument("linearization", struct, "result"),
-        f"  {kernel.call(subject.prefix, x='x', u='u', w='w', p='p', by='result')}\n",
-        refusing(subject, kernel),
-        subject.guard_source,
-    )
+    text = "Derivatives of what dynamics and tip compute, by state, input and forces: xd = A x + B u around a point."
+    call = _acted_on(subject, kernel, "linearize", text, struct)
     return Part("linearization", (kernel, *subject.kernels), (call,))
 
 
@@ -214,28 +209,6 @@ def has_linearization(subject: Subject) -> bool:
     return True
 
 
-DRAWN = " A state that no step takes is drawn all the same, less accurately, with a warning."
-
-
-def range_warning(subject: Subject) -> str:
-    """C of a function that warns of states and inputs out of range."""
-    big = subject.prefix.upper()
-    beyond = f"check(u, input_low, input_high, {big}_NU) < 0 || {subject.left_range('x')}"
-    return f"  if ({beyond}) code = {big}_WARN_LEFT_RANGE;\n"
-
-
-def drawing(subject: Subject, kernel: Kernel) -> Reference:
-    """Reference of such a function."""
-
-    def reference(rows: Rows) -> tuple[Array, Array]:
-        result = _outputs(subject, kernel, rows)
-        codes = codes_of(result)
-        beyond = subject.out_of_range(rows) | outside(subject.input, rows["u"])
-        return result, np.where((codes == Code.OK) & beyond, Code.WARN_LEFT_RANGE, codes)
-
-    return reference
-
-
 def moment_note(subject: Subject) -> str:
     """What a caller must know of a tip moment that changes; empty where the model follows it."""
     structure = subject.model.structure
@@ -254,16 +227,41 @@ def moment_note(subject: Subject) -> str:
     return ""
 
 
-def step_codes(subject: Subject, rows: Rows, result: Array, codes: Array, coarse: Array) -> Array:
-    """Codes of steps to a result, from those of the result itself, and of which steps are too long to be accurate."""
-    codes = np.where(subject.refused(rows), Code.ERR_RANGE, codes)
-    codes = np.where((codes == Code.OK) & coarse, Code.WARN_COARSE_STEP, codes)
-    left = (codes >= 0) & subject.out_of_range({**rows, "x": result})
-    return np.where(left, Code.WARN_LEFT_RANGE, codes)
+def stepping(
+    subject: Subject,
+    name: str,
+    text: str,
+    longest: float,
+    body: str,
+    steps: Callable[[Rows], tuple[Array, Array, Array]],
+) -> Call:
+    """A public function of steps up to the longest [s].
+
+    ``steps`` are rows of results, codes of results themselves, and which steps are too long to be accurate.
+    """
+
+    def reference(rows: Rows) -> tuple[Array, Array]:
+        result, codes, coarse = steps(rows)
+        codes = np.where(subject.refused(rows), Code.ERR_RANGE, codes)
+        codes = np.where((codes == Code.OK) & coarse, Code.WARN_COARSE_STEP, codes)
+        left = (codes >= 0) & subject.out_of_range({**rows, "x": result})
+        return result, np.where(left, Code.WARN_LEFT_RANGE, codes)
+
+    length = Field("h", "s", "step", _LEAST_PART * longest, longest, longest)
+    return Call(
+        name,
+        " ".join([text, moment_note(subject)]).strip(),
+        (*subject.acting(), Argument("h", length, "h", Code.ERR_STEP)),
+        Argument("next", subject.state, "result"),
+        body,
+        reference,
+        subject.guard_source,
+        (Code.WARN_COARSE_STEP, Code.WARN_LEFT_RANGE, Code.ERR_STEP),
+    )
 
 
 _STEP = "State after a step of h under constant input and forces, by the Runge-Kutta method of order 4."
-LEAST_PART = 1e-6
+_LEAST_PART = 1e-6
 """Shortest step, per the longest, so that zero is refused."""
 
 
@@ -271,13 +269,8 @@ def step(subject: Subject) -> Part:
     """Write the step in time, for one state and for many."""
     kernel, real = _dynamics_kernel(subject), subject.real
     coarse, longest = subject.accurate_step, subject.longest_step
-    length = Field("h", "s", "step", LEAST_PART * longest, longest, longest)
 
-    def reference(rows: Rows) -> tuple[Array, Array]:
-        result = runge_kutta(rows)
-        return result, step_codes(subject, rows, result, codes_of(result), rows["h"][:, 0] > real.dtype(coarse))
-
-    def runge_kutta(rows: Rows) -> Array:
+    def runge_kutta(rows: Rows) -> tuple[Array, Array, Array]:
         # The order of operations is that of step.c and batch.c, for the same bits.
         t = real.dtype
         x, part = rows["x"], rows["h"] / t(subject.substeps)
@@ -290,28 +283,18 @@ def step(subject: Subject) -> Part:
                     total = total + t(weight) * rate
                     point = x + ahead * rate
                 x = x + sixth * total
-        return x
+        return x, codes_of(x), rows["h"][:, 0] > t(coarse)
 
     numbers = {"zero": 0.0, "half": 0.5, "one": 1.0, "two": 2.0, "six": 6.0}
     numbers |= {"substeps": subject.substeps, "accurate": coarse}
     words: dict[str, object] = {
         "p": subject.prefix,
-        "P": subject.prefix.upper(),
-        "dynamics": kernel.call(subject.prefix, x="point", u="u", w="w", p="p", xd="rate"),
+        "dynamics": kernel.call(subject.prefix, x="point", xd="rate"),
         **{name: real.literal(value) for name, value in numbers.items()},
         "left_range": subject.left_range("result"),
         "forces": subject.forces is not None,
     }
-    call = Call(
-        "step",
-        " ".join([_STEP, moment_note(subject)]).strip(),
-        (*subject.acting(), Argument("h", length, "h", Code.ERR_STEP)),
-        Argument("next", subject.state, "result"),
-        fill("step.c", words),
-        reference,
-        subject.guard_source,
-        (Code.WARN_COARSE_STEP, Code.WARN_LEFT_RANGE, Code.ERR_STEP),
-    )
+    call = stepping(subject, "step", _STEP, longest, fill("step.c", words), runge_kutta)
     constants = {
         "SUBSTEPS": str(subject.substeps),
         "LONGEST_STEP": real.literal(longest),

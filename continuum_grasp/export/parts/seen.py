@@ -7,15 +7,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import casadi as ca
-import numpy as np
 
 from continuum_grasp import __version__
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Argument, Call, Code, Part
-from continuum_grasp.export.parts.model import DRAWN, drawing, range_warning
+from continuum_grasp.export.part import Argument, Part
+from continuum_grasp.export.parts.model import DRAWN, evaluating
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 from continuum_grasp.model import System
@@ -25,18 +24,32 @@ Symbols = Mapping[str, ca.SX]
 # Each kernel is of the state, input and parameters of a system, which are expressions of the symbols that are given.
 
 
-def shape_kernel(system: System, at: Sequence[float], given: Symbols, x: ca.SX, u: ca.SX, p: ca.SX) -> Kernel:
-    """Positions and angles of sections at places along the finger [m]."""
-    r, angle = system.sections(at)(x, u, p)
-    found = {"section_x": r[0, :].T, "section_y": r[1, :].T, "section_angle": angle}
-    return _kernel("shape", given, found, "Positions and angles of sections.")
+_SECTIONS = {
+    "shape": (
+        "sections",
+        "Sections of the finger in the world, evenly spaced from base to tip.",
+        "Positions and angles of sections.",
+        (("x", "m", "base first, tip last"), ("y", "m", ""), ("angle", "rad", "its tangent is (-sin, cos) of it")),
+    ),
+    "velocities": (
+        "section_velocities",
+        "Velocities of the sections of a shape, in the world.",
+        "Velocities and turning rates of sections.",
+        (("x", "m/s", "base first, tip last"), ("y", "m/s", ""), ("spin", "rad/s", "rate of the angle")),
+    ),
+}
+"""By part: struct, which is a function of ``System`` too, its text, that of the kernel, and fields."""
 
 
-def velocity_kernel(system: System, at: Sequence[float], given: Symbols, x: ca.SX, u: ca.SX, p: ca.SX) -> Kernel:
-    """Their velocities and turning rates."""
-    v, spin = system.section_velocities(at)(x, u, p)
-    found = {"section_vx": v[0, :].T, "section_vy": v[1, :].T, "section_spin": spin}
-    return _kernel("velocities", given, found, "Velocities and turning rates of sections.")
+def sections_kernel(
+    name: str, system: System, at: Sequence[float], given: Symbols, x: ca.SX, u: ca.SX, p: ca.SX
+) -> Kernel:
+    """Positions and angles of sections at places along the finger [m], or their velocities and turning rates."""
+    kind, _, text, fields = _SECTIONS[name]
+    across, turn = getattr(system, kind)(at)(x, u, p)
+    axes = "v" * (name == "velocities")
+    found = {f"section_{axes}x": across[0, :].T, f"section_{axes}y": across[1, :].T, f"section_{fields[2][0]}": turn}
+    return _kernel(name, given, found, text)
 
 
 def contact_kernel(system: System, given: Symbols, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> Kernel:
@@ -61,50 +74,14 @@ def _kernel(name: str, given: Symbols, found: Symbols, text: str) -> Kernel:
     return Kernel(name, straight_function(name, dict(given), {n: ca.densify(v) for n, v in found.items()}), text)
 
 
-def _filled(kernel: Kernel, prefix: str) -> str:
-    """C that fills ``result`` with the outputs, one behind the other."""
-    starts = np.cumsum([0, *kernel.outputs.values()])
-    places = {name: f"result + {start}" for name, start in zip(kernel.outputs, starts, strict=False)}
-    return f"  {kernel.call(prefix, **{name: name for name in kernel.inputs}, **places)}\n"
-
-
-def shape(subject: Subject) -> Part:
-    """Write many sections in one call, without derivatives."""
-    fields = {"x": ("m", "base first, tip last"), "y": ("m", ""), "angle": ("rad", "its tangent is (-sin, cos) of it")}
-    text = "Sections of the finger in the world, evenly spaced from base to tip."
-    return _of_sections(subject, "shape", "sections", text, fields, shape_kernel(subject.system, *_finger(subject)))
-
-
-def velocities(subject: Subject) -> Part:
-    """Write their velocities."""
-    fields = {"x": ("m/s", "base first, tip last"), "y": ("m/s", ""), "spin": ("rad/s", "rate of the angle")}
-    text = "Velocities of the sections of a shape, in the world."
-    return _of_sections(
-        subject, "velocities", "section_velocities", text, fields, velocity_kernel(subject.system, *_finger(subject))
-    )
-
-
-def _finger(subject: Subject) -> tuple[list[float], dict[str, ca.SX], ca.SX, ca.SX, ca.SX]:
-    """Where sections are, and symbols of state, input and parameters."""
-    given = {name: ca.SX.sym(name, getattr(subject.system, f"n{name}")) for name in "xup"}
-    return subject.stations, given, given["x"], given["u"], given["p"]
-
-
-def _of_sections(
-    subject: Subject, name: str, kind: str, text: str, fields: Mapping[str, tuple[str, str]], kernel: Kernel
-) -> Part:
-    count = (subject.sections,)
-    struct = Struct(kind, text, tuple(Field(f, unit, said, shape=count) for f, (unit, said) in fields.items()))
-
-    call = Call(
-        name,
-        text + DRAWN,
-        subject.acting(forces=False, drawn=True),
-        Argument(struct.name, struct, "result"),
-        _filled(kernel, subject.prefix) + range_warning(subject),
-        drawing(subject, kernel),
-        codes=(Code.WARN_LEFT_RANGE,),
-    )
+def sections(name: str, subject: Subject) -> Part:
+    """Write many sections in one call, without derivatives, or their velocities."""
+    kind, text, _, entries = _SECTIONS[name]
+    given = {letter: ca.SX.sym(letter, getattr(subject.system, f"n{letter}")) for letter in "xup"}
+    kernel = sections_kernel(name, subject.system, subject.stations, given, *given.values())
+    struct = Struct(kind, text, tuple(Field(f, unit, said, shape=(subject.sections,)) for f, unit, said in entries))
+    inputs, output = subject.acting(forces=False, drawn=True), Argument(struct.name, struct, "result")
+    call = evaluating(subject, kernel, name, text + DRAWN, inputs, output, warns=True)
     constants = {"SECTIONS": f"{subject.sections} /* from base to tip, of a shape and of velocities */"}
     return Part(name, (kernel, *subject.kernels), (call,), constants)
 
@@ -123,17 +100,12 @@ def contact(subject: Subject) -> Part:
         f"Contacts with the object, in this order: {names}. Normals are the object's, outward; zero on a table.",
         tuple(Field(name, unit, text, shape=count) for name, unit, text in TOUCH),
     )
-
-    call = Call(
-        "touch",
+    text = (
         "Gaps, forces and places of all contacts, by the contact law of the scene with its friction. It warns where "
-        "the state is beyond what a step takes.",
-        subject.acting(forces="w" in kernel.inputs),
-        Argument("contacts", struct, "result"),
-        _filled(kernel, subject.prefix) + range_warning(subject),
-        drawing(subject, kernel),
-        codes=(Code.WARN_LEFT_RANGE,),
+        "the state is beyond what a step takes."
     )
+    inputs, output = subject.acting(forces="w" in kernel.inputs), Argument("contacts", struct, "result")
+    call = evaluating(subject, kernel, "touch", text, inputs, output, warns=True)
     return Part("contact", (kernel, *subject.kernels), (call,), {"CONTACTS": f"{count[0]} /* {names} */"})
 
 
@@ -171,7 +143,7 @@ def metadata(subject: Subject) -> Part:
             "count": f"{len(entries)}u",
             "version": __version__,
         }
-        return fill("metadata.c", {"p": prefix, "P": prefix.upper(), **words})
+        return fill("metadata.c", {"p": prefix, **words})
 
-    declared = fill("metadata.h", {"p": prefix, "P": prefix.upper()})
+    declared = fill("metadata.h", {"p": prefix})
     return Part("metadata", (), (), declarations=declared, describes=(f"src/{prefix}_metadata.c", table))

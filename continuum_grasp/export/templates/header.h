@@ -3,10 +3,10 @@
  * C99 of <<what>>, made by continuum_grasp <<version>>. No heap, no mathematical library, no writable
  * data of its own: any function may be called from any thread or interrupt, with data that the caller owns.
  *
-<<if modeled>> *   <<p>>_model model;
+<<if calls>> *   <<p>>_model model;
  *   <<p>>_init(&model);                     once; then change model.parameters, where there are any, as you like
  *   code = <<p>>_...(&model, ..., &output);
-<<end>><<if replayed>> *   static <<p>>_<<owner>> <<owner>>;
+<<end>><<if not calls>> *   static <<p>>_<<owner>> <<owner>>;
  *   static <<p>>_<<owner>>_work work;
  *   <<p>>_<<owner>>_init(&<<owner>>);             once
  *   code = <<p>>_<<step>>(&<<owner>>, &work, ...);      every period
@@ -45,7 +45,7 @@ typedef enum {
 } <<p>>_code;
 
 <<structs>>
-<<if modeled>>/* The finger, as every function takes it. */
+<<if calls>>/* The finger, as every function takes it. */
 typedef struct {
   uint32_t abi; /* set by <<p>>_init, read by every function */<<parameters>>
 } <<p>>_model;

@@ -11,7 +11,7 @@
 /* Structs are their numbers (an array of negative size is an error). */
 <<sizes>>
 
-<<if modeled>>/* Ranges; the greatest finite number where any will do. */
+<<if calls>>/* Ranges; the greatest finite number where any will do. */
 <<bounds>>
 
 <<readers>>

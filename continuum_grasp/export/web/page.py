@@ -314,22 +314,19 @@ def _view(plant: WebPlant, scene: Scene | ControlScene) -> list[float]:
 def _about(plant: WebPlant, scene: Scene | ControlScene, played: Record | None) -> str:
     """What is computed, in a sentence or two."""
     model = plant.system.finger_model
-    text = "What moves is computed in this page"
-    if played is not None:
-        text = f"First the run is played back as it was recorded, {played.t[-1]:g} s. From where you take over, what "
-        text += "moves is computed in this page"
-    text += (
-        f": a finger of {len(model.lengths)} {model.family.replace('_', ' ')} "
-        f"elements, {plant.given['x'].numel()} states in all, in L-stable steps of {1e3 * plant.step:g} ms, by the C "
-        "that continuum_grasp writes, here as WebAssembly."
-    )
-    if plant.system.touch_names:
-        text += f" It can touch at {', '.join(plant.system.touch_names)}, by a contact law with friction."
+    words: dict[str, object] = {
+        "played": played is not None,
+        "seconds": f"{played.t[-1]:g}" if played is not None else "",
+        "elements": len(model.lengths),
+        "family": model.family.replace("_", " "),
+        "states": plant.given["x"].numel(),
+        "step": f"{1e3 * plant.step:g}",
+        "touches": ", ".join(plant.system.touch_names),
+        "driven": isinstance(scene, ControlScene),
+        "pushed": ", ".join(f"{share:g}" for share in PUSHED),
+    }
     if isinstance(scene, ControlScene):
         c = scene.controller
-        observer = "a Kalman filter and " if scene.estimator is not None else ""
-        text += (
-            f" The tendons are driven by {observer}nonlinear model predictive control, every {1e3 * c.step:g} ms, over "
-            f"{c.horizon.stages} stages of {1e3 * c.horizon.stage:g} ms; they know only what is measured."
-        )
-    return text + f" A hand pushes at {', '.join(f'{share:g}' for share in PUSHED)} of the length."
+        words |= {"observer": "a Kalman filter and " if scene.estimator is not None else "", "stages": c.horizon.stages}
+        words |= {"period": f"{1e3 * c.step:g}", "stage": f"{1e3 * c.horizon.stage:g}"}
+    return " ".join(fill("web/about.txt", words).split())

@@ -24,7 +24,7 @@ from continuum_grasp.export.control.loop import unit_of
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.parts.implicit import SETTLED
-from continuum_grasp.export.parts.seen import contact_kernel, shape_kernel
+from continuum_grasp.export.parts.seen import contact_kernel, sections_kernel
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
@@ -136,7 +136,7 @@ class WebPlant:
         """What is drawn: sections and contacts, by the kernels of ``export-c``."""
         x, _, w, p = self.symbols
         own, given = x[: self.system.nx], self.given
-        shape = shape_kernel(self.system, self.at.tolist(), given, own, self.acting, p)
+        shape = sections_kernel("shape", self.system, self.at.tolist(), given, own, self.acting, p)
         if not self.system.touch_names:
             return (shape,)
         return shape, contact_kernel(self.system, given, own, self.acting, w, p)
@@ -164,7 +164,6 @@ class WebPlant:
         """All of its C: one file without a library."""
         real = REALS["double"]
         strict = c_source(set().union(*(kernel.calls for kernel in self._kernels)), real, "plant")
-        names = {name: name for name in self.arrays}
         words = {
             "kernels": "\n".join([strict, *(kernel.c_source("plant", real) for kernel in self._kernels)]),
             "exponent": real.bit_pattern(real.exponent_mask),
@@ -178,9 +177,9 @@ class WebPlant:
             "gamma": real.literal(GAMMA),
             "settled": real.literal(SETTLED),
             "memory": ", ".join(f"{name}[{max(size, 1)}]" for name, size in self.arrays.items()),
-            "rate": self._rates.call("plant", x="at", u="u", w="w", p="p", rate="rate"),
-            "look": "\n  ".join(kernel.call("plant", **names) for kernel in self.look),
-            "sense": "" if self.sense is None else self.sense.call("plant", **names),
+            "rate": self._rates.call("plant", x="at"),
+            "look": "\n  ".join(kernel.call("plant") for kernel in self.look),
+            "sense": "" if self.sense is None else self.sense.call("plant"),
             "addresses": "\n".join(f"plant_real *at_{name}(void) {{ return {name}; }}" for name in self.arrays),
         }
         return fill("web/plant.c", words)

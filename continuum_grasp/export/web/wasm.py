@@ -15,6 +15,7 @@ from pathlib import Path
 from continuum_grasp.core.cache import entry_for
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.export.layer import Contents
+from continuum_grasp.export.manifest import write_files
 from continuum_grasp.export.template import fill
 
 TOOLS = ("clang", "wasm-ld")
@@ -42,8 +43,7 @@ def compiled(files: Mapping[str, str], exports: Sequence[str]) -> bytes:
     version = _version(shutil.which("clang") or "clang")
 
     def build(work: Path) -> Path:
-        for name, text in files.items():
-            (work / name).write_text(text, encoding="utf-8")
+        write_files(work, files)
         sources = [name for name in files if name.endswith(".c")]
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             list(pool.map(lambda name: _run(work, *_FLAGS, "-I.", "-c", name, "-o", f"{name}.o"), sources))
@@ -61,10 +61,8 @@ def add_sizes(contents: Contents, files: Mapping[str, str]) -> None:
     owned = [name for function in contents.stateful for name in function.types]
     sizes = ", ".join(f"sizeof({prefix}_{name})" for name in owned)
     with tempfile.TemporaryDirectory() as folder:
-        for name, text in files.items():
-            (Path(folder) / name).write_text(text, encoding="utf-8")
         source = f'#include "{prefix}.h"\nconst unsigned int sizes[] = {{{sizes}}};\n'
-        (Path(folder) / "sizes.c").write_text(source, encoding="utf-8")
+        write_files(Path(folder), {**files, "sizes.c": source})
         assembly = _run(Path(folder), *_FLAGS, "-I.", "-S", "sizes.c", "-o", "-")
     found = _INTEGER.findall(assembly)
     contents.words.update((f"{name}_bytes", size) for name, size in zip(owned, found, strict=True))

@@ -25,31 +25,31 @@ int <<p>>_reference_init_abi(<<p>>_reference *reference, uint32_t abi)
   return <<P>>_OK;
 }
 
-int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<start>> *state, const <<p>>_command *before)
+int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<loop.start.name>> *state, const <<p>>_command *before)
 {
-  <<p>>_real z[<<nz>>], u[<<nu>>];
+  <<p>>_real z[<<loop.start.size>>], u[<<loop.command.size>>];
   int code;
   if (!controller || !state || !before) return <<P>>_ERR_NULL;
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  read_<<start>>(state, z);
+  read_<<loop.start.name>>(state, z);
   read_command(before, u);
-  if ((code = check(z, <<start>>_low, <<start>>_high, <<nz>>)) < 0) return code;
-  if ((code = check(u, applied_low, applied_high, <<nu>>)) < 0) return code;
+  if ((code = check(z, <<loop.start.name>>_low, <<loop.start.name>>_high, <<loop.start.size>>)) < 0) return code;
+  if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;
   memset(&controller->memory, 0, sizeof controller->memory);
   controller->memory.elapsed = -1;
-  <<p>>_loop_start(&controller->memory.state, &loop_settings, z, u, <<known_nominal>>);<<if touch>>
+  <<p>>_loop_start(&controller->memory.state, &loop_settings, z, u, <<known_nominal>>);<<if loop.touch>>
   <<p>>_contact_start(&controller->memory.state.contact, &loop_settings.contact, z);<<end>>
   return <<P>>_OK;
 }
 
 int <<p>>_controller_applied(<<p>>_controller *controller, const <<p>>_command *applied)
 {
-  <<p>>_real u[<<nu>>];
+  <<p>>_real u[<<loop.command.size>>];
   int code;
   if (!controller || !applied) return <<P>>_ERR_NULL;
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   read_command(applied, u);
-  if ((code = check(u, applied_low, applied_high, <<nu>>)) < 0) return code;
+  if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;
   memcpy(controller->memory.state.u, u, sizeof u);
   return <<P>>_OK;
 }
@@ -81,10 +81,10 @@ int <<p>>_controller_rearm(<<p>>_controller *controller)
 /* The settings of this call, from those of the caller. */
 static int take_settings(const <<p>>_controller *controller, <<p>>_loop_settings *to)
 {
-  <<p>>_real numbers[<<ns>>];
+  <<p>>_real numbers[<<loop.settings.size>>];
   int code;
   read_settings(&controller->settings, numbers);
-  if ((code = check(numbers, settings_low, settings_high, <<ns>>)) < 0) return code;
+  if ((code = check(numbers, settings_low, settings_high, <<loop.settings.size>>)) < 0) return code;
   memcpy(to, &loop_settings, sizeof *to);
 <<take>>
   return <<p>>_rti_settings_valid(&to->rti) ? <<P>>_OK : <<P>>_ERR_RANGE;
@@ -95,7 +95,7 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
 {
   static const signed char codes[] = {
       <<P>>_OK, <<P>>_WARN_ITERATION_LIMIT, <<P>>_WARN_BOUND_LEFT, <<P>>_WARN_PREVIOUS_PLAN, <<P>>_WARN_SAFE_RAMP};
-  <<p>>_real y[<<nm>>]<<if known>>, p[<<known>>]<<end>>;
+  <<p>>_real y[<<loop.measurement.size>>]<<if known>>, p[<<known>>]<<end>>;
   <<p>>_loop_input input;
   int code, k;
   if (!controller || !work || !measurement || !reference || !command) return <<P>>_ERR_NULL;
@@ -115,21 +115,21 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
   code = <<p>>_loop_step(&controller->memory.state, &work->loop, &work->settings, &input, &controller->memory.last);
   controller->memory.late = 0;
   controller->memory.elapsed = -1;
-  if (code < 0 || check(controller->memory.last.u, applied_low, applied_high, <<nu>>) < 0) return <<P>>_ERR_RESULT;
+  if (code < 0 || check(controller->memory.last.u, applied_low, applied_high, <<loop.command.size>>) < 0) return <<P>>_ERR_RESULT;
   write_command(controller->memory.last.u, command);
   if (code < <<P>>_LOOP_PREVIOUS_PLAN
-      && check(controller->memory.last.u, work->settings.rti.u_min, work->settings.rti.u_max, <<nu>>) < 0)
+      && check(controller->memory.last.u, work->settings.rti.u_min, work->settings.rti.u_max, <<loop.command.size>>) < 0)
     return <<P>>_WARN_BEYOND_LIMIT; /* the last command, from which the rate counts, was beyond them too */
   return codes[code];
 }
 
-int <<p>>_controller_estimate(const <<p>>_controller *controller, <<p>>_<<start>> *estimate)
+int <<p>>_controller_estimate(const <<p>>_controller *controller, <<p>>_<<loop.start.name>> *estimate)
 {
-  <<p>>_real z[<<nz>>];
+  <<p>>_real z[<<loop.start.size>>];
   if (!controller || !estimate) return <<P>>_ERR_NULL;
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
 <<estimated>>
-  write_<<start>>(z, estimate);
+  write_<<loop.start.name>>(z, estimate);
   return <<P>>_OK;
 }
 
@@ -151,7 +151,7 @@ int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnos
   diagnosis->activity = controller->memory.last.supervisor.activity;
   return <<P>>_OK;
 }
-<<if touch>>
+<<if loop.touch>>
 int <<p>>_controller_contact(const <<p>>_controller *controller, <<p>>_contact *contact)
 {
   if (!controller || !contact) return <<P>>_ERR_NULL;

@@ -1,4 +1,4 @@
-/* ---- the controller: once every <<period>> s, on a horizon of <<n>> stages of <<stage>> s ---- */
+/* ---- the controller: once every <<loop.period:g>> s, on a horizon of <<loop.stages.stages>> stages of <<loop.stages.stage:g>> s ---- */
 
 /* A controller. The caller owns it, <<p>>_controller_init makes it ready. */
 typedef struct {
@@ -25,7 +25,7 @@ enum {
   <<P>>_HEALTH_MISMATCH = 1, /* a sensor contradicts the model */
   <<P>>_HEALTH_DETUNED = 2, /* the same with an active command, or a drive is late: the weight of its rate is raised */
   <<P>>_HEALTH_FROZEN = 3, /* a reading does not move: it counts as missing until it does */
-  <<P>>_HEALTH_TRIPPED = 4 /* the command goes to <<safe>> until <<p>>_controller_rearm */
+  <<P>>_HEALTH_TRIPPED = 4 /* the command goes to <<loop.safe>> until <<p>>_controller_rearm */
 };
 /* What contradicts the model. */
 enum {
@@ -54,11 +54,11 @@ int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi);
 #define <<p>>_reference_init(reference) <<p>>_reference_init_abi((reference), <<P>>_ABI)
 int <<p>>_reference_init_abi(<<p>>_reference *reference, uint32_t abi);
 /* Begin anew at a state, with the command that was applied before; settings stay. */
-int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<start>> *state, const <<p>>_command *before);
+int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<loop.start.name>> *state, const <<p>>_command *before);
 /* The command for <<what_is_measured>> and setpoints.
    Zero: of a new plan. <<P>>_WARN_ITERATION_LIMIT, <<P>>_WARN_BOUND_LEFT: of a new plan all the same.
    <<P>>_WARN_PREVIOUS_PLAN, <<P>>_WARN_SAFE_RAMP: there is none; of the last plan as long as it lasts, then en route to
-   <<safe>>, at a bounded rate; <<p>>_controller_diagnosis tells why.
+   <<loop.safe>>, at a bounded rate; <<p>>_controller_diagnosis tells why.
    A command that is written is finite, and changes at its rate at most. It is within the limits, but where these were
    moved faster than its rate allows, or what was applied is beyond them: then it is on its way to them, by
    <<P>>_WARN_BEYOND_LIMIT where it is of a new plan. Below zero (null pointer, interface, settings) the command is left
@@ -76,7 +76,7 @@ int <<p>>_controller_elapsed(<<p>>_controller *controller, <<p>>_real seconds);
    within 150 averaging times, which only <<p>>_controller_start ends. */
 int <<p>>_controller_rearm(<<p>>_controller *controller);
 /* State (and disturbances) from which the last plan starts; what is known of the last call. */
-int <<p>>_controller_estimate(const <<p>>_controller *controller, <<p>>_<<start>> *estimate);
-int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnosis *diagnosis);<<if touch>>
+int <<p>>_controller_estimate(const <<p>>_controller *controller, <<p>>_<<loop.start.name>> *estimate);
+int <<p>>_controller_diagnosis(const <<p>>_controller *controller, <<p>>_diagnosis *diagnosis);<<if loop.touch>>
 /* What the drives felt in the last call. */
 int <<p>>_controller_contact(const <<p>>_controller *controller, <<p>>_contact *contact);<<end>>

@@ -8,23 +8,23 @@ int <<p>>_estimator_init_abi(<<p>>_estimator *estimator, uint32_t abi)
   memset(estimator, 0, sizeof *estimator);
   estimator->abi = abi;<<if known>>
   write_known(known_nominal, &estimator->known);<<end>>
-  <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, first_state, first_command);<<if touch>>
+  <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, first_state, first_command);<<if loop.touch>>
   <<p>>_contact_start(&estimator->memory.contact, &<<contact_settings>>, 0);<<end>>
   return <<P>>_OK;
 }
 
 int <<p>>_estimator_start(<<p>>_estimator *estimator, const <<p>>_estimate *state, const <<p>>_command *before)
 {
-  <<p>>_real z[<<nz>>], u[<<nu>>];
+  <<p>>_real z[<<loop.start.size>>], u[<<loop.command.size>>];
   int code;
   if (!estimator || !state || !before) return <<P>>_ERR_NULL;
   if (estimator->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   read_estimate(state, z);
   read_command(before, u);
-  if ((code = check(z, estimate_low, estimate_high, <<nz>>)) < 0) return code;
-  if ((code = check(u, applied_low, applied_high, <<nu>>)) < 0) return code;
+  if ((code = check(z, estimate_low, estimate_high, <<loop.start.size>>)) < 0) return code;
+  if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;
   memset(&estimator->memory, 0, sizeof estimator->memory);
-  <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, z, u);<<if touch>>
+  <<p>>_ekf_start(&estimator->memory.state, &<<estimator_settings>>, z, u);<<if loop.touch>>
   <<p>>_contact_start(&estimator->memory.contact, &<<contact_settings>>, z);<<end>>
   return <<P>>_OK;
 }
@@ -32,14 +32,14 @@ int <<p>>_estimator_start(<<p>>_estimator *estimator, const <<p>>_estimate *stat
 int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work, const <<p>>_measurement *measurement,
 <<indent_step>>const <<p>>_command *applied, <<p>>_estimate *estimate)
 {
-  <<p>>_real y[<<nm>>], u[<<nu>>], z[<<nz>>], p[<<np_size>>] = {0};
+  <<p>>_real y[<<loop.measurement.size>>], u[<<loop.command.size>>], z[<<loop.start.size>>], p[<<np_size>>] = {0};
   <<p>>_ekf_report report;
   int code, j;
   if (!estimator || !work || !measurement || !applied || !estimate) return <<P>>_ERR_NULL;
   if (estimator->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   read_measurement(measurement, y);
   read_command(applied, u);
-  if ((code = check(u, applied_low, applied_high, <<nu>>)) < 0) return code;<<if known>>
+  if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;<<if known>>
   read_known(&estimator->known, p);
   if ((code = check(p, known_low, known_high, <<known>>)) < 0) return code;<<end>>
   if (<<p>>_ekf_step(&estimator->memory.state, work, &<<estimator_settings>>, y, u, p, &report) != <<P>>_EKF_OK)
@@ -48,18 +48,18 @@ int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work,
     <<p>>_ekf_restart(&estimator->memory.state, &<<estimator_settings>>);
     code = <<P>>_WARN_ESTIMATE_RESTARTED;
   }
-<<if touch>>  <<p>>_contact_step(&estimator->memory.contact, &<<contact_settings>>, y, u, &estimator->memory.felt);
+<<if loop.touch>>  <<p>>_contact_step(&estimator->memory.contact, &<<contact_settings>>, y, u, &estimator->memory.felt);
 <<end>>  if (code == <<P>>_WARN_ESTIMATE_RESTARTED) memcpy(z, estimator->memory.state.z, sizeof z);
   estimator->memory.anomalies = report.limited ? <<P>>_ANOMALY_ESTIMATE_LIMITED : 0u;
   if (code == <<P>>_WARN_ESTIMATE_RESTARTED) estimator->memory.anomalies |= <<P>>_ANOMALY_ESTIMATE_RESTARTED;
-  for (j = 0; j < <<nm>>; ++j) estimator->memory.anomalies |= anomaly_of_verdict[report.verdict[j]];
+  for (j = 0; j < <<loop.measurement.size>>; ++j) estimator->memory.anomalies |= anomaly_of_verdict[report.verdict[j]];
   write_estimate(z, estimate);
   return code;
 }
 
 int <<p>>_estimator_variance(const <<p>>_estimator *estimator, <<p>>_estimate *variance)
 {
-  <<p>>_real numbers[<<nz>>];
+  <<p>>_real numbers[<<loop.start.size>>];
   if (!estimator || !variance) return <<P>>_ERR_NULL;
   if (estimator->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   <<p>>_ekf_variance(&estimator->memory.state, numbers);
@@ -71,7 +71,7 @@ uint32_t <<p>>_estimator_anomalies(const <<p>>_estimator *estimator)
 {
   return estimator ? estimator->memory.anomalies : 0u;
 }
-<<if touch>>
+<<if loop.touch>>
 int <<p>>_estimator_contact(const <<p>>_estimator *estimator, <<p>>_contact *contact)
 {
   if (!estimator || !contact) return <<P>>_ERR_NULL;

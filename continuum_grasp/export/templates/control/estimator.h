@@ -1,4 +1,4 @@
-/* ---- the estimator: once per measurement, every <<period>> s ---- */
+/* ---- the estimator: once per measurement, every <<loop.period:g>> s ---- */
 
 /* An estimator. The caller owns it, <<p>>_estimator_init makes it ready. */
 typedef struct {
@@ -27,6 +27,6 @@ int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work,
 /* Variance of each entry at the time of the last measurement. */
 int <<p>>_estimator_variance(const <<p>>_estimator *estimator, <<p>>_estimate *variance);
 /* What was noticed in the last call; zero for a null pointer. */
-uint32_t <<p>>_estimator_anomalies(const <<p>>_estimator *estimator);<<if touch>>
+uint32_t <<p>>_estimator_anomalies(const <<p>>_estimator *estimator);<<if loop.touch>>
 /* What the drives felt in the last call. */
 int <<p>>_estimator_contact(const <<p>>_estimator *estimator, <<p>>_contact *contact);<<end>>

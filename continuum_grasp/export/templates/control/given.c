@@ -1,12 +1,12 @@
 int <<p>>_measurement_init_abi(<<p>>_measurement *measurement, uint32_t abi)
 {
   union { <<p>>_real value; uint<<width>>_t bits; } missing;
-  <<p>>_real numbers[<<nm>>];
+  <<p>>_real numbers[<<loop.measurement.size>>];
   int k;
   if (!measurement) return <<P>>_ERR_NULL;
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   missing.bits = <<missing>>; /* NaN by its bits: C99 has no literal of it without a library */
-  for (k = 0; k < <<nm>>; ++k) numbers[k] = missing.value;
+  for (k = 0; k < <<loop.measurement.size>>; ++k) numbers[k] = missing.value;
   write_measurement(numbers, measurement);
   return <<P>>_OK;
 }

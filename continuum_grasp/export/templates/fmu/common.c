@@ -1,4 +1,4 @@
-/* <<title>>: <<what>> as an FMU for co-simulation, FMI <<fmi>>. Made by continuum_grasp <<version>>.
+/* <<unit.title>>: <<unit.what>> as an FMU for co-simulation, FMI <<fmi>>. Made by continuum_grasp <<version>>.
    No data of its own that may be written, so that there may be any number of instances, in any threads. */
 #include <math.h>
 #include <stdarg.h>

@@ -84,8 +84,8 @@ FMI2(fmi2Status, fmi2SetReal)(fmi2Component c, const fmi2ValueReference vr[], si
 FMI2(fmi2Status, fmi2GetDirectionalDerivative)(fmi2Component c, const fmi2ValueReference unknowns[], size_t n,
                                                const fmi2ValueReference knowns[], size_t m, const fmi2Real seed[],
                                                fmi2Real sensitivity[])
-{<<if linear>>
-  return (fmi2Status)fmu_directional((fmu_instance *)c, unknowns, n, knowns, m, seed, sensitivity);<<end>><<if plain>>
+{<<if unit.linear>>
+  return (fmi2Status)fmu_directional((fmu_instance *)c, unknowns, n, knowns, m, seed, sensitivity);<<end>><<if not unit.linear>>
   (void)unknowns;
   (void)n;
   (void)knowns;

@@ -41,8 +41,8 @@ static void fmu_remember(fmu_instance *f, const double *u)
   int k;
   for (k = 0; k < times; ++k) {
     memmove(m->past[1], m->past[0], (<<past>> - 1) * sizeof m->past[0]);
-    memcpy(m->past[0], f->data.values + FMU_STATE, <<nx>> * sizeof(double));
-    memcpy(m->past[0] + <<nx>>, u, <<nu>> * sizeof(double));
+    memcpy(m->past[0], f->data.values + FMU_STATE, <<model.nx>> * sizeof(double));
+    memcpy(m->past[0] + <<model.nx>>, u, <<model.nu>> * sizeof(double));
   }
   m->begun = 1;
 }
@@ -51,7 +51,7 @@ static void fmu_remember(fmu_instance *f, const double *u)
 static int fmu_measured(fmu_instance *f)
 {
   static const double rest[] = {<<rest>>};
-  double *values = f->data.values, seen[<<nx>>], measured[<<ny>> + 1];
+  double *values = f->data.values, seen[<<model.nx>>], measured[<<ny>> + 1];
   const double part = <<part>>; /* of a step, by which what is seen is older than a whole number of them */
   const fmu_model *m = &f->data.model;
   int k;
@@ -59,10 +59,10 @@ static int fmu_measured(fmu_instance *f)
     f->data.model.begun = 0;
     fmu_remember(f, rest);
   }
-  for (k = 0; k < <<nx>>; ++k)
+  for (k = 0; k < <<model.nx>>; ++k)
     seen[k] = part > 0 ? m->past[<<past>> - 2][k] + part * (m->past[<<past>> - 1][k] - m->past[<<past>> - 2][k])
                        : m->past[<<past>> - 2][k];
-  fmu_call(f, <<p>>_measured, seen, m->past[<<past>> - 2] + <<nx>>, measured);
+  fmu_call(f, <<p>>_measured, seen, m->past[<<past>> - 2] + <<model.nx>>, measured);
   for (k = 0; k < <<ny>>; ++k) values[FMU_MEASUREMENT + k] = measured[k]<<noise>>;
   return fmu_finite(measured, <<ny>>);
 }
@@ -81,11 +81,11 @@ static fmu_level fmu_show(fmu_instance *f)
 
 static fmu_level fmu_advance(fmu_instance *f)
 {
-  double *values = f->data.values, next[<<nx>>];
+  double *values = f->data.values, next[<<model.nx>>];
   int code = fmu_checked(f);
   if (code < 0) return fmu_judged(f, "step", code);
   fmu_call(f, <<p>>_plant_step, values + FMU_STATE, values + FMU_INPUTS, next);
-  if (!fmu_finite(next, <<nx>>)) return fmu_judged(f, "step", <<P>>_ERR_RESULT);
+  if (!fmu_finite(next, <<model.nx>>)) return fmu_judged(f, "step", <<P>>_ERR_RESULT);
   memcpy(values + FMU_STATE, next, sizeof next);
   fmu_remember(f, values + FMU_INPUTS);
   f->data.shown = 0;

@@ -1,5 +1,5 @@
 typedef struct {
-  double past[<<past>>][<<nx>> + <<nu>>]; /* the last one first: a state, and the command that led to it */
+  double past[<<past>>][<<model.nx>> + <<model.nu>>]; /* the last one first: a state, and the command that led to it */
   int begun;
 } fmu_model;
 typedef struct {

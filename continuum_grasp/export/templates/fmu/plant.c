@@ -20,7 +20,7 @@ static fmu_level fmu_show(fmu_instance *f)
   <<p>>_rate rate;<<if contacts>>
   <<p>>_contacts contacts;<<end>>
   double *values = f->data.values;
-  int code<<if linear>>, k<<end>><<if contacts>>, k<<end>>;
+  int code<<if unit.linear>>, k<<end>><<if contacts>>, k<<end>>;
   fmu_taken(f, &model, &state, &input<<acting>>);
   if ((code = <<p>>_tip(&model, &state, &input, &section)) < 0) return fmu_judged(f, "tip", code);
   values[FMU_TIP] = section.x;
@@ -30,7 +30,7 @@ static fmu_level fmu_show(fmu_instance *f)
   for (k = 0; k < (int)(sizeof contacts / sizeof *values); ++k) values[FMU_CONTACTS + k] = NAN;
   if (<<p>>_touch(&model, &state, &input<<touched>>, &contacts) >= 0) memcpy(values + FMU_CONTACTS, &contacts, sizeof contacts);<<end>>
   code = <<p>>_dynamics(&model, &state, &input<<acting>>, &rate);
-  if (code < 0 && f->data.mode != FMU_STEPPING) return fmu_judged(f, "dynamics", code);<<if linear>>
+  if (code < 0 && f->data.mode != FMU_STEPPING) return fmu_judged(f, "dynamics", code);<<if unit.linear>>
   /* A state that no step takes is still drawn; it has no rate. */
   for (k = 0; k < <<P>>_NX; ++k) values[FMU_RATES + k] = NAN;
   if (code >= 0) memcpy(values + FMU_RATES, &rate, sizeof rate);<<end>>

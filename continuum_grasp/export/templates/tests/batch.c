@@ -26,7 +26,7 @@ static void fill(<<p>>_state *states, <<p>>_input *inputs, long count)
 static long compare(void)
 {
   <<p>>_state states[MOST], next[MOST], single;
-  <<p>>_input inputs[MOST];<<if forces>>
+  <<p>>_input inputs[MOST];<<if subject.forces>>
   static const <<p>>_forces forces[MOST];<<end>>
   int codes[MOST];
   long count, k, wrong = 0;
@@ -37,11 +37,11 @@ static long compare(void)
     fill(states, inputs, count);
     if (count > 5) states[5].<<first_state>> = 3 * <<reach>>;
     memset(next, 0, sizeof next);
-    said = <<p>>_step_batch(&model, states, inputs, <<if forces>>forces, <<end>><<h>>, next, codes, count);
+    said = <<p>>_step_batch(&model, states, inputs, <<if subject.forces>>forces, <<end>><<h>>, next, codes, count);
     for (k = 0; k < count; ++k) {
       int code;
       memset(&single, 0, sizeof single);
-      code = <<p>>_step(&model, &states[k], &inputs[k], <<if forces>>&forces[k], <<end>><<h>>, &single);
+      code = <<p>>_step(&model, &states[k], &inputs[k], <<if subject.forces>>&forces[k], <<end>><<h>>, &single);
       refused += code < 0;
       wrong += code != codes[k] || memcmp(&single, &next[k], sizeof single) != 0;
     }
@@ -53,15 +53,15 @@ static long compare(void)
 static int race(long count, long steps)
 {
   <<p>>_state *states = malloc((size_t)count * sizeof *states);
-  <<p>>_input *inputs = malloc((size_t)count * sizeof *inputs);<<if forces>>
+  <<p>>_input *inputs = malloc((size_t)count * sizeof *inputs);<<if subject.forces>>
   <<p>>_forces *forces = calloc((size_t)count, sizeof *forces);<<end>>
   int *codes = malloc((size_t)count * sizeof *codes);
   <<p>>_model model;
   long k, step;
   double start, single, many;
-  if (!states || !inputs<<if forces>> || !forces<<end>> || !codes || <<p>>_init(&model) < 0) { /* the process ends then */
+  if (!states || !inputs<<if subject.forces>> || !forces<<end>> || !codes || <<p>>_init(&model) < 0) { /* the process ends then */
     free(states);
-    free(inputs);<<if forces>>
+    free(inputs);<<if subject.forces>>
     free(forces);<<end>>
     free(codes);
     return 1;
@@ -69,16 +69,16 @@ static int race(long count, long steps)
   fill(states, inputs, count);
   start = seconds();
   for (step = 0; step < steps; ++step)
-    for (k = 0; k < count; ++k) <<p>>_step(&model, &states[k], &inputs[k], <<if forces>>&forces[k], <<end>><<h>>, &states[k]);
+    for (k = 0; k < count; ++k) <<p>>_step(&model, &states[k], &inputs[k], <<if subject.forces>>&forces[k], <<end>><<h>>, &states[k]);
   single = seconds() - start;
   fill(states, inputs, count);
   start = seconds();
-  for (step = 0; step < steps; ++step) <<p>>_step_batch(&model, states, inputs, <<if forces>>forces, <<end>><<h>>, states, codes, count);
+  for (step = 0; step < steps; ++step) <<p>>_step_batch(&model, states, inputs, <<if subject.forces>>forces, <<end>><<h>>, states, codes, count);
   many = seconds() - start;
   printf("%.3g steps/s one by one, %.3g steps/s in lanes\n", (double)count * (double)steps / single,
          (double)count * (double)steps / many);
   free(states);
-  free(inputs);<<if forces>>
+  free(inputs);<<if subject.forces>>
   free(forces);<<end>>
   free(codes);
   return 0;

@@ -4,17 +4,18 @@ static int run_mpc(check_memory *memory, const <<p>>_real *row, <<p>>_real *out,
   <<p>>_measurement measurement;
   <<p>>_reference reference;
   <<p>>_command command, applied;
-  <<p>>_<<start>> estimate;
-  <<p>>_diagnosis diagnosis;<<if touch>>
+  <<p>>_<<loop.start.name>> estimate;
+  <<p>>_diagnosis diagnosis;<<if loop.touch>>
   <<p>>_contact contact;<<end>>
-  <<p>>_real nodes[<<nodes_size>>];
+  <<p>>_real nodes[<<loop.stages.nr>> * <<loop.nodes>>];
   int j, k, code = 0;
   if (row[0] > 0) <<p>>_controller_init(&memory->controller);
   memcpy(&memory->controller.settings, row + 4, sizeof memory->controller.settings);
-<<take_known>>  memcpy(&measurement, row + <<measurement>>, sizeof measurement);
-  for (j = 0; j < <<nr>>; ++j)
-    for (k = 0; k < <<nodes>>; ++k)
-      nodes[j * <<nodes>> + k] = (<<p>>_real)k < row[<<switch>>] ? row[<<wanted>> + j] : row[<<later>> + j];
+<<if loop.known>>  memcpy(&memory->controller.known, row + <<known>>, sizeof memory->controller.known);
+<<end>>  memcpy(&measurement, row + <<measurement>>, sizeof measurement);
+  for (j = 0; j < <<loop.stages.nr>>; ++j)
+    for (k = 0; k < <<loop.nodes>>; ++k)
+      nodes[j * <<loop.nodes>> + k] = (<<p>>_real)k < row[<<switch>>] ? row[<<wanted>> + j] : row[<<later>> + j];
   memcpy(&reference, nodes, sizeof reference);
   memcpy(&applied, row + <<applied>>, sizeof applied);
   if (row[1] > 0) <<p>>_controller_late(&memory->controller);
@@ -27,18 +28,18 @@ static int run_mpc(check_memory *memory, const <<p>>_real *row, <<p>>_real *out,
   memory->controller.abi ^= other_abi;
   memcpy(out, &command, sizeof command);
   if (code < 0 || repeat == 0) return code;
-  for (j = 0; j < <<nu>>; ++j) /* beyond its settings only by its own warning; no code is -128 */
-    if (code < <<P>>_WARN_PREVIOUS_PLAN && (out[j] < row[<<low>> + j] || out[j] > row[<<high>> + j])) return -128;
+  for (j = 0; j < <<loop.command.size>>; ++j) /* beyond its settings only by its own warning; no code is -128 */
+    if (code < <<P>>_WARN_PREVIOUS_PLAN && (out[j] < row[<<low>> + j] || out[j] > row[<<low>> + <<loop.command.size>> + j])) return -128;
   <<p>>_controller_estimate(&memory->controller, &estimate);
   <<p>>_controller_diagnosis(&memory->controller, &diagnosis);
-  memcpy(out + <<nu>>, &estimate, sizeof estimate);
-  out[<<end>>] = (<<p>>_real)diagnosis.anomalies;
-  out[<<end1>>] = (<<p>>_real)diagnosis.iterations;
-  out[<<end2>>] = diagnosis.violation;
-  out[<<end3>>] = (<<p>>_real)diagnosis.health;
-  out[<<end4>>] = diagnosis.mismatch;
-<<if touch>>
+  memcpy(out + <<loop.command.size>>, &estimate, sizeof estimate);
+  out[<<behind>>] = (<<p>>_real)diagnosis.anomalies;
+  out[<<behind>> + 1] = (<<p>>_real)diagnosis.iterations;
+  out[<<behind>> + 2] = diagnosis.violation;
+  out[<<behind>> + 3] = (<<p>>_real)diagnosis.health;
+  out[<<behind>> + 4] = diagnosis.mismatch;
+<<if loop.touch>>
   <<p>>_controller_contact(&memory->controller, &contact);
-  memcpy(out + <<end5>>, &contact, sizeof contact);
+  memcpy(out + <<behind>> + 5, &contact, sizeof contact);
 <<end>>  return code;
 }

@@ -3,11 +3,12 @@ static int run_estimator_step(check_memory *memory, const <<p>>_real *row, <<p>>
 {
   <<p>>_measurement measurement;
   <<p>>_command applied;
-  <<p>>_estimate estimate, variance;<<if touch>>
+  <<p>>_estimate estimate, variance;<<if loop.touch>>
   <<p>>_contact contact;<<end>>
   int k, code = 0;
   if (row[0] > 0) <<p>>_estimator_init(&memory->estimator);
-<<take_known>>  memcpy(&measurement, row + <<measurement>>, sizeof measurement);
+<<if loop.known>>  memcpy(&memory->estimator.known, row + <<known>>, sizeof memory->estimator.known);
+<<end>>  memcpy(&measurement, row + <<measurement>>, sizeof measurement);
   memcpy(&applied, row + <<applied>>, sizeof applied);
   memcpy(&estimate, out, sizeof estimate);
   memory->estimator.abi ^= other_abi;
@@ -18,10 +19,10 @@ static int run_estimator_step(check_memory *memory, const <<p>>_real *row, <<p>>
   memcpy(out, &estimate, sizeof estimate);
   if (code < 0 || repeat == 0) return code;
   <<p>>_estimator_variance(&memory->estimator, &variance);
-  memcpy(out + <<nz>>, &variance, sizeof variance);
-  out[<<anomalies>>] = (<<p>>_real)<<p>>_estimator_anomalies(&memory->estimator);
-<<if touch>>
+  memcpy(out + <<loop.estimate.size>>, &variance, sizeof variance);
+  out[2 * <<loop.estimate.size>>] = (<<p>>_real)<<p>>_estimator_anomalies(&memory->estimator);
+<<if loop.touch>>
   <<p>>_estimator_contact(&memory->estimator, &contact);
-  memcpy(out + <<contact>>, &contact, sizeof contact);
+  memcpy(out + 2 * <<loop.estimate.size>> + 1, &contact, sizeof contact);
 <<end>>  return code;
 }

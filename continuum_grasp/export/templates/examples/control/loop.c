@@ -1,6 +1,6 @@
 /* Commands for measurements that come line by line: control_loop < measurements.csv > commands.csv
  *
- * A line is a period of <<period>> s: <<measured>>.
+ * A line is a period of <<loop.period:.12g>> s: <<measured>>.
  * What is no number was not measured. Setpoints stay those with which the scene begins. */
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,10 +8,10 @@
 
 #include "<<p>>.h"
 
-#define MEASURED <<nm>>
-#define WANTED <<nr>>
-#define NODES <<nodes>>
-#define COMMANDED <<nu>>
+#define MEASURED <<loop.measurement.size>>
+#define WANTED <<loop.stages.nr>>
+#define NODES <<loop.nodes>>
+#define COMMANDED <<loop.command.size>>
 
 static const <<p>>_real wanted[WANTED] = {<<wanted>>}; /* <<wanted_names>> */
 static <<p>>_controller controller;
@@ -60,7 +60,7 @@ int main(void)
     if ((code = <<p>>_mpc(&controller, &work, &measurement, &reference, &command)) < 0) break;
     <<p>>_controller_diagnosis(&controller, &diagnosis);
     memcpy(numbers, &command, sizeof numbers);
-    printf("%.6g", (double)period++ * <<period>>);
+    printf("%.6g", (double)period++ * <<loop.period:.12g>>);
     for (k = 0; k < COMMANDED; ++k) printf(",%.9g", (double)numbers[k]);
     printf(",%d,%lu\n", code, (unsigned long)diagnosis.anomalies);
   }

@@ -1,8 +1,8 @@
-// The controller as a ROS 2 node: takes ~/measurement (<<nm>> numbers, NaN: not measured) and ~/reference (<<nr>> numbers, which
-// hold for the whole horizon), publishes ~/command (<<nu>> numbers) every <<period>> s. The order of the numbers is that of the
+// The controller as a ROS 2 node: takes ~/measurement (<<loop.measurement.size>> numbers, NaN: not measured) and ~/reference (<<loop.stages.nr>> numbers, which
+// hold for the whole horizon), publishes ~/command (<<loop.command.size>> numbers) every <<loop.period:.12g>> s. The order of the numbers is that of the
 // structs in <<p>>.h. A measurement counts once: where none comes the controller notices, and falls back in the end.
 // Weights, limits and penalties, and what is known of the finger, are parameters of the node, which may be set while it runs.
-// Drives say on ~/applied (<<nu>> numbers) what they did, where that is not the last command.
+// Drives say on ~/applied (<<loop.command.size>> numbers) what they did, where that is not the last command.
 #include <array>
 #include <chrono>
 #include <cmath>
@@ -32,14 +32,14 @@ class Node : public rclcpp::Node {
       take(message, wanted_, "reference");
     });
     applied_ = create_subscription<Numbers>("~/applied", 10, [this](const Numbers &message) {
-      std::array<<<p>>_real, <<nu>>> numbers{};
+      std::array<<<p>>_real, <<loop.command.size>>> numbers{};
       if (!take(message, numbers, "applied")) return;
       <<p>>_command applied;
       std::memcpy(&applied, numbers.data(), sizeof applied);
       const int code = <<p>>_controller_applied(&controller_, &applied);
       if (code < 0) RCLCPP_ERROR(get_logger(), "applied: %s", <<p>>_strerror(code));
     });
-    timer_ = create_wall_timer(std::chrono::duration<double>(<<period>>), [this] { step(); });
+    timer_ = create_wall_timer(std::chrono::duration<double>(<<loop.period:.12g>>), [this] { step(); });
   }
 
  private:
@@ -64,7 +64,7 @@ class Node : public rclcpp::Node {
     <<p>>_measurement measurement;
     <<p>>_reference reference;
     <<p>>_command command;
-    <<p>>_real rows[<<nr>>][<<nodes>>];
+    <<p>>_real rows[<<loop.stages.nr>>][<<loop.nodes>>];
     for (std::size_t j = 0; j < wanted_.size(); ++j)
       for (<<p>>_real &node : rows[j]) node = wanted_[j];
     std::memcpy(&reference, rows, sizeof reference);
@@ -77,17 +77,17 @@ class Node : public rclcpp::Node {
       said_ = code;
     }
     if (code < 0) return; // what the drives do without a command is theirs to know
-    <<p>>_real numbers[<<nu>>];
+    <<p>>_real numbers[<<loop.command.size>>];
     std::memcpy(numbers, &command, sizeof command);
     Numbers message;
-    message.data.assign(numbers, numbers + <<nu>>);
+    message.data.assign(numbers, numbers + <<loop.command.size>>);
     published_->publish(message);
   }
 
   <<p>>_controller controller_{};
   <<p>>_controller_work work_{};
-  std::array<<<p>>_real, <<nm>>> measured_{};
-  std::array<<<p>>_real, <<nr>>> wanted_{<<wanted>>};
+  std::array<<<p>>_real, <<loop.measurement.size>>> measured_{};
+  std::array<<<p>>_real, <<loop.stages.nr>>> wanted_{<<wanted>>};
   int said_ = 0;
   rclcpp::Publisher<Numbers>::SharedPtr published_;
   rclcpp::Subscription<Numbers>::SharedPtr measurements_, references_, applied_;

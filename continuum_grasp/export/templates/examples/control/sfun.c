@@ -1,10 +1,10 @@
-/* The controller as a Simulink S-function (level 2), sampled every <<period>> s.
+/* The controller as a Simulink S-function (level 2), sampled every <<loop.period:.12g>> s.
  *
  *   mex -I../../include sfun_<<p>>_control.c<<mex_sources>>
  *
- * Input ports: measurement (<<nm>>, NaN: not measured), reference (<<nr>>, which holds for the whole horizon). Output ports:
- * command (<<nu>>), code (1). A negative code stops the simulation with its sentence; positive ones warn.
- * Block parameters: settings (<<ns>> numbers in the order of <<p>>_settings, [] for those of the scene)<<if known>>, known (<<known>>, [] as well)<<end>>. They may be
+ * Input ports: measurement (<<loop.measurement.size>>, NaN: not measured), reference (<<loop.stages.nr>>, which holds for the whole horizon). Output ports:
+ * command (<<loop.command.size>>), code (1). A negative code stops the simulation with its sentence; positive ones warn.
+ * Block parameters: settings (<<loop.settings.size>> numbers in the order of <<p>>_settings, [] for those of the scene)<<if known>>, known (<<known>>, [] as well)<<end>>. They may be
  * tuned while it runs. */
 #define S_FUNCTION_NAME sfun_<<p>>_control
 #define S_FUNCTION_LEVEL 2
@@ -15,10 +15,10 @@
 
 #include "<<p>>.h"
 
-#define MEASURED <<nm>>
-#define WANTED <<nr>>
-#define NODES <<nodes>>
-#define COMMANDED <<nu>>
+#define MEASURED <<loop.measurement.size>>
+#define WANTED <<loop.stages.nr>>
+#define NODES <<loop.nodes>>
+#define COMMANDED <<loop.command.size>>
 #define DOUBLES(type) ((int_T)((sizeof(type) + sizeof(real_T) - 1) / sizeof(real_T)))
 
 /* Numbers of a block parameter, where there are any; whether their count is right. */
@@ -52,7 +52,7 @@ static void mdlInitializeSizes(SimStruct *S)
 
 static void mdlInitializeSampleTimes(SimStruct *S)
 {
-  ssSetSampleTime(S, 0, <<period>>);
+  ssSetSampleTime(S, 0, <<loop.period:.12g>>);
   ssSetOffsetTime(S, 0, 0.0);
 }
 

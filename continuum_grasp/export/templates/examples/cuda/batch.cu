@@ -15,9 +15,9 @@ __global__ void step_many(<<p>>_state *states, const <<p>>_input *inputs, int *c
   if (at >= count) return;
   <<p>>_model model;
   <<p>>_state state = states[at];
-  int code = <<p>>_init(&model);<<if forces>>
+  int code = <<p>>_init(&model);<<if subject.forces>>
   <<p>>_forces forces = {};<<end>>
-  for (int k = 0; k < steps && code >= 0; ++k) code = <<p>>_step(&model, &state, &inputs[at]<<if forces>>, &forces<<end>>, h, &state);
+  for (int k = 0; k < steps && code >= 0; ++k) code = <<p>>_step(&model, &state, &inputs[at]<<if subject.forces>>, &forces<<end>>, h, &state);
   states[at] = state;
   codes[at] = code;
 }

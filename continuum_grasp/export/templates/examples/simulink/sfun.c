@@ -2,8 +2,8 @@
  *
  *   mex -I../../include sfun_<<p>>.c ../../src/<<p>>.c ../../src/<<p>>_kernels.c
  *
- * Block parameters: sample time [s], initial state (<<nx>> numbers), run-time parameters (<<np>> numbers in the order of
- * <<p>>_parameters, [] for those that the package was made with). Input ports: input (<<nu>>)<<if forces>>, forces (<<nw>>)<<end>>. Output: state.
+ * Block parameters: sample time [s], initial state (<<subject.moving.nx>> numbers), run-time parameters (<<subject.moving.np>> numbers in the order of
+ * <<p>>_parameters, [] for those that the package was made with). Input ports: input (<<subject.input.size>>)<<if subject.forces>>, forces (<<subject.moving.nw>>)<<end>>. Output: state.
  * An error of the library stops the simulation with its sentence. */
 #define S_FUNCTION_NAME sfun_<<p>>
 #define S_FUNCTION_LEVEL 2
@@ -17,18 +17,18 @@
 #define PERIOD(S) (*mxGetPr(ssGetSFcnParam(S, 0)))
 #define START(S) ssGetSFcnParam(S, 1)
 #define PARAMETERS(S) ssGetSFcnParam(S, 2)
-#define PARAMETER_COUNT <<np>>
+#define PARAMETER_COUNT <<subject.moving.np>>
 
 static void mdlInitializeSizes(SimStruct *S)
 {
   ssSetNumSFcnParams(S, 3);
   if (ssGetNumSFcnParams(S) != ssGetSFcnParamsCount(S)) return;
   if (mxGetNumberOfElements(START(S)) != <<P>>_NX) {
-    ssSetErrorStatus(S, "the initial state has <<nx>> entries");
+    ssSetErrorStatus(S, "the initial state has <<subject.moving.nx>> entries");
     return;
   }
   if (mxGetNumberOfElements(PARAMETERS(S)) != 0 && mxGetNumberOfElements(PARAMETERS(S)) != PARAMETER_COUNT) {
-    ssSetErrorStatus(S, "there are <<np>> run-time parameters, or [] for the nominal ones");
+    ssSetErrorStatus(S, "there are <<subject.moving.np>> run-time parameters, or [] for the nominal ones");
     return;
   }
   if (<<p>>_check() < 0) {
@@ -37,7 +37,7 @@ static void mdlInitializeSizes(SimStruct *S)
   }
   ssSetNumDiscStates(S, <<P>>_NX);
   if (!ssSetNumInputPorts(S, <<ports>>)) return;
-  ssSetInputPortWidth(S, 0, <<P>>_NU);<<if forces>>
+  ssSetInputPortWidth(S, 0, <<P>>_NU);<<if subject.forces>>
   ssSetInputPortWidth(S, 1, <<P>>_NW);<<end>>
   if (!ssSetNumOutputPorts(S, 1)) return;
   ssSetOutputPortWidth(S, 0, <<P>>_NX);
@@ -74,7 +74,7 @@ static void read_port(SimStruct *S, int_T port, int_T count, <<p>>_real *to)
 static int make_model(SimStruct *S, <<p>>_model *model)
 {
   const int code = <<p>>_init(model);
-  (void)S;<<if np>>
+  (void)S;<<if subject.moving.np>>
   <<p>>_real numbers[PARAMETER_COUNT];
   size_t k;
   if (mxGetNumberOfElements(PARAMETERS(S)) == 0) return code;
@@ -88,7 +88,7 @@ static void mdlUpdate(SimStruct *S, int_T tid)
 {
   <<p>>_model model;
   <<p>>_state state;
-  <<p>>_input input;<<if forces>>
+  <<p>>_input input;<<if subject.forces>>
   <<p>>_forces forces;<<end>>
   <<p>>_real numbers[<<most_port>>];
   real_T *x = ssGetRealDiscStates(S);
@@ -97,10 +97,10 @@ static void mdlUpdate(SimStruct *S, int_T tid)
   for (k = 0; k < <<P>>_NX; ++k) numbers[k] = (<<p>>_real)x[k];
   memcpy(&state, numbers, sizeof state);
   read_port(S, 0, <<P>>_NU, numbers);
-  memcpy(&input, numbers, sizeof input);<<if forces>>
+  memcpy(&input, numbers, sizeof input);<<if subject.forces>>
   read_port(S, 1, <<P>>_NW, numbers);
   memcpy(&forces, numbers, sizeof forces);<<end>>
-  if (code >= 0) code = <<p>>_step(&model, &state, &input<<if forces>>, &forces<<end>>, (<<p>>_real)PERIOD(S), &state);
+  if (code >= 0) code = <<p>>_step(&model, &state, &input<<if subject.forces>>, &forces<<end>>, (<<p>>_real)PERIOD(S), &state);
   if (code < 0) {
     ssSetErrorStatus(S, <<p>>_strerror(code));
     return;

@@ -1,4 +1,4 @@
-// A simulated finger as a ROS 2 node: takes ~/input (<<nu>> numbers), publishes ~/state (<<nx>> numbers) at every step. The
+// A simulated finger as a ROS 2 node: takes ~/input (<<subject.input.size>> numbers), publishes ~/state (<<subject.moving.nx>> numbers) at every step. The
 // order of the numbers is that of the structs in <<p>>.h. Run-time parameters of the finger are parameters of the node,
 // which may be set while it runs. After an error of the library it says so and stops stepping; warnings are said once.
 #include <chrono>
@@ -43,7 +43,7 @@ class Node : public rclcpp::Node {
 
   void step()
   {
-<<node_reads>>    const int code = <<p>>_step(&model_, &state_, &input_<<if forces>>, &forces_<<end>>, h_, &state_);
+<<node_reads>>    const int code = <<p>>_step(&model_, &state_, &input_<<if subject.forces>>, &forces_<<end>>, h_, &state_);
     if (code < 0) {
       RCLCPP_ERROR(get_logger(), "%s", <<p>>_strerror(code));
       timer_->cancel();
@@ -60,7 +60,7 @@ class Node : public rclcpp::Node {
 
   <<p>>_model model_{};
   <<p>>_state state_<<begin_node>>;
-  <<p>>_input input_{};<<if forces>>
+  <<p>>_input input_{};<<if subject.forces>>
   <<p>>_forces forces_{};<<end>>
   <<p>>_real h_;
   int said_ = 0;
