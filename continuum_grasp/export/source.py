@@ -21,6 +21,7 @@ from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
 from continuum_grasp.export.subject import MOST_SUBSTEPS
 from continuum_grasp.model import FingerModel, ModelOptions
 from continuum_grasp.model.stumpff import ROUNDING
+from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene
@@ -51,6 +52,16 @@ class Source:
     """The closed loop, where it is one, or a solver."""
     surroundings: Surroundings | None = None
     """What the finger may touch."""
+
+    @property
+    def observed(self) -> bool:
+        """Whether its loop has an estimator."""
+        return isinstance(self.loop, ControlScene) and self.loop.estimator is not None
+
+    @property
+    def touches(self) -> bool:
+        """Whether there is an object that the finger may touch."""
+        return self.surroundings is not None and self.surroundings.object is not None
 
     @property
     def finger(self) -> FingerModel:
@@ -160,6 +171,9 @@ def _whole(given: Any, least: int, most: int, key: str) -> int:
     return given
 
 
+_NO_LOOP = "needs a closed loop (finger, controller, ...)"
+_NO_ESTIMATOR = "this scene has no estimator: leave the part out"
+_NO_CONTACT = "contact needs an object and its contact_law in the scene: leave the part out"
 MOST_SECTIONS = 200
 """Each is code of its own."""
 
@@ -171,15 +185,21 @@ def positive(given: float | None, key: str) -> float | None:
     return given
 
 
+_PARTS = (
+    beside("export-c of no closed loop", lambda source: source.loop is None, "what=estimator what=mpc", _NO_LOOP),
+    beside("export-c of no estimator", lambda source: not source.observed, "what=estimator", _NO_ESTIMATOR),
+    beside("export-c of no contact", lambda source: not source.touches, "what=contact", _NO_CONTACT),
+)
+
+
 def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
     """Names of the parts of a package, in their order; by default those that suit what is exported."""
     if what is None:
-        loop = source.loop
-        observed = isinstance(loop, ControlScene) and loop.estimator is not None
-        without = () if loop is None or observed else ("estimator",)
-        usual = [name for name in PARTS if name not in ASKED_FOR]
-        what = [name for name in usual if (name in OF_LOOPS) == (loop is not None) and name not in without]
+        without = (*ASKED_FOR, *(() if source.observed else ("estimator",)))
+        what = [name for name in PARTS if (name in OF_LOOPS) == (source.loop is not None) and name not in without]
     names = chosen([what] if isinstance(what, str) else what, PARTS, "part", "what")
+    for one in _PARTS:
+        one.check(source, of={f"what={name}": "what" for name in names})
     if names == ["metadata"]:
         raise InputError("metadata describes the structs of other parts: ask for one of them too", key="what")
     return [name for name in PARTS if name in names]

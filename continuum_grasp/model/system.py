@@ -23,9 +23,37 @@ from continuum_grasp.model.system_equations import (
     SystemEquations,
     friction_parameter,
 )
+from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
+
+_OF_OBJECTS = (
+    beside(
+        "systems without an object",
+        lambda around: around is None,
+        " ".join(f"object_parameters={name}" for name in (*OBJECT_PARAMETERS, CONTACT_FRICTION)),
+        "needs an object",
+    ),
+    beside(
+        "systems without friction of contacts",
+        lambda around: around.contact_law is None or not around.contact_law.friction,
+        f"object_parameters={CONTACT_FRICTION}",
+        "needs contact_law.friction, of whose limit it is a share",
+    ),
+    beside(
+        "systems of an object that moves",
+        lambda around: around.object_moves,
+        "object_parameters=object_x object_parameters=object_y",
+        "the position of an object that moves is in x",
+    ),
+    beside(
+        "systems of a fixed object",
+        lambda around: not around.object_moves,
+        "object_parameters=object_mass",
+        "needs an object that moves",
+    ),
+)
 
 
 class System(Functions):
@@ -148,21 +176,15 @@ class System(Functions):
 
     def _checked(self, names: Sequence[str]) -> tuple[str, ...]:
         around = self.surroundings
-        moves = around is not None and around.object_moves
         stations = [f"{k + 1}" for k in range(len(self.finger_model.contacts))]
         known = [*OBJECT_PARAMETERS, *map(friction_parameter, (*stations, "tip"))]
         for k, name in enumerate(names):
             key = f"object_parameters[{k}]"
             if name not in known or name in names[:k]:
                 raise InputError(f"expected each of {', '.join(known)} once at most, got {name!r:.60}", key=key)
-            if around is None:
-                raise InputError("needs an object", key=key)
-            if name.startswith(CONTACT_FRICTION) and (around.contact_law is None or not around.contact_law.friction):
-                raise InputError("needs contact_law.friction, of whose limit it is a share", key=key)
-            if name in ("object_x", "object_y") and moves:
-                raise InputError("the position of an object that moves is in x", key=key)
-            if name == "object_mass" and not moves:
-                raise InputError("needs an object that moves", key=key)
+            kind = CONTACT_FRICTION if name.startswith(CONTACT_FRICTION) else name
+            for one in _OF_OBJECTS:
+                one.check(around, of={f"object_parameters={kind}": key})
         return tuple(names)
 
     @property

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.controller import CommandedScene, Controller, InputLimits, Plant, of_inputs
-from continuum_grasp.scene.cost import Reference, RowSamples
+from continuum_grasp.scene.cost import Reference, RowSamples, tracked
 from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.loads import ForceLoad
@@ -65,6 +65,12 @@ def _scenarios(*names: str) -> str:
     return " ".join(f"controller.scenarios.{name}" for name in names)
 
 
+def _rigid(scene: ControlScene) -> bool:
+    """Whether nobody states how elastic the plant's tendons are."""
+    own = (tendon.axial_stiffness for tendon in scene.finger.tendon_list)
+    return scene.plant.axial_stiffness is None and None in own
+
+
 def _jumps(scene: ControlScene) -> bool:
     """Whether the plant's tensions, or its tip moment, follow commands at once."""
     return bool(scene.finger.winches) or (scene.lag is None and scene.plant.time_constant is None)
@@ -83,6 +89,7 @@ _EXACT = "needs an estimator: the controller is given the exact state at once"
 _COMMAND = "needs a lag; without one the tension is the command itself"
 _SET, _COMMANDED = "has no effect where the tension is commanded", "is that of commanded tensions"
 _MOVES = "needs an object that moves: set object_moves"
+_ELASTIC = "needs plant.axial_stiffness: a tendon that sticks at two guides must be elastic between them"
 _SEEN = "needs estimator.measured.object, by which the controller knows where it is"
 _STATELESS = "needs finger.tendons.friction above 0: without, the controller's model has no state of friction"
 _FACTOR = "needs finger.damping.material above 0, of which it is a factor"
@@ -137,6 +144,7 @@ _LOOPS = (
     ),
     beside("mpc of tensions at once", lambda s: not (s.lag or s.finger.winches), _TENSION, _COMMAND),
     beside("mpc of rigid tendons", lambda s: not (s.finger.winches or s.plant.guides), "plant.axial_stiffness", _SET),
+    beside("mpc of inelastic tendons", _rigid, "plant.guides", _ELASTIC),
     beside("mpc of an unseen object", lambda s: s.estimator and not _sees(s, "object"), "object_moves", _SEEN),
     beside("mpc of a plant that jumps", lambda s: s.plant.drive_order == 1 or _jumps(s), _MATCHED, _SMOOTH),
     beside("mpc of a plant without a lag", _jumps, "plant.drive_order", "needs plant.time_constant"),
@@ -148,6 +156,7 @@ _LOOPS = (
     beside("mpc of winches unfelt", lambda s: _sees(s, "length") and not _sees(s, "tension"), _CONTACT, _PULLED),
     beside("mpc of motors seen late", _late, _CONTACT, _OLD),
     *of_inputs("mpc", "controller.input"),
+    *tracked("mpc", "controller.cost"),
 )
 
 

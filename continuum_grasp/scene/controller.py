@@ -9,7 +9,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.cost import Cost
-from continuum_grasp.scene.drives import LengthDrive
+from continuum_grasp.scene.drives import LengthDrive, of_drives
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import CONTROL_METHODS
@@ -20,12 +20,12 @@ from continuum_grasp.scene.value import (
     Distance,
     Duration,
     Friction,
+    Interval,
     Mass,
     NonNegative,
     Position,
     Positive,
     Ratio,
-    Real,
     TimeConstant,
     Value,
 )
@@ -107,16 +107,20 @@ class Bounds(Value):
         return float(finger.curvature_limit_at(s)) if self.curvature == "finger" else self.curvature
 
 
-Range = Annotated[tuple[Real, Real], Field(strict=False)]
-
-
+_RANGES = ("lengths", "angles", "torques", "currents")
 _CONTINUOUS = "needs a continuous tip moment: give input or finger.tendons a time_constant, or use clothoid or arc"
+
+
+def _some_lag(scene: FingerScene) -> bool:
+    return len({tendon.time_constant is None for tendon in scene.finger.tendon_list}) > 1
 
 
 def of_inputs(verb: str, key: str) -> tuple[Consumer, ...]:
     """What limits of the input, at a key of a scene, some fingers have no use for."""
     bare = f"{key}.moment_max {key}.time_constant"
     return (
+        *of_drives(verb, key, *_RANGES),
+        beside(f"{verb} of some lags", _some_lag, "finger.tendons.time_constant", "all tendons lag, or none"),
         beside(f"{verb} with tendons", lambda s: s.finger.tendons, bare, "is for a finger without tendons"),
         beside(f"{verb} without a lag", lambda s: s.lag is None, "fidelity.family=matched_clothoid", _CONTINUOUS),
     )
@@ -127,14 +131,14 @@ class InputLimits(Value):
 
     moment_max: Annotated[Positive, Field(examples=[0.3, "0.3 N m"]), Unit("N m")] | None = None
     """Greatest magnitude of the tip moment of a finger without tendons [N m]."""
-    lengths: Annotated[Range, Field(examples=[[-0.012, 0.012]]), Unit("m")] | None = None
+    lengths: Annotated[Interval, Field(examples=[[-0.012, 0.012]]), Unit("m")] | None = None
     """Least and greatest commanded length of every winch [m]; needed for tendons with drive.kind: length."""
-    angles: Annotated[Range, Field(examples=[[-1.5, 1.5], ["-90 deg", "90 deg"]]), Unit("rad")] | None = None
+    angles: Annotated[Interval, Field(examples=[[-1.5, 1.5], ["-90 deg", "90 deg"]]), Unit("rad")] | None = None
     """Least and greatest commanded angle of every drum [rad]; needed for motors with a position_gain."""
-    torques: Annotated[Range, Field(examples=[[-0.01, 0.2]]), Unit("N m")] | None = None
+    torques: Annotated[Interval, Field(examples=[[-0.01, 0.2]]), Unit("N m")] | None = None
     """Least and greatest commanded torque of every motor [N m]; None: torque_max of its drive both ways. A motor with
     one tendon needs no more against it than its dry friction."""
-    currents: Annotated[Range, Field(examples=[[-0.5, 5.0]]), Unit("A")] | None = None
+    currents: Annotated[Interval, Field(examples=[[-0.5, 5.0]]), Unit("A")] | None = None
     """The same as currents, of motors with a torque_constant [A]."""
     rate_max: Annotated[Positive, Field(examples=[600.0]), Unit("unit of the input per second")] | None = None
     """Greatest change of the input per time [unit of the input per second], such as N/s of tensions."""
@@ -145,28 +149,15 @@ class InputLimits(Value):
         """Refuse limits that do not fit the finger's drive; ``key`` is where they are in the scene."""
         if finger.tendons is None and self.moment_max is None:
             raise ValueError(f"{key}.moment_max is needed: the greatest tip moment of a finger without tendons")
-        self._check_ranges(finger, key)
-        lagging = [tendon.time_constant is not None for tendon in finger.tendon_list]
-        if any(lagging) and not all(lagging):
-            raise ValueError(
-                f"finger.tendons[{lagging.index(False)}].time_constant is needed: under control all tendons lag or none"
-            )
-
-    def _check_ranges(self, finger: Finger, key: str) -> None:
-        taken = finger.input_key
-        for name in ("lengths", "angles", "torques", "currents"):
-            given = getattr(self, name)
-            if name == taken and given is None and name in ("lengths", "angles"):
+        name = finger.input_key
+        given = getattr(self, name) if name in _RANGES else None
+        if given is None:
+            if name in ("lengths", "angles"):
                 raise ValueError(f"{key}.{name} is needed: the least and the greatest that the drives are commanded")
-            if given is None:
-                continue
-            if name != taken:
-                raise ValueError(f"{key}.{name} is not what this finger takes, which is {taken.replace('_', ' ')}")
-            if given[0] >= given[1]:
-                raise ValueError(f"{key}.{name}: the least, {given[0]}, must be below the greatest, {given[1]}")
-            most = min((drive.limit for drive in finger.winches if drive.limit is not None), default=math.inf)
-            if max(map(abs, given)) > most:
-                raise ValueError(f"{key}.{name}: {list(given)} is beyond what drive.torque_max allows, {most:g}")
+            return
+        most = min((drive.limit for drive in finger.winches if drive.limit is not None), default=math.inf)
+        if max(map(abs, given)) > most:
+            raise ValueError(f"{key}.{name}: {list(given)} is beyond what drive.torque_max allows, {most:g}")
 
     def limits(self, finger: Finger) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Least and greatest value of each input, in its unit."""

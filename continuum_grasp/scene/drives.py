@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, excludes, needs
+from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Extent, NonNegative, Positive, TimeConstant, Value
 
@@ -19,6 +19,18 @@ COMMANDS = {
     "angles": ("angle", "rad"),
 }
 """Name and unit of what a finger takes, by its key in ``actuation``."""
+_TAKES = (
+    "is not what this finger takes: tip_moment without tendons, tensions of tendons without drive, lengths with "
+    "drive.kind: length; of motors angles with a position_gain, else currents with a torque_constant, else torques"
+)
+
+
+def of_drives(whose: str, at: str, *keys: str) -> tuple[Consumer, ...]:
+    """Refuse commands or limits of them, ``at`` a key of scenes of one finger, of other drives than it has."""
+    return tuple(
+        beside(f"{whose} without {key}", lambda scene, key=key: scene.finger.input_key != key, f"{at}.{key}", _TAKES)
+        for key in keys
+    )
 
 
 _AT = "finger.tendons.drive"

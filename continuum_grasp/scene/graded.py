@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Annotated, NamedTuple, TypeAlias, TypeVar
 
 from pydantic import Field
@@ -125,10 +124,11 @@ class RodSection(Value):
                 "a section needs thickness and width, or diameter, or bending_stiffness and linear_density"
             )
 
-    def completed(self, rod: Mapping[str, float | None]) -> RodSection:
-        """With what the rod states for those of its sections that do not, where it concerns them."""
+    @property
+    def left_to_rod(self) -> tuple[str, ...]:
+        """Keys that concern it, and that it leaves to the rod."""
         keys = ("youngs_modulus", "density", "rotary_inertia") if self.shaped else ("rotary_inertia",)
-        return self.model_copy(update={key: rod[key] for key in keys if getattr(self, key) is None})
+        return tuple(key for key in keys if getattr(self, key) is None)
 
     def positioned(self, start: float, key: str) -> list[Positioned]:
         """What is known at its two ends."""

@@ -64,8 +64,15 @@ _PAIR = (
 _ARRANGED = "tendons.drive.arrangement"
 _TAUT = "keeps the antagonist taut, and tendons_used leaves none: set it to 0"
 _ALONE = "one_pulley moves both tendons, and tendons_used leaves one: use per_tendon"
+_PLACES = "stations stand in place of middle contacts: give one of them"
+_NO_TABLE = "an object stands on a table only where gravity.mode is out_of_plane"
+ON_A_TABLE = beside(
+    "grasp in the plane", lambda s: s.gravity.mode != "out_of_plane", "closing.table_friction", _NO_TABLE
+)
 _GRASPS = (
     Consumer("grasp", _OF_FIDELITY),
+    beside("grasp by stations", lambda s: any(one.stations for one in s.setups), "contacts.middle", _PLACES),
+    ON_A_TABLE,
     beside("grasp with dry friction", lambda s: any(one.finger.has_dry_friction for one in s.setups), "closing", _DRY),
 )
 _FINGERS = (
@@ -74,6 +81,7 @@ _FINGERS = (
     beside("grasp by a tendon", lambda f: f.tendons_used != "both", "tendons.min_tension", _TAUT, "finger"),
     beside("grasp by one", lambda f: f.tendons_used != "both", f"{_ARRANGED}=one_pulley", _ALONE, "finger"),
 )
+_STATIONS = beside("grasp of a finger by stations", lambda one: one.stations, "contacts.middle", _PLACES, "finger")
 
 
 @dataclass(frozen=True)
@@ -418,8 +426,7 @@ class GraspScene(Configuration, Supported):
                 f"fidelity.bending_range = {setup.bending_range} rad is more than an element of family "
                 f"{setup.family} can follow (one turn): take more elements, or family: {wider}"
             )
-        if setup.stations and (finger.contacts.middle or self.contacts.middle != "on"):
-            raise ValueError(f"{where}: contacts.stations stands in place of contacts.middle: give one of them")
+        _STATIONS.check(setup, where, finger)
         high = setup.middle_bounds[1]
         if high >= length:
             raise ValueError(f"contacts.middle_range ends at {high} m; {where} is {length} m long")

@@ -48,11 +48,14 @@ class Condition(Column):
 _Conditions = Annotated[tuple[Condition, ...], Field(strict=False)]
 
 
+OF_BENDS = beside("identify but by a bend", lambda one: one.quantity != "bend", "since", "goes with bend", _READ)
+
+
 class ReadingColumn(Column):
     """A column with what was measured at a section, or at the drive of a tendon."""
 
     REFUSALS = (
-        beside("identify but by a bend", lambda one: one.quantity != "bend", "since", "goes with bend", _READ),
+        OF_BENDS,
         beside("identify by sections", lambda one: one.quantity not in _OF_DRIVE, "of", _DRIVES, _READ),
         beside("identify by drives", lambda one: one.quantity in _OF_DRIVE, "at", "goes with sections", _READ),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -10,7 +11,8 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.controller import Horizon, Limited, Plant
 from continuum_grasp.scene.estimator import Estimator
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.reach import check_reach
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.tendons import TendonList, Tendons
@@ -165,8 +167,27 @@ _OFF = "is not for missions, which lift the object off a table: give planar or o
 _SEEN = "needs estimator.measured.object, by which the controller knows where the object is"
 _OWN = "needs a grasp of one finger: a controller predicts what its own finger does to the object, not what others do"
 _GIVEN = "has no effect beside tendons, which have a max_tension"
+_TIPS = "grasp.contacts.tip=off grasp.finger.contacts.tip=off grasp.fingers.contacts.tip=off"
+_OWN_TENDONS = "tendons grasp.finger.tendons grasp.fingers.tendons"
+_CLOSES = "must have the tip: a mission closes with it"
+_JUMPS = "needs a time_constant: tensions that jump throw a fine finger"
+_COMMANDS = "a mission commands tensions, lengths of winches or angles of motors with a position_gain"
+
+
+def _jump(scene: MissionScene) -> bool:
+    """Whether tensions follow commands at once."""
+    return any(not one.winches and None in {each.time_constant for each in one.tendon_list} for one in scene.carriers)
+
+
+def _by_torques(scene: MissionScene) -> bool:
+    return any(one.input_key not in ("tensions", "lengths", "angles") for one in scene.carriers)
+
+
 _MISSIONS = (
     Consumer("missions", {"grasp.gravity.mode=none": _OFF, **dict.fromkeys(_PLANT, _OF_LOOPS)}),
+    beside("missions without a tip", lambda s: any(one.tip == "off" for one in s.grasp.setups), _TIPS, _CLOSES),
+    beside("missions by tensions at once", _jump, _OWN_TENDONS, _JUMPS),
+    beside("missions by torques", _by_torques, _OWN_TENDONS, _COMMANDS),
     needs("missions", _OF_TURNS, "turn", "needs a turn"),
     needs("missions", "turn", "estimator.measured.object", _SEEN),
     excludes("missions", "estimator.disturbances.object_position", "turn", _MEASURED),
@@ -226,19 +247,9 @@ class MissionScene(Configuration):
     """Plants that differ at random, for ``--trials``."""
 
     def _check(self) -> None:
-        fingers = self.grasp.setups
-        if any(finger.tip == "off" for finger in fingers):
-            raise ValueError("grasp.contacts must have the tip: a mission closes with it")
         self._check_turn()
-        for finger in fingers:
-            self._check_finger(finger, "grasp.finger" if self.grasp.fingers is None else f"grasp.fingers.{finger.name}")
-
-    def _check_finger(self, setup: FingerSetup, key: str) -> None:
-        length = setup.finger.rod.length
-        own = setup.finger if self.tendons is None else setup.finger.replaced(tendons=self.tendons)
-        if not own.winches and any(tendon.time_constant is None for tendon in own.tendon_list):
-            raise ValueError(f"{key}.tendons needs a time_constant: tensions that jump throw a fine finger")
         # The tip is a contact already, and a contact at the clamped base could not move.
+        length = min(setup.finger.rod.length for setup in self.grasp.setups)
         if any(not 0.0 < at < length for at in self.more_contacts):
             raise ValueError(f"more_contacts must lie between base and tip of each finger, within {length} m")
 
@@ -248,6 +259,12 @@ class MissionScene(Configuration):
         for finger in self.grasp.setups:
             if finger.finger.base_free is None:
                 check_reach(finger.finger, "turn", {"position": self.turn.position}, body=self.grasp.object)
+
+    @cached_property
+    def carriers(self) -> tuple[Finger, ...]:
+        """The fingers of the grasp with the tendons that carry it out."""
+        own = (setup.finger for setup in self.grasp.setups)
+        return tuple(one if self.tendons is None else one.replaced(tendons=self.tendons) for one in own)
 
     @property
     def gravity(self) -> float:

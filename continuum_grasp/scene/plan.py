@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.controller import Bounds, CommandedScene, InputLimits, Penalty, of_inputs
-from continuum_grasp.scene.cost import Cost, Reference, Row
+from continuum_grasp.scene.cost import Cost, Reference, Row, tracked
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reach import check_reach, check_references, stated_ranges
@@ -17,7 +17,7 @@ from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Duration, Length, NonNegative, Position, Positive, Ratio, Value
+from continuum_grasp.scene.value import Duration, Length, NonNegative, Position, Positive, Ratio, Value, check_below
 
 
 def _exact(value: Any) -> Any:
@@ -102,8 +102,7 @@ class DurationRange(Value):
     """Longest duration [s]."""
 
     def _check(self) -> None:
-        if self.least >= self.most:
-            raise ValueError(f"least = {self.least} s must be less than most = {self.most} s")
+        check_below(self, "least", "most")
 
 
 class PlanInput(InputLimits):
@@ -215,7 +214,7 @@ _PLANS = (
 class PlanScene(CommandedScene):
     """A finger that is to move from an initial state to a goal, and what it can touch."""
 
-    REFUSALS = (*_PLANS, *of_inputs("plan", "input"))
+    REFUSALS = (*_PLANS, *of_inputs("plan", "input"), *tracked("plan", "cost"))
 
     grasp: GraspScene | None = None
     """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimized first:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import beside, excludes
+from continuum_grasp.scene.consumer import Consumer, beside, excludes
 from continuum_grasp.scene.graded import Modulus, Positioned, RodFactors, RodSamples, RodSection, SpiRob
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Extent, Length, NonNegative, Value, doubt_outside
@@ -31,6 +31,23 @@ _LEAST_STIFFNESS = 1e-12
 """Least bending stiffness per that of the base [1]: of a cone at the least thickness."""
 _MOST_THICKNESS = 1.0 / 3.0
 """Greatest thickness of a graded rod per length [1]: beyond, it is no thin rod."""
+
+
+_EITHER = f"give either {', '.join(_SECTION_KEYS)} or {', '.join(_LINEAR_KEYS)}, not both"
+
+
+def _is_linear(rod: Rod) -> bool:
+    """Whether a uniform rod is given by mass per length and stiffness."""
+    return not rod.graded and any(getattr(rod, key) is not None for key in _LINEAR_KEYS)
+
+
+def _stated_by_sections(key: str) -> Consumer:
+    """Refuse a material that all sections state by themselves."""
+
+    def nowhere(rod: Rod) -> bool:
+        return rod.sections is not None and not any(key in section.left_to_rod for section in rod.sections)
+
+    return beside(f"rod of sections with {key}", nowhere, key, "no section needs it", "finger.rod")
 
 
 class Rod(Value):
@@ -59,6 +76,10 @@ class Rod(Value):
         beside("rod that is uniform", lambda rod: not rod.graded, "factors", "is for a graded rod", "finger.rod"),
         beside("rod that is graded", lambda rod: rod.graded, _UNIFORM, "is of a uniform rod", "finger.rod"),
         excludes("rod", "youngs_modulus density rotary_inertia", "samples", "samples have their own", "finger.rod"),
+        excludes("rod", "samples spirob", "sections", "sections are given: give one of both", "finger.rod"),
+        excludes("rod", "spirob", "samples", "samples are given: give one of both", "finger.rod"),
+        beside("rod that is linear", _is_linear, "density youngs_modulus", _EITHER, "finger.rod"),
+        *map(_stated_by_sections, ("youngs_modulus", "density", "rotary_inertia")),
     )
 
     length: Annotated[Length, Field(examples=[0.18, "180 mm"])]
@@ -88,9 +109,8 @@ class Rod(Value):
     """Factors on stiffness and mass of a graded rod, everywhere."""
 
     def _check(self) -> None:
-        graded = [k for k in _GRADED_KEYS if getattr(self, k) is not None]
-        if graded:
-            self._check_graded(graded)
+        if self.graded:
+            self._check_graded()
         else:
             self._check_uniform()
         too_large = "m is large for a finger; is it in millimeters? (expected: m)"
@@ -104,13 +124,7 @@ class Rod(Value):
 
     def _check_uniform(self) -> None:
         # The diameter may stand beside both: it says where the strain limit is reached.
-        section = [k for k in _SECTION_KEYS[1:] if getattr(self, k) is not None]
-        linear = [k for k in _LINEAR_KEYS if getattr(self, k) is not None]
-        if section and linear:
-            raise ValueError(
-                f"give either {', '.join(_SECTION_KEYS)} or {', '.join(_LINEAR_KEYS)}, "
-                f"not both; got {', '.join(section + linear)}"
-            )
+        linear = _is_linear(self)
         wanted = _LINEAR_KEYS if linear else _SECTION_KEYS
         missing = [k for k in wanted if getattr(self, k) is None]
         if missing:
@@ -123,10 +137,7 @@ class Rod(Value):
                 f"diameter = {self.diameter} m is not smaller than the length of {self.length} m (both are in meters)"
             )
 
-    def _check_graded(self, graded: list[str]) -> None:
-        kind = graded[0]
-        if len(graded) > 1:
-            raise ValueError(f"{graded[1]} and {kind} exclude each other")
+    def _check_graded(self) -> None:
         if self.sections is not None:
             self._check_section_keys(self.sections)
         elif self.spirob is not None:
@@ -145,12 +156,8 @@ class Rod(Value):
             raise ValueError(f"{last}: the last section must end at the length of {self.length} m")
         for key in ("youngs_modulus", "density"):
             for k, section in enumerate(sections):
-                if section.shaped and getattr(section, key) is None and getattr(self, key) is None:
+                if key in section.left_to_rod and getattr(self, key) is None:
                     raise ValueError(f"sections[{k}] needs {key}, its own or the rod's, since it is given by its shape")
-            if getattr(self, key) is not None and not any(s.shaped and getattr(s, key) is None for s in sections):
-                raise ValueError(f"{key}: no section needs it")
-        if self.rotary_inertia is not None and all(s.rotary_inertia is not None for s in sections):
-            raise ValueError("rotary_inertia: no section needs it")
         known = [section.thick is not None for section in sections]
         if any(known) and not all(known):
             raise ValueError(
@@ -265,8 +272,10 @@ class Rod(Value):
         if self.samples is not None:
             found = of_samples(self.length, self.samples)
         else:
-            own = {key: getattr(self, key) for key in ("youngs_modulus", "density", "rotary_inertia")}
-            found = of_sections(self.length, [section.completed(own) for section in self._all_sections])
+            whole = (
+                one.model_copy(update={k: getattr(self, k) for k in one.left_to_rod}) for one in self._all_sections
+            )
+            found = of_sections(self.length, [*whole])
         if self.spirob is not None:
             stiffness = found.bending_stiffness.scaled(self.spirob.core**3)
             found = replace(

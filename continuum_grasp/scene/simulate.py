@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
-from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside, needs
+from continuum_grasp.scene.drives import COMMANDS, MotorDrive, of_drives
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import SIMULATION_METHODS
@@ -58,6 +58,7 @@ SEVERAL_MODELS = Consumer("accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "i
 _NONE = "has no effect: neither tendons nor bending have friction"
 _AT_REST, _RELEASED = "a named pose is at rest", "has no effect: what holds the finger is released at time zero"
 _HOLDING, _HELD, _HOLDS = "held_by motor_angles", "needs pose: equilibrium", "must be constant"
+_BOTH = "friction_states and reached_by: state need each other"
 
 
 class Fidelity(Value):
@@ -94,6 +95,8 @@ class Initial(Value):
     """State at time zero: a named pose, or bending and rates."""
 
     REFUSALS = (
+        needs("initial", "friction_states", "reached_by=state", _BOTH, "initial"),
+        needs("initial", "reached_by=state", "friction_states", _BOTH, "initial"),
         beside("initial pose by name", lambda one: one.pose, "qd", _AT_REST, "initial"),
         beside(
             "initial pose that is no equilibrium", lambda one: one.pose != "equilibrium", _HOLDING, _HELD, "initial"
@@ -126,8 +129,6 @@ class Initial(Value):
 
     def _check(self) -> None:
         check_one_given(self, "pose", "q")
-        if (self.reached_by == "state") != (self.friction_states is not None):
-            raise ValueError("friction_states and reached_by: state need each other")
 
     def check_motors(self, finger: Finger) -> None:
         """Refuse angles of motors that a finger has not."""
@@ -228,6 +229,8 @@ class FingerScene(Configuration, Surroundings):
 class Scene(FingerScene):
     """One finger with gravity, contacts, loads and, for a simulation, what it can touch, initial state and time."""
 
+    REFUSALS = of_drives("scenes", "actuation", *COMMANDS)
+
     actuation: Actuation | None = None
     """None: no input, the finger is passive and its tendons are slack."""
     initial: Initial = Initial(pose="straight")
@@ -254,10 +257,6 @@ class Scene(FingerScene):
 
     def _check_actuation(self, actuation: Actuation) -> None:
         tendons, drives, (key, values) = self.finger.tendon_list, self.finger.winches, actuation.given
-        wanted = self.finger.input_key
-        if key != wanted:
-            kind = f"tendons with drive.kind: {drives[0].kind}" if drives else "tendons" if tendons else "no tendons"
-            raise ValueError(f"actuation.{key} is not what this finger takes, which has {kind}: give {wanted}")
         if not tendons:
             return
         if len(values) != (len(drives) or len(tendons)):

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import excludes
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Interval, Positive, Real, Value, check_one_given
 from continuum_grasp.scene.varied import InSI, Key, Varied
@@ -34,6 +35,8 @@ _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
 class Grid(Value):
     """Values of one key, each of which is tried with all values of the other keys."""
 
+    REFUSALS = (excludes("sweep", "from to count spacing", "values", "values stand alone", "vary"),)
+
     values: Values | None = None
     """The values themselves: numbers, words, lists, mappings, or paths of finger files relative to this file."""
     first: Annotated[Annotated[Real, Unit(None)] | None, Field(alias="from", examples=[0.065, "65 mm"])] = None
@@ -47,11 +50,9 @@ class Grid(Value):
 
     def _check(self) -> None:
         ends = (self.first, self.to, self.count)
-        if (self.values is None) == all(end is None for end in ends):
+        if self.values is None and all(end is None for end in ends):
             raise ValueError("give either values, or from, to and count")
         if self.values is not None:
-            if any(end is not None for end in ends) or self.spacing != "linear":
-                raise ValueError("values stand alone, without from, to, count and spacing")
             return
         if any(end is None for end in ends):
             raise ValueError("from, to and count belong together")

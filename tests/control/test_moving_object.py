@@ -190,7 +190,7 @@ def test_steps_resolve_the_contact(stiffness, horizon, expected):
         (["estimator.measured.object=null"], "object_moves: needs estimator.measured.object"),
         (["controller.cost.gap.of=[finger.9]"], "controller.cost.gap.of: expected some of finger.tip"),
         (["reference.gap=null"], "reference.gap is needed"),
-        (["reference.object_position=[0.0, 0.2]"], "nothing tracks reference.object_position"),
+        (["reference.object_position=[0.0, 0.2]"], "reference.object_position: nothing tracks it"),
         (["table.point=[0.0, 0.0]", "table.normal_angle=0.0"], "stays: is of a table parallel to the plane"),
         (["out_of_plane_gravity=0"], "table: needs out_of_plane_gravity"),
         (["table.friction_radius=-1"], "table.friction_radius"),

@@ -101,7 +101,7 @@ REFUSED = {
     "steep": (lambda: finger({"offset": [0.04, 0.005], "to": 0.1}), "tendons[0].offset changes by 0.35 per length"),
     "of different drives": (
         lambda: finger({"offset": 0.01, "time_constant": 0.1}, {"offset": -0.005, "time_constant": 0.2}),
-        "Finger: tendons[1].time_constant: tendons[1].time_constant differs from that of tendons[0], which runs alike",
+        "Finger: tendons[0].time_constant: must be that of tendons that run alike",
     ),
     "outside of a cone": (
         lambda: finger({"offset": 0.004}, rod=CONE),
