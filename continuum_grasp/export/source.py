@@ -54,16 +54,6 @@ class Source:
     """What the finger may touch."""
 
     @property
-    def observed(self) -> bool:
-        """Whether its loop has an estimator."""
-        return isinstance(self.loop, ControlScene) and self.loop.estimator is not None
-
-    @property
-    def touches(self) -> bool:
-        """Whether there is an object that the finger may touch."""
-        return self.surroundings is not None and self.surroundings.object is not None
-
-    @property
     def finger(self) -> FingerModel:
         """The model; InputError of a solver, which has none."""
         if self.model is None:
@@ -187,15 +177,25 @@ def positive(given: float | None, key: str) -> float | None:
 
 _PARTS = (
     beside("export-c of no closed loop", lambda source: source.loop is None, "what=estimator what=mpc", _NO_LOOP),
-    beside("export-c of no estimator", lambda source: not source.observed, "what=estimator", _NO_ESTIMATOR),
-    beside("export-c of no contact", lambda source: not source.touches, "what=contact", _NO_CONTACT),
+    beside(
+        "export-c of no estimator",
+        lambda source: not getattr(source.loop, "estimator", None),
+        "what=estimator",
+        _NO_ESTIMATOR,
+    ),
+    beside(
+        "export-c of no contact",
+        lambda source: not (source.surroundings and source.surroundings.object),
+        "what=contact",
+        _NO_CONTACT,
+    ),
 )
 
 
 def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
     """Names of the parts of a package, in their order; by default those that suit what is exported."""
     if what is None:
-        without = (*ASKED_FOR, *(() if source.observed else ("estimator",)))
+        without = (*ASKED_FOR, *(() if getattr(source.loop, "estimator", None) else ("estimator",)))
         what = [name for name in PARTS if (name in OF_LOOPS) == (source.loop is not None) and name not in without]
     names = chosen([what] if isinstance(what, str) else what, PARTS, "part", "what")
     for one in _PARTS:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -54,32 +55,20 @@ _OWN = "state the rest_curvature of the finger, not that of its rod, to estimate
 _MODULUS, _OF_TENDONS = "name=youngs_modulus", " ".join(f"name={name}" for name in (*OF_DRIVE, LAG))
 
 
-def _no_area(given: tuple[Rod, Estimate]) -> bool:
-    """Whether nothing gives the second moment of area of a uniform rod."""
-    rod, asked = given
-    return not rod.graded and rod.youngs_modulus is None and asked.second_moment is None
+def _shaped(of: tuple[Rod, Estimate]) -> bool:
+    """Whether the second moment of area follows from what the rod states."""
+    return of[0].graded or of[0].youngs_modulus is not None
 
 
-_ESTIMATES = (
-    beside(
-        "identify a rod of a shape",
-        lambda of: of[0].graded or of[0].youngs_modulus,
-        "second_moment",
-        "the rod gives it already",
-        "estimate",
-    ),
-    beside(
-        "identify a rod of several materials",
-        lambda of: of[0].graded and not of[0].one_modulus,
-        _MODULUS,
-        _GRADED,
-        "estimate",
-    ),
-    beside("identify a rod of no shape", _no_area, _MODULUS, _UNIFORM, "estimate"),
-    beside("identify a bent rod", lambda of: of[0].own_rest_curvature, "name=rest_curvature", _OWN, "estimate"),
+_refused = partial(beside, at="estimate")
+_DRIVES = _refused(
+    "identify without tendons", lambda finger: finger.tendons is None, _OF_TENDONS, "needs finger.tendons"
 )
-_DRIVES = beside(
-    "identify without tendons", lambda finger: finger.tendons is None, _OF_TENDONS, "needs finger.tendons", "estimate"
+_ESTIMATES = (
+    _refused("identify a rod of a shape", _shaped, "second_moment", "the rod gives it already"),
+    _refused("identify materials", lambda of: of[0].graded and not of[0].one_modulus, _MODULUS, _GRADED),
+    _refused("identify a shape", lambda of: not (_shaped(of) or of[1].second_moment), _MODULUS, _UNIFORM),
+    _refused("identify a bent rod", lambda of: of[0].own_rest_curvature, "name=rest_curvature", _OWN),
 )
 
 

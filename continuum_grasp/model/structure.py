@@ -97,10 +97,7 @@ class Structure:
         if self.residual is not None:
             driven = list(dict.fromkeys((*self.x_names[2 * self.n :], *self.u_names)))
             check_residual(self.residual, self.family_name, self.lengths, self.q_names, driven)
-        for k, load in enumerate(self.loads):
-            if not 0.0 <= load.at <= self.length * (1 + 1e-9):
-                message = f"position {load.at} m is not on the finger of {self.length} m"
-                raise InputError(message, key=f"loads[{k}].at")
+        self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
         if self.parameters.is_runtime("element_lengths"):
             shapes = [(source.shape, "tendons or couples that end inside") for source in self.sources]
             curves = [(profile.rest_curvature, "a piecewise rest curvature"), *shapes]
@@ -261,7 +258,7 @@ class Structure:
 
     def _sources(self) -> tuple[Source, ...]:
         """What gives bending moments, one per shape."""
-        whole = Curve.uniform(self.length, 1.0)
+        whole = Curve.along(self.length, 1.0)
         drives = max(self.inputs.drives, 1)
         wound = bool(self.finger.winches)
         own = self.has_tendon_friction or wound
@@ -337,7 +334,7 @@ class Structure:
 
     def _mesh(self) -> Mesh:
         """Elements, with the finger along them."""
-        profile, one = self.finger.profile, Curve.uniform(self.length, 1.0)
+        profile, one = self.finger.profile, Curve.along(self.length, 1.0)
         graded = profile.graded
         return Mesh(
             self.lengths,

@@ -23,36 +23,19 @@ from continuum_grasp.model.system_equations import (
     SystemEquations,
     friction_parameter,
 )
-from continuum_grasp.scene.consumer import beside
+from continuum_grasp.scene.consumer import beside, needs
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
 
+_ANY = " ".join(f"object_parameters={name}" for name in (*OBJECT_PARAMETERS, CONTACT_FRICTION))
+_SHARE, _PLACE = f"object_parameters={CONTACT_FRICTION}", "object_parameters=object_x object_parameters=object_y"
+_OF_FRICTION, _STATE = "needs contact_law.friction, of whose limit it is a share", "is in x, since the object moves"
 _OF_OBJECTS = (
-    beside(
-        "systems without an object",
-        lambda around: around is None,
-        " ".join(f"object_parameters={name}" for name in (*OBJECT_PARAMETERS, CONTACT_FRICTION)),
-        "needs an object",
-    ),
-    beside(
-        "systems without friction of contacts",
-        lambda around: around.contact_law is None or not around.contact_law.friction,
-        f"object_parameters={CONTACT_FRICTION}",
-        "needs contact_law.friction, of whose limit it is a share",
-    ),
-    beside(
-        "systems of an object that moves",
-        lambda around: around.object_moves,
-        "object_parameters=object_x object_parameters=object_y",
-        "the position of an object that moves is in x",
-    ),
-    beside(
-        "systems of a fixed object",
-        lambda around: not around.object_moves,
-        "object_parameters=object_mass",
-        "needs an object that moves",
-    ),
+    beside("systems without an object", lambda s: s is None, _ANY, "needs an object"),
+    beside("systems without friction", lambda s: not (s.contact_law and s.contact_law.friction), _SHARE, _OF_FRICTION),
+    beside("systems of an object that moves", lambda s: s.object_moves, _PLACE, _STATE),
+    needs("systems", "object_parameters=object_mass", "object_moves", "needs an object that moves"),
 )
 
 

@@ -8,8 +8,8 @@ from typing import Annotated
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
-from continuum_grasp.scene.controller import CommandedScene, Controller, InputLimits, Plant, of_inputs
-from continuum_grasp.scene.cost import Reference, RowSamples, tracked
+from continuum_grasp.scene.controller import CommandedScene, Controller, Plant
+from continuum_grasp.scene.cost import Reference, tracked
 from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.loads import ForceLoad
@@ -155,7 +155,6 @@ _LOOPS = (
     beside("mpc of tendons unlike in friction", _blurred, _CONTACT, _BLURRED),
     beside("mpc of winches unfelt", lambda s: _sees(s, "length") and not _sees(s, "tension"), _CONTACT, _PULLED),
     beside("mpc of motors seen late", _late, _CONTACT, _OLD),
-    *of_inputs("mpc", "controller.input"),
     *tracked("mpc", "controller.cost"),
 )
 
@@ -163,6 +162,7 @@ _LOOPS = (
 class ControlScene(CommandedScene):
     """A finger, its controller and estimator, its surroundings, and the plant of the closed loop."""
 
+    AT = "controller.input"
     REFUSALS = _LOOPS
 
     fidelity: Fidelity = Fidelity()
@@ -183,7 +183,6 @@ class ControlScene(CommandedScene):
     """How long the closed loop runs [s]."""
 
     def _check(self) -> None:
-        self.controller.input.check(self.finger, "controller.input")
         self._check_references()
         if self.estimator is not None:
             self._check_estimator(self.estimator)
@@ -191,8 +190,7 @@ class ControlScene(CommandedScene):
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
 
     def _check_references(self) -> None:
-        cost, given = self.controller.cost, self.reference
-        given.check(cost, "controller.cost")
+        cost = self.controller.cost
         for key, names in (("contact_force", self.tracked_contacts), ("gap", cost.tracked_gaps(self.contact_names))):
             for name in names:
                 if name not in self.contact_names:
@@ -201,11 +199,6 @@ class ControlScene(CommandedScene):
         if cost.shape is not None:
             self.finger.rod.check_inside("controller.cost.shape.at[{}]", cost.shape.at)
         check_references(self, cost, self.object_moves)
-        if given.input is not None:
-            width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
-            expected = len(self.input_limits[0])
-            if width != expected:
-                raise ValueError(f"reference.input: expected {self.finger.input_words}, got {width} numbers")
 
     def _doubt_margin(self) -> None:
         """Warn of a weight or delay that leaves no margin for unmodeled dead time.
@@ -231,7 +224,8 @@ class ControlScene(CommandedScene):
 
     def _check_estimator(self, estimator: Estimator) -> None:
         if estimator.contact_detection is not None:
-            estimator.contact_detection.check(self.finger, "estimator.contact_detection")
+            places = estimator.contact_detection.places
+            self.finger.rod.check_inside("estimator.contact_detection.places[{}]", places)
         if estimator.measured.bending is not None:
             self.finger.rod.check_inside("estimator.measured.bending.at[{}]", estimator.measured.bending.at)
         # The estimator corrects the state of a past period and repeats the inputs since, which it has one per period.
@@ -255,10 +249,6 @@ class ControlScene(CommandedScene):
             name for one in self.controller.scenarios for key in one.changes for name in self.scenario_parameters(key)
         ]
         return tuple(dict.fromkeys((*self.parameters, *varied)))
-
-    @property
-    def limits(self) -> InputLimits:
-        return self.controller.input
 
     @property
     def tracked_contacts(self) -> tuple[str, ...]:

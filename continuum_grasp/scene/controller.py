@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from operator import attrgetter
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, beside
+from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.cost import Cost
 from continuum_grasp.scene.drives import LengthDrive, of_drives
 from continuum_grasp.scene.families import default_family
@@ -107,25 +108,6 @@ class Bounds(Value):
         return float(finger.curvature_limit_at(s)) if self.curvature == "finger" else self.curvature
 
 
-_RANGES = ("lengths", "angles", "torques", "currents")
-_CONTINUOUS = "needs a continuous tip moment: give input or finger.tendons a time_constant, or use clothoid or arc"
-
-
-def _some_lag(scene: FingerScene) -> bool:
-    return len({tendon.time_constant is None for tendon in scene.finger.tendon_list}) > 1
-
-
-def of_inputs(verb: str, key: str) -> tuple[Consumer, ...]:
-    """What limits of the input, at a key of a scene, some fingers have no use for."""
-    bare = f"{key}.moment_max {key}.time_constant"
-    return (
-        *of_drives(verb, key, *_RANGES),
-        beside(f"{verb} of some lags", _some_lag, "finger.tendons.time_constant", "all tendons lag, or none"),
-        beside(f"{verb} with tendons", lambda s: s.finger.tendons, bare, "is for a finger without tendons"),
-        beside(f"{verb} without a lag", lambda s: s.lag is None, "fidelity.family=matched_clothoid", _CONTINUOUS),
-    )
-
-
 class InputLimits(Value):
     """Limits of the input; tensions are limited by ``finger.tendons`` alone."""
 
@@ -145,67 +127,76 @@ class InputLimits(Value):
     time_constant: TimeConstant | None = None
     """Lag of the tip moment of a finger without tendons [s]; that of tendons is in ``finger.tendons``."""
 
-    def check(self, finger: Finger, key: str) -> None:
-        """Refuse limits that do not fit the finger's drive; ``key`` is where they are in the scene."""
-        if finger.tendons is None and self.moment_max is None:
-            raise ValueError(f"{key}.moment_max is needed: the greatest tip moment of a finger without tendons")
-        name = finger.input_key
-        given = getattr(self, name) if name in _RANGES else None
-        if given is None:
-            if name in ("lengths", "angles"):
-                raise ValueError(f"{key}.{name} is needed: the least and the greatest that the drives are commanded")
-            return
-        most = min((drive.limit for drive in finger.winches if drive.limit is not None), default=math.inf)
-        if max(map(abs, given)) > most:
-            raise ValueError(f"{key}.{name}: {list(given)} is beyond what drive.torque_max allows, {most:g}")
 
-    def limits(self, finger: Finger) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Least and greatest value of each input, in its unit."""
-        if finger.tendons is None:
-            most = self.moment_max or 0.0
-            return (-most,), (most,)
-        if not finger.winches:
-            return finger.tension_limits
-        given = self.lengths or self.angles or self.torques or self.currents
-        ranges = [given or (-(drive.limit or 0.0), drive.limit or 0.0) for drive in finger.winches]
-        return tuple(least for least, _ in ranges), tuple(most for _, most in ranges)
+_RANGES = ("lengths", "angles", "torques", "currents")
+_BARE = "is for a finger without tendons"
+_CONTINUOUS = "needs a continuous tip moment: give input or finger.tendons a time_constant, or use clothoid or arc"
 
-    def rest(self, finger: Finger) -> tuple[float, ...]:
-        """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
-        least, most = self.limits(finger)
-        wanted = [drive.at_pretension for drive in finger.winches] or [0.0] * len(least)
-        return tuple(min(max(at, low), high) for at, low, high in zip(wanted, least, most, strict=True))
 
-    def lag(self, finger: Finger) -> float | None:
-        """Shortest time constant of the drive [s]; None: an input acts at once, or by motors that turn."""
-        drives = [drive.time_constant if isinstance(drive, LengthDrive) else None for drive in finger.winches]
-        lags = drives or [t.time_constant for t in finger.tendon_list] or [self.time_constant]
-        known = [lag for lag in lags if lag is not None]
-        return min(known) if len(known) == len(lags) else None
+def _both(*keys: str) -> str:
+    """Keys of limits of the input, in closed loops and in plans."""
+    return " ".join(f"{where}.{key}" for where in ("controller.input", "input") for key in keys)
+
+
+def _some_lag(scene: CommandedScene) -> bool:
+    return len({tendon.time_constant is None for tendon in scene.finger.tendon_list}) > 1
 
 
 class CommandedScene(FingerScene):
-    """A scene of one finger whose input is chosen, within limits."""
+    """A scene of one finger whose input is chosen, within limits that are at the key ``AT``."""
+
+    AT: ClassVar[str]
+    REFUSALS = (
+        *of_drives("commands", ("controller.input", "input"), *_RANGES),
+        beside("commands of some lags", _some_lag, "finger.tendons.time_constant", "all tendons lag, or none"),
+        beside("commands with tendons", lambda s: s.finger.tendons, _both("moment_max", "time_constant"), _BARE),
+        beside("commands without a lag", lambda s: s.lag is None, "fidelity.family=matched_clothoid", _CONTINUOUS),
+    )
 
     @property
     def limits(self) -> InputLimits:
         """Limits of the input."""
-        raise NotImplementedError
+        found: InputLimits = attrgetter(self.AT)(self)
+        return found
+
+    def _check(self) -> None:
+        name, limits = self.finger.input_key, self.limits
+        if name == "tip_moment" and limits.moment_max is None:
+            raise ValueError(f"{self.AT}.moment_max is needed: the greatest tip moment of a finger without tendons")
+        given = getattr(limits, name) if name in _RANGES else None
+        if given is None and name in ("lengths", "angles"):
+            raise ValueError(f"{self.AT}.{name} is needed: the least and the greatest that the drives are commanded")
+        most = min((drive.limit for drive in self.finger.winches if drive.limit is not None), default=math.inf)
+        if given is not None and max(map(abs, given)) > most:
+            raise ValueError(f"{self.AT}.{name}: {list(given)} is beyond what drive.torque_max allows, {most:g}")
 
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Least and greatest input, each in its unit."""
-        return self.limits.limits(self.finger)
+        """Least and greatest value of each input, in its unit."""
+        finger, limits = self.finger, self.limits
+        if finger.tendons is None:
+            most = limits.moment_max or 0.0
+            return (-most,), (most,)
+        if not finger.winches:
+            return finger.tension_limits
+        given = limits.lengths or limits.angles or limits.torques or limits.currents
+        ranges = [given or (-(drive.limit or 0.0), drive.limit or 0.0) for drive in finger.winches]
+        return tuple(least for least, _ in ranges), tuple(most for _, most in ranges)
 
     @property
     def rest_input(self) -> tuple[float, ...]:
         """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
-        return self.limits.rest(self.finger)
+        least, most = self.input_limits
+        wanted = [drive.at_pretension for drive in self.finger.winches] or [0.0] * len(least)
+        return tuple(min(max(at, low), high) for at, low, high in zip(wanted, least, most, strict=True))
 
     @property
     def lag(self) -> float | None:
-        """Shortest time constant of the drive [s]; None: an input acts at once."""
-        return self.limits.lag(self.finger)
+        """Shortest time constant of the drive [s]; None: an input acts at once, or by motors that turn."""
+        drives = [drive.time_constant if isinstance(drive, LengthDrive) else None for drive in self.finger.winches]
+        lags = drives or [t.time_constant for t in self.finger.tendon_list] or [self.limits.time_constant]
+        known = [lag for lag in lags if lag is not None]
+        return min(known) if len(known) == len(lags) else None
 
 
 class Horizon(Value):

@@ -174,27 +174,16 @@ class Reference(Value):
             if isinstance(rows, RowSamples) and rows.width != 2:
                 raise ValueError(f"{name}: expected rows of x, y, got {rows.width} entries")
 
-    def check(self, cost: Cost, key: str) -> None:
-        """Refuse, by `ValueError`, tracked quantities without a setpoint.
-
-        ``key`` is where the weights are in the scene.
-        """
-        for name in Reference.model_fields:
-            if name not in _WITH_DEFAULT and getattr(cost, name) is not None and getattr(self, name) is None:
-                raise ValueError(f"reference.{name} is needed: {key}.{name} tracks it")
-        if cost.shape is not None and self.shape is not None:
-            width = self.shape.width if isinstance(self.shape, RowSamples) else len(self.shape)
-            if width != 2 * len(cost.shape.at):
-                raise ValueError(f"reference.shape needs x, y of {len(cost.shape.at)} sections, got {width} numbers")
-
 
 def tracked(verb: str, key: str) -> tuple[Consumer, ...]:
-    """Refuse setpoints that nothing tracks, with the weights at a key of a scene."""
+    """Refuse setpoints that nothing tracks, and weights without a setpoint, at a key of a scene."""
     terms = {name: "effort" if name == "input" else name for name in Reference.model_fields}
-    return tuple(
+    found = [
         needs(verb, f"reference.{name}", f"{key}.{term}", f"nothing tracks it: give {key}.{term} a weight")
         for name, term in terms.items()
-    )
+    ]
+    asked = (name for name in Reference.model_fields if name not in _WITH_DEFAULT)
+    return (*found, *(needs(verb, f"{key}.{name}", f"reference.{name}", f"needs reference.{name}") for name in asked))
 
 
 _WITH_DEFAULT = frozenset({"bending", "input"})

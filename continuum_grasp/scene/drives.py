@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -25,12 +26,14 @@ _TAKES = (
 )
 
 
-def of_drives(whose: str, at: str, *keys: str) -> tuple[Consumer, ...]:
-    """Refuse commands or limits of them, ``at`` a key of scenes of one finger, of other drives than it has."""
-    return tuple(
-        beside(f"{whose} without {key}", lambda scene, key=key: scene.finger.input_key != key, f"{at}.{key}", _TAKES)
-        for key in keys
-    )
+def of_drives(whose: str, at: Sequence[str], *keys: str) -> tuple[Consumer, ...]:
+    """Refuse commands or limits of them, ``at`` keys of scenes of one finger, of other drives than it has."""
+
+    def one(key: str) -> Consumer:
+        places = " ".join(f"{where}.{key}" for where in at)
+        return beside(f"{whose} without {key}", lambda scene: scene.finger.input_key != key, places, _TAKES)
+
+    return tuple(map(one, keys))
 
 
 _AT = "finger.tendons.drive"

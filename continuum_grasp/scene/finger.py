@@ -25,7 +25,7 @@ from continuum_grasp.scene.tendons import (
     TendonList,
     Tendons,
     channels,
-    check_tendons,
+    check_tendon,
     single_tendons,
 )
 from continuum_grasp.scene.units import Unit
@@ -187,9 +187,10 @@ class Finger(Value):
                 )
 
     def _check_tendons(self) -> None:
-        check_tendons(self.tendons, self.rod.length)
         for k, tendon in enumerate(self.tendon_list):
-            key = f"tendons[{k}].offset" if isinstance(self.tendons, tuple) else "tendons.offset"
+            key = f"tendons[{k}]" if isinstance(self.tendons, tuple) else "tendons"
+            check_tendon(key, tendon, self.rod.length)
+            key = f"{key}.offset"
             most, half = tendon.greatest_offset, self.half_thickness
             if half is not None and 0.0 < half < most:
                 doubt(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple, TypeAlias, TypeVar
+from typing import Annotated, TypeAlias, TypeVar
 
 from pydantic import Field
 
@@ -25,15 +25,6 @@ Curvature = Annotated[Real, Unit("1/m")]
 
 _MOST_UNIT = 0.5 * math.pi
 """Greatest turn of one unit of a spiral [rad]: a spiral of fewer than four units a turn is none."""
-
-
-class Positioned(NamedTuple):
-    """What is known of a rod at a position, to be checked; ``key`` is where the user states it."""
-
-    key: str
-    at: float  # [m]
-    thickness: float | None  # [m]
-    bending_stiffness: float | None  # [N m2]
 
 
 def ends(value: float | tuple[float, float]) -> tuple[float, float]:
@@ -130,14 +121,6 @@ class RodSection(Value):
         keys = ("youngs_modulus", "density", "rotary_inertia") if self.shaped else ("rotary_inertia",)
         return tuple(key for key in keys if getattr(self, key) is None)
 
-    def positioned(self, start: float, key: str) -> list[Positioned]:
-        """What is known at its two ends."""
-        unknown = (None, None)
-        thickness = unknown if self.thick is None else ends(self.thick)
-        stiffness = unknown if self.bending_stiffness is None else ends(self.bending_stiffness)
-        places = (start, self.to)
-        return [Positioned(key, at, h, b) for at, h, b in zip(places, thickness, stiffness, strict=True)]
-
 
 class RodSamples(Value):
     """A rod by samples at positions along it, between which the values are smooth and monotone.
@@ -166,13 +149,6 @@ class RodSamples(Value):
             values = getattr(self, key)
             if values is not None and len(values) != len(self.at):
                 raise ValueError(f"{key} must have one entry per position ({len(self.at)}), got {len(values)}")
-
-    @property
-    def positioned(self) -> list[Positioned]:
-        """What is known at each sample."""
-        thickness = self.thickness or (None,) * len(self.at)
-        values = zip(self.at, thickness, self.bending_stiffness, strict=True)
-        return [Positioned(f"samples.at[{k}]", at, h, b) for k, (at, h, b) in enumerate(values)]
 
 
 class SpiRob(Value):

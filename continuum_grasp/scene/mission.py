@@ -168,26 +168,22 @@ _SEEN = "needs estimator.measured.object, by which the controller knows where th
 _OWN = "needs a grasp of one finger: a controller predicts what its own finger does to the object, not what others do"
 _GIVEN = "has no effect beside tendons, which have a max_tension"
 _TIPS = "grasp.contacts.tip=off grasp.finger.contacts.tip=off grasp.fingers.contacts.tip=off"
-_OWN_TENDONS = "tendons grasp.finger.tendons grasp.fingers.tendons"
+_TAKEN = {"tensions", "lengths", "angles"}
+_TENDONS = "tendons grasp.finger.tendons grasp.fingers.tendons"
 _CLOSES = "must have the tip: a mission closes with it"
 _JUMPS = "needs a time_constant: tensions that jump throw a fine finger"
 _COMMANDS = "a mission commands tensions, lengths of winches or angles of motors with a position_gain"
 
 
-def _jump(scene: MissionScene) -> bool:
-    """Whether tensions follow commands at once."""
-    return any(not one.winches and None in {each.time_constant for each in one.tendon_list} for one in scene.carriers)
-
-
-def _by_torques(scene: MissionScene) -> bool:
-    return any(one.input_key not in ("tensions", "lengths", "angles") for one in scene.carriers)
+def _jumps(finger: Finger) -> bool:
+    return not finger.winches and None in {tendon.time_constant for tendon in finger.tendon_list}
 
 
 _MISSIONS = (
     Consumer("missions", {"grasp.gravity.mode=none": _OFF, **dict.fromkeys(_PLANT, _OF_LOOPS)}),
     beside("missions without a tip", lambda s: any(one.tip == "off" for one in s.grasp.setups), _TIPS, _CLOSES),
-    beside("missions by tensions at once", _jump, _OWN_TENDONS, _JUMPS),
-    beside("missions by torques", _by_torques, _OWN_TENDONS, _COMMANDS),
+    beside("missions by tensions at once", lambda s: any(map(_jumps, s.carriers)), _TENDONS, _JUMPS),
+    beside("missions by torques", lambda s: {one.input_key for one in s.carriers} - _TAKEN, _TENDONS, _COMMANDS),
     needs("missions", _OF_TURNS, "turn", "needs a turn"),
     needs("missions", "turn", "estimator.measured.object", _SEEN),
     excludes("missions", "estimator.disturbances.object_position", "turn", _MEASURED),

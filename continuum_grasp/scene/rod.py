@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.scene.consumer import Consumer, beside, excludes
-from continuum_grasp.scene.graded import Modulus, Positioned, RodFactors, RodSamples, RodSection, SpiRob
+from continuum_grasp.scene.graded import Modulus, RodFactors, RodSamples, RodSection, SpiRob
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Extent, Length, NonNegative, Value, doubt_outside
 
@@ -145,7 +146,9 @@ class Rod(Value):
             if missing:
                 raise ValueError(f"spirob needs {' and '.join(missing)} of the rod")
             self.spirob.check(self.length)
-        self._check_values(self._positioned)
+        elif self.samples is not None and not math.isclose(self.samples.at[-1], self.length, rel_tol=1e-9):
+            raise ValueError(f"samples.at: the last, {self.samples.at[-1]} m, must be the length, {self.length} m")
+        self._check_values()
 
     def _check_section_keys(self, sections: tuple[RodSection, ...]) -> None:
         for k, (one, two) in enumerate(pairwise(sections), 1):
@@ -164,46 +167,42 @@ class Rod(Value):
                 f"sections[{known.index(False)}] needs a thickness or diameter, as other sections have one"
             )
 
-    def _check_values(self, values: list[Positioned]) -> None:
-        """Refuse what cannot be a rod; ``values`` are at ends of sections, and at samples."""
-        places = [one.at for one in values]
+    def _check_values(self) -> None:
+        """Refuse what cannot be a rod, at ends of sections and at samples."""
+        places = [at for _, at, _ in self._ends]
         for a, b in pairwise(sorted(set(places))):
             if b - a < _LEAST_GAP * self.length:
+                key = self._ends[places.index(b)][0]
+                raise ValueError(f"{key}: {a} m and {b} m are closer than {_LEAST_GAP:g} of the length")
+        profile = self.profile
+        thickest, stiffest = 2.0 * float(profile.half_thickness(0.0)), float(profile.bending_stiffness(0.0))
+        for key, at, tip_side in self._ends:
+            thickness = 2.0 * float(profile.half_thickness(at, tip_side=tip_side))
+            stiffness = float(profile.bending_stiffness(at, tip_side=tip_side))
+            if thickness > _MOST_THICKNESS * self.length:
                 raise ValueError(
-                    f"{values[places.index(b)].key}: {a} m and {b} m are closer than {_LEAST_GAP:g} of the length"
+                    f"{key}: a thickness of {thickness:g} m is more than a third of the length of {self.length} m: not "
+                    "a thin rod"
                 )
-        base = values[0]
-        for one in values:
-            if one.thickness is not None and base.thickness is not None:
-                if one.thickness > _MOST_THICKNESS * self.length:
-                    raise ValueError(
-                        f"{one.key}: a thickness of {one.thickness} m is more than a third of the length of "
-                        f"{self.length} m: not a thin rod"
-                    )
-                if one.thickness < _LEAST_THICKNESS * base.thickness:
-                    raise ValueError(
-                        f"{one.key}: a thickness of {one.thickness} m is less than {_LEAST_THICKNESS:g} of that of the "
-                        f"base, {base.thickness} m: at a point the curvature has no bound; cut the tip off"
-                    )
-            stiffness, most = one.bending_stiffness, base.bending_stiffness
-            if stiffness is not None and most is not None and stiffness < _LEAST_STIFFNESS * most:
+            if thickness < _LEAST_THICKNESS * thickest:
                 raise ValueError(
-                    f"{one.key}: a bending stiffness of {stiffness} N m2 is less than {_LEAST_STIFFNESS:g} of that of "
-                    f"the base, {most} N m2"
+                    f"{key}: a thickness of {thickness:g} m is less than {_LEAST_THICKNESS:g} of that of the base, "
+                    f"{thickest:g} m: at a point the curvature has no bound; cut the tip off"
+                )
+            if stiffness < _LEAST_STIFFNESS * stiffest:
+                raise ValueError(
+                    f"{key}: a bending stiffness of {stiffness:.3g} N m2 is less than {_LEAST_STIFFNESS:g} of that of "
+                    f"the base, {stiffest:g} N m2"
                 )
 
     @property
-    def _positioned(self) -> list[Positioned]:
+    def _ends(self) -> list[tuple[str, float, bool]]:
+        """Where sections begin and end, or samples are [m], with their keys, and whether that is seen from the tip."""
         if self.samples is not None:
-            if not math.isclose(self.samples.at[-1], self.length, rel_tol=1e-9):
-                raise ValueError(f"samples.at: the last, {self.samples.at[-1]} m, must be the length, {self.length} m")
-            return self.samples.positioned
-        starts = [0.0, *(one.to for one in self._all_sections)]
-        return [
-            one
-            for k, (section, start) in enumerate(zip(self._all_sections, starts, strict=False))
-            for one in section.positioned(start, f"sections[{k}]" if self.sections else "spirob")
-        ]
+            return [(f"samples.at[{k}]", at, False) for k, at in enumerate(self.samples.at)]
+        keys = [f"sections[{k}]" for k in range(len(self.sections or ()))] or ["spirob"]
+        spans = zip(keys, pairwise([0.0, *(one.to for one in self._all_sections)]), strict=True)
+        return [(key, at, at == start) for key, (start, end) in spans for at in (start, end)]
 
     @property
     def _all_sections(self) -> tuple[RodSection, ...]:
@@ -219,7 +218,7 @@ class Rod(Value):
         """Refuse positions beyond the tip, but for the rounding of sums; ``key`` has {} for the number of each."""
         for k, at in enumerate(positions):
             if at > self.length * (1 + 1e-9):
-                raise ValueError(f"{key.format(k)} = {at} m is beyond the finger's length of {self.length} m")
+                raise InputError(f"{at} m is beyond the finger's length of {self.length} m", key=key.format(k))
 
     @property
     def graded(self) -> bool:
@@ -242,7 +241,9 @@ class Rod(Value):
     @property
     def own_thickness(self) -> bool:
         """Whether its thickness is known: that of its section, where strain is greatest."""
-        return self._positioned[0].thickness is not None
+        if self.samples is not None:
+            return self.samples.thickness is not None
+        return self._all_sections[0].thick is not None
 
     @property
     def mass_per_length(self) -> float:

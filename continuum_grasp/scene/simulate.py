@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
@@ -21,10 +22,10 @@ from continuum_grasp.scene.value import (
     Acceleration,
     Configuration,
     Duration,
+    Increasing,
     Length,
     Real,
     Value,
-    check_increasing,
     check_one_given,
     doubt,
 )
@@ -130,17 +131,6 @@ class Initial(Value):
     def _check(self) -> None:
         check_one_given(self, "pose", "q")
 
-    def check_motors(self, finger: Finger) -> None:
-        """Refuse angles of motors that a finger has not."""
-        if self.motor_angles is None:
-            return
-        motors = [drive for drive in finger.winches if isinstance(drive, MotorDrive)]
-        if len(self.motor_angles) != len(motors):
-            raise ValueError(
-                f"initial.motor_angles must have one entry per drive.kind: motor ({len(motors)}), got "
-                f"{len(self.motor_angles)}"
-            )
-
 
 MOST_STATES = 10_000_000
 """Output states that a simulation may keep: 1 GB of a dozen doubles each."""
@@ -164,8 +154,6 @@ class Timing(Value):
     longer than the motion; with ``fidelity.tolerance`` it always is."""
 
     def _check(self) -> None:
-        if self.step > self.duration:
-            raise ValueError(f"step ({self.step} s) is longer than duration ({self.duration} s)")
         count = self.duration / self.step
         if count > MOST_STATES:
             raise ValueError(
@@ -201,9 +189,9 @@ class FingerScene(Configuration, Surroundings):
     """The finger."""
     gravity: Acceleration
     """World gravity [m/s2]."""
-    contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
-    """Positions along the finger where contact forces may act [m]; element boundaries. These and the tip are where it
-    touches an object."""
+    contacts: Annotated[tuple[Length, ...], Field(strict=False), Increasing] = ()
+    """Positions along the finger where contact forces may act, increasing [m]; element boundaries. These and the tip
+    are where it touches an object."""
     fidelity: Fidelity = Fidelity()
     """How finely the finger is modeled."""
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
@@ -221,7 +209,6 @@ class FingerScene(Configuration, Surroundings):
                 raise ValueError(
                     f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
                 )
-        check_increasing("contacts", self.contacts, " along the finger")
         if self.fidelity.family is not None:
             self.finger.check_family("fidelity.family", self.fidelity.family)
 
@@ -229,7 +216,7 @@ class FingerScene(Configuration, Surroundings):
 class Scene(FingerScene):
     """One finger with gravity, contacts, loads and, for a simulation, what it can touch, initial state and time."""
 
-    REFUSALS = of_drives("scenes", "actuation", *COMMANDS)
+    REFUSALS = of_drives("scenes", ["actuation"], *COMMANDS)
 
     actuation: Actuation | None = None
     """None: no input, the finger is passive and its tendons are slack."""
@@ -244,8 +231,12 @@ class Scene(FingerScene):
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
         self.finger.rod.check_inside("initial.held_by[{}].at", (load.at for load in self.initial.held_by))
         if self.actuation is not None:
-            self._check_actuation(self.actuation)
-        self.initial.check_motors(self.finger)
+            key, values = self.actuation.given
+            check_commands(self.finger, f"actuation.{key}", values)
+        motors = sum(isinstance(drive, MotorDrive) for drive in self.finger.winches)
+        if self.initial.motor_angles is not None and len(self.initial.motor_angles) != motors:
+            got = f"got {len(self.initial.motor_angles)}"
+            raise ValueError(f"initial.motor_angles must have one entry per drive.kind: motor ({motors}), {got}")
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
@@ -255,20 +246,24 @@ class Scene(FingerScene):
         if isinstance(lengths, tuple) and abs(sum(lengths) - length) > 1e-9 * length:
             raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")
 
-    def _check_actuation(self, actuation: Actuation) -> None:
-        tendons, drives, (key, values) = self.finger.tendon_list, self.finger.winches, actuation.given
-        if not tendons:
-            return
-        if len(values) != (len(drives) or len(tendons)):
-            each = f"drive ({len(drives)})" if drives else f"tendon ({len(tendons)})"
-            raise ValueError(f"actuation.{key} must have one entry per {each}, got {len(values)}")
-        ranges = [(t.min_tension, t.max_tension) for t in tendons]
-        names = "min_tension = {} N to max_tension = {} N"
-        if drives:
-            ranges = [(-math.inf, math.inf) if d.limit is None else (-d.limit, d.limit) for d in drives]
-            names = "what drive.torque_max allows, {:g} to {:g}"
-        for k, (given, (least, most)) in enumerate(zip(values, ranges, strict=True)):
-            for value in given.values if isinstance(given, Samples) else (given,):
-                if not least <= value <= most:
-                    unit = " N" if key == "tensions" else ""
-                    raise ValueError(f"actuation.{key}[{k}] = {value}{unit} is outside {names.format(least, most)}")
+
+def check_commands(
+    finger: Finger,
+    key: str,
+    values: Sequence[float | Samples],
+    limits: Sequence[tuple[float, float]] | None = None,
+) -> None:
+    """Refuse commands that are not as many as a finger takes, or beyond its limits, or others, of each of them."""
+    allowed, tendons = "the limits of the input, {:g} to {:g}", finger.tendon_list
+    if limits is None:
+        limits, allowed = [(t.min_tension, t.max_tension) for t in tendons], "min_tension = {} to max_tension = {} N"
+        if finger.winches or not tendons:
+            most = [drive.limit for drive in finger.winches] or [None]
+            limits = [(-math.inf, math.inf) if one is None else (-one, one) for one in most]
+            allowed = "what drive.torque_max allows, {:g} to {:g}"
+    if len(values) != len(limits):
+        raise ValueError(f"{key}: expected {finger.input_words}, got {len(values)} numbers")
+    for k, (given, (least, most)) in enumerate(zip(values, limits, strict=True)):
+        for value in given.values if isinstance(given, Samples) else (given,):
+            if not least <= value <= most:
+                raise ValueError(f"{key}[{k}] = {value:g} is outside {allowed.format(least, most)}")

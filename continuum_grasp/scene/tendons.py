@@ -153,21 +153,18 @@ def single_tendons(tendons: Tendons | tuple[Tendon, ...] | None) -> tuple[Tendon
     return tuple(Tendon(offset=side * tendons.offset, **own) for side in (1.0, -1.0))
 
 
-def check_tendons(tendons: Tendons | tuple[Tendon, ...] | None, length: float) -> None:
-    """Refuse tendons that do not fit a finger of a length [m]."""
-    singles = single_tendons(tendons)
-    keys = [f"tendons[{k}]" if isinstance(tendons, tuple) else "tendons" for k in range(len(singles))]
-    for key, tendon in zip(keys, singles, strict=True):
-        offset, slope = tendon.greatest_offset, abs(tendon.slope(length))
-        if offset >= length:
-            raise ValueError(f"{key}.offset = {offset} m is not smaller than the finger's length of {length} m")
-        if tendon.to is not None and tendon.to > length * (1 + 1e-12):
-            raise ValueError(f"{key}.to = {tendon.to} m is beyond the finger's length of {length} m")
-        if slope > MOST_SLOPE:
-            raise ValueError(
-                f"{key}.offset changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds "
-                "for tendons that are nearly parallel to the backbone"
-            )
+def check_tendon(key: str, tendon: Tendon, length: float) -> None:
+    """Refuse a tendon, which stands at a key, that does not fit a finger of a length [m]."""
+    offset, slope = tendon.greatest_offset, abs(tendon.slope(length))
+    if offset >= length:
+        raise ValueError(f"{key}.offset = {offset} m is not smaller than the finger's length of {length} m")
+    if tendon.to is not None and tendon.to > length * (1 + 1e-12):
+        raise ValueError(f"{key}.to = {tendon.to} m is beyond the finger's length of {length} m")
+    if slope > MOST_SLOPE:
+        raise ValueError(
+            f"{key}.offset changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds "
+            "for tendons that are nearly parallel to the backbone"
+        )
 
 
 def _two_lags(finger: Finger) -> bool:

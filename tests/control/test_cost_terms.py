@@ -105,7 +105,7 @@ def test_the_exported_reference_has_it_with_its_unit():
 @pytest.mark.parametrize(
     ("cost", "reference", "message"),
     [
-        ({"tip_angle": 1.0, "effort": 1.0}, {}, "reference.tip_angle is needed"),
+        ({"tip_angle": 1.0, "effort": 1.0}, {}, "controller.cost.tip_angle: needs reference.tip_angle"),
         ({"tip": 1.0, "effort": 1.0}, {"tip": (0.0, 0.5), "tip_angle": 0.1}, "reference.tip_angle: nothing tracks it"),
         (
             {"tip": 1.0, "effort": 1.0},

@@ -189,7 +189,7 @@ def test_steps_resolve_the_contact(stiffness, horizon, expected):
         (["object_moves=false", "table=null", "out_of_plane_gravity=0"], "object_angle: needs an object that moves"),
         (["estimator.measured.object=null"], "object_moves: needs estimator.measured.object"),
         (["controller.cost.gap.of=[finger.9]"], "controller.cost.gap.of: expected some of finger.tip"),
-        (["reference.gap=null"], "reference.gap is needed"),
+        (["reference.gap=null"], "controller.cost.gap: needs reference.gap"),
         (["reference.object_position=[0.0, 0.2]"], "reference.object_position: nothing tracks it"),
         (["table.point=[0.0, 0.0]", "table.normal_angle=0.0"], "stays: is of a table parallel to the plane"),
         (["out_of_plane_gravity=0"], "table: needs out_of_plane_gravity"),

@@ -16,7 +16,7 @@ from continuum_grasp.export.template import fill
 
 def estimator(subject: Subject) -> Part:
     """State and disturbances from what is measured."""
-    loop = _loop(subject)
+    loop = cast(Loop, subject.loop)  # without it packages have none of these parts
     structs = [loop.measurement, loop.command, loop.estimate]
     function = Stateful(
         "estimator_step",
@@ -39,7 +39,7 @@ def estimator(subject: Subject) -> Part:
 
 def mpc(subject: Subject) -> Part:
     """Commands by predictive control."""
-    loop = _loop(subject)
+    loop = cast(Loop, subject.loop)  # without it packages have none of these parts
     structs = [loop.measurement, loop.reference, loop.command, loop.start, loop.settings]
     codes = (
         Code.WARN_ITERATION_LIMIT,
@@ -79,13 +79,8 @@ def _contact(loop: Loop) -> list[Method]:
     return [] if loop.touch is None else [Method("contact", "What the drives felt in the last call.", (), "contact")]
 
 
-def _loop(subject: Subject) -> Loop:
-    """The loop, without which packages have none of these parts."""
-    return cast(Loop, subject.loop)
-
-
 def _part(subject: Subject, name: str, structs: list[Struct], codes: tuple[Code, ...], function: Stateful) -> Part:
-    loop = _loop(subject)
+    loop = cast(Loop, subject.loop)  # without it packages have none of these parts
     files, declared = control_sources(loop, subject.prefix, subject.real)
     constants = {"PERIOD": f"{subject.real.literal(loop.period)} /* s, from one call to the next */"}
     if name == "mpc":
