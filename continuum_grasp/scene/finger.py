@@ -19,15 +19,7 @@ from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.section_laws import FIT_MATCHED_TIP, SECTION_LAWS
-from continuum_grasp.scene.tendons import (
-    OF_SEVERAL,
-    Tendon,
-    TendonList,
-    Tendons,
-    channels,
-    check_tendon,
-    single_tendons,
-)
+from continuum_grasp.scene.tendons import ALIKE, Tendon, TendonList, Tendons, channels, check_tendon, single_tendons
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
@@ -124,7 +116,7 @@ class Finger(Value):
         excludes("finger", "stops.curvature", "rod.spirob", "is given already: its gaps close there", "finger"),
         beside("finger of no thickness", lambda f: not f.rod.own_thickness, "strain_limit", _THICK, "finger"),
         beside("finger of a bent rod", lambda f: f.rod.own_rest_curvature, "rest_curvature", "rod has it", "finger"),
-        *OF_SEVERAL,
+        *ALIKE,
     )
 
     rod: Rod

@@ -198,7 +198,7 @@ def _unlike(name: str) -> Consumer:
 _SIDES = "tendons at equal distances on both sides: it winds up the one by as much as it pays out the other"
 _LAGS = "must be that of tendons that run alike: their moments add up before they lag"
 _KINDS = "all tendons of a finger need the same kind of drive, input and arrangement"
-OF_SEVERAL = (
+ALIKE = (
     beside("finger of two kinds of drives", _two_kinds, "tendons.drive", _KINDS, "finger"),
     beside("finger of two lags", _two_lags, "tendons.time_constant", _LAGS, "finger"),
     _on_pulley("that are no two", lambda finger: len(finger.tendon_list) != 2, "two tendons"),
