@@ -162,8 +162,8 @@ def _whole(given: Any, least: int, most: int, key: str) -> int:
 
 
 _NO_LOOP = "needs a closed loop (finger, controller, ...)"
-_NO_ESTIMATOR = "this scene has no estimator: leave the part out"
-_NO_CONTACT = "contact needs an object and its contact_law in the scene: leave the part out"
+_UNSEEN = "this scene has no estimator: leave the part out"
+_ALONE = "contact needs an object and its contact_law in the scene: leave the part out"
 MOST_SECTIONS = 200
 """Each is code of its own."""
 
@@ -176,19 +176,9 @@ def positive(given: float | None, key: str) -> float | None:
 
 
 _PARTS = (
-    beside("export-c of no closed loop", lambda source: source.loop is None, "what=estimator what=mpc", _NO_LOOP),
-    beside(
-        "export-c of no estimator",
-        lambda source: not getattr(source.loop, "estimator", None),
-        "what=estimator",
-        _NO_ESTIMATOR,
-    ),
-    beside(
-        "export-c of no contact",
-        lambda source: not (source.surroundings and source.surroundings.object),
-        "what=contact",
-        _NO_CONTACT,
-    ),
+    beside("export-c of no closed loop", lambda s: s.loop is None, "what=estimator what=mpc", _NO_LOOP),
+    beside("export-c of no estimator", lambda s: not getattr(s.loop, "estimator", None), "what=estimator", _UNSEEN),
+    beside("export-c of no contact", lambda s: not (s.surroundings and s.surroundings.object), "what=contact", _ALONE),
 )
 
 

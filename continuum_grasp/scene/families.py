@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Annotated
+
+from pydantic import AfterValidator, WithJsonSchema
+from pydantic_core import PydanticCustomError
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,13 @@ def default_family(*, free_tip: bool) -> str:
     return "clothoid" if free_tip else "matched_clothoid"
 
 
-if TYPE_CHECKING:
-    FamilyName = str
-else:
-    FamilyName = Literal[*FAMILIES]
+def _known(name: str) -> str:
+    if name not in FAMILIES:
+        *others, last = (repr(each) for each in FAMILIES)
+        expected = f"{', '.join(others)} or {last}"
+        raise PydanticCustomError("literal_error", "Input should be {expected}", {"expected": expected})
+    return name
+
+
+FamilyName = Annotated[str, AfterValidator(_known), WithJsonSchema({"enum": list(FAMILIES), "type": "string"})]
+"""A name of ``FAMILIES``."""

@@ -336,8 +336,9 @@ class GraspScene(Configuration, Supported):
         fidelity = finger.fidelity or self.fidelity
         middle, after = contacts["middle"], contacts["middle_after"]
         middles: tuple[Switch, ...] = (cast(Switch, middle),) if isinstance(middle, str) else middle
-        places = contacts["stations"] or 0
-        middles = ("auto",) * places or middles
+        places: Any = contacts["stations"] or 0
+        if places:
+            middles = ("auto",) * places
         elements = fidelity.elements
         # Two per segment between base, contacts and tip.
         count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))

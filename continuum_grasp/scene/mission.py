@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -169,7 +168,6 @@ _OWN = "needs a grasp of one finger: a controller predicts what its own finger d
 _GIVEN = "has no effect beside tendons, which have a max_tension"
 _TIPS = "grasp.contacts.tip=off grasp.finger.contacts.tip=off grasp.fingers.contacts.tip=off"
 _TAKEN = {"tensions", "lengths", "angles"}
-_TENDONS = "tendons grasp.finger.tendons grasp.fingers.tendons"
 _CLOSES = "must have the tip: a mission closes with it"
 _JUMPS = "needs a time_constant: tensions that jump throw a fine finger"
 _COMMANDS = "a mission commands tensions, lengths of winches or angles of motors with a position_gain"
@@ -179,11 +177,13 @@ def _jumps(finger: Finger) -> bool:
     return not finger.winches and None in {tendon.time_constant for tendon in finger.tendon_list}
 
 
+_CARRIERS = (
+    beside("missions by tensions at once", _jumps, "tendons", _JUMPS, "grasp.finger"),
+    beside("missions by torques", lambda one: one.input_key not in _TAKEN, "tendons", _COMMANDS, "grasp.finger"),
+)
 _MISSIONS = (
     Consumer("missions", {"grasp.gravity.mode=none": _OFF, **dict.fromkeys(_PLANT, _OF_LOOPS)}),
     beside("missions without a tip", lambda s: any(one.tip == "off" for one in s.grasp.setups), _TIPS, _CLOSES),
-    beside("missions by tensions at once", lambda s: any(map(_jumps, s.carriers)), _TENDONS, _JUMPS),
-    beside("missions by torques", lambda s: {one.input_key for one in s.carriers} - _TAKEN, _TENDONS, _COMMANDS),
     needs("missions", _OF_TURNS, "turn", "needs a turn"),
     needs("missions", "turn", "estimator.measured.object", _SEEN),
     excludes("missions", "estimator.disturbances.object_position", "turn", _MEASURED),
@@ -244,6 +244,12 @@ class MissionScene(Configuration):
 
     def _check(self) -> None:
         self._check_turn()
+        for setup in self.grasp.setups:
+            own, where = setup.finger, "grasp.finger" if self.grasp.fingers is None else f"grasp.fingers.{setup.name}"
+            if self.tendons is not None:
+                own, where = own.replaced(tendons=self.tendons), ""
+            for one in _CARRIERS:
+                one.check(own, where)
         # The tip is a contact already, and a contact at the clamped base could not move.
         length = min(setup.finger.rod.length for setup in self.grasp.setups)
         if any(not 0.0 < at < length for at in self.more_contacts):
@@ -255,12 +261,6 @@ class MissionScene(Configuration):
         for finger in self.grasp.setups:
             if finger.finger.base_free is None:
                 check_reach(finger.finger, "turn", {"position": self.turn.position}, body=self.grasp.object)
-
-    @cached_property
-    def carriers(self) -> tuple[Finger, ...]:
-        """The fingers of the grasp with the tendons that carry it out."""
-        own = (setup.finger for setup in self.grasp.setups)
-        return tuple(one if self.tendons is None else one.replaced(tendons=self.tendons) for one in own)
 
     @property
     def gravity(self) -> float:

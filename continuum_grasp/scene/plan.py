@@ -255,7 +255,7 @@ class PlanScene(CommandedScene):
 
     def _check(self) -> None:
         goal, limits = self.goal, list(zip(*self.input_limits, strict=True))
-        for key, row in (("input.initial", self.input.initial), ("goal.input", goal.input and goal.input.value)):
+        for key, row in (("input.initial", self.input.initial), ("goal.input", goal.targets.get("input"))):
             if row is not None:
                 check_commands(self.finger, key, row, limits)
         if goal.shape is not None:

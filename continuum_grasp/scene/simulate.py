@@ -258,8 +258,8 @@ def check_commands(
     if limits is None:
         limits, allowed = [(t.min_tension, t.max_tension) for t in tendons], "min_tension = {} to max_tension = {} N"
         if finger.winches or not tendons:
-            most = [drive.limit for drive in finger.winches] or [None]
-            limits = [(-math.inf, math.inf) if one is None else (-one, one) for one in most]
+            own = [drive.limit for drive in finger.winches] or [None]
+            limits = [(-math.inf, math.inf) if one is None else (-one, one) for one in own]
             allowed = "what drive.torque_max allows, {:g} to {:g}"
     if len(values) != len(limits):
         raise ValueError(f"{key}: expected {finger.input_words}, got {len(values)} numbers")

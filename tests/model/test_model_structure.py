@@ -689,9 +689,9 @@ WRONG = {
     "load beyond": (
         FULL,
         {"loads": (ForceLoad(at=0.61, force=(0.0, 0.0)),)},
-        "loads[0].at: 0.61 m is beyond the finger",
+        r"loads\[0\].at: 0.61 m is beyond the finger",
     ),
-    "moment beyond": (FULL, {"loads": (MomentLoad(at=0.7, moment=0.0),)}, "loads[0].at: 0.7 m is beyond the finger"),
+    "moment beyond": (FULL, {"loads": (MomentLoad(at=0.7, moment=0.0),)}, r"loads\[0\].at: 0.7 m is beyond the finger"),
     "no elements": (FULL, {"elements": 0}, "element"),
     "no lengths": (FULL, {"elements": ()}, "add up"),
     "a text as finger": (

@@ -133,7 +133,7 @@ def test_a_tension_per_tendon():
     three = finger({"offset": 0.01}, {"offset": -0.01}, {"offset": 0.01, "to": 0.1})
     keys = {"finger": three, "gravity": (0.0, 0.0)}
     assert len(cg.Scene(**keys, actuation={"tensions": [0.0, 1.0, 2.0]}).actuation.tensions) == 3
-    with pytest.raises(InputError, match="actuation.tensions: expected 3 tensions, got 2 numbers"):
+    with pytest.raises(InputError, match=r"actuation.tensions: expected 3 tensions, got 2 numbers"):
         cg.Scene(**keys, actuation={"tensions": [0.0, 1.0]})
     with pytest.raises(InputError, match=r"actuation.tensions\[1\]: actuation.tensions\[1\] = 21 is outside"):
         cg.Scene(**keys, actuation={"tensions": [0.0, 21.0, 0.0]})

@@ -258,7 +258,10 @@ def test_a_pulley_needs_tendons_that_go_together():
 
 
 def test_commands_are_those_of_the_drive():
-    for actuation, message in (({"tensions": [1.0, 1.0]}, "give torques"), ({"torques": [0.3]}, "torque_max")):
+    for actuation, message in (
+        ({"tensions": [1.0, 1.0]}, "lengths with drive.kind"),
+        ({"torques": [0.3]}, "torque_max"),
+    ):
         with pytest.raises(InputError, match=message):
             scene(MOTOR, actuation)
 
