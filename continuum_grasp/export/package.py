@@ -243,7 +243,9 @@ def controller_of(scene: ControlScene) -> tuple[Contents, Loop]:
     return _contents(subject, [PARTS["mpc"](subject)], names_of(scene)[0]), loop
 
 
-_SOLVERS = Consumer("export-c of a solver", {"ranges": "a solver of a problem takes any finite number: leave them out"})
+_SOLVERS = Consumer(
+    "export-c of a solver", {"ranges": "a solver of a problem takes any finite number: expected no ranges"}
+)
 
 
 def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked, longest: float | None) -> Subject:

@@ -66,7 +66,7 @@ def _scenarios(*names: str) -> str:
 
 
 def _rigid(scene: ControlScene) -> bool:
-    """Whether nobody states how elastic the plant's tendons are."""
+    """Whether the scene leaves open how elastic the plant's tendons are."""
     own = (tendon.axial_stiffness for tendon in scene.finger.tendon_list)
     return scene.plant.axial_stiffness is None and None in own
 

@@ -35,7 +35,15 @@ _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
 class Grid(Value):
     """Values of one key, each of which is tried with all values of the other keys."""
 
-    REFUSALS = (excludes("sweep", "from to count spacing", "values", "values stand alone", "vary"),)
+    REFUSALS = (
+        excludes(
+            "sweep",
+            "from to count spacing",
+            "values",
+            "values stand alone, without from, to, count and spacing",
+            "vary",
+        ),
+    )
 
     values: Values | None = None
     """The values themselves: numbers, words, lists, mappings, or paths of finger files relative to this file."""
