@@ -93,9 +93,7 @@ def _along(model: FingerModel, one: Reading, q: ca.SX, u: ca.SX, p: ca.SX) -> ca
 _MOTORS = " ".join(f"data.measured.quantity={name}" for name in ("motor_angle", "torque", "current"))
 _OF_MOTORS = (
     needs("identify", _MOTORS, "kind=motor", "is that of a motor: this drive has another kind"),
-    needs(
-        "identify", "data.measured.quantity=current", "torque_constant", "needs drive.torque_constant; or read torque"
-    ),
+    needs("identify", "data.measured.quantity=current", "torque_constant", "needs drive.torque_constant, or a torque"),
 )
 
 
@@ -113,9 +111,9 @@ def _at_drive(model: FingerModel, one: Reading, u: ca.SX, tensions: ca.SX, state
         return winch.radius * own[0]
     for each in _OF_MOTORS:
         each.check(winch.drive, of={f"data.measured.quantity={one.quantity}": "measured"})
-    motor = cast(Motor, winch)
     if one.quantity == "motor_angle":
         return own[0]
+    motor = cast(Motor, winch)
     torque = ca.SX(motor.torque(u[number], own[0], own[1]))
     return torque if one.quantity == "torque" else torque / cast(float, motor.drive.torque_constant)
 

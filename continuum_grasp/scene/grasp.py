@@ -337,8 +337,7 @@ class GraspScene(Configuration, Supported):
         middle, after = contacts["middle"], contacts["middle_after"]
         middles: tuple[Switch, ...] = (cast(Switch, middle),) if isinstance(middle, str) else middle
         places: Any = contacts["stations"] or 0
-        if places:
-            middles = ("auto",) * places
+        middles = ("auto",) * places or middles
         elements = fidelity.elements
         # Two per segment between base, contacts and tip.
         count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))

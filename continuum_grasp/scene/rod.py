@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 from pydantic import Field
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.consumer import Consumer, beside, excludes
+from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.graded import Modulus, RodFactors, RodSamples, RodSection, SpiRob
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Extent, Length, NonNegative, Value, doubt_outside
@@ -34,6 +34,7 @@ _MOST_THICKNESS = 1.0 / 3.0
 """Greatest thickness of a graded rod per length [1]: beyond, it is no thin rod."""
 
 
+_SPIRAL = "spirob needs youngs_modulus and density of the rod"
 _EITHER = f"give either {', '.join(_SECTION_KEYS)} or {', '.join(_LINEAR_KEYS)}, not both"
 
 
@@ -80,6 +81,8 @@ class Rod(Value):
         excludes("rod", "samples spirob", "sections", "sections are given: give one of both", "finger.rod"),
         excludes("rod", "spirob", "samples", "samples are given: give one of both", "finger.rod"),
         beside("rod that is linear", _is_linear, "density youngs_modulus", _EITHER, "finger.rod"),
+        needs("rod", "spirob", "youngs_modulus", _SPIRAL, "finger.rod"),
+        needs("rod", "spirob", "density", _SPIRAL, "finger.rod"),
         *map(_stated_by_sections, ("youngs_modulus", "density", "rotary_inertia")),
     )
 
@@ -142,9 +145,6 @@ class Rod(Value):
         if self.sections is not None:
             self._check_section_keys(self.sections)
         elif self.spirob is not None:
-            missing = [key for key in ("youngs_modulus", "density") if getattr(self, key) is None]
-            if missing:
-                raise ValueError(f"spirob needs {' and '.join(missing)} of the rod")
             self.spirob.check(self.length)
         elif self.samples is not None and not math.isclose(self.samples.at[-1], self.length, rel_tol=1e-9):
             raise ValueError(f"samples.at: the last, {self.samples.at[-1]} m, must be the length, {self.length} m")

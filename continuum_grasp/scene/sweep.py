@@ -74,12 +74,10 @@ class Grid(Value):
         """The values; those that are computed are rounded to 12 digits, and whole numbers where all are."""
         if self.values is not None:
             return self.values
-        low, high, count = self.first or 0.0, self.to or 0.0, self.count or 2
-        shares = (k / (count - 1) for k in range(count))
-        if self.spacing == "log":
-            found = [low * (high / low) ** share for share in shares]
-        else:
-            found = [low + (high - low) * share for share in shares]
+        import numpy as np
+
+        spaced = np.geomspace if self.spacing == "log" else np.linspace
+        found = spaced(self.first or 0.0, self.to or 0.0, self.count or 2)
         # 0.1 + 2 * 0.1 would print as 0.30000000000000004 in tables and key paths.
         rounded = [float(f"{value:.12g}") for value in found]
         return tuple(map(int, rounded)) if all(value.is_integer() for value in rounded) else tuple(rounded)

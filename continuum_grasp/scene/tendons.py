@@ -38,6 +38,8 @@ class _Tensions(Value):
     REFUSALS = (
         needs("finger", "axial_stiffness series_stiffness", "drive", _COMMANDED, _AT),
         needs("finger", "conduit_bend", "friction", at=_AT),
+        needs("finger", "drive", "axial_stiffness", "needs axial_stiffness: the tension follows from it", _AT),
+        needs("finger", "drive", "series_stiffness", "needs series_stiffness: the tension follows from it", _AT),
         excludes(
             "finger", "min_tension", "drive", "must be zero: drives cannot maintain it; see drive.pretension", _AT
         ),
@@ -78,12 +80,6 @@ class _Tensions(Value):
         return given
 
     def _check(self) -> None:
-        if self.drive is not None:
-            for key in ("axial_stiffness", "series_stiffness"):
-                if getattr(self, key) is None:
-                    raise ValueError(
-                        f"{key} is needed: under drive.kind: {self.drive.kind} the tension follows from it"
-                    )
         if self.min_tension >= self.max_tension:
             raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
 

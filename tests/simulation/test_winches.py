@@ -232,8 +232,8 @@ def test_drives_cost_what_they_are_worth(drive):
 
 
 REFUSED = {
-    "no axial stiffness": ({"axial_stiffness": None}, "axial_stiffness is needed"),
-    "no series stiffness": ({"series_stiffness": None}, "series_stiffness is needed"),
+    "no axial stiffness": ({"axial_stiffness": None}, "drive: needs axial_stiffness"),
+    "no series stiffness": ({"series_stiffness": None}, "drive: needs series_stiffness"),
     "least tension": ({"min_tension": 1.0}, "min_tension: must be zero"),
     "lag of tensions": ({"time_constant": 0.02}, "time_constant: is that of commanded tensions"),
     "rate of a motor": ({"drive": {**MOTOR, "rate_max": 0.1}}, "rate_max"),
