@@ -33,7 +33,7 @@ from continuum_grasp.environments.spaces import observed_of
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.fmu import finger, loop_plant
-from continuum_grasp.export.fmu.variable import Count, Variable
+from continuum_grasp.export.fmu.variable import Variable
 from continuum_grasp.export.mjcf.write import export_mjcf
 from continuum_grasp.export.ranges import input_fields
 from continuum_grasp.export.source import names_of, source_of
@@ -80,7 +80,7 @@ def parts(made: Any) -> Iterator[object]:
         yield made.serialize()
     elif isinstance(made, ca.SX | ca.MX):
         yield ca.Function("value", ca.symvar(made), [made]).serialize()
-    elif isinstance(made, Variable | Count):
+    elif isinstance(made, Variable):
         yield repr(made)
     elif isinstance(made, Setpoints):
         yield from parts(made.rows(_INSTANTS))

@@ -79,8 +79,10 @@ def export_c(
         "--sections": sections != 25,
         "--measure": measure,
     }
-    if casadi is not None and (others := [option for option, value in given.items() if value]):
-        raise InputError(f"--casadi cannot be combined with {', '.join(others)}: plain functions have none of these")
+    from continuum_grasp.cli.alone import PLAIN_FUNCTIONS
+
+    if casadi is not None:
+        PLAIN_FUNCTIONS.check(None, of={option: bool(value) for option, value in given.items()})
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.load import load
 

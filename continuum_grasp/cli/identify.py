@@ -61,6 +61,7 @@ def identify(
 
     For a closed loop (its configuration has a controller) it learns from logs what the controller's model misses.
     """
+    from continuum_grasp.cli.alone import EXCITATION, FINGERS
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.identify import IdentifyScene
     from continuum_grasp.scene.load import load
@@ -71,11 +72,12 @@ def identify(
     if isinstance(scene, ControlScene):
         _learn(scene, config, data, holdout, excitation, apply, out, output, pictures)
         return
-    if holdout:
-        raise InputError("is for logs of a controller; here data have use: holdout", key="--holdout")
+    FINGERS.check(scene, of={"--holdout": bool(holdout)})
     if not isinstance(scene, IdentifyScene):
         raise InputError("expected a scene with parameters to estimate: [{name: ...}] and data", file=str(config))
-    if excitation == bool(data) or (excitation and apply):
+    if excitation:
+        EXCITATION.check(scene, of={"--data": bool(data), "--apply": bool(apply)})
+    elif not data:
         raise InputError("expected --data FILE, or --excitation alone", key="data")
     targets: list[tuple[Path, FingerScene]] = []
     for path in apply or ():
@@ -172,10 +174,12 @@ def _learn(
     pictures: bool,
 ) -> None:
     """Learn what the model of a controller misses."""
+    from continuum_grasp.cli.alone import LOGS
     from continuum_grasp.identification import learn_residual
     from continuum_grasp.scene.load import scene_of
 
-    if excitation or not data:
+    LOGS.check(scene, of={"--excitation": excitation})
+    if not data:
         raise InputError("expected --data LOG of the controller", key="data")
     targets = [(path, scene_of(path, type(scene))) for path in apply or ()]
     folder = run_folder(out, config, "identify")

@@ -56,6 +56,7 @@ def mpc(
     Exit status 1 if the supervisor tripped, or a setpoint that stood was missed. A mission (its configuration has a
     grasp) takes an object from approach to release; exit status 1 if it is dropped, or not let go in the end.
     """
+    from continuum_grasp.cli.alone import LOOPS, MISSIONS, TRIALS
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.load import load, other_kind
     from continuum_grasp.scene.mission import MissionScene
@@ -68,17 +69,14 @@ def mpc(
         raise InputError("a closed loop needs a duration [s]", file=str(config), key="duration")
     folder = run_folder(out, config, "mpc")
     if isinstance(scene, MissionScene):
-        if compare:
-            raise InputError("is not for missions", key="--compare")
+        MISSIONS.check(scene, of={"--compare": compare})
         if trials is None:
             _carry_out(scene, folder, animation, pictures, output)
-        elif animation:
-            raise InputError("is for one mission, not for --trials", key="--animate")
         else:
+            TRIALS.check(scene, of={"--animate": bool(animation)})
             _try_out(scene, folder, jobs, pictures, output)
         return
-    if trials is not None:
-        raise InputError("is for missions", key="--trials")
+    LOOPS.check(scene, of={"--trials": trials is not None})
 
     from continuum_grasp.closed_loop.run import run_closed_loop
 

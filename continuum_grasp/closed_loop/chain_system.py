@@ -73,7 +73,7 @@ class ChainSystem(HingeChain, Functions):
         object_parameters: Sequence[str] = (),
     ) -> None:
         self.scene = scene
-        _check(scene, axial_stiffness, parameters)
+        _check(scene, parameters)
         super().__init__(scene.finger, hinges, axial_stiffness)
         self.finger_model = FingerModel(
             scene.replaced(finger=scene.finger.with_tendons(friction_cells=1)), family="arc", elements=hinges
@@ -326,16 +326,10 @@ _ON_AXIS = beside(
 )
 
 
-def _check(scene: Scene, axial_stiffness: float | None, parameters: Sequence[str]) -> None:
+def _check(scene: Scene, parameters: Sequence[str]) -> None:
     """Refuse what a chain does not have."""
     for one in (_GUIDES, _ON_AXIS):
         one.check(scene)
-    if axial_stiffness is None and any(tendon.axial_stiffness is None for tendon in scene.finger.tendon_list):
-        raise InputError(
-            "needed for plant.guides where the tension is commanded: a tendon that sticks at two guides must be "
-            "elastic between them",
-            key="plant.axial_stiffness",
-        )
     odd = [name for name in parameters if name not in OF_FINGER]
     if odd:
         raise InputError(f"a chain of guides has no run-time argument {odd[0]}", key="plant.guides")

@@ -85,13 +85,13 @@ class Stencil:
         InputError
             Scenes on both sides make no sense.
         """
-        failure: InputError | None = None
+        failures: list[InputError] = []
         for offsets, weights in _SHAPES:
             try:
                 return cls(offsets, weights, tuple(along(offset * _STEP) for offset in offsets))
             except InputError as error:
-                failure = failure or error
-        raise failure or InputError("no scene makes sense here")
+                failures.append(error)
+        raise failures[0]
 
     def difference(self, values: Sequence[Any]) -> Any:
         """Derivative of numbers or arrays, given for each scene."""

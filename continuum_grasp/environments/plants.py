@@ -216,18 +216,18 @@ _OF_PLANT = "plant.fidelity plant.drive_order plant.noise plant.delay plant.seed
 _SHARED = f"controller estimator duration input_limits rest_input fidelity contacts {_OF_PLANT}".split()
 
 
+_AROUND = (
+    "surroundings but for friction of contact_law, position of a fixed object, and mass and start of one that moves"
+)
+
+
 def _check_fixed(first: ControlScene, scene: ControlScene, keys: Sequence[str]) -> None:
     """Refuse a scene that differs in what all plants of an environment have in common."""
-    varied = ", ".join(keys)
-    for name in _SHARED:
-        if attrgetter(name)(scene) != attrgetter(name)(first):
-            raise InputError(f"all plants of an environment have the same {name}, which {varied} changes", key="sample")
-    if _of_contact(scene) != _of_contact(first):
-        raise InputError(
-            f"all plants of an environment have the same surroundings but for friction of contact_law, position of a "
-            f"fixed object, and mass and start of one that moves, which {varied} changes",
-            key="sample",
-        )
+    odd = [name for name in _SHARED if attrgetter(name)(scene) != attrgetter(name)(first)]
+    if odd or _of_contact(scene) != _of_contact(first):
+        same = odd[0] if odd else _AROUND
+        why = f"all plants of an environment have the same {same}, which {', '.join(keys)} changes"
+        raise InputError(why, key="sample")
 
 
 def _finger_parameters(around: Sequence[Scene]) -> tuple[list[str], dict[str, list[list[float]]]]:

@@ -26,13 +26,14 @@ STATE = "state"
 class Sensing:
     """Columns of readings: ``names`` of sensors, then contact forces, then use of the range, x and y of the tip.
 
-    ``std`` is the noise of each sensor, ``late`` its delay in periods.
+    ``std`` is the noise of each sensor, ``late`` the delay in periods of those that are not read ``at_once``.
     """
 
     sensors: tuple[str, ...]
     names: tuple[str, ...]
     std: Array
     late: int
+    at_once: NDArray[np.bool_]
     contacts: tuple[str, ...]
     periods: Periods
 
@@ -59,8 +60,6 @@ def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
     late = 0 if asked == (STATE,) else round(delay / plants.period)
     if asked != (STATE,) and abs(late * plants.period - delay) > 1e-6 * plants.period:
         raise InputError(f"expected whole periods of {plants.period:g} s, got {delay:g} s", key="plant.delay")
-    if late and STATE in asked:
-        raise InputError("state is observed at once, other sensors late: give one or the other", key="sensors")
     read = {name: value for sensor in asked for name, value in known[sensor].items()}
     exact = known[STATE] if STATE in asked else {}
     std = [0.0 if name in exact else scene.plant.noise * measurement_std(scene, name) for name in read]
@@ -79,7 +78,8 @@ def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
         len(read) + len(touched),
     )
     contacts = tuple(model.system.touch_names[k] for k in touched)
-    return Sensing(asked, tuple(read), np.array(std), late, contacts, periods)
+    at_once = np.array([name in exact for name in read])
+    return Sensing(asked, tuple(read), np.array(std), late, at_once, contacts, periods)
 
 
 def _function(name: str, given: dict[str, ca.SX], value: ca.SX) -> ca.Function:

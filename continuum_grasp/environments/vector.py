@@ -275,6 +275,7 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         if self._sensing.late:
             self._past[:-1] = self._past[1:]
         self._past[-1] = self._readings[:, : len(self._sensing.names)]
+        self._past[0][:, self._sensing.at_once] = self._past[-1][:, self._sensing.at_once]
         terminated = stopped > 0
         reward = -cost
         info: dict[str, Any] = {}

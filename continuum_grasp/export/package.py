@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments, positive, whole
 from continuum_grasp.control.rti_solver import RtiSolver
-from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError, check_errors, error_bounds
 from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.control.loop import Loop
@@ -243,13 +242,17 @@ def controller_of(scene: ControlScene) -> tuple[Contents, Loop]:
     return _contents(subject, [PARTS["mpc"](subject)], names_of(scene)[0]), loop
 
 
+_SOLVERS = Consumer(
+    "export-c of a solver", {"ranges": "a solver of a problem takes any finite number: expected no ranges"}
+)
+
+
 def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked, longest: float | None) -> Subject:
     """The model and the loop that it is part of, or a solver's loop alone."""
     prefix = prefix_of(asked.prefix)
     count = None if asked.substeps is None else whole("substeps", asked.substeps, 1, MOST_SUBSTEPS)
     if isinstance(source.loop, RtiSolver):
-        if asked.ranges:
-            raise InputError("a solver of a problem takes any finite number: expected no ranges", key="ranges")
+        _SOLVERS.check(source, of={"ranges": bool(asked.ranges)})
         return Subject(prefix, kind, loop=Loop.of_solver(source.loop, kind))
     # Estimator and controller have the object in a model of their own.
     alone, ranges = {*OF_LOOPS, "metadata"}.issuperset(names), asked.ranges or {}

@@ -19,6 +19,7 @@ from continuum_grasp.export.fields import Real
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
 from continuum_grasp.model import FingerModel, ModelOptions
 from continuum_grasp.model.stumpff import ROUNDING
+from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.simulate import Scene
@@ -142,15 +143,24 @@ def prefix_of(given: Any) -> str:
     return given
 
 
+_NO_LOOP = "needs a closed loop (finger, controller, ...)"
+_UNSEEN = "this scene has no estimator: leave the part out"
+_ALONE = "contact needs an object and its contact_law in the scene: leave the part out"
+_PARTS = (
+    beside("export-c of no closed loop", lambda s: s.loop is None, "what=estimator what=mpc", _NO_LOOP),
+    beside("export-c of no estimator", lambda s: not getattr(s.loop, "estimator", None), "what=estimator", _UNSEEN),
+    beside("export-c of no contact", lambda s: not (s.surroundings and s.surroundings.object), "what=contact", _ALONE),
+)
+
+
 def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
     """Names of the parts of a package, in their order; by default those that suit what is exported."""
     if what is None:
-        loop = source.loop
-        observed = isinstance(loop, ControlScene) and loop.estimator is not None
-        without = () if loop is None or observed else ("estimator",)
-        usual = [name for name in PARTS if name not in ASKED_FOR]
-        what = [name for name in usual if (name in OF_LOOPS) == (loop is not None) and name not in without]
+        without = (*ASKED_FOR, *(() if getattr(source.loop, "estimator", None) else ("estimator",)))
+        what = [name for name in PARTS if (name in OF_LOOPS) == (source.loop is not None) and name not in without]
     names = chosen([what] if isinstance(what, str) else what, PARTS, "part", "what")
+    for one in _PARTS:
+        one.check(source, of={f"what={name}": "what" for name in names})
     if names == ["metadata"]:
         raise InputError("metadata describes the structs of other parts: ask for one of them too", key="what")
     return [name for name in PARTS if name in names]

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import positive, real_array
 from continuum_grasp.errors import InputError
+from continuum_grasp.scene.identify import OF_BENDS
 from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
@@ -254,8 +255,7 @@ def _check_readings(name: str, readings: Sequence[Reading], count: int) -> None:
         if reading.quantity not in UNIT_OF:
             message = f"expected one of {', '.join(UNIT_OF)}, got {reading.quantity!r}"
             raise InputError(message, key=f"{name}.measured[{k}].quantity")
-        if reading.since is not None and reading.quantity != "bend":
-            raise InputError(f"since goes with bend, not with {reading.quantity}", key=f"{name}.measured[{k}].since")
+        OF_BENDS.check(reading, f"{name}.measured[{k}]", {"since": reading.since is not None})
         column(f"{name}.measured[{k}].values", reading.values, count)
         _check_deviation(f"{name}.measured[{k}].sigma", reading.sigma)
 

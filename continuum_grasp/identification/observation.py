@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import cast
 
 import casadi as ca
 import numpy as np
@@ -11,6 +12,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.identification.data import Reading
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.winches import Motor
+from continuum_grasp.scene.consumer import needs
 
 
 def at_rest(model: FingerModel, readings: Sequence[Reading], q: ca.SX, u: ca.SX, p: ca.SX, *history: ca.SX) -> ca.SX:
@@ -84,6 +86,13 @@ def _along(model: FingerModel, one: Reading, q: ca.SX, u: ca.SX, p: ca.SX) -> ca
     return model.orientation(q, u, s, p) - base
 
 
+_MOTORS = " ".join(f"data.measured.quantity={name}" for name in ("motor_angle", "torque", "current"))
+_OF_MOTORS = (
+    needs("identify", _MOTORS, "kind=motor", "is that of a motor: this drive has another kind"),
+    needs("identify", "data.measured.quantity=current", "torque_constant", "needs drive.torque_constant, or a torque"),
+)
+
+
 def _at_drive(model: FingerModel, one: Reading, u: ca.SX, tensions: ca.SX, states: ca.SX) -> ca.SX:
     number, winches = (one.of or 1) - 1, model.structure.winches
     count = len(model.finger.tendon_list) if one.quantity == "tension" else len(winches)
@@ -96,16 +105,13 @@ def _at_drive(model: FingerModel, one: Reading, u: ca.SX, tensions: ca.SX, state
     winch, own = winches[number], states[start : start + winches[number].states]
     if one.quantity == "length":
         return winch.radius * own[0]
-    if not isinstance(winch, Motor):
-        raise InputError(f"{one.quantity} is that of a motor; this drive has kind: {winch.drive.kind}", key="measured")
+    for each in _OF_MOTORS:
+        each.check(winch.drive, of={f"data.measured.quantity={one.quantity}": "measured"})
     if one.quantity == "motor_angle":
         return own[0]
-    torque = ca.SX(winch.torque(u[number], own[0], own[1]))
-    if one.quantity == "torque":
-        return torque
-    if winch.drive.torque_constant is None:
-        raise InputError("current needs drive.torque_constant; or read torque", key="measured")
-    return torque / winch.drive.torque_constant
+    motor = cast(Motor, winch)
+    torque = ca.SX(motor.torque(u[number], own[0], own[1]))
+    return torque if one.quantity == "torque" else torque / cast(float, motor.drive.torque_constant)
 
 
 def check_tensions(model: FingerModel, readings: Sequence[Reading], name: str) -> None:

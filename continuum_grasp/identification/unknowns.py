@@ -5,7 +5,8 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from functools import partial
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.labels import unit_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.laws import numbers_of
+from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.identify import Estimate
 from continuum_grasp.scene.rod import Rod
@@ -45,6 +47,32 @@ _POSITIVE = (
     LAG,
 )
 """The model divides by these, or means nothing without them; the others may be zero, but not negative."""
+
+
+_GRADED = "needs a rod whose whole stiffness follows from rod.youngs_modulus; or estimate bending_stiffness, a factor"
+_UNIFORM = "needs a rod with a diameter, or second_moment [m4]; or estimate bending_stiffness"
+_OWN = "state the rest_curvature of the finger, not that of its rod, to estimate it"
+_MODULUS, _OF_TENDONS = "name=youngs_modulus", " ".join(f"name={name}" for name in OF_DRIVE)
+
+
+def _shaped(of: tuple[Rod, Estimate]) -> bool:
+    """Whether the second moment of area follows from what the rod states."""
+    return of[0].graded or of[0].youngs_modulus is not None
+
+
+_refused = partial(beside, at="estimate")
+_DRIVES = (
+    _refused("identify without tendons", lambda f: f.tendons is None, _OF_TENDONS, "needs finger.tendons"),
+    _refused(
+        "identify without drives", lambda f: not (f.tendons or f.chambers), f"name={LAG}", "needs tendons or pressure"
+    ),
+)
+_ESTIMATES = (
+    _refused("identify a rod of a shape", _shaped, "second_moment", "the rod gives it already"),
+    _refused("identify materials", lambda of: of[0].graded and not of[0].one_modulus, _MODULUS, _GRADED),
+    _refused("identify a shape", lambda of: not (_shaped(of) or of[1].second_moment), _MODULUS, _UNIFORM),
+    _refused("identify a bent rod", lambda of: of[0].own_rest_curvature, "name=rest_curvature", _OWN),
+)
 
 
 class Unknown(NamedTuple):
@@ -96,28 +124,26 @@ def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unk
 
 def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     name, finger, rod = asked.name, scene.finger, scene.finger.rod
+    for one in _DRIVES:
+        one.check(finger, key, asked)
+    for one in _ESTIMATES:
+        one.check((rod, asked), key, asked)
     target, factor, nominal, unit = name, 1.0, 0.0, _UNITS.get(name, "")
     if name == "youngs_modulus":
         target = "bending_stiffness"
         if rod.graded:
-            nominal = _modulus(rod, asked, key)
+            nominal = cast(float, rod.youngs_modulus)
             factor = 1.0 / nominal
         else:
-            factor = _second_moment(scene, asked, key)
+            factor = asked.second_moment or rod.stiffness / cast(float, rod.youngs_modulus)
             nominal = rod.stiffness / factor
     elif name == "clamp_angle":
         target = "base_angle"
-    elif name in (*OF_DRIVE, LAG) and finger.tendons is None and not (finger.chambers and name == LAG):
-        raise InputError(f"{name} needs finger.tendons", key=f"{key}.name")
     elif name in OF_DRIVE:
         pass
     elif name == LAG and not finger.winches:
         lags = [one.time_constant for one in finger.tendon_list] + [one.time_constant for one in finger.chambers]
         nominal, unit = max(lag or 0.0 for lag in lags), "s"
-    elif name == "rest_curvature" and rod.own_rest_curvature:
-        raise InputError(
-            "state the rest_curvature of the finger, not that of its rod, to estimate it", key=f"{key}.name"
-        )
     else:
         nominal, unit = _of_model(scene, name, key)
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)
@@ -147,34 +173,6 @@ def prior(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:
     for row, k in zip(rows, known, strict=True):
         row[k] = 1.0 / unknowns[k].sigma
     return rows @ (values - np.array([one.start for one in unknowns])), rows
-
-
-def _modulus(rod: Rod, asked: Estimate, key: str) -> float:
-    """Young's modulus of a graded rod [Pa], to which its stiffness is proportional."""
-    if asked.second_moment is not None:
-        raise InputError("the rod's sections give it already", key=f"{key}.second_moment")
-    if rod.youngs_modulus is None or not rod.one_modulus:
-        raise InputError(
-            "youngs_modulus needs a rod whose whole stiffness follows from rod.youngs_modulus; or estimate "
-            "bending_stiffness, a factor",
-            key=f"{key}.name",
-        )
-    return rod.youngs_modulus
-
-
-def _second_moment(scene: Scene, asked: Estimate, key: str) -> float:
-    """Second moment of area [m4], of the rod's section or as asked for."""
-    rod = scene.finger.rod
-    if rod.youngs_modulus is not None:
-        if asked.second_moment is not None:
-            raise InputError("the rod's section gives it already", key=f"{key}.second_moment")
-        return rod.stiffness / rod.youngs_modulus
-    if asked.second_moment is None:
-        raise InputError(
-            "youngs_modulus needs a rod with a diameter, or second_moment [m4]; or estimate bending_stiffness",
-            key=f"{key}.name",
-        )
-    return asked.second_moment
 
 
 def _of_model(scene: Scene, name: str, key: str) -> tuple[float, str]:

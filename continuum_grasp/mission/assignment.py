@@ -15,7 +15,7 @@ from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.quality.resistance import Resistance
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.mission.commands import Commands, check_commands
+from continuum_grasp.mission.commands import Commands
 from continuum_grasp.mission.resisted import promised
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.control import ControlScene
@@ -147,7 +147,6 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
     base, pose = posture.base.tolist(), found.object_pose.tolist()
     placed: Finger = given.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
     finger = placed if mission.tendons is None else placed.replaced(tendons=mission.tendons)
-    check_commands(finger, "tendons.drive")
     if mission.drive_tension is not None:
         finger = finger.with_tendons(max_tension=mission.drive_tension)
     body = mission.grasp.object.replaced(position=(pose[0], pose[1]), angle=pose[2], free=None)

@@ -8,25 +8,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.errors import InputError
 from continuum_grasp.model.winches import Winch, winches_of
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.finger import Finger
 
 Array = NDArray[np.float64]
-
-TAKEN = ("tensions", "lengths", "angles")
-"""What a mission commands, by its key in ``actuation``."""
-
-
-def check_commands(finger: Finger, key: str) -> None:
-    """Refuse a finger that takes something else than tensions or positions; ``key`` is where it is in the scene."""
-    if not set(finger.input_keys) <= set(TAKEN):
-        raise InputError(
-            f"a mission commands tensions, lengths of winches or angles of motors with a position_gain, not "
-            f"{finger.input_words}",
-            key=key,
-        )
 
 
 class Commands:

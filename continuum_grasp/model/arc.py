@@ -214,7 +214,7 @@ class ArcFamily(Family):
         mesh, (start, end) = self.mesh, self.mesh.ends[element : element + 2]
         value, whole = 1.0 / (end - start), mesh.ends[-1]
         densities = mesh.linear_density, mesh.rotary_inertia
-        one, rest = Curve.uniform(whole, 1.0), Curve.uniform(whole, mean(mesh, element, mesh.rest))
+        one, rest = Curve.along(whole, 1.0), Curve.along(whole, mean(mesh, element, mesh.rest))
         parts = tuple(mesh.panels(element, *densities))
         return Shapes(start, end, one, rest, parts, ((value, value),), (None,), *densities)
 

@@ -221,7 +221,7 @@ class MomentLinearFamily(Family):
     def _hats(self, element: int) -> Shapes:
         """Shapes of a clothoid."""
         start, end = self.mesh.ends[element : element + 2]
-        one, hats = Curve.uniform(self.mesh.ends[-1], 1.0), ((1.0, 0.0), (0.0, 1.0))
+        one, hats = Curve.along(self.mesh.ends[-1], 1.0), ((1.0, 0.0), (0.0, 1.0))
         return Shapes(start, end, one, self.mesh.rest, ((start, end),), hats, (None, None), one, one)
 
     def shapes_at(self, element: int, s: Array) -> Array:

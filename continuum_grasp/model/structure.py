@@ -22,6 +22,7 @@ from continuum_grasp.model.learned_residual import check_residual
 from continuum_grasp.model.parameters import Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, cell_sets
 from continuum_grasp.model.winches import Motor, winches_of
+from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
@@ -29,6 +30,13 @@ from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.scene.simulate import Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.scene.tendons import channels
+
+_CHOSEN = Consumer("models", {"fidelity.tolerance": "has yet to become a model: take choose_fidelity(scene).scene"})
+_LAG = "and tendons.time_constant exclude each other: the lag gives the rates"
+_RATES = (
+    beside("models of a free tip", lambda s: not s.matched, "input_rates", "needs family matched_clothoid"),
+    beside("models with a lag", lambda s: s.lagged, "input_rates", _LAG),
+)
 
 
 class Structure:
@@ -47,10 +55,8 @@ class Structure:
     def _resolve(self, choices: Choices) -> None:
         """Set all attributes; errors are keyed by option."""
         scene = choices.scene
-        if scene is not None and scene.fidelity.tolerance is not None:
-            raise InputError(
-                "a tolerance has yet to become a model: take choose_fidelity(scene).scene", key="fidelity.tolerance"
-            )
+        if scene is not None:
+            _CHOSEN.check(scene)
         self.finger = choices.finger
         self.length = self.finger.rod.length
         self.contacts = choices.numbers("contacts") or ()
@@ -94,10 +100,7 @@ class Structure:
         if self.residual is not None:
             driven = list(dict.fromkeys((*self.x_names[2 * self.n :], *self.u_names)))
             check_residual(self.residual, self.family_name, self.lengths, self.q_names, driven)
-        for k, load in enumerate(self.loads):
-            if not 0.0 <= load.at <= self.length * (1 + 1e-9):
-                message = f"position {load.at} m is not on the finger of {self.length} m"
-                raise InputError(message, key=f"loads[{k}].at")
+        self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
         if self.parameters.is_runtime("element_lengths"):
             shapes = [(source.shape, "tendons or couples that end inside") for source in self.sources]
             curves = [(profile.rest_curvature, "a piecewise rest curvature"), *shapes]
@@ -160,8 +163,14 @@ class Structure:
     @property
     def needs_free_tip(self) -> bool:
         """Whether what the input bends is not known beforehand."""
-        turns = any(self.parameters.is_runtime(f"tip_body_{key}") for key in ("inertia", "across", "along"))
-        return self.finger.needs_free_tip or self.has_tendon_friction or turns
+        return self.finger.needs_free_tip or bool(self._runtime_at_tip)
+
+    @property
+    def _runtime_at_tip(self) -> str:
+        """What a matched tip cannot carry of what run-time arguments may be, in words."""
+        runtime = self.parameters.is_runtime
+        turns = any(runtime(f"tip_body_{key}") for key in ("inertia", "across", "along"))
+        return "tendon friction" if runtime("tendon_friction") else "a body at the tip that turns" if turns else ""
 
     def coordinate_limits(self, lengths: Sequence[float] | None = None) -> list[float]:
         """Greatest absolute value of each coordinate (n) at which no element of these lengths [m] is over its range.
@@ -239,23 +248,9 @@ class Structure:
         return any(isinstance(value, Samples) for value in inputs)
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
-        if self.matched and self.needs_free_tip:
-            what = "tendon friction" if self.has_tendon_friction else self.finger.why_free_tip
-            raise InputError(
-                f"{self.family_name} cannot carry {what} (the moment at the tip then depends on the whole motion): use "
-                f"family {default_family(free_tip=True)}",
-                key="family",
-            )
-        if input_rates and not self.matched:
-            matched = " or ".join(name for name, family in FAMILIES.items() if family.matches_tip)
-            raise InputError(
-                f"input_rates needs family {matched}; {self.family_name} has no use for them",
-                key="input_rates",
-            )
-        if input_rates and self.lagged:
-            raise InputError(
-                "input_rates and tendons.time_constant exclude each other: the lag gives the rates", key="input_rates"
-            )
+        self.finger.check_family("family", self.family_name, self._runtime_at_tip)
+        for one in _RATES:
+            one.check(self, of={"input_rates": bool(input_rates)})
         if input_rates is None:
             input_rates = self.matched and varies and not self.lagged
         names, tip = [], count(1)
@@ -270,7 +265,7 @@ class Structure:
 
     def _sources(self) -> tuple[Source, ...]:
         """What gives bending moments, one per shape."""
-        whole = Curve.uniform(self.length, 1.0)
+        whole = Curve.along(self.length, 1.0)
         drives = len(self.inputs.drives)
         wound = bool(self.finger.winches)
         own = self.has_tendon_friction or wound
@@ -355,7 +350,7 @@ class Structure:
 
     def _mesh(self) -> Mesh:
         """Elements, with the finger along them."""
-        profile, one = self.finger.profile, Curve.uniform(self.length, 1.0)
+        profile, one = self.finger.profile, Curve.along(self.length, 1.0)
         graded = profile.graded
         return Mesh(
             self.lengths,

@@ -19,9 +19,20 @@ from continuum_grasp.model.finger_model import FingerModel
 from continuum_grasp.model.functions import Functions, function_names, named
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.planar import Vec, column
+from continuum_grasp.scene.consumer import beside, needs
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
+
+_ANY = " ".join(f"object_parameters={name}" for name in (*OBJECT_PARAMETERS, CONTACT_FRICTION))
+_SHARE, _PLACE = f"object_parameters={CONTACT_FRICTION}", "object_parameters=object_x object_parameters=object_y"
+_OF_FRICTION, _STATE = "needs contact_law.friction, of whose limit it is a share", "is in x, since the object moves"
+_OF_OBJECTS = (
+    beside("systems without an object", lambda s: s is None, _ANY, "needs an object"),
+    beside("systems without friction", lambda s: not (s.contact_law and s.contact_law.friction), _SHARE, _OF_FRICTION),
+    beside("systems of an object that moves", lambda s: s.object_moves, _PLACE, _STATE),
+    needs("systems", "object_parameters=object_mass", "object_moves", "needs an object that moves"),
+)
 
 
 class System(Functions):
@@ -134,21 +145,15 @@ class System(Functions):
 
     def _checked(self, names: Sequence[str]) -> tuple[str, ...]:
         around = self.surroundings
-        moves = around is not None and around.object_moves
         stations = [f"{k + 1}" for k in range(len(self.finger_model.contacts))]
         known = [*OBJECT_PARAMETERS, *map(friction_parameter, (*stations, "tip"))]
         for k, name in enumerate(names):
             key = f"object_parameters[{k}]"
             if name not in known or name in names[:k]:
                 raise InputError(f"expected each of {', '.join(known)} once at most, got {name!r:.60}", key=key)
-            if around is None:
-                raise InputError("needs an object", key=key)
-            if name.startswith(CONTACT_FRICTION) and (around.contact_law is None or not around.contact_law.friction):
-                raise InputError("needs contact_law.friction, of whose limit it is a share", key=key)
-            if name in ("object_x", "object_y") and moves:
-                raise InputError("the position of an object that moves is in x", key=key)
-            if name == "object_mass" and not moves:
-                raise InputError("needs an object that moves", key=key)
+            kind = CONTACT_FRICTION if name.startswith(CONTACT_FRICTION) else name
+            for one in _OF_OBJECTS:
+                one.check(around, of={f"object_parameters={kind}": key})
         return tuple(names)
 
     @property

@@ -94,35 +94,37 @@ def _put_in_files(document: Document, main: Path) -> None:
     """Put in place what stands in other files: the grasp of a mission or plan, fingers, its own too, and residuals."""
     target = document.value.get("grasp")
     if isinstance(target, str):
-        place = document.place(("grasp",))
-        file = place.beside(target, main)
-        if not file.is_file():
-            raise place.error(f"no such grasp file: {os.path.normpath(file)}", ("grasp",))
-        inner = assembled(file, ())
-        if kind_of(inner.value) != "grasp":
-            raise place.error(
-                f"expected a grasp (finger, object, ...), got a file of kind {kind_of(inner.value)}", ("grasp",)
-            )
+        inner = assembled(named_file(document.place(("grasp",)), target, main, "grasp file", ("grasp",)), ())
+        if (kind := kind_of(inner.value)) != "grasp":
+            message = f"expected a grasp (finger, object, ...), got a file of kind {kind}"
+            raise document.place(("grasp",)).error(message, ("grasp",))
         document.put(("grasp",), inner)
     for path in ((), ("grasp",)):
         if path == () or isinstance(document.value.get("grasp"), dict):
             _put_in_fingers(document, path, main)
     for where in (("fidelity", "residual"), ("plant", "fidelity", "residual")):
         if document.has(where) and isinstance(document.get(where), str):
-            _put_in_residual(document, where, main)
+            file = named_file(document.place(where), document.get(where), main, "file of a learned residual", where)
+            document.put(
+                where, _part_of(file, "a learned residual (family, elements, features, weights, ...)", "weights")
+            )
 
 
-def _put_in_residual(document: Document, path: KeyPath, main: Path) -> None:
-    """Put in place a learned residual that stands in another file."""
-    place = document.place(path)
-    file = place.beside(document.get(path), main)
+def named_file(place: Place, target: str, main: Path, what: str, path: KeyPath) -> Path:
+    """The file that is named at a place, which must be there."""
+    file = place.beside(target, main)
     if not file.is_file():
-        raise place.error(f"no such file of a learned residual: {os.path.normpath(file)}", path)
-    inner = read_yaml(file, name=os.path.normpath(file))
-    if not isinstance(inner.value, dict) or "weights" not in inner.value:
-        raise inner.places[()].error("expected a learned residual (family, elements, features, weights, ...)")
-    take_version(inner)
-    document.put(path, inner)
+        raise place.error(f"no such {what}: {os.path.normpath(file)}", path)
+    return file
+
+
+def _part_of(file: Path, words: str, needed: str = "", foreign: str = "") -> Document:
+    """What a file of a part of a scene says, without its version; it has one key, or another not."""
+    found = read_yaml(file, name=os.path.normpath(file))
+    if not isinstance(found.value, dict) or (needed and needed not in found.value) or foreign in found.value:
+        raise found.places[()].error(f"expected {words}")
+    take_version(found)
+    return found
 
 
 def _put_in_fingers(document: Document, scene: KeyPath, main: Path) -> None:
@@ -146,16 +148,11 @@ def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, 
     place, target = own.place(key), own.get(key)
     if not isinstance(target, str):
         raise place.error("expected the path of a finger file", path + key)
-    file = place.beside(target, main)
+    file = named_file(place, target, main, "finger file", path + key)
     # Resolved, so that links do not hide a circle.
     if os.path.realpath(file) in within:
         raise place.error(f"{target} leads back to itself", path + key)
-    if not file.is_file():
-        raise place.error(f"no such finger file: {os.path.normpath(file)}", path + key)
-    base = read_yaml(file, name=os.path.normpath(file))
-    if not isinstance(base.value, dict) or "finger" in base.value:
-        raise base.places[()].error("expected a finger (rod, damping, tendons, ...)")
-    take_version(base)
+    base = _part_of(file, "a finger (rod, damping, tendons, ...)", foreign="finger")
     if "extends" in base.value:
         base = _resolved(base, (), file, (*within, os.path.realpath(file)))
     if isinstance(own.value, dict):

@@ -27,7 +27,8 @@ class Consumer:
     """A declaration of the keys of a scene that something does not take as they are.
 
     A key is dotted, without indices: it stands for that of each entry of a list or mapping. ``key=word`` is the key
-    with that value alone. A key counts as given where it differs from its default.
+    with that value alone, or that word in a list. A key counts as given where it differs from its default. Arguments of
+    functions and options of commands are declared in the same way, by their names.
 
     Attributes
     ----------
@@ -57,19 +58,22 @@ class Consumer:
     def __post_init__(self) -> None:
         CONSUMERS[self.name] = self
 
-    def check(self, scene: BaseModel, place: str = "") -> tuple[str, ...]:
+    def check(self, scene: Any, place: str = "", of: BaseModel | Mapping[str, Any] | None = None) -> tuple[str, ...]:
         """List what becomes of keys that are taken otherwise, of a scene or of the part of one that is ``at`` a key.
 
-        The key of an `InputError`, of the first that is refused, is seen from there, or begins with ``place``.
+        ``of`` is what has the keys, where that is not the scene: a value, or arguments by name with whether they are
+        given, or as what the error calls them. The key of an `InputError`, of the first that is refused, is seen from
+        there, or begins with ``place``.
         """
         if not self.where(scene):
             return ()
         head = f"{self.at}." if self.at else ""
+        of = scene if of is None else of
         for key, why in self.refused.items():
-            if found := next(_given(scene, key.removeprefix(head)), None):
+            if found := next(_given(of, key.removeprefix(head)), None):
                 raise InputError(why, key=f"{place}.{found}" if place else found)
         return tuple(
-            f"{key}: {text}" for key, text in self.otherwise.items() if any(_given(scene, key.removeprefix(head)))
+            f"{key}: {text}" for key, text in self.otherwise.items() if any(_given(of, key.removeprefix(head)))
         )
 
 
@@ -95,7 +99,11 @@ def excludes(whose: str, keys: str, other: str, why: str, at: str = "") -> Consu
 
 
 def _given(value: Any, key: str, where: str = "") -> Iterator[str]:
-    """Places in a scene where a key is given."""
+    """Places in a scene, or names among arguments, where a key is given."""
+    if not where and isinstance(value, dict):
+        if value.get(key):
+            yield value[key] if isinstance(value[key], str) else key
+        return
     path, _, word = key.partition("=")
     name, _, rest = path.partition(".")
     if isinstance(value, tuple | list):
@@ -104,10 +112,17 @@ def _given(value: Any, key: str, where: str = "") -> Iterator[str]:
     elif isinstance(value, Mapping):
         for label, one in value.items():
             yield from _given(one, key, f"{where}.{label}")
-    elif isinstance(value, BaseModel) and name in type(value).model_fields:
-        one, here = getattr(value, name), f"{where}.{name}".removeprefix(".")
-        default = type(value).model_fields[name].get_default(call_default_factory=True, validated_data={})
+    elif isinstance(value, BaseModel) and (field := _field(type(value), name)):
+        one, here = getattr(value, field), f"{where}.{name}".removeprefix(".")
+        default = type(value).model_fields[field].get_default(call_default_factory=True, validated_data={})
         if rest:
             yield from _given(one, rest + (f"={word}" if word else ""), here)
+        elif word and isinstance(one, tuple):
+            yield from (f"{here}[{k}]" for k, each in enumerate(one) if each == word)
         elif one == word if word else bool(one) if default is PydanticUndefined else one not in (default, None):
             yield here
+
+
+def _field(model: type[BaseModel], key: str) -> str | None:
+    """The field that a key is, where the model has it."""
+    return next((name for name, field in model.model_fields.items() if key == (field.alias or name)), None)

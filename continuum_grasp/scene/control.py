@@ -8,8 +8,8 @@ from typing import Annotated
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
-from continuum_grasp.scene.controller import CommandedScene, Controller, InputLimits, Plant, of_inputs
-from continuum_grasp.scene.cost import Reference, RowSamples
+from continuum_grasp.scene.controller import CommandedScene, Controller, Plant
+from continuum_grasp.scene.cost import Reference, tracked
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reach import check_references
@@ -64,6 +64,12 @@ def _scenarios(*names: str) -> str:
     return " ".join(f"controller.scenarios.{name}" for name in names)
 
 
+def _rigid(scene: ControlScene) -> bool:
+    """Whether the scene leaves open how elastic the plant's tendons are."""
+    own = (tendon.axial_stiffness for tendon in scene.finger.tendon_list)
+    return scene.plant.axial_stiffness is None and None in own
+
+
 def _jumps(scene: ControlScene) -> bool:
     """Whether the plant's tensions, or its tip moment, follow commands at once."""
     return bool(scene.finger.winches) or (scene.lag is None and scene.plant.time_constant is None)
@@ -82,6 +88,7 @@ _EXACT = "needs an estimator: the controller is given the exact state at once"
 _COMMAND = "needs a lag; without one the tension is the command itself"
 _SET, _COMMANDED = "has no effect where the tension is commanded", "is that of commanded tensions"
 _MOVES = "needs an object that moves: set object_moves"
+_ELASTIC = "needs plant.axial_stiffness: a tendon that sticks at two guides must be elastic between them"
 _SEEN = "needs estimator.measured.object, by which the controller knows where it is"
 _STATELESS = "needs finger.tendons.friction above 0: without, the controller's model has no state of friction"
 _FACTOR = "needs finger.damping.material above 0, of which it is a factor"
@@ -141,6 +148,7 @@ _LOOPS = (
     beside("mpc of chambers alone", lambda s: s.finger.chambers and not s.finger.tendons, _BY_TENDONS, _CHAMBERS),
     beside("mpc of pressures at once", lambda s: not s.finger.lagging_pressures, _PRESSURE, _COMMANDED_PRESSURE),
     beside("mpc of rigid tendons", lambda s: not (s.finger.winches or s.plant.guides), "plant.axial_stiffness", _SET),
+    beside("mpc of inelastic tendons", _rigid, "plant.guides", _ELASTIC),
     beside("mpc of an unseen object", lambda s: s.estimator and not _sees(s, "object"), "object_moves", _SEEN),
     beside("mpc of a plant that jumps", lambda s: s.plant.drive_order == 1 or _jumps(s), _MATCHED, _SMOOTH),
     beside("mpc of a plant without a lag", _jumps, "plant.drive_order", "needs plant.time_constant"),
@@ -151,13 +159,14 @@ _LOOPS = (
     beside("mpc of tendons unlike in friction", _blurred, _CONTACT, _BLURRED),
     beside("mpc of winches unfelt", lambda s: _sees(s, "length") and not _sees(s, "tension"), _CONTACT, _PULLED),
     beside("mpc of motors seen late", _late, _CONTACT, _OLD),
-    *of_inputs("mpc", "controller.input"),
+    *tracked("mpc", "controller.cost"),
 )
 
 
 class ControlScene(CommandedScene):
     """A finger, its controller and estimator, its surroundings, and the plant of the closed loop."""
 
+    AT = "controller.input"
     REFUSALS = _LOOPS
 
     fidelity: Fidelity = Fidelity()
@@ -178,7 +187,6 @@ class ControlScene(CommandedScene):
     """How long the closed loop runs [s]."""
 
     def _check(self) -> None:
-        self.controller.input.check(self.finger, "controller.input")
         self._check_references()
         if self.estimator is not None:
             self._check_estimator(self.estimator)
@@ -186,8 +194,7 @@ class ControlScene(CommandedScene):
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
 
     def _check_references(self) -> None:
-        cost, given = self.controller.cost, self.reference
-        given.check(cost, "controller.cost")
+        cost = self.controller.cost
         for key, names in (("contact_force", self.tracked_contacts), ("gap", cost.tracked_gaps(self.contact_names))):
             for name in names:
                 if name not in self.contact_names:
@@ -196,11 +203,6 @@ class ControlScene(CommandedScene):
         if cost.shape is not None:
             self.finger.rod.check_inside("controller.cost.shape.at[{}]", cost.shape.at)
         check_references(self, cost, self.object_moves)
-        if given.input is not None:
-            width = given.input.width if isinstance(given.input, RowSamples) else len(given.input)
-            expected = len(self.input_limits[0])
-            if width != expected:
-                raise ValueError(f"reference.input: expected {self.finger.input_words}, got {width} numbers")
 
     def _doubt_margin(self) -> None:
         """Warn of a weight or delay that leaves no margin for unmodeled dead time.
@@ -226,7 +228,8 @@ class ControlScene(CommandedScene):
 
     def _check_estimator(self, estimator: Estimator) -> None:
         if estimator.contact_detection is not None:
-            estimator.contact_detection.check(self.finger, "estimator.contact_detection")
+            places = estimator.contact_detection.places
+            self.finger.rod.check_inside("estimator.contact_detection.places[{}]", places)
         if estimator.measured.bending is not None:
             self.finger.rod.check_inside("estimator.measured.bending.at[{}]", estimator.measured.bending.at)
         # The estimator corrects the state of a past period and repeats the inputs since, which it has one per period.
@@ -250,10 +253,6 @@ class ControlScene(CommandedScene):
             name for one in self.controller.scenarios for key in one.changes for name in self.scenario_parameters(key)
         ]
         return tuple(dict.fromkeys((*self.parameters, *varied)))
-
-    @property
-    def limits(self) -> InputLimits:
-        return self.controller.input
 
     @property
     def tracked_contacts(self) -> tuple[str, ...]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from operator import attrgetter
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, beside
+from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.cost import Cost
-from continuum_grasp.scene.drives import LengthDrive
+from continuum_grasp.scene.drives import LengthDrive, of_drives
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import CONTROL_METHODS
@@ -20,12 +21,12 @@ from continuum_grasp.scene.value import (
     Distance,
     Duration,
     Friction,
+    Interval,
     Mass,
     NonNegative,
     Position,
     Positive,
     Ratio,
-    Real,
     TimeConstant,
     Value,
 )
@@ -107,121 +108,96 @@ class Bounds(Value):
         return float(finger.curvature_limit_at(s)) if self.curvature == "finger" else self.curvature
 
 
-Range = Annotated[tuple[Real, Real], Field(strict=False)]
-
-
-_BARE = "is for a finger without tendons and chambers"
-_CONTINUOUS = "needs a continuous tip moment: give input or finger.tendons a time_constant, or use clothoid or arc"
-
-
-def of_inputs(verb: str, key: str) -> tuple[Consumer, ...]:
-    """What limits of the input, at a key of a scene, some fingers have no use for."""
-    bare = f"{key}.moment_max {key}.time_constant"
-    return (
-        beside(
-            f"{verb} with tendons",
-            lambda s: "tip_moment" not in s.finger.input_keys,
-            bare,
-            "is for a finger without tendons",
-        ),
-        beside(f"{verb} without a lag", lambda s: s.lag is None, "fidelity.family=matched_clothoid", _CONTINUOUS),
-    )
-
-
 class InputLimits(Value):
     """Limits of the input; tensions are limited by ``finger.tendons`` alone."""
 
     moment_max: Annotated[Positive, Field(examples=[0.3, "0.3 N m"]), Unit("N m")] | None = None
     """Greatest magnitude of the tip moment of a finger without tendons [N m]."""
-    lengths: Annotated[Range, Field(examples=[[-0.012, 0.012]]), Unit("m")] | None = None
+    lengths: Annotated[Interval, Field(examples=[[-0.012, 0.012]]), Unit("m")] | None = None
     """Least and greatest commanded length of every winch [m]; needed for tendons with drive.kind: length."""
-    angles: Annotated[Range, Field(examples=[[-1.5, 1.5], ["-90 deg", "90 deg"]]), Unit("rad")] | None = None
+    angles: Annotated[Interval, Field(examples=[[-1.5, 1.5], ["-90 deg", "90 deg"]]), Unit("rad")] | None = None
     """Least and greatest commanded angle of every drum [rad]; needed for motors with a position_gain."""
-    torques: Annotated[Range, Field(examples=[[-0.01, 0.2]]), Unit("N m")] | None = None
+    torques: Annotated[Interval, Field(examples=[[-0.01, 0.2]]), Unit("N m")] | None = None
     """Least and greatest commanded torque of every motor [N m]; None: torque_max of its drive both ways. A motor with
     one tendon needs no more against it than its dry friction."""
-    currents: Annotated[Range, Field(examples=[[-0.5, 5.0]]), Unit("A")] | None = None
+    currents: Annotated[Interval, Field(examples=[[-0.5, 5.0]]), Unit("A")] | None = None
     """The same as currents, of motors with a torque_constant [A]."""
     rate_max: Annotated[Positive, Field(examples=[600.0]), Unit("unit of the input per second")] | None = None
     """Greatest change of the input per time [unit of the input per second], such as N/s of tensions."""
     time_constant: TimeConstant | None = None
     """Lag of the tip moment of a finger without tendons [s]; that of tendons is in ``finger.tendons``."""
 
-    def check(self, finger: Finger, key: str) -> None:
-        """Refuse limits that do not fit the finger's drive; ``key`` is where they are in the scene."""
-        if "tip_moment" in finger.input_keys and self.moment_max is None:
-            raise ValueError(f"{key}.moment_max is needed: the greatest tip moment of a finger without tendons")
-        self._check_ranges(finger, key)
-        lagging = [tendon.time_constant is not None for tendon in finger.tendon_list]
-        if any(lagging) and not all(lagging):
-            raise ValueError(
-                f"finger.tendons[{lagging.index(False)}].time_constant is needed: under control all tendons lag or none"
-            )
 
-    def _check_ranges(self, finger: Finger, key: str) -> None:
-        taken = finger.input_keys[0]
-        for name in ("lengths", "angles", "torques", "currents"):
-            given = getattr(self, name)
-            if name == taken and given is None and name in ("lengths", "angles"):
-                raise ValueError(f"{key}.{name} is needed: the least and the greatest that the drives are commanded")
-            if given is None:
-                continue
-            if name != taken:
-                raise ValueError(f"{key}.{name} is not what this finger takes, which is {taken.replace('_', ' ')}")
-            if given[0] >= given[1]:
-                raise ValueError(f"{key}.{name}: the least, {given[0]}, must be below the greatest, {given[1]}")
-            most = min((drive.limit for drive in finger.winches if drive.limit is not None), default=math.inf)
-            if max(map(abs, given)) > most:
-                raise ValueError(f"{key}.{name}: {list(given)} is beyond what drive.torque_max allows, {most:g}")
+_OF_MOMENTS = ("moment_max", "time_constant")
+_RANGES = ("lengths", "angles", "torques", "currents")
+_BARE = "is for a finger without tendons and chambers"
+_CONTINUOUS = "needs a continuous tip moment: give input or finger.tendons a time_constant, or use clothoid or arc"
 
-    def limits(self, finger: Finger) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Least and greatest value of each input, in its unit."""
-        ranges = list(zip(*finger.input_limits, strict=True))
-        if "tip_moment" in finger.input_keys:
-            ranges = [(-(self.moment_max or 0.0), self.moment_max or 0.0)]
-        given = self.lengths or self.angles or self.torques or self.currents
-        if given is not None:
-            ranges[: len(finger.winches)] = [given] * len(finger.winches)
-        return tuple(least for least, _ in ranges), tuple(most for _, most in ranges)
 
-    def rest(self, finger: Finger) -> tuple[float, ...]:
-        """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
-        least, most = self.limits(finger)
-        wanted = [drive.at_pretension for drive in finger.winches]
-        wanted += [0.0] * (len(least) - len(wanted))
-        return tuple(min(max(at, low), high) for at, low, high in zip(wanted, least, most, strict=True))
+def _both(*keys: str) -> str:
+    """Keys of limits of the input, in closed loops and in plans."""
+    return " ".join(f"{where}.{key}" for where in ("controller.input", "input") for key in keys)
 
-    def lag(self, finger: Finger) -> float | None:
-        """Shortest time constant of the drive [s]; None: an input acts at once, or by motors that turn."""
-        drives = [drive.time_constant if isinstance(drive, LengthDrive) else None for drive in finger.winches]
-        lags = drives or [t.time_constant for t in finger.tendon_list]
-        lags = [*lags, *(chamber.time_constant for chamber in finger.chambers)] or [self.time_constant]
-        known = [lag for lag in lags if lag is not None]
-        return min(known) if len(known) == len(lags) else None
+
+def _some_lag(scene: CommandedScene) -> bool:
+    return len({tendon.time_constant is None for tendon in scene.finger.tendon_list}) > 1
 
 
 class CommandedScene(FingerScene):
-    """A scene of one finger whose input is chosen, within limits."""
+    """A scene of one finger whose input is chosen, within limits that are at the key ``AT``."""
+
+    AT: ClassVar[str]
+    REFUSALS = (
+        *of_drives("commands", ("controller.input", "input"), *_RANGES),
+        beside("commands of some lags", _some_lag, "finger.tendons.time_constant", "all tendons lag, or none"),
+        beside("commands of pulls", lambda s: "tip_moment" not in s.finger.input_keys, _both(*_OF_MOMENTS), _BARE),
+        beside("commands without a lag", lambda s: s.lag is None, "fidelity.family=matched_clothoid", _CONTINUOUS),
+    )
 
     @property
     def limits(self) -> InputLimits:
         """Limits of the input."""
-        raise NotImplementedError
+        found: InputLimits = attrgetter(self.AT)(self)
+        return found
+
+    def _check(self) -> None:
+        name, limits = self.finger.input_keys[0], self.limits
+        if name == "tip_moment" and limits.moment_max is None:
+            raise ValueError(f"{self.AT}.moment_max is needed: the greatest tip moment of a finger without tendons")
+        given = getattr(limits, name) if name in _RANGES else None
+        if given is None and name in ("lengths", "angles"):
+            raise ValueError(f"{self.AT}.{name} is needed: the least and the greatest that the drives are commanded")
+        most = min((drive.limit for drive in self.finger.winches if drive.limit is not None), default=math.inf)
+        if given is not None and max(map(abs, given)) > most:
+            raise ValueError(f"{self.AT}.{name}: {list(given)} is beyond what drive.torque_max allows, {most:g}")
 
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Least and greatest input, each in its unit."""
-        return self.limits.limits(self.finger)
+        """Least and greatest value of each input, in its unit."""
+        finger, limits = self.finger, self.limits
+        ranges = list(zip(*finger.input_limits, strict=True))
+        if "tip_moment" in finger.input_keys:
+            ranges = [(-(limits.moment_max or 0.0), limits.moment_max or 0.0)]
+        given = limits.lengths or limits.angles or limits.torques or limits.currents
+        if given is not None:
+            ranges[: len(finger.winches)] = [given] * len(finger.winches)
+        return tuple(least for least, _ in ranges), tuple(most for _, most in ranges)
 
     @property
     def rest_input(self) -> tuple[float, ...]:
         """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
-        return self.limits.rest(self.finger)
+        least, most = self.input_limits
+        wanted = [drive.at_pretension for drive in self.finger.winches]
+        wanted += [0.0] * (len(least) - len(wanted))
+        return tuple(min(max(at, low), high) for at, low, high in zip(wanted, least, most, strict=True))
 
     @property
     def lag(self) -> float | None:
-        """Shortest time constant of the drive [s]; None: an input acts at once."""
-        return self.limits.lag(self.finger)
+        """Shortest time constant of the drive [s]; None: an input acts at once, or by motors that turn."""
+        drives = [drive.time_constant if isinstance(drive, LengthDrive) else None for drive in self.finger.winches]
+        lags = drives or [t.time_constant for t in self.finger.tendon_list] or [self.limits.time_constant]
+        known = [lag for lag in lags if lag is not None]
+        return min(known) if len(known) == len(lags) else None
 
 
 class Horizon(Value):

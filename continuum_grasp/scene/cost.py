@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from continuum_grasp.scene.consumer import Consumer, needs
 from continuum_grasp.scene.loads import Sampled
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Length, NonNegative, Position, Positive, Real, Value, Vector2
@@ -173,22 +174,16 @@ class Reference(Value):
             if isinstance(rows, RowSamples) and rows.width != 2:
                 raise ValueError(f"{name}: expected rows of x, y, got {rows.width} entries")
 
-    def check(self, cost: Cost, key: str) -> None:
-        """Refuse, by `ValueError`, tracked quantities without a setpoint and setpoints that nothing tracks.
 
-        ``key`` is where the weights are in the scene.
-        """
-        for name in Reference.model_fields:
-            term = "effort" if name == "input" else name
-            weight, setpoint = getattr(cost, term), getattr(self, name)
-            if weight is not None and setpoint is None and name not in _WITH_DEFAULT:
-                raise ValueError(f"reference.{name} is needed: {key}.{term} tracks it")
-            if weight is None and setpoint is not None:
-                raise ValueError(f"nothing tracks reference.{name}: give {key}.{term} a weight")
-        if cost.shape is not None and self.shape is not None:
-            width = self.shape.width if isinstance(self.shape, RowSamples) else len(self.shape)
-            if width != 2 * len(cost.shape.at):
-                raise ValueError(f"reference.shape needs x, y of {len(cost.shape.at)} sections, got {width} numbers")
+def tracked(verb: str, key: str) -> tuple[Consumer, ...]:
+    """Refuse setpoints that nothing tracks, and weights without a setpoint, at a key of a scene."""
+    terms = {name: "effort" if name == "input" else name for name in Reference.model_fields}
+    found = [
+        needs(verb, f"reference.{name}", f"{key}.{term}", f"nothing tracks it: give {key}.{term} a weight")
+        for name, term in terms.items()
+    ]
+    asked = (name for name in Reference.model_fields if name not in _WITH_DEFAULT)
+    return (*found, *(needs(verb, f"{key}.{name}", f"reference.{name}", f"needs reference.{name}") for name in asked))
 
 
 _WITH_DEFAULT = frozenset({"bending", "input"})

@@ -15,12 +15,21 @@ from pydantic import ValidationError
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import changed, validated
+from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.design import Design, DesignVariable, Tolerance
 from continuum_grasp.scene.document import Document, KeyPath, child
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.problems import input_error
 from continuum_grasp.scene.variation import SceneKey, SceneKeys, Tie
 
+_ONE = (
+    "payload is that of one posture, not of a grasp that must hold for many; expected another cost and other limits, "
+    "or friction_states: pulled without robust"
+)
+_PAYLOADS = (
+    Consumer("design of a payload", {"robust": _ONE}),
+    beside("design of a payload with friction", lambda scene: scene.state_columns, "friction_states=any", _ONE),
+)
 SINGLE = "scene"
 """Name of the case of a design that lists none."""
 
@@ -118,13 +127,8 @@ class DesignSpace:
 
 def _check_payload(design: Design, scene: GraspScene) -> None:
     """Refuse to seek the greatest mass of grasps that must hold for many errors or friction states."""
-    key = "robust" if scene.robust is not None else "friction_states" if scene.state_columns else ""
-    if key and "payload" in design.used:
-        raise InputError(
-            "payload is that of one posture, not of a grasp that must hold for many; expected another cost and other "
-            "limits, or friction_states: pulled without robust",
-            key=key,
-        )
+    for one in _PAYLOADS if "payload" in design.used else ():
+        one.check(scene)
 
 
 def design_space_of(design: Design, document: Document, file: str | os.PathLike[str]) -> DesignSpace:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import Consumer, excludes, needs
+from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Extent, NonNegative, Positive, TimeConstant, Value
 
@@ -20,6 +21,21 @@ COMMANDS = {
     "pressures": ("pressure", "Pa"),
 }
 """Name and unit of what a finger takes, by its key in ``actuation``."""
+_TAKES = (
+    "is not what this finger takes: tip_moment without tendons and chambers, pressures of chambers, tensions of "
+    "tendons without drive, lengths with drive.kind: length; of motors angles with a position_gain, else currents with "
+    "a torque_constant, else torques"
+)
+
+
+def of_drives(whose: str, at: Sequence[str], *keys: str) -> tuple[Consumer, ...]:
+    """Refuse commands or limits of them, ``at`` keys of scenes of one finger, of other drives than it has."""
+
+    def one(key: str) -> Consumer:
+        places = " ".join(f"{where}.{key}" for where in at)
+        return beside(f"{whose} without {key}", lambda scene: key not in scene.finger.input_keys, places, _TAKES)
+
+    return tuple(map(one, keys))
 
 
 _AT = "finger.tendons.drive"

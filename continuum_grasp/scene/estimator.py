@@ -7,7 +7,6 @@ from typing import Annotated
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import excludes, needs
-from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Duration,
@@ -166,10 +165,6 @@ class ContactDetection(Value):
     places: Annotated[tuple[Length, ...], Field(strict=False)] = ()
     """Positions along the finger where a contact may be [m], for which forces are reported; none: the middle and the
     tip."""
-
-    def check(self, finger: Finger, key: str) -> None:
-        """Refuse places that a finger has not."""
-        finger.rod.check_inside(f"{key}.places[{{}}]", self.places)
 
 
 _DRIFT = "needs its drift among disturbances: what does not drift is not estimated"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import Field
 
+from continuum_grasp.errors import InputError
 from continuum_grasp.scene.consumer import beside, excludes
 from continuum_grasp.scene.damping import Damping
 from continuum_grasp.scene.drives import COMMANDS, LengthDrive, MotorDrive
@@ -19,7 +20,7 @@ from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
 from continuum_grasp.scene.pressure import Chamber, ChamberList
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.section_laws import FIT_MATCHED_TIP, SECTION_LAWS
-from continuum_grasp.scene.tendons import Tendon, TendonList, Tendons, channels, check_tendons, single_tendons
+from continuum_grasp.scene.tendons import ALIKE, Tendon, TendonList, Tendons, channels, check_tendon, single_tendons
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
@@ -116,6 +117,7 @@ class Finger(Value):
         excludes("finger", "stops.curvature", "rod.spirob", "is given already: its gaps close there", "finger"),
         beside("finger of no thickness", lambda f: not f.rod.own_thickness, "strain_limit", _THICK, "finger"),
         beside("finger of a bent rod", lambda f: f.rod.own_rest_curvature, "rest_curvature", "rod has it", "finger"),
+        *ALIKE,
     )
 
     rod: Rod
@@ -182,9 +184,10 @@ class Finger(Value):
                 )
 
     def _check_tendons(self) -> None:
-        check_tendons(self.tendons, self.rod.length)
         for k, tendon in enumerate(self.tendon_list):
-            key = f"tendons[{k}].offset" if isinstance(self.tendons, tuple) else "tendons.offset"
+            key = f"tendons[{k}]" if isinstance(self.tendons, tuple) else "tendons"
+            check_tendon(key, tendon, self.rod.length)
+            key = f"{key}.offset"
             most, half = tendon.greatest_offset, self.half_thickness
             if half is not None and 0.0 < half < most:
                 doubt(
@@ -351,11 +354,15 @@ class Finger(Value):
             self.tip_body.rotary_inertia > 0.0 or self.tip_body.center_of_mass != (0.0, 0.0)
         )
 
-    def check_family(self, key: str, family: str) -> None:
-        """Refuse a curvature family, stated at ``key``, that cannot bend as the finger does."""
-        if FAMILIES[family].matches_tip and self.needs_free_tip:
+    def check_family(self, key: str, family: str, runtime: str = "") -> None:
+        """Refuse a curvature family, stated at ``key``, that cannot bend as the finger does.
+
+        ``runtime`` says what else it cannot carry, of what a model has as run-time arguments.
+        """
+        if FAMILIES[family].matches_tip and (runtime or self.needs_free_tip):
             free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)
-            raise ValueError(f"{key}: {family} cannot carry {self.why_free_tip}; use {free}")
+            what = f"{runtime or self.why_free_tip} (the moment at the tip then depends on the whole motion)"
+            raise InputError(f"{family} cannot carry {what}: use {free}", key=key)
 
     def with_tendons(self, **changes: Any) -> Self:
         """The same with changes of every tendon; of a finger without tendons, itself."""

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Annotated, NamedTuple, TypeAlias, TypeVar
+from typing import Annotated, TypeAlias, TypeVar
 
 from pydantic import Field
 
@@ -26,15 +25,6 @@ Curvature = Annotated[Real, Unit("1/m")]
 
 _MOST_UNIT = 0.5 * math.pi
 """Greatest turn of one unit of a spiral [rad]: a spiral of fewer than four units a turn is none."""
-
-
-class Positioned(NamedTuple):
-    """What is known of a rod at a position, to be checked; ``key`` is where the user states it."""
-
-    key: str
-    at: float  # [m]
-    thickness: float | None  # [m]
-    bending_stiffness: float | None  # [N m2]
 
 
 def ends(value: float | tuple[float, float]) -> tuple[float, float]:
@@ -125,18 +115,11 @@ class RodSection(Value):
                 "a section needs thickness and width, or diameter, or bending_stiffness and linear_density"
             )
 
-    def completed(self, rod: Mapping[str, float | None]) -> RodSection:
-        """With what the rod states for those of its sections that do not, where it concerns them."""
+    @property
+    def left_to_rod(self) -> tuple[str, ...]:
+        """Keys that concern it, and that it leaves to the rod."""
         keys = ("youngs_modulus", "density", "rotary_inertia") if self.shaped else ("rotary_inertia",)
-        return self.model_copy(update={key: rod[key] for key in keys if getattr(self, key) is None})
-
-    def positioned(self, start: float, key: str) -> list[Positioned]:
-        """What is known at its two ends."""
-        unknown = (None, None)
-        thickness = unknown if self.thick is None else ends(self.thick)
-        stiffness = unknown if self.bending_stiffness is None else ends(self.bending_stiffness)
-        places = (start, self.to)
-        return [Positioned(key, at, h, b) for at, h, b in zip(places, thickness, stiffness, strict=True)]
+        return tuple(key for key in keys if getattr(self, key) is None)
 
 
 class RodSamples(Value):
@@ -166,13 +149,6 @@ class RodSamples(Value):
             values = getattr(self, key)
             if values is not None and len(values) != len(self.at):
                 raise ValueError(f"{key} must have one entry per position ({len(self.at)}), got {len(values)}")
-
-    @property
-    def positioned(self) -> list[Positioned]:
-        """What is known at each sample."""
-        thickness = self.thickness or (None,) * len(self.at)
-        values = zip(self.at, thickness, self.bending_stiffness, strict=True)
-        return [Positioned(f"samples.at[{k}]", at, h, b) for k, (at, h, b) in enumerate(values)]
 
 
 class SpiRob(Value):

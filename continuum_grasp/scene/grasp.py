@@ -65,8 +65,15 @@ _PAIR = (
 _ARRANGED = "tendons.drive.arrangement"
 _TAUT = "keeps the antagonist taut, and tendons_used leaves none: set it to 0"
 _ALONE = "one_pulley moves both tendons, and tendons_used leaves one: use per_tendon"
+_PLACES = "stations stand in place of middle contacts: give one of them"
+_NO_TABLE = "an object stands on a table only where gravity.mode is out_of_plane"
+ON_A_TABLE = beside(
+    "grasp in the plane", lambda s: s.gravity.mode != "out_of_plane", "closing.table_friction", _NO_TABLE
+)
 _GRASPS = (
     Consumer("grasp", _OF_FIDELITY),
+    beside("grasp by stations", lambda s: any(one.stations for one in s.setups), "contacts.middle", _PLACES),
+    ON_A_TABLE,
     beside("grasp with dry friction", lambda s: any(one.finger.has_dry_friction for one in s.setups), "closing", _DRY),
 )
 _FINGERS = (
@@ -75,6 +82,7 @@ _FINGERS = (
     beside("grasp by a tendon", lambda f: f.tendons_used != "both", "tendons.min_tension", _TAUT, "finger"),
     beside("grasp by one", lambda f: f.tendons_used != "both", f"{_ARRANGED}=one_pulley", _ALONE, "finger"),
 )
+_STATIONS = beside("grasp of a finger by stations", lambda one: one.stations, "contacts.middle", _PLACES, "finger")
 
 
 @dataclass(frozen=True)
@@ -291,9 +299,8 @@ class GraspScene(Configuration, Supported):
 
     def friction(self, contact: str) -> float:
         """Friction coefficient of a contact by its name [1]."""
-        for setup in self.setups:
-            if contact.startswith(setup.name + "."):
-                return setup.friction
+        if (own := self._finger_of(contact)) is not None:
+            return own.friction
         for body in self.places:
             if (contact == body.name or contact.startswith(body.name + ".")) and body.friction is not None:
                 return body.friction
@@ -301,10 +308,11 @@ class GraspScene(Configuration, Supported):
 
     def normal_force_max(self, contact: str) -> float:
         """Greatest normal force of a contact by its name [N]."""
-        for setup in self.setups:
-            if contact.startswith(setup.name + "."):
-                return setup.normal_force_max
-        return self.contacts.normal_force_max
+        own = self._finger_of(contact)
+        return self.contacts.normal_force_max if own is None else own.normal_force_max
+
+    def _finger_of(self, contact: str) -> FingerSetup | None:
+        return next((setup for setup in self.setups if contact.startswith(f"{setup.name}.")), None)
 
     def gap_range(self, body: Place) -> tuple[float, float]:
         """Least and greatest distance of the object from a support within the bounds of its pose [m], or beyond them.
@@ -329,9 +337,8 @@ class GraspScene(Configuration, Supported):
         fidelity = finger.fidelity or self.fidelity
         middle, after = contacts["middle"], contacts["middle_after"]
         middles: tuple[Switch, ...] = (cast(Switch, middle),) if isinstance(middle, str) else middle
-        count = contacts["stations"]
-        if count is not None:
-            middles = ("auto",) * count
+        places: Any = contacts["stations"] or 0
+        middles = ("auto",) * places or middles
         elements = fidelity.elements
         # Two per segment between base, contacts and tip.
         count = elements if isinstance(elements, int) else max(3, 2 * (len(middles) + 1))
@@ -340,11 +347,7 @@ class GraspScene(Configuration, Supported):
         length = finger.rod.length
         # A contact at base or tip would leave an element of no length.
         low, high = contacts["middle_range"] or (0.05 * length, 0.95 * length)
-        stations = (
-            ()
-            if contacts["stations"] is None
-            else tuple(low + (high - low) * k / (len(middles) - 1) for k in range(len(middles)))
-        )
+        stations = tuple(low + (high - low) * k / (places - 1) for k in range(places))
         # All elements together may bend by two turns, and each by 120 degrees at least; tapered ones, of which the
         # greatest curvature counts, by 180.
         bends = max(4 * math.pi / count, (1.0 if is_graded(finger) else 2.0 / 3.0) * math.pi)
@@ -389,7 +392,8 @@ class GraspScene(Configuration, Supported):
             raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
         for one in _FINGERS:
             one.check(finger, where)
-        self._check_drive(setup, where)
+        if setup.drive is not None and not setup.drive.greatest > 0.0:
+            raise ValueError(f"{where}.tendons.drive.torque_max is no more than coulomb_friction: it pulls nothing")
         if isinstance(fidelity.elements, tuple):
             raise ValueError("fidelity.elements must be a number here: the lengths of the elements are sought")
         if all(m == "off" for m in setup.middles) and setup.tip == "off":
@@ -419,8 +423,7 @@ class GraspScene(Configuration, Supported):
                 f"fidelity.bending_range = {setup.bending_range} rad is more than an element of family "
                 f"{setup.family} can follow (one turn): take more elements, or family: {wider}"
             )
-        if setup.stations and (finger.contacts.middle or self.contacts.middle != "on"):
-            raise ValueError(f"{where}: contacts.stations stands in place of contacts.middle: give one of them")
+        _STATIONS.check(setup, where, finger)
         high = setup.middle_bounds[1]
         if high >= length:
             raise ValueError(f"contacts.middle_range ends at {high} m; {where} is {length} m long")
@@ -430,13 +433,6 @@ class GraspScene(Configuration, Supported):
             raise ValueError(
                 f"{where}.base lies {-gap:.4g} m inside the object (half thickness of the finger included)"
             )
-
-    def _check_drive(self, setup: FingerSetup, where: str) -> None:
-        law, key = setup.drive, f"{where}.tendons"
-        if law is None:
-            return
-        if not law.greatest > 0.0:
-            raise ValueError(f"{key}.drive.torque_max is no more than coulomb_friction: the motor pulls nothing")
 
     def _check_bases(self) -> None:
         for one, other in self.pairs:

@@ -48,11 +48,14 @@ class Condition(Column):
 _Conditions = Annotated[tuple[Condition, ...], Field(strict=False)]
 
 
+OF_BENDS = beside("identify but by a bend", lambda one: one.quantity != "bend", "since", "goes with bend", _READ)
+
+
 class ReadingColumn(Column):
     """A column with what was measured at a section, or at the drive of a tendon."""
 
     REFUSALS = (
-        beside("identify but by a bend", lambda one: one.quantity != "bend", "since", "goes with bend", _READ),
+        OF_BENDS,
         beside("identify by sections", lambda one: one.quantity not in _OF_DRIVE, "of", _DRIVES, _READ),
         beside("identify by drives", lambda one: one.quantity in _OF_DRIVE, "at", "goes with sections", _READ),
     )
@@ -93,20 +96,23 @@ class _Data(Value):
     """holdout: predicted and compared, not fitted."""
 
 
-class StaticPoses(_Data):
+class _Rows(_Data):
+    conditions: _Conditions = ()
+    """Columns with loads, inputs and parameters of each row."""
+    holdout_rows: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = ()
+    """Rows, counted from 1 among those read, that are predicted and not fitted."""
+
+
+class StaticPoses(_Rows):
     """Shapes at rest: a row per load case."""
 
     kind: Literal["static"]
     """Shapes at rest."""
-    conditions: _Conditions = ()
-    """Columns with loads, inputs and parameters of each row."""
     measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False, min_length=1)]
     """Columns with what was measured."""
     sequence: bool = False
     """Whether the rows follow one another, so that the friction of each comes from those before it; the first is
     reached as ``initial.reached_by`` says. False: each row is reached by itself."""
-    holdout_rows: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = ()
-    """Rows, counted from 1 among those read, that are predicted and not fitted."""
 
 
 class StartPrior(Value):
@@ -171,7 +177,7 @@ class RingDown(_Data):
     """Natural mode that rings, from 1."""
 
 
-class FrequencyTable(_Data):
+class FrequencyTable(_Rows):
     """Frequencies of free vibration: a row per mode and configuration."""
 
     kind: Literal["frequencies"]
@@ -182,10 +188,6 @@ class FrequencyTable(_Data):
     """Column of the frequency of the damped vibration [Hz]."""
     decay_rate: ColumnLike | None = None
     """Column of the decay rate of its amplitude [1/s]; None: not measured."""
-    conditions: _Conditions = ()
-    """Columns with loads, inputs and parameters of each row."""
-    holdout_rows: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = ()
-    """Rows, counted from 1 among those read, that are predicted and not fitted."""
 
 
 DataSet = Annotated[StaticPoses | TipTrajectory | RingDown | FrequencyTable, Field(discriminator="kind")]

@@ -10,7 +10,8 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.controller import Horizon, Limited, Plant
 from continuum_grasp.scene.estimator import Estimator
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.reach import check_reach
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.tendons import TendonList, Tendons
@@ -165,8 +166,28 @@ _OFF = "is not for missions, which lift the object off a table: give planar or o
 _SEEN = "needs estimator.measured.object, by which the controller knows where the object is"
 _OWN = "needs a grasp of one finger: a controller predicts what its own finger does to the object, not what others do"
 _GIVEN = "has no effect beside tendons, which have a max_tension"
+_TIPS = "grasp.contacts.tip=off grasp.finger.contacts.tip=off grasp.fingers.contacts.tip=off"
+_TAKEN = {"tensions", "lengths", "angles"}
+_CLOSES = "must have the tip: a mission closes with it"
+_JUMPS = "needs a time_constant: tensions that jump throw a fine finger"
+_COMMANDS = "a mission commands tensions, lengths of winches or angles of motors with a position_gain"
+
+
+def _torques(finger: Finger) -> bool:
+    return not _TAKEN.issuperset(finger.input_keys)
+
+
+def _jumps(finger: Finger) -> bool:
+    return not finger.winches and None in {tendon.time_constant for tendon in finger.tendon_list}
+
+
+_CARRIERS = (
+    beside("missions by tensions at once", _jumps, "tendons", _JUMPS, "grasp.finger"),
+    beside("missions by torques", _torques, "tendons", _COMMANDS, "grasp.finger"),
+)
 _MISSIONS = (
     Consumer("missions", {"grasp.gravity.mode=none": _OFF, **dict.fromkeys(_PLANT, _OF_LOOPS)}),
+    beside("missions without a tip", lambda s: any(one.tip == "off" for one in s.grasp.setups), _TIPS, _CLOSES),
     needs("missions", _OF_TURNS, "turn", "needs a turn"),
     needs("missions", "turn", "estimator.measured.object", _SEEN),
     excludes("missions", "estimator.disturbances.object_position", "turn", _MEASURED),
@@ -226,19 +247,15 @@ class MissionScene(Configuration):
     """Plants that differ at random, for ``--trials``."""
 
     def _check(self) -> None:
-        fingers = self.grasp.setups
-        if any(finger.tip == "off" for finger in fingers):
-            raise ValueError("grasp.contacts must have the tip: a mission closes with it")
         self._check_turn()
-        for finger in fingers:
-            self._check_finger(finger, "grasp.finger" if self.grasp.fingers is None else f"grasp.fingers.{finger.name}")
-
-    def _check_finger(self, setup: FingerSetup, key: str) -> None:
-        length = setup.finger.rod.length
-        own = setup.finger if self.tendons is None else setup.finger.replaced(tendons=self.tendons)
-        if not own.winches and any(tendon.time_constant is None for tendon in own.tendon_list):
-            raise ValueError(f"{key}.tendons needs a time_constant: tensions that jump throw a fine finger")
+        for setup in self.grasp.setups:
+            own, where = setup.finger, "grasp.finger" if self.grasp.fingers is None else f"grasp.fingers.{setup.name}"
+            if self.tendons is not None:
+                own, where = own.replaced(tendons=self.tendons), ""
+            for one in _CARRIERS:
+                one.check(own, where)
         # The tip is a contact already, and a contact at the clamped base could not move.
+        length = min(setup.finger.rod.length for setup in self.grasp.setups)
         if any(not 0.0 < at < length for at in self.more_contacts):
             raise ValueError(f"more_contacts must lie between base and tip of each finger, within {length} m")
 

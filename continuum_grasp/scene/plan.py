@@ -8,16 +8,16 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field
 
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
-from continuum_grasp.scene.controller import Bounds, CommandedScene, InputLimits, Penalty, of_inputs
-from continuum_grasp.scene.cost import Cost, Reference, Row
+from continuum_grasp.scene.controller import Bounds, CommandedScene, InputLimits, Penalty
+from continuum_grasp.scene.cost import Cost, Reference, Row, tracked
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.reach import check_reach, check_references, stated_ranges
-from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.simulate import Fidelity, Initial, check_commands
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Duration, Length, NonNegative, Position, Positive, Ratio, Value
+from continuum_grasp.scene.value import Duration, Length, NonNegative, Position, Positive, Ratio, Value, check_below
 
 
 def _exact(value: Any) -> Any:
@@ -102,8 +102,7 @@ class DurationRange(Value):
     """Longest duration [s]."""
 
     def _check(self) -> None:
-        if self.least >= self.most:
-            raise ValueError(f"least = {self.least} s must be less than most = {self.most} s")
+        check_below(self, "least", "most")
 
 
 class PlanInput(InputLimits):
@@ -215,7 +214,8 @@ _PLANS = (
 class PlanScene(CommandedScene):
     """A finger that is to move from an initial state to a goal, and what it can touch."""
 
-    REFUSALS = (*_PLANS, *of_inputs("plan", "input"))
+    AT = "input"
+    REFUSALS = (*_PLANS, *tracked("plan", "cost"))
 
     grasp: GraspScene | None = None
     """A grasp of the object by this one finger, or the path of its file relative to this file. It is optimized first:
@@ -254,9 +254,10 @@ class PlanScene(CommandedScene):
     """How the plan is tried on a finer model."""
 
     def _check(self) -> None:
-        self.input.check(self.finger, "input")
-        self._check_inputs()
-        goal = self.goal
+        goal, limits = self.goal, list(zip(*self.input_limits, strict=True))
+        for key, row in (("input.initial", self.input.initial), ("goal.input", goal.targets.get("input"))):
+            if row is not None:
+                check_commands(key, row, limits, self.finger.input_words)
         if goal.shape is not None:
             self.finger.rod.check_inside("goal.shape.at[{}]", goal.shape.at)
         # The base of a plan with a grasp is that of the grasp, which is not known yet.
@@ -279,25 +280,12 @@ class PlanScene(CommandedScene):
         if self.cost is None and self.objective == "tracking":
             raise ValueError("cost is missing, which objective: tracking needs")
         if self.cost is not None:
-            self.reference.check(self.cost, "cost")
             check_references(self, self.cost)
         places = (*self.contacts, self.finger.rod.length)
         for k, load in enumerate(self.loads):
             # The model has forces as inputs at its contacts and tip alone.
             if not any(abs(load.at - at) <= 1e-9 * self.finger.rod.length for at in places):
                 raise ValueError(f"loads[{k}].at = {load.at} m: expected one of contacts or the tip, {list(places)}")
-
-    def _check_inputs(self) -> None:
-        aim = self.goal.input
-        limits = list(zip(*self.input_limits, strict=True))
-        for key, row in (("input.initial", self.input.initial), ("goal.input", aim.value if aim else None)):
-            if row is None:
-                continue
-            if len(row) != len(limits):
-                raise ValueError(f"{key}: expected {self.finger.input_words}, got {len(row)} numbers")
-            for value, (least, most) in zip(row, limits, strict=True):
-                if not least <= value <= most:
-                    raise ValueError(f"{key}: {value} is outside the limits of the input, {least} to {most}")
 
     @property
     def sudden(self) -> bool:
@@ -318,10 +306,6 @@ class PlanScene(CommandedScene):
     def transcription(self) -> str:
         """Method that is taken."""
         return self.method or ("single_shooting" if self.sudden else "multiple_shooting")
-
-    @property
-    def limits(self) -> InputLimits:
-        return self.input
 
     @property
     def model_parameters(self) -> tuple[str, ...]:

@@ -44,11 +44,6 @@ class Curve:
     """Whether the value is the exponential of the polynomial."""
 
     @classmethod
-    def uniform(cls, length: float, value: float) -> Curve:
-        """The same value everywhere."""
-        return cls((0.0, length), ((value,),))
-
-    @classmethod
     def along(cls, length: float, value: Along) -> Curve:
         """What a user gives along a finger: a number, its values at base and tip, or numbers between breaks."""
         if isinstance(value, float | tuple):
@@ -294,7 +289,7 @@ def of_samples(length: float, samples: RodSamples) -> Profile:
 
     def smooth(values: Sequence[float] | None, *, exponential: bool = False) -> Curve:
         if values is None:
-            return Curve.uniform(length, 0.0)
+            return Curve.along(length, 0.0)
         given = np.log(values) if exponential else np.asarray(values)
         return Curve.through(PchipInterpolator(at, given), exponential=exponential)
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.cost import CircleReference, Cost
+from continuum_grasp.scene.cost import CircleReference, Cost, RowSamples
 from continuum_grasp.scene.families import DEFAULT_RANGE
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.objects import GraspObject
@@ -107,6 +107,13 @@ def check_references(scene: Any, cost: Cost, moves: bool = False) -> None:
     places = dict(zip(scene.contact_names, (*scene.contacts, scene.finger.rod.length), strict=True))
     gaps = [places[name] for name in cost.tracked_gaps(scene.contact_names) if name in places]
     at = () if cost.shape is None else cost.shape.at
+    widths = {"shape": (2 * len(at), f"x, y of {len(at)} sections")}
+    widths["input"] = len(scene.input_limits[0]), scene.finger.input_words
+    for name, (width, words) in widths.items():
+        given = getattr(scene.reference, name)
+        got = width if given is None else given.width if isinstance(given, RowSamples) else len(given)
+        if got != width:
+            raise InputError(f"expected {words}, got {got} numbers", key=f"reference.{name}")
     check_reach(scene.finger, "reference", dict(scene.reference), at, scene.object, stated_ranges(scene), gaps, moves)
 
 

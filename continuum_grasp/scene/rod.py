@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import beside, excludes
-from continuum_grasp.scene.graded import Modulus, Positioned, RodFactors, RodSamples, RodSection, SpiRob
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
+from continuum_grasp.scene.graded import Modulus, RodFactors, RodSamples, RodSection, SpiRob
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Extent, Length, NonNegative, Value, doubt_outside
 
@@ -31,6 +32,24 @@ _LEAST_STIFFNESS = 1e-12
 """Least bending stiffness per that of the base [1]: of a cone at the least thickness."""
 _MOST_THICKNESS = 1.0 / 3.0
 """Greatest thickness of a graded rod per length [1]: beyond, it is no thin rod."""
+
+
+_SPIRAL = "spirob needs youngs_modulus and density of the rod"
+_EITHER = f"give either {', '.join(_SECTION_KEYS)} or {', '.join(_LINEAR_KEYS)}, not both"
+
+
+def _is_linear(rod: Rod) -> bool:
+    """Whether a uniform rod is given by mass per length and stiffness."""
+    return not rod.graded and any(getattr(rod, key) is not None for key in _LINEAR_KEYS)
+
+
+def _stated_by_sections(key: str) -> Consumer:
+    """Refuse a material that all sections state by themselves."""
+
+    def nowhere(rod: Rod) -> bool:
+        return rod.sections is not None and not any(key in section.left_to_rod for section in rod.sections)
+
+    return beside(f"rod of sections with {key}", nowhere, key, "no section needs it", "finger.rod")
 
 
 class Rod(Value):
@@ -59,6 +78,12 @@ class Rod(Value):
         beside("rod that is uniform", lambda rod: not rod.graded, "factors", "is for a graded rod", "finger.rod"),
         beside("rod that is graded", lambda rod: rod.graded, _UNIFORM, "is of a uniform rod", "finger.rod"),
         excludes("rod", "youngs_modulus density rotary_inertia", "samples", "samples have their own", "finger.rod"),
+        excludes("rod", "samples spirob", "sections", "sections are given: give one of both", "finger.rod"),
+        excludes("rod", "spirob", "samples", "samples are given: give one of both", "finger.rod"),
+        beside("rod that is linear", _is_linear, "density youngs_modulus", _EITHER, "finger.rod"),
+        needs("rod", "spirob", "youngs_modulus", _SPIRAL, "finger.rod"),
+        needs("rod", "spirob", "density", _SPIRAL, "finger.rod"),
+        *map(_stated_by_sections, ("youngs_modulus", "density", "rotary_inertia")),
     )
 
     length: Annotated[Length, Field(examples=[0.18, "180 mm"])]
@@ -88,9 +113,8 @@ class Rod(Value):
     """Factors on stiffness and mass of a graded rod, everywhere."""
 
     def _check(self) -> None:
-        graded = [k for k in _GRADED_KEYS if getattr(self, k) is not None]
-        if graded:
-            self._check_graded(graded)
+        if self.graded:
+            self._check_graded()
         else:
             self._check_uniform()
         too_large = "m is large for a finger; is it in millimeters? (expected: m)"
@@ -104,13 +128,7 @@ class Rod(Value):
 
     def _check_uniform(self) -> None:
         # The diameter may stand beside both: it says where the strain limit is reached.
-        section = [k for k in _SECTION_KEYS[1:] if getattr(self, k) is not None]
-        linear = [k for k in _LINEAR_KEYS if getattr(self, k) is not None]
-        if section and linear:
-            raise ValueError(
-                f"give either {', '.join(_SECTION_KEYS)} or {', '.join(_LINEAR_KEYS)}, "
-                f"not both; got {', '.join(section + linear)}"
-            )
+        linear = _is_linear(self)
         wanted = _LINEAR_KEYS if linear else _SECTION_KEYS
         missing = [k for k in wanted if getattr(self, k) is None]
         if missing:
@@ -123,18 +141,14 @@ class Rod(Value):
                 f"diameter = {self.diameter} m is not smaller than the length of {self.length} m (both are in meters)"
             )
 
-    def _check_graded(self, graded: list[str]) -> None:
-        kind = graded[0]
-        if len(graded) > 1:
-            raise ValueError(f"{graded[1]} and {kind} exclude each other")
+    def _check_graded(self) -> None:
         if self.sections is not None:
             self._check_section_keys(self.sections)
         elif self.spirob is not None:
-            missing = [key for key in ("youngs_modulus", "density") if getattr(self, key) is None]
-            if missing:
-                raise ValueError(f"spirob needs {' and '.join(missing)} of the rod")
             self.spirob.check(self.length)
-        self._check_values(self._positioned)
+        elif self.samples is not None and not math.isclose(self.samples.at[-1], self.length, rel_tol=1e-9):
+            raise ValueError(f"samples.at: the last, {self.samples.at[-1]} m, must be the length, {self.length} m")
+        self._check_values()
 
     def _check_section_keys(self, sections: tuple[RodSection, ...]) -> None:
         for k, (one, two) in enumerate(pairwise(sections), 1):
@@ -145,58 +159,50 @@ class Rod(Value):
             raise ValueError(f"{last}: the last section must end at the length of {self.length} m")
         for key in ("youngs_modulus", "density"):
             for k, section in enumerate(sections):
-                if section.shaped and getattr(section, key) is None and getattr(self, key) is None:
+                if key in section.left_to_rod and getattr(self, key) is None:
                     raise ValueError(f"sections[{k}] needs {key}, its own or the rod's, since it is given by its shape")
-            if getattr(self, key) is not None and not any(s.shaped and getattr(s, key) is None for s in sections):
-                raise ValueError(f"{key}: no section needs it")
-        if self.rotary_inertia is not None and all(s.rotary_inertia is not None for s in sections):
-            raise ValueError("rotary_inertia: no section needs it")
         known = [section.thick is not None for section in sections]
         if any(known) and not all(known):
             raise ValueError(
                 f"sections[{known.index(False)}] needs a thickness or diameter, as other sections have one"
             )
 
-    def _check_values(self, values: list[Positioned]) -> None:
-        """Refuse what cannot be a rod; ``values`` are at ends of sections, and at samples."""
-        places = [one.at for one in values]
+    def _check_values(self) -> None:
+        """Refuse what cannot be a rod, at ends of sections and at samples."""
+        places = [at for _, at, _ in self._ends]
         for a, b in pairwise(sorted(set(places))):
             if b - a < _LEAST_GAP * self.length:
+                key = self._ends[places.index(b)][0]
+                raise ValueError(f"{key}: {a} m and {b} m are closer than {_LEAST_GAP:g} of the length")
+        profile = self.profile
+        thickest, stiffest = 2.0 * float(profile.half_thickness(0.0)), float(profile.bending_stiffness(0.0))
+        for key, at, tip_side in self._ends:
+            thickness = 2.0 * float(profile.half_thickness(at, tip_side=tip_side))
+            stiffness = float(profile.bending_stiffness(at, tip_side=tip_side))
+            if thickness > _MOST_THICKNESS * self.length:
                 raise ValueError(
-                    f"{values[places.index(b)].key}: {a} m and {b} m are closer than {_LEAST_GAP:g} of the length"
+                    f"{key}: a thickness of {thickness:g} m is more than a third of the length of {self.length} m: not "
+                    "a thin rod"
                 )
-        base = values[0]
-        for one in values:
-            if one.thickness is not None and base.thickness is not None:
-                if one.thickness > _MOST_THICKNESS * self.length:
-                    raise ValueError(
-                        f"{one.key}: a thickness of {one.thickness} m is more than a third of the length of "
-                        f"{self.length} m: not a thin rod"
-                    )
-                if one.thickness < _LEAST_THICKNESS * base.thickness:
-                    raise ValueError(
-                        f"{one.key}: a thickness of {one.thickness} m is less than {_LEAST_THICKNESS:g} of that of the "
-                        f"base, {base.thickness} m: at a point the curvature has no bound; cut the tip off"
-                    )
-            stiffness, most = one.bending_stiffness, base.bending_stiffness
-            if stiffness is not None and most is not None and stiffness < _LEAST_STIFFNESS * most:
+            if thickness < _LEAST_THICKNESS * thickest:
                 raise ValueError(
-                    f"{one.key}: a bending stiffness of {stiffness} N m2 is less than {_LEAST_STIFFNESS:g} of that of "
-                    f"the base, {most} N m2"
+                    f"{key}: a thickness of {thickness:g} m is less than {_LEAST_THICKNESS:g} of that of the base, "
+                    f"{thickest:g} m: at a point the curvature has no bound; cut the tip off"
+                )
+            if stiffness < _LEAST_STIFFNESS * stiffest:
+                raise ValueError(
+                    f"{key}: a bending stiffness of {stiffness:.3g} N m2 is less than {_LEAST_STIFFNESS:g} of that of "
+                    f"the base, {stiffest:g} N m2"
                 )
 
     @property
-    def _positioned(self) -> list[Positioned]:
+    def _ends(self) -> list[tuple[str, float, bool]]:
+        """Where sections begin and end, or samples are [m], with their keys, and whether that is seen from the tip."""
         if self.samples is not None:
-            if not math.isclose(self.samples.at[-1], self.length, rel_tol=1e-9):
-                raise ValueError(f"samples.at: the last, {self.samples.at[-1]} m, must be the length, {self.length} m")
-            return self.samples.positioned
-        starts = [0.0, *(one.to for one in self._all_sections)]
-        return [
-            one
-            for k, (section, start) in enumerate(zip(self._all_sections, starts, strict=False))
-            for one in section.positioned(start, f"sections[{k}]" if self.sections else "spirob")
-        ]
+            return [(f"samples.at[{k}]", at, False) for k, at in enumerate(self.samples.at)]
+        keys = [f"sections[{k}]" for k in range(len(self.sections or ()))] or ["spirob"]
+        spans = zip(keys, pairwise([0.0, *(one.to for one in self._all_sections)]), strict=True)
+        return [(key, at, at == start) for key, (start, end) in spans for at in (start, end)]
 
     @property
     def _all_sections(self) -> tuple[RodSection, ...]:
@@ -212,7 +218,7 @@ class Rod(Value):
         """Refuse positions beyond the tip, but for the rounding of sums; ``key`` has {} for the number of each."""
         for k, at in enumerate(positions):
             if at > self.length * (1 + 1e-9):
-                raise ValueError(f"{key.format(k)} = {at} m is beyond the finger's length of {self.length} m")
+                raise InputError(f"{at} m is beyond the finger's length of {self.length} m", key=key.format(k))
 
     @property
     def graded(self) -> bool:
@@ -235,7 +241,9 @@ class Rod(Value):
     @property
     def own_thickness(self) -> bool:
         """Whether its thickness is known: that of its section, where strain is greatest."""
-        return self._positioned[0].thickness is not None
+        if self.samples is not None:
+            return self.samples.thickness is not None
+        return self._all_sections[0].thick is not None
 
     @property
     def mass_per_length(self) -> float:
@@ -265,8 +273,10 @@ class Rod(Value):
         if self.samples is not None:
             found = of_samples(self.length, self.samples)
         else:
-            own = {key: getattr(self, key) for key in ("youngs_modulus", "density", "rotary_inertia")}
-            found = of_sections(self.length, [section.completed(own) for section in self._all_sections])
+            whole = (
+                one.model_copy(update={k: getattr(self, k) for k in one.left_to_rod}) for one in self._all_sections
+            )
+            found = of_sections(self.length, [*whole])
         if self.spirob is not None:
             stiffness = found.bending_stiffness.scaled(self.spirob.core**3)
             found = replace(

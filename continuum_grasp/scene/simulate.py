@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
-from continuum_grasp.scene.drives import COMMANDS, MotorDrive
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside, needs
+from continuum_grasp.scene.drives import COMMANDS, MotorDrive, of_drives
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import SIMULATION_METHODS
@@ -21,10 +22,10 @@ from continuum_grasp.scene.value import (
     Acceleration,
     Configuration,
     Duration,
+    Increasing,
     Length,
     Real,
     Value,
-    check_increasing,
     check_one_given,
     doubt,
 )
@@ -58,6 +59,7 @@ SEVERAL_MODELS = Consumer("accuracy, fidelity.tolerance", {**_BEYOND_THE_ROD, "i
 _NONE = "has no effect: neither tendons nor bending have friction"
 _AT_REST, _RELEASED = "a named pose is at rest", "has no effect: what holds the finger is released at time zero"
 _HOLDING, _HELD, _HOLDS = "held_by motor_angles", "needs pose: equilibrium", "must be constant"
+_BOTH = "friction_states and reached_by: state need each other"
 
 
 class Fidelity(Value):
@@ -94,6 +96,8 @@ class Initial(Value):
     """State at time zero: a named pose, or bending and rates."""
 
     REFUSALS = (
+        needs("initial", "friction_states", "reached_by=state", _BOTH, "initial"),
+        needs("initial", "reached_by=state", "friction_states", _BOTH, "initial"),
         beside("initial pose by name", lambda one: one.pose, "qd", _AT_REST, "initial"),
         beside(
             "initial pose that is no equilibrium", lambda one: one.pose != "equilibrium", _HOLDING, _HELD, "initial"
@@ -126,19 +130,6 @@ class Initial(Value):
 
     def _check(self) -> None:
         check_one_given(self, "pose", "q")
-        if (self.reached_by == "state") != (self.friction_states is not None):
-            raise ValueError("friction_states and reached_by: state need each other")
-
-    def check_motors(self, finger: Finger) -> None:
-        """Refuse angles of motors that a finger has not."""
-        if self.motor_angles is None:
-            return
-        motors = [drive for drive in finger.winches if isinstance(drive, MotorDrive)]
-        if len(self.motor_angles) != len(motors):
-            raise ValueError(
-                f"initial.motor_angles must have one entry per drive.kind: motor ({len(motors)}), got "
-                f"{len(self.motor_angles)}"
-            )
 
 
 MOST_STATES = 10_000_000
@@ -163,8 +154,6 @@ class Timing(Value):
     longer than the motion; with ``fidelity.tolerance`` it always is."""
 
     def _check(self) -> None:
-        if self.step > self.duration:
-            raise ValueError(f"step ({self.step} s) is longer than duration ({self.duration} s)")
         count = self.duration / self.step
         if count > MOST_STATES:
             raise ValueError(
@@ -200,9 +189,9 @@ class FingerScene(Configuration, Surroundings):
     """The finger."""
     gravity: Acceleration
     """World gravity [m/s2]."""
-    contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
-    """Positions along the finger where contact forces may act [m]; element boundaries. These and the tip are where it
-    touches an object."""
+    contacts: Annotated[tuple[Length, ...], Field(strict=False), Increasing] = ()
+    """Positions along the finger where contact forces may act, increasing [m]; element boundaries. These and the tip
+    are where it touches an object."""
     fidelity: Fidelity = Fidelity()
     """How finely the finger is modeled."""
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
@@ -220,13 +209,14 @@ class FingerScene(Configuration, Surroundings):
                 raise ValueError(
                     f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
                 )
-        check_increasing("contacts", self.contacts, " along the finger")
         if self.fidelity.family is not None:
             self.finger.check_family("fidelity.family", self.fidelity.family)
 
 
 class Scene(FingerScene):
     """One finger with gravity, contacts, loads and, for a simulation, what it can touch, initial state and time."""
+
+    REFUSALS = of_drives("scenes", ["actuation"], *COMMANDS)
 
     actuation: Actuation | None = None
     """None: no input, the finger is passive and its tendons are slack."""
@@ -241,8 +231,16 @@ class Scene(FingerScene):
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
         self.finger.rod.check_inside("initial.held_by[{}].at", (load.at for load in self.initial.held_by))
         if self.actuation is not None:
-            self._check_actuation(self.actuation)
-        self.initial.check_motors(self.finger)
+            given, finger = self.actuation.given, self.finger
+            ranges = list(zip(finger.input_keys, *finger.input_limits, strict=True))
+            for key in dict.fromkeys(finger.input_keys):
+                own = [(least, most) for taken, least, most in ranges if taken == key]
+                allowed = _ALLOWED.get(key, "what drive.torque_max allows, {:g} to {:g}")
+                check_commands(f"actuation.{key}", given.get(key, ()), own, finger.input_words, allowed)
+        motors = sum(isinstance(drive, MotorDrive) for drive in self.finger.winches)
+        if self.initial.motor_angles is not None and len(self.initial.motor_angles) != motors:
+            got = f"got {len(self.initial.motor_angles)}"
+            raise ValueError(f"initial.motor_angles must have one entry per drive.kind: motor ({motors}), {got}")
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")
@@ -252,31 +250,24 @@ class Scene(FingerScene):
         if isinstance(lengths, tuple) and abs(sum(lengths) - length) > 1e-9 * length:
             raise ValueError(f"fidelity.elements add up to {sum(lengths)} m, the finger is {length} m long")
 
-    def _check_actuation(self, actuation: Actuation) -> None:
-        finger, given = self.finger, actuation.given
-        wanted = finger.input_keys
-        if set(given) != set(wanted):
-            has = [f"tendons with drive.kind: {drive.kind}" for drive in finger.winches[:1]]
-            has = has or ["tendons" if finger.tendons else "no tendons"]
-            has += ["pressure"] if finger.chambers else []
-            raise ValueError(
-                f"actuation.{' and '.join(given)} is not what this finger takes, which has {' and '.join(has)}: give "
-                f"{' and '.join(dict.fromkeys(wanted))}"
-            )
-        for key, values in given.items():
-            if len(values) != wanted.count(key):
-                each = {"tensions": "tendon", "pressures": "chamber"}.get(key, "drive")
-                raise ValueError(
-                    f"actuation.{key} must have one entry per {each} ({wanted.count(key)}), got {len(values)}"
-                )
-        ranges = {
-            "tensions": "min_tension = {} N to max_tension = {} N",
-            "pressures": "min_pressure = {} Pa to max_pressure = {} Pa",
-        }
-        places = [(key, k) for key, values in given.items() for k in range(len(values))]
-        for (key, k), one, least, most in zip(places, actuation.values, *finger.input_limits, strict=True):
-            for value in one.values if isinstance(one, Samples) else (one,):
-                if not least <= value <= most:
-                    unit = f" {COMMANDS[key][1]}" if key in ranges else ""
-                    names = ranges.get(key, "what drive.torque_max allows, {:g} to {:g}").format(least, most)
-                    raise ValueError(f"actuation.{key}[{k}] = {value}{unit} is outside {names}")
+
+_ALLOWED = {
+    "tensions": "min_tension = {:g} to max_tension = {:g} N",
+    "pressures": "min_pressure = {:g} to max_pressure = {:g} Pa",
+}
+
+
+def check_commands(
+    key: str,
+    values: Sequence[float | Samples],
+    limits: Sequence[tuple[float, float]],
+    words: str,
+    allowed: str = "the limits of the input, {:g} to {:g}",
+) -> None:
+    """Refuse commands, at a key, that are not as many as there are limits, ``words`` of them, or beyond these."""
+    if len(values) != len(limits):
+        raise ValueError(f"{key}: expected {words}, got {len(values)} numbers")
+    for k, (given, (least, most)) in enumerate(zip(values, limits, strict=True)):
+        for value in given.values if isinstance(given, Samples) else (given,):
+            if not least <= value <= most:
+                raise ValueError(f"{key}[{k}] = {value:g} is outside {allowed.format(least, most)}")

@@ -25,6 +25,7 @@ _PLACE = "is for grasps; here the object starts where position and angle say"
 _LEANING = "is carried by a table parallel to the plane, without point and normal_angle"
 _ONE_TABLE = "needs out_of_plane_gravity, or without it point and normal_angle"
 _BELOW = "is of a table parallel to the plane, without point and normal_angle"
+_WALL = "point and normal_angle belong together: a table in the plane has both"
 _STICKING = "has no effect beside slip_speed, which gives friction no state"
 
 
@@ -77,7 +78,11 @@ class Table(Value):
     with a ``point`` an endless wall in the plane.
     """
 
-    REFUSALS = (beside("table in the plane", lambda table: table.point, "stays friction_radius", _BELOW, "table"),)
+    REFUSALS = (
+        beside("table in the plane", lambda table: table.point, "stays friction_radius", _BELOW, "table"),
+        beside("table below the plane", lambda table: table.normal_angle is None, "point", _WALL, "table"),
+        beside("table without a place", lambda table: table.point is None, "normal_angle", _WALL, "table"),
+    )
 
     friction: Friction
     """Coulomb friction coefficient between it and the object [1]."""
@@ -92,10 +97,6 @@ class Table(Value):
     """A world point of its surface at height zero, where it is perpendicular to the plane [m]."""
     normal_angle: Angle | None = None
     """World angle of its normal, out of the table, along which it moves [rad]; needed with ``point``."""
-
-    def _check(self) -> None:
-        if (self.point is None) != (self.normal_angle is None):
-            raise ValueError("point and normal_angle belong together: a table in the plane has both")
 
     @property
     def wall(self) -> Wall | None:

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from continuum_grasp.scene.consumer import excludes
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Interval, Positive, Real, Value, check_one_given
 from continuum_grasp.scene.varied import InSI, Key, Varied
@@ -34,6 +35,16 @@ _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
 class Grid(Value):
     """Values of one key, each of which is tried with all values of the other keys."""
 
+    REFUSALS = (
+        excludes(
+            "sweep",
+            "from to count spacing",
+            "values",
+            "values stand alone, without from, to, count and spacing",
+            "vary",
+        ),
+    )
+
     values: Values | None = None
     """The values themselves: numbers, words, lists, mappings, or paths of finger files relative to this file."""
     first: Annotated[Annotated[Real, Unit(None)] | None, Field(alias="from", examples=[0.065, "65 mm"])] = None
@@ -47,11 +58,9 @@ class Grid(Value):
 
     def _check(self) -> None:
         ends = (self.first, self.to, self.count)
-        if (self.values is None) == all(end is None for end in ends):
+        if self.values is None and all(end is None for end in ends):
             raise ValueError("give either values, or from, to and count")
         if self.values is not None:
-            if any(end is not None for end in ends) or self.spacing != "linear":
-                raise ValueError("values stand alone, without from, to, count and spacing")
             return
         if any(end is None for end in ends):
             raise ValueError("from, to and count belong together")
@@ -65,12 +74,10 @@ class Grid(Value):
         """The values; those that are computed are rounded to 12 digits, and whole numbers where all are."""
         if self.values is not None:
             return self.values
-        low, high, count = self.first or 0.0, self.to or 0.0, self.count or 2
-        shares = (k / (count - 1) for k in range(count))
-        if self.spacing == "log":
-            found = [low * (high / low) ** share for share in shares]
-        else:
-            found = [low + (high - low) * share for share in shares]
+        import numpy as np
+
+        spaced = np.geomspace if self.spacing == "log" else np.linspace
+        found = spaced(self.first or 0.0, self.to or 0.0, self.count or 2)
         # 0.1 + 2 * 0.1 would print as 0.30000000000000004 in tables and key paths.
         rounded = [float(f"{value:.12g}") for value in found]
         return tuple(map(int, rounded)) if all(value.is_integer() for value in rounded) else tuple(rounded)

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field, field_validator
 
-from continuum_grasp.scene.consumer import excludes, needs
+from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.drives import WinchDrive
 from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Friction, Length, NonNegative, Positive, TimeConstant, Value
 
 if TYPE_CHECKING:
+    from continuum_grasp.scene.finger import Finger
     from continuum_grasp.scene.profile import Channel, Curve
 
 MOST_SLOPE = 0.3
@@ -37,6 +38,8 @@ class _Tensions(Value):
     REFUSALS = (
         needs("finger", "axial_stiffness series_stiffness", "drive", _COMMANDED, _AT),
         needs("finger", "conduit_bend", "friction", at=_AT),
+        needs("finger", "drive", "axial_stiffness", "needs axial_stiffness: the tension follows from it", _AT),
+        needs("finger", "drive", "series_stiffness", "needs series_stiffness: the tension follows from it", _AT),
         excludes(
             "finger", "min_tension", "drive", "must be zero: drives cannot maintain it; see drive.pretension", _AT
         ),
@@ -77,12 +80,6 @@ class _Tensions(Value):
         return given
 
     def _check(self) -> None:
-        if self.drive is not None:
-            for key in ("axial_stiffness", "series_stiffness"):
-                if getattr(self, key) is None:
-                    raise ValueError(
-                        f"{key} is needed: under drive.kind: {self.drive.kind} the tension follows from it"
-                    )
         if self.min_tension >= self.max_tension:
             raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
 
@@ -152,53 +149,59 @@ def single_tendons(tendons: Tendons | tuple[Tendon, ...] | None) -> tuple[Tendon
     return tuple(Tendon(offset=side * tendons.offset, **own) for side in (1.0, -1.0))
 
 
-def check_tendons(tendons: Tendons | tuple[Tendon, ...] | None, length: float) -> None:
-    """Refuse tendons that do not fit a finger of a length [m]."""
-    singles = single_tendons(tendons)
-    keys = [f"tendons[{k}]" if isinstance(tendons, tuple) else "tendons" for k in range(len(singles))]
-    for key, tendon in zip(keys, singles, strict=True):
-        offset, slope = tendon.greatest_offset, abs(tendon.slope(length))
-        if offset >= length:
-            raise ValueError(f"{key}.offset = {offset} m is not smaller than the finger's length of {length} m")
-        if tendon.to is not None and tendon.to > length * (1 + 1e-12):
-            raise ValueError(f"{key}.to = {tendon.to} m is beyond the finger's length of {length} m")
-        if slope > MOST_SLOPE:
-            raise ValueError(
-                f"{key}.offset changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds "
-                "for tendons that are nearly parallel to the backbone"
-            )
-    _check_drives(singles, keys)
-    for first, *others in alike(singles, length):
-        for k in others:
-            if singles[k].time_constant != singles[first].time_constant:
-                raise ValueError(
-                    f"{keys[k]}.time_constant differs from that of {keys[first]}, which runs alike: their moments add "
-                    "up before they lag"
-                )
-
-
-def _check_drives(tendons: tuple[Tendon, ...], keys: list[str]) -> None:
-    """Refuse drives that do not go together."""
-    if not tendons:
-        return
-    first = tendons[0].drive
-    for key, tendon in zip(keys[1:], tendons[1:], strict=True):
-        kinds = [None if drive is None else (drive.key, drive.arrangement) for drive in (first, tendon.drive)]
-        if kinds[0] != kinds[1]:
-            raise ValueError(f"{key}.drive: all tendons of a finger need the same kind of drive, input and arrangement")
-    if first is None or first.arrangement == "per_tendon":
-        return
-    if len(tendons) != 2:
-        raise ValueError(f"{keys[0]}.drive.arrangement: one_pulley needs two tendons, there are {len(tendons)}")
-    names = ("friction", "axial_stiffness", "series_stiffness", "to", "drive")
-    for name in names:
-        if getattr(tendons[0], name) != getattr(tendons[1], name):
-            raise ValueError(f"{keys[1]}.{name} must be that of the other tendon on one_pulley")
-    if any(abs(a + b) > _SAME * abs(a) for a, b in zip(*(ends(t.offset) for t in tendons), strict=True)):
+def check_tendon(key: str, tendon: Tendon, length: float) -> None:
+    """Refuse a tendon, which stands at a key, that does not fit a finger of a length [m]."""
+    offset, slope = tendon.greatest_offset, abs(tendon.slope(length))
+    if offset >= length:
+        raise ValueError(f"{key}.offset = {offset} m is not smaller than the finger's length of {length} m")
+    if tendon.to is not None and tendon.to > length * (1 + 1e-12):
+        raise ValueError(f"{key}.to = {tendon.to} m is beyond the finger's length of {length} m")
+    if slope > MOST_SLOPE:
         raise ValueError(
-            f"{keys[1]}.offset: one_pulley needs tendons at equal distances on both sides: it winds up the one by as "
-            "much as it pays out the other"
+            f"{key}.offset changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds "
+            "for tendons that are nearly parallel to the backbone"
         )
+
+
+def _two_lags(finger: Finger) -> bool:
+    """Whether tendons whose moments add up lag by different times."""
+    groups = alike(finger.tendon_list, finger.rod.length)
+    return any(len({finger.tendon_list[k].time_constant for k in group}) > 1 for group in groups)
+
+
+def _two_kinds(finger: Finger) -> bool:
+    drives = (tendon.drive for tendon in finger.tendon_list)
+    return len({drive and (drive.key, drive.arrangement) for drive in drives}) > 1
+
+
+def _one_sided(finger: Finger) -> bool:
+    """Whether two tendons are not at equal distances on both sides."""
+    pairs = zip(*(ends(tendon.offset) for tendon in finger.tendon_list), strict=True)
+    return len(finger.tendon_list) == 2 and any(abs(a + b) > _SAME * abs(a) for a, b in pairs)
+
+
+def _on_pulley(name: str, where: Callable[[Finger], bool], why: str) -> Consumer:
+    key = "tendons.drive.arrangement=one_pulley"
+    return beside(f"finger of tendons {name}", where, key, f"one_pulley needs {why}", "finger")
+
+
+def _unlike(name: str) -> Consumer:
+    """Refuse two tendons on one pulley that differ."""
+    alike = f"tendons with the same {name}"
+    return _on_pulley(f"unlike in {name}", lambda f: len({getattr(one, name) for one in f.tendon_list}) > 1, alike)
+
+
+_SIDES = "tendons at equal distances on both sides: it winds up the one by as much as it pays out the other"
+_LAGS = "must be that of tendons that run alike: their moments add up before they lag"
+_KINDS = "all tendons of a finger need the same kind of drive, input and arrangement"
+ALIKE = (
+    beside("finger of two kinds of drives", _two_kinds, "tendons.drive", _KINDS, "finger"),
+    beside("finger of two lags", _two_lags, "tendons.time_constant", _LAGS, "finger"),
+    _on_pulley("that are no two", lambda finger: len(finger.tendon_list) != 2, "two tendons"),
+    *map(_unlike, ("friction", "axial_stiffness", "series_stiffness", "to", "drive")),
+    _on_pulley("on one side", _one_sided, _SIDES),
+)
+"""What several tendons of one finger must have alike."""
 
 
 def alike(tendons: tuple[Tendon, ...], length: float, *, apart: bool = False) -> list[list[int]]:

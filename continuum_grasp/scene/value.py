@@ -6,7 +6,7 @@ import ast
 import inspect
 import sys
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -244,14 +244,9 @@ Acceleration = Annotated[Vector2, Unit("m/s2")]
 """In the plane [m/s2]."""
 
 
-def check_increasing(key: str, values: Sequence[float], where: str = "") -> None:
-    """Refuse numbers of which one is not greater than that before it."""
-    if any(b <= a for a, b in pairwise(values)):
-        raise ValueError(f"{key} must increase{where}, got {list(values)}")
-
-
 def _increasing(values: tuple[float, ...], field: ValidationInfo) -> tuple[float, ...]:
-    check_increasing(field.field_name or "values", values)
+    if any(b <= a for a, b in pairwise(values)):
+        raise ValueError(f"{field.field_name or 'values'} must increase, got {list(values)}")
     return values
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.assembly import assembled, changed, kind_of, path_of, placed, validated
+from continuum_grasp.scene.assembly import assembled, changed, kind_of, named_file, path_of, placed, validated
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.document import Change, Document, KeyPath
 from continuum_grasp.scene.grasp import GraspScene
@@ -95,9 +95,7 @@ class SceneKeys:
         self.document = document
         self._folder = file.parent
         place = document.nearest(("scene",))
-        self.file = Path(os.path.normpath(place.beside(config.scene, file)))
-        if not self.file.is_file():
-            raise place.error(f"no such file: {self.file}", ("scene",))
+        self.file = Path(os.path.normpath(named_file(place, config.scene, file, "file", ("scene",))))
         fixed = [self.change(("set", key), key, value) for key, value in config.set.items()]
         self.base = assembled(self.file, fixed)
         self.kind = kind_of(self.base.value)

@@ -223,6 +223,7 @@ _STATICS = Consumer(
     },
 )
 _STOOD = "motors that stand at one angle have no path: command what they do in actuation"
+_WHOLE = Consumer("statics of a given model", {"extra_loads": "the model has them among its loads"})
 _PATH = Consumer("statics of a path", {"initial.motor_angles": _STOOD})
 
 
@@ -238,8 +239,7 @@ def equilibrium(
 ) -> Equilibrium:
     """Find the equilibrium of a scene without ``fidelity.tolerance``; see `continuum_grasp.equilibrium`."""
     _STATICS.check(scene)
-    if model is not None and extra_loads:
-        raise InputError("give extra_loads, or a model that has them among its loads, not both")
+    _WHOLE.check(scene, of={"extra_loads": bool(model is not None and extra_loads)})
     if model is None:
         model = FingerModel(scene, loads=(*scene.loads, *extra_loads), input_rates=False)
     return replace(at_start(scene, model, guess=guess, stable=stable, side=side), scene=scene)

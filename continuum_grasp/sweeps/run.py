@@ -18,6 +18,7 @@ from continuum_grasp.arguments import check_arguments, choice
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted, SolverError
 from continuum_grasp.results import begin_run
 from continuum_grasp.scene.assembly import Overrides
+from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.sweep import Sweep
 from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, locked, rows_of, store_plan, write_run_files
@@ -36,6 +37,7 @@ _WINDOW = 60.0
 """Time over which the pace is averaged [s]: scenes of a grid differ in cost, neighbors do not."""
 _TRIES = 2
 """Times that a scene may end its worker: once with others, and once alone."""
+_ANYWHERE = Consumer("sweep at a scheduler", {"executor": "is given beside scheduler: give one of them, not both"})
 
 
 @dataclass(frozen=True)
@@ -148,8 +150,7 @@ def sweep(
     ['optimal', 'optimal']
     """
     choice("keep", keep, ("all", "failed", "none"))
-    if sum(given is not None for given in (executor, scheduler)) > 1:
-        raise InputError("give an executor or the address of a scheduler, not both", key="executor")
+    _ANYWHERE.check(None, of={"executor": executor is not None and scheduler is not None})
     count = None if workers is None else checked_count(workers)
     plan = plan_of(config, overrides)
     if plan.variation.kind != "grasp":

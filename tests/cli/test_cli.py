@@ -151,7 +151,7 @@ INVALID = {
         ["contacts=[0.3]", "fidelity={elements: 1}"],
         "fidelity.elements: 1 contacts need at least 2 elements",
     ),
-    "load": (["loads=[{kind: moment, at: 0.7, moment: 0}]"], "loads[0].at: loads[0].at = 0.7 m is beyond"),
+    "load": (["loads=[{kind: moment, at: 0.7, moment: 0}]"], "loads[0].at: 0.7 m is beyond"),
 }
 
 

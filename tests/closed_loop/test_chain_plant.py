@@ -254,7 +254,6 @@ def test_it_presses_an_object_as_a_plant_of_elements_does():
 @pytest.mark.parametrize(
     ("finger", "plant", "key", "words"),
     [
-        ({**MOVING, "tendons": PAIR}, {"guides": 20}, "plant.axial_stiffness", "elastic"),
         (
             {**MOVING, "tendons": PAIR, "stops": {"curvature": 30.0, "stiffness_ratio": 20.0}},
             {"guides": 20, "axial_stiffness": 1e4},
@@ -281,10 +280,11 @@ def test_what_a_chain_does_not_cover_is_refused(finger, plant, key, words):
     assert error.value.key == key
 
 
-def test_guides_have_no_elements_and_no_presliding():
-    for other in ({"fidelity": {"elements": 4}}, {"presliding": 1e-5}):
-        with pytest.raises(ValueError, match="guides"):
-            scene({**MOVING, "tendons": PAIR}, {"guides": 20, **other})
+def test_guides_are_elastic_and_have_no_elements_nor_presliding():
+    without = {"axial_stiffness": None}
+    for other, words in (({"fidelity": {"elements": 4}}, "fidelity"), ({"presliding": 1e-5}, "pre"), (without, "elas")):
+        with pytest.raises(ValueError, match=words):
+            scene({**MOVING, "tendons": PAIR}, {"guides": 20, "axial_stiffness": 1e4, **other})
 
 
 def wound(guides, friction, finger=STILL, tendons=single, **drive):

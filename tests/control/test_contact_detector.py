@@ -220,6 +220,17 @@ def test_without_a_reading_it_stays_as_it_is():
     assert own.save_state() == saved
 
 
+def test_a_history_without_lengths_is_that_of_the_start():
+    own, states = detector(), {}
+    for reached_by in ("pulling", "releasing"):
+        own.reset(own.model.lengths, reached_by=reached_by)
+        states[reached_by] = own.save_state()
+        own.reset(reached_by=reached_by)
+        assert own.save_state() == states[reached_by]
+    assert states["pulling"] != states["releasing"]
+    assert own.model.lengths == pytest.approx([0.0], abs=1e-5)  # of a straight finger
+
+
 def test_torque_current_and_servo_agree():
     torque = ContactDetector(scene(measured={"angle": STEP, "torque": NOISE}))
     constant = {**MOTOR, "torque_constant": 0.02}

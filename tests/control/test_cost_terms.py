@@ -105,17 +105,17 @@ def test_the_exported_reference_has_it_with_its_unit():
 @pytest.mark.parametrize(
     ("cost", "reference", "message"),
     [
-        ({"tip_angle": 1.0, "effort": 1.0}, {}, "reference.tip_angle is needed"),
-        ({"tip": 1.0, "effort": 1.0}, {"tip": (0.0, 0.5), "tip_angle": 0.1}, "nothing tracks reference.tip_angle"),
+        ({"tip_angle": 1.0, "effort": 1.0}, {}, "controller.cost.tip_angle: needs reference.tip_angle"),
+        ({"tip": 1.0, "effort": 1.0}, {"tip": (0.0, 0.5), "tip_angle": 0.1}, "reference.tip_angle: nothing tracks it"),
         (
             {"tip": 1.0, "effort": 1.0},
             {"tip": (0.0, 0.5), "bending": (0.1, 0.1)},
-            r"nothing tracks reference\.bending: give controller\.cost\.bending a weight",
+            r"reference\.bending: nothing tracks it: give controller\.cost\.bending a weight",
         ),
         (
             {"tip": 1.0, "input_rate": 1.0},
             {"tip": (0.0, 0.5), "input": (2.0, 2.0)},
-            r"nothing tracks reference\.input: give controller\.cost\.effort a weight",
+            r"reference\.input: nothing tracks it: give controller\.cost\.effort a weight",
         ),
     ],
 )

@@ -90,8 +90,8 @@ def test_functions_of_time_take_the_place_of_references():
 @pytest.mark.parametrize(
     ("functions", "said"),
     [
-        ({"nose": lambda t: (0.0, 0.0)}, "expected one of tip, bending"),
-        ({"bending": lambda t: (0.0, 0.0)}, "functions.bending"),
+        ({"nose": lambda t: (0.0, 0.0)}, "functions: expected some of tip"),
+        ({"bending": lambda t: (0.0, 0.0)}, "which have a weight in controller.cost, got 'bending'"),
         ({"tip": lambda t: (0.0, 0.0, 0.0)}, "t = 0.5 s: expected 2 finite entries"),
         ({"tip": lambda t: (math.nan, 0.0)}, "expected 2 finite entries"),
         ({"tip": lambda t: np.array([1j, 0.0])}, "t = 0.5 s: expected numbers"),

@@ -346,15 +346,19 @@ def test_draws_differ_from_episode_to_episode():
 
 
 def test_sensors_are_those_of_the_plant():
-    """Noise and delay of the estimator's sensors; the readings behind them are those of the closed loop's plant."""
+    """Noise and delay of the estimator's sensors; the readings behind them are those of the closed loop's plant, and
+    the state beside them is that of now.
+    """
     scene = cg.load(SWEEP["scene"], {**SWEEP["set"], "plant.noise": 0.0, "estimator.delay": 0.02})
-    env = FingerEnv(scene, substeps=8)
+    env, beside = FingerEnv(scene, substeps=8), FingerEnv(scene, sensors=("tip", "state"), substeps=8)
     assert env.lanes._sensing.names == ("tip_x [m]", "tip_y [m]", "tension_1 [N]", "tension_2 [N]")
     plant = cg.closed_loop.Plant(scene)
-    observation, _ = env.reset(seed=0)
+    (observation, _), (both, _) = env.reset(seed=0), beside.reset(seed=0)
     for u in commands(env.lanes, 15)[:, 0]:
         np.testing.assert_allclose(observation[:4], plant.measure(), rtol=2e-6, atol=1e-7)
-        observation, *_ = env.step(u)
+        np.testing.assert_allclose(both[:2], observation[:2])
+        np.testing.assert_allclose(both[2 : 2 + len(plant.x)], plant.x, rtol=2e-6, atol=1e-6)
+        observation, both = env.step(u)[0], beside.step(u)[0]
         plant.advance(env.lanes._u[0])
 
 
@@ -370,7 +374,7 @@ def test_noise_has_the_deviation_of_the_sensors():
 def test_fewer_sensors():
     env = FingerVectorEnv(SWEEP, 3, sensors=("tension",), substeps=2)
     assert env.observation_names[:4] == ("tension_1 [N]", "tension_2 [N]", *(f"command_{n}" for n in env.action_names))
-    for wrong in ("camera", ("tip", "tip"), ("state", "tip")):
+    for wrong in ("camera", ("tip", "tip")):
         with pytest.raises(InputError, match="sensors"):
             FingerVectorEnv(SWEEP, 3, sensors=wrong, substeps=2)
 

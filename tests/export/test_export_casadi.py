@@ -121,7 +121,7 @@ def test_options_of_packages_are_refused(tmp_path):
     line = ["export-c", str(RELEASE), "--casadi", "tip", "--real", "float", "--out", str(tmp_path / "out")]
     result = CliRunner().invoke(app, line)
     assert result.exit_code == 2
-    assert "--casadi cannot be combined with --real" in result.output
+    assert "--real: cannot be combined with --casadi" in result.output
 
 
 def test_it_and_a_package_replace_each_other(tmp_path):

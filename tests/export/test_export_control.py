@@ -499,7 +499,7 @@ int main(void)
 
 @pytest.mark.parametrize(
     ("name", "what", "message"),
-    [("arcs", ["mpc"], "mpc needs a closed loop"), ("given", ["estimator"], "has no estimator")],
+    [("arcs", ["mpc"], "what: needs a closed loop"), ("given", ["estimator"], "has no estimator")],
 )
 def test_parts_that_a_scene_does_not_have_are_refused(name, what, message, tmp_path):
     with pytest.raises(InputError, match=message):

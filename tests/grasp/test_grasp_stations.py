@@ -170,7 +170,7 @@ def test_the_greatest_mass_can_be_held_and_more_cannot() -> None:
 
 
 def test_stations_stand_in_place_of_middle_contacts() -> None:
-    with pytest.raises(InputError, match="stations stands in place of"):
+    with pytest.raises(InputError, match="stations stand in place of"):
         _mug(middle="auto", **PLACES)
 
 

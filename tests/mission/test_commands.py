@@ -7,7 +7,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.mission import trials
-from continuum_grasp.mission.commands import Commands, check_commands
+from continuum_grasp.mission.commands import Commands
 from continuum_grasp.scene.mission import Trials
 
 LENGTH, OFFSET, CABLE = 0.18, 0.005, {"axial_stiffness": 1e4, "series_stiffness": 2e4}
@@ -70,13 +70,6 @@ def test_a_servo_turns_further_by_its_torque():
         assert Commands(finger(**drive, **gear), S).of(pulled, way * BEND * S / LENGTH) == pytest.approx(
             way * (found + ahead)
         )
-
-
-def test_torques_are_no_commands_of_a_mission():
-    drive = {"kind": "motor", "winch_radius": 0.008, "inertia": 2e-6, "torque_max": 0.5}
-    with pytest.raises(cg.InputError, match="torques") as error:
-        check_commands(finger(**drive), "tendons.drive")
-    assert error.value.key == "tendons.drive"
 
 
 def test_friction_of_tendons_is_drawn_beside_what_was_drawn_before():

@@ -564,13 +564,19 @@ def test_a_run_that_is_stopped_comes_with_its_verdict(runner, monkeypatch):
     assert not error.value.result.verdict.held
 
 
+_DRIVE = "{kind: motor, winch_radius: 0.008, inertia: 2.0e-6, torque_max: 0.5}"
+_CABLE = "offset: 0.005, max_tension: 60, axial_stiffness: 1.0e4, series_stiffness: 3.0e4"
+_TORQUES = ["drive_tension=null", f"tendons={{{_CABLE}, drive: {_DRIVE}}}"]
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
         ("grasp.finger.tendons=null", "grasp.finger.tendons"),
         ("grasp.finger.tendons.time_constant=null", "needs a time_constant"),
         ("grasp.gravity={mode: none}", "grasp.gravity.mode: is not for missions"),
-        ("grasp.contacts.tip=off", "grasp.contacts must have"),
+        ("grasp.contacts.tip=off", "grasp.contacts.tip: must have"),
+        (_TORQUES, r"[^.]tendons: a mission commands"),
         ("more_contacts=[0.3]", "more_contacts must lie"),
         ("controller.elements=[0, 2]", r"controller.elements\[0\]"),
         ("drive_tension=-3", "drive_tension"),
@@ -582,7 +588,7 @@ def test_a_run_that_is_stopped_comes_with_its_verdict(runner, monkeypatch):
 )
 def test_what_makes_no_mission_is_named(change, said):
     with pytest.raises(InputError, match=said):
-        load(MUG, [change])
+        load(MUG, change if isinstance(change, list) else [change])
 
 
 @pytest.mark.deep

@@ -247,7 +247,7 @@ def test_a_drop_names_finger_and_contact(assignments, grasp):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ("grasp.fingers.upper.tendons.time_constant=null", r"grasp.fingers.upper.tendons needs a time_constant"),
+        ("grasp.fingers.upper.tendons.time_constant=null", "grasp.fingers.upper.tendons: needs a time_constant"),
         ("more_contacts=[0.1]", "more_contacts must lie between base and tip of each finger"),
     ],
 )

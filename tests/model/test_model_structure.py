@@ -686,8 +686,12 @@ WRONG = {
     "matched with friction": (WITH_FRICTION, {"family": "matched_clothoid"}, "cannot carry tendon friction"),
     "rates for arcs": (FULL, {"family": "arc", "input_rates": True}, "needs family matched_clothoid"),
     "rates and lag": (LAGGED, {"family": "matched_clothoid", "input_rates": True}, "exclude each other"),
-    "load beyond": (FULL, {"loads": (ForceLoad(at=0.61, force=(0.0, 0.0)),)}, "0.61 m is not on the finger"),
-    "moment beyond": (FULL, {"loads": (MomentLoad(at=0.7, moment=0.0),)}, "0.7 m is not on the finger"),
+    "load beyond": (
+        FULL,
+        {"loads": (ForceLoad(at=0.61, force=(0.0, 0.0)),)},
+        r"loads\[0\].at: 0.61 m is beyond the finger",
+    ),
+    "moment beyond": (FULL, {"loads": (MomentLoad(at=0.7, moment=0.0),)}, r"loads\[0\].at: 0.7 m is beyond the finger"),
     "no elements": (FULL, {"elements": 0}, "element"),
     "no lengths": (FULL, {"elements": ()}, "add up"),
     "a text as finger": (

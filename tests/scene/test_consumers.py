@@ -4,20 +4,27 @@ key that is not declared changes what a consumer makes.
 
 from __future__ import annotations
 
+import inspect
 from fnmatch import fnmatchcase
 from functools import cache
 from itertools import zip_longest
 
 import pytest
+import typer
 
 import continuum_grasp as cg
+from continuum_grasp.cli.app import app
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.errors import InputError, NumericalError, SolverError
+from continuum_grasp.export import export_fmu
+from continuum_grasp.model.choices import ModelOptions
+from continuum_grasp.model.system import System
 from continuum_grasp.rod import solve_elastica
 from continuum_grasp.scene.consumer import CONSUMERS, Consumer
 from continuum_grasp.scene.load import KINDS
 from continuum_grasp.scene.schema import json_schema
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.statics import equilibrium
 from tests.consumers_page import BEGIN, PAGE, tables
 from tests.features import FEATURES, VERBS, declared, scene_of
 from tests.scene_keys import NOT_ALONE, Place, bases, is_part, keys, others, places
@@ -30,8 +37,21 @@ FROM_OUTSIDE = {"Freedom", "LearnedResidual", "ResidualTraining"}
 schema_of = cache(json_schema)
 
 
+@cache
+def arguments() -> set[str]:
+    """Options of all commands, and arguments of functions that refuse some of them."""
+    commands = typer.main.get_command(app).commands.values()
+    options = {name for one in commands for each in one.params for name in each.opts}
+    made = (cg.export_c, export_fmu, cg.sweep, equilibrium, System)
+    return (
+        options | {*ModelOptions.__annotations__} | {name for one in made for name in inspect.signature(one).parameters}
+    )
+
+
 def known(key: str) -> bool:
-    """Whether a dotted key is one of some kind of scene, by the schemas."""
+    """Whether a dotted key is one of some kind of scene, by the schemas, an argument or an option."""
+    if key.partition("=")[0] in arguments():
+        return True
     for kind in KINDS:
         schema = schema_of(kind)
         nodes = [schema]

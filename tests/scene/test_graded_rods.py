@@ -211,7 +211,7 @@ WRONG = {
     ),
     "two kinds": (
         "sections: [{to: 0.25, PLAIN}]\n    samples: {at: [0, 1], bending_stiffness: [1, 1], linear_density: [1, 1]}",
-        "7:14: finger.rod.samples: samples and sections exclude each other",
+        "7:14: finger.rod.samples: sections are given: give one of both",
     ),
     "a spiral of nothing": (
         "spirob: {base_thickness: 0.04, tip_thickness: 0.005, units: 24, core: 0.1}",

@@ -44,7 +44,7 @@ WRONG = {
     "another class": (lambda: cg.Finger(rod=5), "Finger: rod: wrong type: expected a mapping with keys like length"),
     "a nested value": (
         lambda: cg.Finger(rod=FINGER.rod, masses=[cg.PointMass(at=0.7, mass=0.1)]),
-        "Finger: masses[0].at: masses[0].at = 0.7 m is beyond",
+        "Finger: masses[0].at: 0.7 m is beyond",
     ),
     "an entry of a list": (
         lambda: cg.Finger(rod=FINGER.rod, masses=[{"at": 0.1}]),
@@ -59,7 +59,7 @@ WRONG = {
     "scene of a rod": (lambda: cg.Scene(**{**SCENE, "finger": FINGER.rod}), "Scene: finger: wrong type"),
     "load in a scene": (
         lambda: cg.Scene(**SCENE, loads=[cg.ForceLoad(at=0.7, force=(0.0, 1.0))]),
-        "Scene: loads[0].at: loads[0].at = 0.7 m is beyond",
+        "Scene: loads[0].at: 0.7 m is beyond",
     ),
     "kind of load": (lambda: cg.Scene(**SCENE, loads=[5]), "Scene: loads[0]"),
     "family": (lambda: cg.Fidelity(family="arcs"), "Fidelity: family: not one of the choices"),

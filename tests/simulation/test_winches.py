@@ -219,8 +219,8 @@ def test_drives_cost_what_they_are_worth(drive):
 
 
 REFUSED = {
-    "no axial stiffness": ({"axial_stiffness": None}, "axial_stiffness is needed"),
-    "no series stiffness": ({"series_stiffness": None}, "series_stiffness is needed"),
+    "no axial stiffness": ({"axial_stiffness": None}, "drive: needs axial_stiffness"),
+    "no series stiffness": ({"series_stiffness": None}, "drive: needs series_stiffness"),
     "least tension": ({"min_tension": 1.0}, "min_tension: must be zero"),
     "lag of tensions": ({"time_constant": 0.02}, "time_constant: is that of commanded tensions"),
     "rate of a motor": ({"drive": {**MOTOR, "rate_max": 0.1}}, "rate_max"),
@@ -245,7 +245,10 @@ def test_a_pulley_needs_tendons_that_go_together():
 
 
 def test_commands_are_those_of_the_drive():
-    for actuation, message in (({"tensions": [1.0, 1.0]}, "give torques"), ({"torques": [0.3]}, "torque_max")):
+    for actuation, message in (
+        ({"tensions": [1.0, 1.0]}, "lengths with drive.kind"),
+        ({"torques": [0.3]}, "torque_max"),
+    ):
         with pytest.raises(InputError, match=message):
             scene(MOTOR, actuation)
 

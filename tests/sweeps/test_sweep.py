@@ -189,7 +189,7 @@ WRONG = {
         "4:31: object.mass: wrong type: expected a mass [kg]",
     ),
     "out of range": ("vary:\n  object.mass: {from: -1, to: 1, count: 3}", "4:16: object.mass: out of range"),
-    "two ways": ("vary:\n  object.mass: {values: [1], to: 3}", "give either values, or from, to and count"),
+    "two ways": ("vary:\n  object.mass: {values: [1], to: 3}", "to: values stand alone"),
     "half a way": ("vary:\n  object.mass: {from: 1, to: 3}", "from, to and count belong together"),
     "no way": ("vary:\n  object.mass: {spacing: log}", "give either values, or from, to and count"),
     "log through zero": ("vary:\n  object.mass: {from: 0, to: 3, count: 3, spacing: log}", "of one sign"),

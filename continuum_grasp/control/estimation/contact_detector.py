@@ -15,7 +15,6 @@ from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, detector_source
 from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
 from continuum_grasp.core.precision import precision_of
-from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
@@ -230,16 +229,15 @@ class ContactDetector(Remade, Summarized):
         Raises
         ------
         InputError
-            If lengths have another size, or are missing where ``reached_by`` is given.
+            If lengths have another size.
         SolverError
             If no equilibrium is found there.
         """
         states = np.asarray(self.settings["first"])
-        if lengths is not None:
+        if lengths is not None or reached_by is not None:
+            wound = self.model.lengths if lengths is None else vector("lengths", lengths, self._drives)
             friction: Friction | None = None if reached_by is None else {"reached_by": reached_by}
-            states = self.model.first(vector("lengths", lengths, self._drives), friction)
-        elif reached_by is not None:
-            raise InputError("reached_by says how the finger came to lengths: give these too", key="reached_by")
+            states = self.model.first(wound, friction)
         self._c.start(states.ravel())
 
     @check_arguments

@@ -76,6 +76,13 @@ class ContactModel:
         return Prediction(self.scene)
 
     @cached_property
+    def lengths(self) -> Array:
+        """What winches have wound up at the start of the scene [m]."""
+        winches = winches_of(self.scene.finger.tendon_list, self.scene.finger.rod.length)
+        start, driven = first_state(self.scene, self.prediction), self.prediction.driven
+        return np.array([w.radius * start[each.state] for w, each in zip(winches, driven, strict=False)])
+
+    @cached_property
     def fields(self) -> list[Field]:
         """Members of ``contact_settings``, the states at the start first."""
         return self.fields_within(self.measurement_names)
@@ -182,14 +189,13 @@ def _fields(scene: ControlScene, model: ContactModel) -> list[Field]:
     blend = -math.expm1(-period / asked.time_constant)
     motors = winches_of(scene.finger.tendon_list, scene.finger.rod.length)
     prediction = model.prediction
-    start = first_state(scene, prediction)
-    lengths = np.array([w.radius * start[each.state] for w, each in zip(motors, prediction.driven, strict=False)])
     names = (*prediction.x_names[: 2 * finger.n], *finger.model.friction_names)
     limits = [measurement_range(scene, prediction, name) for name in model.measurement_names]
     own = [_friction(scene.estimator.measured, winch, period, blend) for winch in motors]
     return [
         Field(
-            "first", model.first(lengths, _friction_at_start(scene.initial, finger) if asked.history_known else None)
+            "first",
+            model.first(model.lengths, _friction_at_start(scene.initial, finger) if asked.history_known else None),
         ),
         Field("p", model.members),
         Field("group", model.groups, whole=True),

@@ -33,6 +33,7 @@ from continuum_grasp.export.manifest import manifest_text, strict_flags, write_f
 from continuum_grasp.export.source import chosen, names_of, prefix_of
 from continuum_grasp.export.template import fill
 from continuum_grasp.results import replacing
+from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
@@ -40,6 +41,13 @@ from continuum_grasp.scene.simulate import Scene
 WHAT = ("plant", "controller")
 """What may be exported of a closed loop; of a simulated scene, the first."""
 VERSIONS = ("2", "3")
+_NO_LOOP = "a simulated scene has a plant alone; a controller needs a closed loop"
+_OWN = "is for a simulated scene: a closed loop has its own"
+_UNITS = (
+    beside("export-fmu of no controller", lambda of: "controller" not in of[1], "preview", "is for a controller"),
+    beside("export-fmu of a simulated scene", lambda of: isinstance(of[0], Scene), "what=controller", _NO_LOOP),
+    beside("export-fmu of a closed loop", lambda of: not isinstance(of[0], Scene), "step ranges substeps", _OWN),
+)
 _LONG = 20_000
 """Lines of a source from which it is compiled with less optimization, as plants of many elements are."""
 _DECLARED = re.compile(r"^(\w+)\(([^)]*)\)$", re.MULTILINE)
@@ -169,15 +177,12 @@ def _makers(
     """Builders of the units that are asked for, by their kinds."""
     there = ["plant"] if isinstance(scene, Scene) else [*WHAT]
     names = chosen(there if what is None else [what] if isinstance(what, str) else what, WHAT, "part", "what")
-    if preview and "controller" not in names:
-        raise InputError("is for a controller, of a closed loop", key="preview")
+    given: dict[str, Any] = {f"what={name}": "what" for name in names}
+    given |= {"step": bool(step), "ranges": bool(ranges), "substeps": bool(substeps), "preview": preview}
+    for one in _UNITS:
+        one.check((scene, names), of=given)
     if isinstance(scene, Scene):
-        if names != ["plant"]:
-            raise InputError("a simulated scene has a plant alone; a controller needs a closed loop", key="what")
         return {"plant": partial(finger_unit, scene, f"{name}_plant", step=step, substeps=substeps, ranges=ranges)}
-    for key, value in (("step", step), ("ranges", ranges or None), ("substeps", substeps)):
-        if value is not None:
-            raise InputError("is for a simulated scene: a closed loop has its own", key=key)
     made = {
         "plant": partial(loop_plant_unit, scene, f"{name}_plant"),
         "controller": partial(controller_unit, scene, f"{name}_controller", preview=preview),

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
+from typing import cast
 
-from continuum_grasp.errors import InputError
 from continuum_grasp.export.control.kernels import adapters_of
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.source import control_sources
@@ -16,9 +16,7 @@ from continuum_grasp.export.template import fill
 
 def estimator(subject: Subject) -> Part:
     """State and disturbances from what is measured."""
-    loop = _loop(subject, "estimator")
-    if loop.estimation is None:
-        raise InputError("this scene has no estimator: leave the part out", key="what")
+    loop = cast(Loop, subject.loop)  # without it packages have none of these parts
     structs = [loop.measurement, loop.command, loop.estimate]
     function = Stateful(
         "estimator_step",
@@ -41,7 +39,7 @@ def estimator(subject: Subject) -> Part:
 
 def mpc(subject: Subject) -> Part:
     """Commands by predictive control."""
-    loop = _loop(subject, "mpc")
+    loop = cast(Loop, subject.loop)  # without it packages have none of these parts
     structs = [loop.measurement, loop.reference, loop.command, loop.start, loop.settings]
     codes = (
         Code.WARN_ITERATION_LIMIT,
@@ -81,14 +79,8 @@ def _contact(loop: Loop) -> list[Method]:
     return [] if loop.touch is None else [Method("contact", "What the drives felt in the last call.", (), "contact")]
 
 
-def _loop(subject: Subject, name: str) -> Loop:
-    if subject.loop is None:
-        raise InputError(f"{name} needs a closed loop (finger, controller, ...)", key="what")
-    return subject.loop
-
-
 def _part(subject: Subject, name: str, structs: list[Struct], codes: tuple[Code, ...], function: Stateful) -> Part:
-    loop = _loop(subject, name)
+    loop = cast(Loop, subject.loop)  # without it packages have none of these parts
     files, declared = control_sources(loop, subject.prefix, subject.real)
     constants = {"PERIOD": f"{subject.real.literal(loop.period)} /* s, from one call to the next */"}
     if name == "mpc":

@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 
 from continuum_grasp import nlp
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.closing.energy import Closing, Sight, Sliding
 from continuum_grasp.grasp.closing.result import ClosingPath, ClosingStatus
 from continuum_grasp.grasp.closing.verdict import SNAPS, Ending, Step
-from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
+from continuum_grasp.scene.grasp import ON_A_TABLE, GraspScene
 
 Array = NDArray[Any]
 
@@ -69,8 +67,7 @@ def closing_path(
     >>> path.status.value, [f"{touch.station:.2f}" for touch in path.touches][:1]
     ('reached', ['0.06'])
     """
-    if table_friction is not None and not isinstance(scene.gravity, OutOfPlaneGravity):
-        raise InputError("table_friction: an object stands on a table only where gravity.mode is out_of_plane")
+    ON_A_TABLE.check(scene, of={"closing.table_friction": "" if table_friction is None else "table_friction"})
     return _Walk(Closing(scene, arrays, table_friction), arrays, steps).path()
 
 

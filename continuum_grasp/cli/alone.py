@@ -1,0 +1,17 @@
+"""Options of commands that have no place beside others, or with such a file."""
+
+from __future__ import annotations
+
+from continuum_grasp.scene.consumer import Consumer
+
+_OF_PACKAGES = "--real --what --range --step --substeps --error --target --sections --measure"
+PLAIN_FUNCTIONS = Consumer(
+    "export-c --casadi",
+    dict.fromkeys(_OF_PACKAGES.split(), "cannot be combined with --casadi: plain functions have none of these"),
+)
+LOOPS = Consumer("mpc of a closed loop", {"--trials": "is for missions"})
+MISSIONS = Consumer("mpc of a mission", {"--compare": "is not for missions"})
+TRIALS = Consumer("mpc --trials", {"--animate": "is for one mission, not for --trials"})
+FINGERS = Consumer("identify of a finger", {"--holdout": "is for logs of a controller; here data have use: holdout"})
+LOGS = Consumer("identify of a controller", {"--excitation": "is for fingers: a controller learns from its logs"})
+EXCITATION = Consumer("identify --excitation", dict.fromkeys(("--data", "--apply"), "has no effect on --excitation"))
