@@ -124,7 +124,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "model/collocated.py",
-        ("weights = [0.5 * float(np.trace(kernel))", "weights = [0.505 * float(np.trace(kernel))"),
+        ("longer(kernel + end * h**2 * np.outer(w, w)),", "longer(1.01 * kernel + end * h**2 * np.outer(w, w)),"),
         tests="model/test_graded.py model/test_model_truth.py",
     ),
     *_in(
@@ -142,7 +142,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "model/surfaces/offset_polygon.py",
-        ("inside = (height < 0.0).all(axis=1)", "inside = (height < 0.0).any(axis=1)"),
+        ("if ax == bx and ay == by and len", "if ax != bx and ay == by and len"),
         tests="model/test_contact_surface.py grasp/test_grasp_problem.py",
     ),
     *_in(

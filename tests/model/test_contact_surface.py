@@ -127,6 +127,14 @@ def test_distance_and_normal_are_those_of_the_nearest_point(name):
         tried += 1
 
 
+def test_at_the_end_of_a_face_a_contact_is_on_the_face_along_which_it_can_slide():
+    part = OBJECTS["box"].parts[0]
+    surface = surface_of(part)
+    for corner in part.vertices[2:]:
+        found = surface.features(part)[surface.nearest_feature(part, corner, 0.5 * math.pi)]
+        assert (found.lower[0], found.upper[0]) == (0.0, 1.0)
+
+
 @pytest.mark.parametrize("name", OBJECTS)
 def test_nothing_far_away_is_taken_to_touch(name):
     function, rng = distance(OBJECTS[name]), np.random.default_rng(1)
