@@ -178,6 +178,7 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "relaxation": ("close_on_mug", _RELAXING),
     "softening": ("close_on_mug", {"finger.softening": {"curvature": 5.0, "stiffness_ratio": 0.5}}),
     "slip speed": ("close_on_mug", {"contact_law.presliding": None, "contact_law.slip_speed": 0.01}),
+    "film": ("close_on_mug", {"contact_law.viscous": 0.5}),
     "winches": ("winch_loop", {"finger.tendons.friction": 0.0, "actuation": {"lengths": [1e-3, 2e-3]}}),
     "slack winches": (
         "winch_loop",

@@ -76,6 +76,11 @@ def friction_share(law: ContactLaw, z: Sequence[Scalar], v: Sequence[Scalar]) ->
     return [each / size for each in damped]
 
 
+def viscous_friction(law: ContactLaw, pressed: Scalar, v: Sequence[Scalar]) -> list[Scalar]:
+    """Force of a film between the surfaces against slip v [m/s], per direction [N]; none where the law has no film."""
+    return [law.viscous * pressed * each for each in v] if law.viscous else []
+
+
 def friction_rate(law: ContactLaw, gap: Scalar, z: Sequence[Scalar], v: Sequence[Scalar]) -> list[Scalar]:
     """Rates of the friction states [1/s].
 

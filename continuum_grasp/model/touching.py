@@ -9,7 +9,13 @@ from functools import cached_property
 import casadi as ca
 
 from continuum_grasp.model.body import Body
-from continuum_grasp.model.contact_law import friction_rate, friction_share, normal_force, stored_energy
+from continuum_grasp.model.contact_law import (
+    friction_rate,
+    friction_share,
+    normal_force,
+    stored_energy,
+    viscous_friction,
+)
 from continuum_grasp.model.planar import ZERO, Scalar, Vec
 from continuum_grasp.model.surfaces import nearest, surface_of
 from continuum_grasp.scene.supports import Peg, Wall
@@ -88,7 +94,13 @@ class Pair:
 
     @cached_property
     def _friction(self) -> list[Scalar]:
-        """Forces against the slip, per direction [N]: Coulomb's limit times the share that the law gives."""
+        """Forces against the slip, per direction [N]."""
+        film = viscous_friction(self.law, self.normal_force, self.slip)
+        return [dry + wet for dry, wet in zip(self._dry_friction, film, strict=True)] if film else self._dry_friction
+
+    @property
+    def _dry_friction(self) -> list[Scalar]:
+        """Coulomb's limit times the share that the law gives, per direction [N]."""
         if self.friction == 0.0:
             return [0.0 for _ in self.slip]
         limit = self.grip * self.friction * self.normal_force

@@ -57,6 +57,9 @@ class ContactLaw(Value):
     slip_speed: Annotated[float, Field(ge=1e-9, le=1e3), Unit("m/s")] | None = None
     """In place of ``presliding``: the friction force grows smoothly with the speed of slip and has about 70 % of its
     limit at this one [m/s]. It needs no state, but what it holds creeps."""
+    viscous: Annotated[NonNegative, Field(examples=[0.5]), Unit("s/m")] = 0.0
+    """What a film between the surfaces adds to the friction coefficient per speed of slip [s/m], beside ``friction``
+    and in its direction against the slip."""
 
     def _check(self) -> None:
         stiffness_why = "N/m is that of no fingertip (expected: N/m)"

@@ -88,6 +88,25 @@ def test_a_box_on_a_slope_sticks_or_slips(slope, sticks):
     assert found.contacts.shear[-1].sum() == pytest.approx(0.5 * found.contacts.normal_force[-1].sum(), rel=1e-6)
 
 
+@pytest.mark.parametrize("law", [{}, {"friction": 0.0}], ids=["beside dry friction", "alone"])
+def test_a_film_lets_a_box_slide_as_fast_as_it_bears_the_slope(law):
+    """M v' = m g (sin - (mu + c v) cos): an exponential approach to v = (tan - mu) / c."""
+    # So flat that friction does not tilt it on its soft corners: at a height of 30 mm that is 2.7e-3 of the pace.
+    shape = {"shape": "box", "width": 0.06, "height": 0.003, "position": [0.0, 0.0015]}
+    slope, film = 0.6, 4.0
+    gravity = [G * math.sin(slope), -G * math.cos(slope)]
+    found = body(shape, {"viscous": film, **law}, step=2e-3, gravity=gravity)
+    steady = (math.tan(slope) - law.get("friction", 0.5)) / film
+    pace = film * G * math.cos(slope)
+    speed, some = found.x[:, 5], (found.t > 0.1) & (found.t < 0.25)
+    assert speed[-1] == pytest.approx(steady, rel=1e-5)
+    assert np.polyfit(found.t[some], np.log(steady - speed[some]), 1)[0] == pytest.approx(-pace, rel=5e-4)
+    pressed = found.contacts.normal_force[-1].sum()
+    assert found.contacts.shear[-1].sum() == pytest.approx(
+        (law.get("friction", 0.5) + film * steady) * pressed, rel=1e-5
+    )
+
+
 @pytest.mark.parametrize(("across", "out"), [(0.0, 4.0), (3.0, 3.0), (3.0, 5.0), (0.0, 6.0)])
 def test_the_friction_disc_is_shared_by_both_directions(across, out):
     """Pressed on by 0.1 * 9.81 N, the box bears 0.4905 N along the wall and out of the plane together."""

@@ -59,6 +59,7 @@ _CHAIN = Consumer(
         "object": f"{_CONTACT}, with the scene's friction; all links of the finger touch, not its stations",
         **{f"contact_law.{key}": f"not taken; {_CONTACT}" for key in ("stiffness", "dissipation", "rounding")},
         **{f"contact_law.{key}": "not taken; MuJoCo has its own creep" for key in ("presliding", "slip_speed")},
+        "contact_law.viscous": "not taken; MuJoCo's friction does not grow with the slip",
         "out_of_plane_gravity": "the table's friction acts along x, along y and against turning apart",
         "parameters": "they have their nominal values",
     },
