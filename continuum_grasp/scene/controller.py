@@ -195,7 +195,8 @@ class CommandedScene(FingerScene):
     def lag(self) -> float | None:
         """Shortest time constant of the drive [s]; None: an input acts at once, or by motors that turn."""
         drives = [drive.time_constant if isinstance(drive, LengthDrive) else None for drive in self.finger.winches]
-        lags = drives or [t.time_constant for t in self.finger.tendon_list] or [self.limits.time_constant]
+        lags = drives or [tendon.time_constant for tendon in self.finger.tendon_list]
+        lags = [*lags, *(chamber.time_constant for chamber in self.finger.chambers)] or [self.limits.time_constant]
         known = [lag for lag in lags if lag is not None]
         return min(known) if len(known) == len(lags) else None
 

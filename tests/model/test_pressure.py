@@ -185,6 +185,7 @@ def test_a_controller_reaches_the_tip_of_a_pressure():
     loop = cg.load(
         "configs/mpc/chambers.yaml", {"reference.tip": tip_of(angle), "plant.stiffness": 1.0, "duration": 1.2}
     )
+    assert loop.lag == 0.06
     found = cg.run_closed_loop(loop)
     assert set(found.status) == {"solved"}
     assert np.linalg.norm(found.tip[-1] - tip_of(angle)) < 2e-4
