@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 from continuum_grasp.model.actuation import Drive
 from continuum_grasp.model.family import gathered
-from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
+from continuum_grasp.model.laws.section import STATEFUL, SectionForces
+from continuum_grasp.model.learned_residual import distance, features_at, residual_force
 from continuum_grasp.model.memory import Instant
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.structure import Structure
@@ -27,8 +28,8 @@ class Acting:
         Amplitudes of the moments of each source.
     held : sequence of Held
         The winches, if there are any.
-    friction, fading : sequence of Scalar
-        States of friction, and of laws whose states fade to zero.
+    states : mapping
+        States by the groups of ``Structure.states``.
     """
 
     def __init__(
@@ -37,16 +38,14 @@ class Acting:
         at: Instant,
         drives: Sequence[Drive],
         held: Sequence[Held],
-        friction: Sequence[Scalar],
-        fading: Sequence[Scalar],
+        states: Mapping[str, Sequence[Scalar]],
     ) -> None:
-        self._made, self._drives, self._lengths = structure, drives, at.lengths
-        count, par = structure.tendon_friction_states, structure.parameters
+        self._made, self._drives, self._at, self._lengths = structure, drives, at, at.lengths
+        par = structure.parameters
         sources = zip(structure.sources, drives, strict=True)
         tensions = [drive.moment for source, drive in sources if source.tendon is not None]
-        self.tendons = TendonForces(structure, at, held or tensions, friction[:count])
+        self.tendons = TendonForces(structure, at, held or tensions, states["tendons"])
         rest = par["rest_curvature"] if par.is_runtime("rest_curvature") else None
-        states: dict[Kind, Sequence[Scalar]] = {"friction": friction[count:], "relaxation": fading}
         self.sections = SectionForces(structure.laws, structure.family, at, states, rest)
 
     @cached_property
@@ -74,9 +73,16 @@ class Acting:
         return [[sum(forces) for forces in zip(*parts, strict=True)] for parts in zip(*acting, strict=True)]
 
     @property
-    def state_rates(self) -> list[Scalar]:
-        """Rates of what fades, and of friction."""
-        return [*self.sections.rates("relaxation"), *self.tendons.state_rates, *self.sections.rates("friction")]
+    def on_unknowns(self) -> list[list[Scalar]]:
+        """Generalized forces on the unknowns themselves, of each law that depends on all of them."""
+        return [residual_force(one, features_at(one, self._at)) for one in self._made.residuals]
+
+    @property
+    def distance_from_logs(self) -> Scalar:
+        """Square of the distance of the state from the logs of learned forces, per that up to which they are trusted
+        [1]; zero without.
+        """
+        return sum((distance(one, features_at(one, self._at)) for one in self._made.residuals), 0.0)
 
     @property
     def travel(self) -> list[Scalar]:

@@ -165,7 +165,7 @@ class FingerModel(Functions):
     # Equation numbers are those of the paper, doi:10.1155/2014/308283.
     inverse_dynamics = named(
         "q qd qdd u w p",
-        Q=lambda eq: ca.mtimes(matrix(eq.mass_matrix), eq.qdd) - column(eq.net_force(eq.resting)),
+        Q=lambda eq: ca.mtimes(matrix(eq.mass_matrix), eq.qdd) - column(eq.net_force(eq.commanding)),
         history=True,
     )
     mass_matrix = named("q u p", M=lambda eq: matrix(eq.mass_matrix))  # (37)

@@ -96,10 +96,10 @@ class Structure:
         self.laws = laws_of(self.finger, self.family, self.parameters)
         self.n = self.family.size - len(self.family.known)
         self._name_entries()
-        self.residual = choices.residual()
-        if self.residual is not None:
+        self.residuals = [one for one in (choices.residual(),) if one is not None]
+        for one in self.residuals:
             driven = list(dict.fromkeys((*self.x_names[2 * self.n :], *self.u_names)))
-            check_residual(self.residual, self.family_name, self.lengths, self.q_names, driven)
+            check_residual(one, self.family_name, self.lengths, self.q_names, driven)
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
         if self.parameters.is_runtime("element_lengths"):
             shapes = [(source.shape, "tendons or couples that end inside") for source in self.sources]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,7 +19,7 @@ from continuum_grasp.model.tendon_friction import (
     rounded,
     shares,
 )
-from continuum_grasp.model.winches import Winch, compliance, soft, soft_integral, stiffnesses
+from continuum_grasp.model.winches import Cables, Winch, compliance, soft_integral, stiffnesses
 
 _LITTLE = 1e-3
 """Tension that keeps a mean over slack tendons finite [N]."""
@@ -34,19 +34,18 @@ class Held:
     command: Scalar | None = None
     pulled: Scalar | None = None
 
-    def drum(self, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
-        """Position of what winds up, by compliances [m/N] and paths [m] of all tendons."""
-        gives, drawn = self.winch.of_its(compliances), self.winch.of_its(paths)
+    def drum(self, cables: Cables) -> Scalar:
+        """Position of what winds up."""
         if self.pulled is not None:
-            return self.winch.position([drawn[0] + gives[0] * self.pulled], [1.0])
+            return self.winch.position([cables.paths[0] + cables.compliances[0] * self.pulled], [1.0])
         if self.command is not None:
-            return self.winch.drum_at_rest(self.command, gives, drawn)
-        return self.winch.drum(self.states, gives, drawn)
+            return self.winch.drum_at_rest(self.command, cables)
+        return self.winch.drum(self.states, cables)
 
-    def tensions(self, slack: Callable[[], Sequence[Scalar]], compliances: Sequence[Scalar]) -> list[Scalar]:
-        """Tensions of its tendons [N], by the cable of all tendons wound up beyond taut [m]."""
-        given = [] if self.command is None else self.winch.given_at_rest(self.command)
-        return given or [soft(slack()[k]) / compliances[k] for k in self.winch.tendons]
+    @property
+    def tensions(self) -> list[Scalar]:
+        """Tensions of its tendons that the command alone gives [N]; none where they depend on where the drum is."""
+        return [] if self.command is None else self.winch.given_at_rest(self.command)
 
 
 class TendonForces:
@@ -221,25 +220,29 @@ class TendonForces:
         return [self._path(tendon, self._full, rest=True) for tendon in self._made.own_tendons]
 
     @cached_property
+    def _cables(self) -> list[Cables]:
+        """Those of each winch."""
+        return [held.winch.cables(self.compliances, self._paths) for held in self.held]
+
+    @cached_property
     def drums(self) -> list[Scalar]:
         """Position of what winds up, per winch."""
-        return [held.drum(self.compliances, self._paths) for held in self.held]
+        return [held.drum(cables) for held, cables in zip(self.held, self._cables, strict=True)]
 
     @cached_property
     def _wound_rates(self) -> list[Scalar]:
         """Rate of the cable wound up, per tendon [m/s]."""
         path_rates = [self._path(tendon, self._rates, rest=False) for tendon in self._made.own_tendons]
         found: list[Scalar] = []
-        for held, drum in zip(self.held, self.drums, strict=True):
-            own = [held.winch.of_its(values) for values in (self.compliances, self._paths, path_rates)]
-            found += held.winch.wound_rates(held.winch.drum_rate(held.states, drum, *own))
+        for held, drum, cables in zip(self.held, self.drums, self._cables, strict=True):
+            rate = held.winch.drum_rate(held.states, drum, cables, held.winch.of_its(path_rates))
+            found += held.winch.wound_rates(rate)
         return found
 
     @cached_property
-    def _slack(self) -> list[Scalar]:
-        """Cable wound up beyond taut, per tendon [m]."""
-        wound = [y for held, drum in zip(self.held, self.drums, strict=True) for y in held.winch.wound(drum)]
-        return [y - path for y, path in zip(wound, self._paths, strict=True)]
+    def _slacks(self) -> list[list[Scalar]]:
+        """Cable wound up beyond taut, per winch and tendon of it [m]."""
+        return [cables.slacks(drum) for cables, drum in zip(self._cables, self.drums, strict=True)]
 
     def _lengths_of(self, cells: CellSet) -> tuple[float, list[Scalar]]:
         """Length of the first cell [m], and those of all as its multiples."""
@@ -270,7 +273,10 @@ class TendonForces:
     @cached_property
     def tensions(self) -> Sequence[Scalar]:
         """Of each tendon at its drive [N]."""
-        return self._given or [t for held in self.held for t in held.tensions(lambda: self._slack, self.compliances)]
+        found = list(self._given)
+        for k, held in enumerate(self.held):
+            found += held.tensions or self._cables[k].tensions(self._slacks[k])
+        return found
 
     @property
     def drives_at_rest(self) -> list[Scalar]:
@@ -292,8 +298,9 @@ class TendonForces:
     @cached_property
     def stored_energy(self) -> Scalar:
         """Energy of elongated tendons and gears [J], exactly where tendons have no friction."""
+        slacks = [slack for own in self._slacks for slack in own]
         gears = [held.winch.gear_energy(held.states, drum) for held, drum in zip(self.held, self.drums, strict=True)]
-        return sum((soft_integral(y) / c for y, c in zip(self._slack, self.compliances, strict=True)), sum(gears, 0.0))
+        return sum((soft_integral(y) / c for y, c in zip(slacks, self.compliances, strict=True)), sum(gears, 0.0))
 
     @cached_property
     def _pulled(self) -> list[list[list[Scalar]]]:

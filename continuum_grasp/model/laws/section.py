@@ -181,12 +181,12 @@ class SectionForces:
         laws: Sequence[SectionLaw],
         family: Family,
         at: Instant,
-        states: Mapping[Kind, Sequence[Scalar]],
+        states: Mapping[str, Sequence[Scalar]],
         rest: Scalar | None = None,
     ) -> None:
         self._family, self._rest, self._at = family, rest, at
         self._ports: list[tuple[SectionLaw, Port, Sequence[Scalar]]] = []
-        left = {kind: iter(own) for kind, own in states.items()}
+        left = {group: iter(own) for group, own in states.items()}
         for law in laws:
             for k, port in enumerate(law.ports, start=1):
                 self._ports.append((law, port, [next(left[law.kind]) for _ in law.names(k)]))
