@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from itertools import islice
 
 from continuum_grasp.model.actuation import Drive
-from continuum_grasp.model.family import gathered
 from continuum_grasp.model.laws.section import STATEFUL, SectionForces
 from continuum_grasp.model.learned_residual import distance, features_at, residual_force
 from continuum_grasp.model.memory import Instant
@@ -26,10 +26,10 @@ class Acting:
     at : Instant
     drives : sequence of Drive
         Amplitudes of the moments of each source.
-    held : sequence of Held
-        The winches, if there are any.
     states : mapping
-        States by the groups of ``Structure.states``.
+        States by the groups of ``Structure.states``; none of winches that are at rest.
+    commands : sequence of Scalar
+        Of the winches, if there are any; None where tendons have a tension ``pulled`` [N].
     """
 
     def __init__(
@@ -37,11 +37,14 @@ class Acting:
         structure: Structure,
         at: Instant,
         drives: Sequence[Drive],
-        held: Sequence[Held],
         states: Mapping[str, Sequence[Scalar]],
+        commands: Sequence[Scalar | None],
+        pulled: Scalar = 0.0,
     ) -> None:
         self._made, self._drives, self._at, self._lengths = structure, drives, at, at.lengths
-        par = structure.parameters
+        par, own = structure.parameters, iter(states["winches"])
+        winches = zip(structure.winches, commands, strict=False)
+        held = [Held(winch, command, list(islice(own, winch.states)), pulled) for winch, command in winches]
         sources = zip(structure.sources, drives, strict=True)
         tensions = [drive.moment for source, drive in sources if source.tendon is not None]
         self.tendons = TendonForces(structure, at, held or tensions, states["tendons"])
@@ -54,7 +57,7 @@ class Acting:
         family = self._made.family
         total: list[Scalar] = [0.0] * family.size
         if self._made.own_tendons:
-            total = gathered(family, self.tendons.on_elements)
+            total = self.tendons.actuation
         for source, drive in zip(self._made.sources, self._drives, strict=True):
             driven = drive.couple if source.tendon is not None else drive.total
             if source.tendon is not None and not source.couples:

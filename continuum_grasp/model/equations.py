@@ -27,9 +27,7 @@ from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
 from continuum_grasp.model.pattern import Pattern, one_link_serves, pattern_of
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.tendon_forces import Held
 from continuum_grasp.model.touching import Pair, Station
-from continuum_grasp.model.winches import Motor
 from continuum_grasp.scene.loads import ForceLoad
 
 
@@ -391,7 +389,8 @@ class Equations:
         return self._in_motion(IN_MOTION, self.full_rates)
 
     def _in_motion(self, memory: Memory, rates: Sequence[Scalar]) -> Acting:
-        return Acting(self._structure, self._instant(memory, rates), self.drives, self._winches, self._states)
+        at = self._instant(memory, rates)
+        return Acting(self._structure, at, self.drives, self._states, ca.vertsplit(self.u))
 
     def _instant(self, memory: Memory, rates: Sequence[Scalar]) -> Instant:
         # A tension that lags is a state of the same name as its command: what acts comes last.
@@ -402,24 +401,25 @@ class Equations:
     @cached_property
     def resting(self) -> Acting:
         """What acts on a finger at rest under what is commanded, with friction by ``history``."""
-        return self._at_rest(self._commanded_winches, [0.0] * self._family.size)
+        return self._at_rest(self._still, ca.vertsplit(self.u))
 
     @property
     def commanding(self) -> Acting:
         """What acts on a finger that moves while drives are where they rest, with friction by ``history``."""
-        return self._at_rest(self._commanded_winches, self.full_rates)
+        return self._at_rest(self.full_rates, ca.vertsplit(self.u))
 
     @property
-    def _commanded_winches(self) -> list[Held]:
-        return [Held(winch, command=self.u[k]) for k, winch in enumerate(self._structure.winches)]
+    def _still(self) -> list[Scalar]:
+        return [0.0] * self._family.size
 
-    def _at_rest(self, held: Sequence[Held], rates: Sequence[Scalar]) -> Acting:
+    def _at_rest(self, rates: Sequence[Scalar], commands: Sequence[Scalar | None]) -> Acting:
         # What is no friction has faded, or is where the command leads.
         *friction, moved = ca.vertsplit(self.history) if self.history.numel() else [0.0]
-        left = iter(friction)
-        states: dict[str, list[Scalar]] = {group: [0.0] * len(own) for group, own in self._structure.states.items()}
-        states |= {group: list(islice(left, len(states[group]))) for group in ("tendons", "friction")}
-        return Acting(self._structure, self._instant(Memory(moved), rates), self.commanded, held, states)
+        left, names = iter(friction), self._structure.states
+        states: dict[str, list[Scalar]] = {"winches": [], "relaxation": [0.0] * len(names["relaxation"])}
+        states |= {group: list(islice(left, len(names[group]))) for group in ("tendons", "friction")}
+        at = self._instant(Memory(moved), rates)
+        return Acting(self._structure, at, self.commanded, states, commands, self.pulled)
 
     @cached_property
     def _states(self) -> dict[str, list[Scalar]]:
@@ -427,16 +427,13 @@ class Equations:
         own = iter(ca.vertsplit(self.x[2 * self._structure.n :]))
         return {group: list(islice(own, len(names))) for group, names in self._structure.states.items()}
 
-    @cached_property
-    def _winches(self) -> list[Held]:
-        """Each winch with its states."""
-        own = iter(self._states["winches"])
-        return [Held(winch, list(islice(own, winch.states))) for winch in self._structure.winches]
-
     @property
     def drives_at_rest(self) -> list[Scalar]:
         """States of the drives of a finger at rest under what is commanded."""
-        return [*self.lags_at_rest, *self.resting.tendons.drives_at_rest, *[0.0] * len(self._states["relaxation"])]
+        return self._drives_of(self.resting)
+
+    def _drives_of(self, resting: Acting) -> list[Scalar]:
+        return [*self.lags_at_rest, *resting.tendons.drives_at_rest, *[0.0] * len(self._states["relaxation"])]
 
     @property
     def lags_at_rest(self) -> list[Scalar]:
@@ -447,28 +444,7 @@ class Equations:
     @property
     def drives_drawn(self) -> list[Scalar]:
         """The same of winches that stand where (the first of) their tendons have the tension ``pulled``."""
-        held = [Held(winch, pulled=self.pulled) for winch in self._structure.winches]
-        drawn = self._at_rest(held, [0.0] * self._family.size)
-        return [*self.lags_at_rest, *drawn.tendons.drives_at_rest, *[0.0] * len(self._states["relaxation"])]
-
-    @property
-    def _winch_rates(self) -> list[Scalar]:
-        """Rates of the states of winches."""
-        found: list[Scalar] = []
-        for k, held in enumerate(self._winches):
-            found += held.winch.rates(held.states, self.u[k], held.winch.of_its(self.moving.tendons.tensions))
-        return found
-
-    @property
-    def motors(self) -> list[tuple[Scalar, Scalar, Scalar, Scalar]]:
-        """Of each motor its angle, rate, torque without dry friction [N m] and inertia [kg m2]."""
-        found = []
-        for k, held in enumerate(self._winches):
-            if isinstance(held.winch, Motor):
-                tensions = held.winch.of_its(self.moving.tendons.tensions)
-                torque = held.winch.balance(held.states, self.u[k], tensions)
-                found.append((held.states[0], held.states[1], torque, held.winch.inertia))
-        return found
+        return self._drives_of(self._at_rest(self._still, [None for _ in self._structure.winches]))
 
     def _bending_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
         """Elastic force and friction less actuation, where it is ``driven``."""
@@ -572,7 +548,8 @@ class Equations:
     def _rates_of_states(self, sections: SectionForces) -> list[Scalar]:
         lag = [rate for rates in self._lag_rates for rate in rates]
         of_tendons, friction = self.moving.tendons.state_rates, sections.rates("friction")
-        return [*lag, *self._winch_rates, *sections.rates("relaxation"), *of_tendons, *friction]
+        relaxation, winches = sections.rates("relaxation"), self.moving.tendons.drive_rates
+        return [*lag, *winches, *relaxation, *of_tendons, *friction]
 
     def implicit_drive_rates(self, accelerations: ca.SX) -> list[Scalar]:
         """Rates of drives and friction in a step that is implicit in ``part`` [s], where laws with states are stiff."""
@@ -604,14 +581,8 @@ class Equations:
     @cached_property
     def kinetic_energy(self) -> Scalar:
         """Kinetic energy [J], with what moves with the input, and that of motors and of what is touched."""
-        turning = sum((held.winch.kinetic_energy(held.states) for held in self._winches), 0.0)
         bending = 0.5 * _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates)
-        return turning + bending + self._energy_around[0]
-
-    @cached_property
-    def _energy_around(self) -> tuple[Scalar, Scalar]:
-        """Kinetic and potential energy of what is touched [J]."""
-        return self.contacts.energy(self._world_gravity)
+        return self.moving.tendons.kinetic_energy + bending + self.contacts.energy(self._world_gravity)[0]
 
     @cached_property
     def potential_energy(self) -> Scalar:
@@ -620,15 +591,14 @@ class Equations:
         """
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
         elastic = self._par["bending_stiffness"] * _dot(product, self.full)
-        if self._structure.winches:
-            elastic += self.moving.tendons.stored_energy
+        elastic += self.moving.tendons.stored_energy
         elastic += self.moving.sections.stored_energy
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
         x, y = self._par.vector("base_position")
         # Potential of the weight: -g . integral of r dm, base included.
         weight = first.dot(self.gravity_vector) + mass * (gx * x + gy * y)
-        return elastic - weight + self._energy_around[1]
+        return elastic - weight + self.contacts.energy(self._world_gravity)[1]
 
 
 def _dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:

@@ -8,7 +8,7 @@ the way are taken as known, the curvature that they give is.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import accumulate
@@ -56,6 +56,13 @@ class Mesh:
                 edges.append(at)
         return list(zip(edges, [*edges[1:], end], strict=True))
 
+    def integral(
+        self, element: int, a: float, b: float, of: Callable[[Array], Array], *curves: Curve
+    ) -> NDArray[np.float64]:
+        """Integral (...) from a to b [m] on an element of values (..., M) at places (M,), smooth where curves are."""
+        inside = [(max(low, a), min(high, b)) for low, high in self.panels(element, *curves) if low < b and high > a]
+        return np.sum([of(s) @ weights for s, weights in nodes_of(inside)], axis=0)
+
     def constant(self, curve: Curve, element: int) -> float | None:
         """Value of a curve where it is the same on an element; else None."""
         parts = self.panels(element, curve)
@@ -85,8 +92,7 @@ def mean(mesh: Mesh, element: int, curve: Curve) -> float:
     found = mesh.constant(curve, element)
     if found is not None:
         return found
-    total = sum(float(w @ curve(s)) for s, w in nodes_of(mesh.panels(element, curve)))
-    return total / mesh.lengths[element]
+    return float(mesh.integral(element, *mesh.ends[element : element + 2], curve, curve)) / mesh.lengths[element]
 
 
 @dataclass(frozen=True)
@@ -193,6 +199,14 @@ class Family(ABC):
 
         Without a moment it is the derivative of the element's bending angle.
         """
+
+    def stretches(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
+        """Factors of the integrals of the shapes of an element that has another length than the mesh at run time."""
+        local = self.local(element)
+        if isinstance(lengths[element], float):
+            return [1.0] * len(local)
+        own, nominal = self.work(element, lengths), self.work(element, self.mesh.lengths)
+        return [own[a] / float(nominal[a]) for a in local]
 
     @abstractmethod
     def shapes_at(self, element: int, s: Array) -> Array:

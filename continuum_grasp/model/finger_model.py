@@ -243,7 +243,7 @@ class FingerModel(Functions):
         coordinates without tendons.
         """
         eq = self._equations
-        angles, rates, torques, inertias = ([motor[k] for motor in eq.motors] for k in range(4))
+        angles, rates, torques, inertias = ([motor[k] for motor in eq.moving.tendons.motors] for k in range(4))
         places, force = ca.vertcat(eq.q, *angles), column([*eq.net_force(eq.moving), *torques])
         return self._function(
             "stiffness_of_drives",

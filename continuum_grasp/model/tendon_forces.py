@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
-from continuum_grasp.model.family import gathered, nodes_of
+from continuum_grasp.model.family import gathered
 from continuum_grasp.model.memory import Instant, direction
 from continuum_grasp.model.planar import Scalar, is_zero
 from continuum_grasp.model.structure import Structure
@@ -19,7 +20,7 @@ from continuum_grasp.model.tendon_friction import (
     rounded,
     shares,
 )
-from continuum_grasp.model.winches import Cables, Winch, compliance, soft_integral, stiffnesses
+from continuum_grasp.model.winches import Cables, Motor, Winch, compliance, soft_integral, stiffnesses
 
 _LITTLE = 1e-3
 """Tension that keeps a mean over slack tendons finite [N]."""
@@ -27,25 +28,25 @@ _LITTLE = 1e-3
 
 @dataclass(frozen=True)
 class Held:
-    """A winch, and by what its drum is known: its states; a command, at rest; or the tension of its first tendon."""
+    """A winch, and by what its drum is known: its states; at rest its command, or the tension of its first tendon."""
 
     winch: Winch
+    command: Scalar | None
     states: Sequence[Scalar] = ()
-    command: Scalar | None = None
-    pulled: Scalar | None = None
+    pulled: Scalar = 0.0
 
     def drum(self, cables: Cables) -> Scalar:
         """Position of what winds up."""
-        if self.pulled is not None:
-            return self.winch.position([cables.paths[0] + cables.compliances[0] * self.pulled], [1.0])
+        if self.states:
+            return self.winch.drum(self.states, cables)
         if self.command is not None:
             return self.winch.drum_at_rest(self.command, cables)
-        return self.winch.drum(self.states, cables)
+        return self.winch.position([cables.paths[0] + cables.compliances[0] * self.pulled], [1.0])
 
     @property
     def tensions(self) -> list[Scalar]:
         """Tensions of its tendons that the command alone gives [N]; none where they depend on where the drum is."""
-        return [] if self.command is None else self.winch.given_at_rest(self.command)
+        return [] if self.states or self.command is None else self.winch.given_at_rest(self.command)
 
 
 class TendonForces:
@@ -72,17 +73,7 @@ class TendonForces:
     # -- geometry -------------------------------------------------------------------------------------------------
 
     def _scale(self, element: int) -> list[Scalar]:
-        """Factors of the integrals of an element's shapes: not one where lengths are run-time arguments."""
-        local, made = self._made.family.local(element), self._made
-        if not self._par.is_runtime("element_lengths"):
-            return [1.0] * len(local)
-        own, nominal = (made.family.work(element, lengths) for lengths in (self._lengths, made.lengths))
-        return [own[a] / float(nominal[a]) for a in local]
-
-    def _on(self, cell: Cell, values: Sequence[Scalar], weights: Sequence[Scalar]) -> Scalar:
-        local, scale = self._made.family.local(cell.element), self._scale(cell.element)
-        terms = zip(weights, scale, [values[a] for a in local], strict=True)
-        return sum(((w * k) * v for w, k, v in terms if not is_zero(w)), 0.0)
+        return self._made.family.stretches(element, self._lengths)
 
     def _rest(self, cell: Cell, numeric: Scalar, part: float = 1.0) -> Scalar:
         """A bend of the rest curvature, which may be a run-time argument, as may the lengths."""
@@ -112,12 +103,15 @@ class TendonForces:
     def _bends(self, cells: CellSet, scale: float) -> list[Scalar]:
         """Bend of each cell [rad], with that at rest, without sign, times a scale."""
         return [
-            rounded(
-                self._on(c, self._full, [scale * bend for bend in c.bend]) + scale * self._rest(c, c.rest_bend),
-                scale * c.share,
-            )
-            for c in cells.cells
+            rounded(self._bend(cell, [scale * bend for bend in cell.bend], scale), scale * cell.share)
+            for cell in cells.cells
         ]
+
+    def _bend(self, cell: Cell, weights: Sequence[Scalar], scale: float) -> Scalar:
+        *own, rest = weights
+        bent, stretched = [self._full[a] for a in self._made.family.local(cell.element)], self._scale(cell.element)
+        terms = zip(own, stretched, bent, strict=True)
+        return sum(((w * k) * q for w, k, q in terms if not is_zero(w)), 0.0) + self._rest(cell, rest, scale)
 
     def _sliding(
         self, cells: CellSet, values: Sequence[Scalar], *, rest: bool, grown: Sequence[Scalar] = ()
@@ -130,10 +124,11 @@ class TendonForces:
         per_path = self._arm_size(cells) / self._presliding(cells)
         halves: list[tuple[Cell, Sequence[Scalar], Scalar]] = []  # from base to tip
         for cell in cells.cells:
-            late = self._rest(cell, cell.rest_late, 0.5) if rest else 0.0
-            early = self._rest(cell, cell.rest_work) - late if rest else 0.0
-            before = [work - own for work, own in zip(cell.work, cell.late, strict=True)]
-            halves += [(cell, before, early), (cell, cell.late, late)]
+            (*work, whole), (*beyond, half) = cell.work, cell.late
+            late = self._rest(cell, half, 0.5) if rest else 0.0
+            early = self._rest(cell, whole) - late if rest else 0.0
+            before = [each - own for each, own in zip(work, beyond, strict=True)]
+            halves += [(cell, before, early), (cell, beyond, late)]
         found: list[Scalar] = []
         slid: Scalar = 0.0
         # One step per cell: the halves on both sides of a boundary at once, of which neighbors share coordinates.
@@ -207,11 +202,9 @@ class TendonForces:
         mesh, shape = self._made.mesh, self._made.own_tendons[tendon].shape
         runtime = self._par.is_runtime("rest_curvature")
         total: Scalar = 0.0
-        for k, length in enumerate(self._lengths):
-            own = 0.0
-            for s, weights in nodes_of(mesh.panels(k, mesh.rest, shape)):
-                own += float(((1.0 if runtime else mesh.rest(s)) * shape(s)) @ weights)
-            total += own * (length / mesh.lengths[k] if self._par.is_runtime("element_lengths") else 1.0)
+        for k, (length, span) in enumerate(zip(self._lengths, pairwise(mesh.ends), strict=True)):
+            bent = mesh.integral(k, *span, lambda s: (1.0 if runtime else mesh.rest(s)) * shape(s), mesh.rest, shape)
+            total += float(bent) * (length / mesh.lengths[k] if self._par.is_runtime("element_lengths") else 1.0)
         return self._par["rest_curvature"] * total if runtime else total
 
     @cached_property
@@ -279,6 +272,30 @@ class TendonForces:
         return found
 
     @property
+    def drive_rates(self) -> list[Scalar]:
+        """Rates of the states of the winches."""
+        found: list[Scalar] = []
+        for held in self.held:
+            if held.command is not None:
+                found += held.winch.rates(held.states, held.command, held.winch.of_its(self.tensions))
+        return found
+
+    @property
+    def motors(self) -> list[tuple[Scalar, Scalar, Scalar, Scalar]]:
+        """Of each motor its angle, rate, torque without dry friction [N m] and inertia [kg m2]."""
+        found = []
+        for held in self.held:
+            if isinstance(held.winch, Motor) and held.command is not None:
+                torque = held.winch.balance(held.states, held.command, held.winch.of_its(self.tensions))
+                found.append((held.states[0], held.states[1], torque, held.winch.inertia))
+        return found
+
+    @property
+    def kinetic_energy(self) -> Scalar:
+        """Kinetic energy of motors [J]."""
+        return sum((held.winch.kinetic_energy(held.states) for held in self.held), 0.0)
+
+    @property
     def drives_at_rest(self) -> list[Scalar]:
         """States of the winches where they are held at rest."""
         found: list[Scalar] = []
@@ -295,9 +312,11 @@ class TendonForces:
                 found[tendon] = [self.tensions[tendon] * share for share in middle]
         return found
 
-    @cached_property
+    @property
     def stored_energy(self) -> Scalar:
         """Energy of elongated tendons and gears [J], exactly where tendons have no friction."""
+        if not self.held:
+            return 0.0
         slacks = [slack for own in self._slacks for slack in own]
         gears = [held.winch.gear_energy(held.states, drum) for held, drum in zip(self.held, self.drums, strict=True)]
         return sum((soft_integral(y) / c for y, c in zip(slacks, self.compliances, strict=True)), sum(gears, 0.0))
@@ -361,7 +380,7 @@ class TendonForces:
                 mean = sum(side * part for side, part in zip(cells.sides, parts, strict=True))
                 lean = half * sum(parts)
                 forces, scale = total[cell.element], self._scale(cell.element)
-                for i, (own, first) in enumerate(zip(cell.work, cell.lean, strict=True)):
+                for i, (own, first) in enumerate(zip(cell.work, cell.lean, strict=False)):
                     forces[i] += (size * own * scale[i]) * mean
                     if not is_zero(first):
                         forces[i] += first * scale[i] * ((-2.0 * cell.most * size) * lean)

@@ -176,9 +176,8 @@ class GradedBackbone(Backbone):
                 late = self._integrals(k, middle, b)
                 whole, drawn, first = ca.horzsplit(self._integrals(k, a, middle) + late)
                 leaning = (first - middle * drawn) / (b - a)
-                columns = (ca.vertsplit(each) for each in (whole, drawn, leaning, late[:, 1]))
-                (*bend, rest_bend), (*work, rest_work), (*lean, _), (*beyond, rest_beyond) = columns
-                found.append(Cell(k, b - a, b - a, bend, work, lean, beyond, rest_bend, rest_work, rest_beyond))
+                bend, work, lean, beyond = (ca.vertsplit(each) for each in (whole, drawn, leaning, late[:, 1]))
+                found.append(Cell(k, b - a, b - a, bend, work, lean[:-1], beyond))
         return found
 
     def _ports(self, count: int) -> list[Port]:
