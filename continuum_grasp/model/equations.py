@@ -77,22 +77,16 @@ class Equations:
         return found
 
     @cached_property
-    def _lagging(self) -> list[list[Scalar]]:
-        """States of the lag of each source; none where it has none."""
-        own = iter(self._states["lag"])
-        return [list(islice(own, source.lag.order if source.lag else 0)) for source in self._structure.sources]
-
-    @cached_property
-    def _lag_rates(self) -> list[list[Scalar]]:
-        """Rates of these."""
-        found, runtime = list[list[Scalar]](), self._par.is_runtime("drive_time_constant")
-        sources = zip(self._structure.sources, self._lagging, self.amplitudes, strict=True)
-        for source, states, [(asked, _), *_] in sources:
-            rates: list[Scalar] = []
+    def _lagging(self) -> list[tuple[list[Scalar], list[Scalar]]]:
+        """States of the lag of each source, and their rates; none where it has none."""
+        own, runtime, found = iter(self._states["lag"]), self._par.is_runtime("drive_time_constant"), []
+        for source, [(asked, _), *_] in zip(self._structure.sources, self.amplitudes, strict=True):
+            states, rates = list[Scalar](), list[Scalar]()
             if source.lag is not None:
                 time = self._par["drive_time_constant"] if runtime else source.lag.time_constant
+                states = list(islice(own, source.lag.order))
                 rates = source.lag.rates(states, asked, time)
-            found.append(rates)
+            found.append((states, rates))
         return found
 
     @cached_property
@@ -104,7 +98,7 @@ class Equations:
     def drives(self) -> list[Drive]:
         """Per source what acts: what is commanded, or what follows it."""
         found = list(self.commanded)
-        for k, (states, rates) in enumerate(zip(self._lagging, self._lag_rates, strict=True)):
+        for k, (states, rates) in enumerate(self._lagging):
             if states:
                 _, couples = zip(*self.amplitudes[k], strict=True)
                 found[k] = self._drive(k, (states[0], *rates), couples[:1])
@@ -546,7 +540,7 @@ class Equations:
         return self._rates_of_states(self.moving.sections)
 
     def _rates_of_states(self, sections: SectionForces) -> list[Scalar]:
-        lag = [rate for rates in self._lag_rates for rate in rates]
+        lag = [rate for _, rates in self._lagging for rate in rates]
         of_tendons, friction = self.moving.tendons.state_rates, sections.rates("friction")
         relaxation, winches = sections.rates("relaxation"), self.moving.tendons.drive_rates
         return [*lag, *winches, *relaxation, *of_tendons, *friction]

@@ -47,9 +47,13 @@ class Mesh:
         """Where elements begin and end [m]."""
         return (0.0, *accumulate(self.lengths))
 
+    def span(self, element: int) -> tuple[float, float]:
+        """Where an element begins and ends [m]."""
+        return self.ends[element], self.ends[element + 1]
+
     def panels(self, element: int, *curves: Curve) -> list[tuple[float, float]]:
         """Parts of an element [m] on which curves are smooth, from base to tip."""
-        start, end = self.ends[element : element + 2]
+        start, end = self.span(element)
         least, edges = 1e-9 * self.ends[-1], [start]
         for at in sorted(at for curve in curves for at in curve.breaks):
             if at - edges[-1] > least and end - at > least:
@@ -61,7 +65,7 @@ class Mesh:
     ) -> NDArray[np.float64]:
         """Integral (...) from a to b [m] on an element of values (..., M) at places (M,), smooth where curves are."""
         inside = [(max(low, a), min(high, b)) for low, high in self.panels(element, *curves) if low < b and high > a]
-        return np.sum([of(s) @ weights for s, weights in nodes_of(inside)], axis=0)
+        return np.asarray(np.sum([of(s) @ weights for s, weights in nodes_of(inside)], axis=0))
 
     def constant(self, curve: Curve, element: int) -> float | None:
         """Value of a curve where it is the same on an element; else None."""
@@ -92,7 +96,7 @@ def mean(mesh: Mesh, element: int, curve: Curve) -> float:
     found = mesh.constant(curve, element)
     if found is not None:
         return found
-    return float(mesh.integral(element, *mesh.ends[element : element + 2], curve, curve)) / mesh.lengths[element]
+    return float(mesh.integral(element, *mesh.span(element), curve, curve)) / mesh.lengths[element]
 
 
 @dataclass(frozen=True)

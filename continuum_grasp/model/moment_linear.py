@@ -81,7 +81,7 @@ class MomentLinearFamily(Family):
         return any(self._rest_of(moment, k) for k in range(self.elements))
 
     def _rest_of(self, moment: Curve, element: int) -> bool:
-        start, end = self.mesh.ends[element : element + 2]
+        start, end = self.mesh.span(element)
         parts = self.mesh.panels(element, moment)
         s = np.concatenate([np.linspace(a, b, 7)[1:-1] for a, b in parts])
         first, last = moment([start, end])
@@ -90,7 +90,7 @@ class MomentLinearFamily(Family):
 
     def _shapes(self, element: int) -> tuple[Shapes, bool]:
         """Shapes of an element, and whether it is a clothoid."""
-        mesh, (start, end) = self.mesh, self.mesh.ends[element : element + 2]
+        mesh, (start, end) = self.mesh, self.mesh.span(element)
         left = [k for k in self._left if self._rest_of(mesh.moments[k], element)]
         curves = (mesh.stiffness, mesh.linear_density, mesh.rotary_inertia, mesh.rest)
         first, last = self._at_nodes[element : element + 2].tolist()

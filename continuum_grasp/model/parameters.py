@@ -51,7 +51,7 @@ _KNOWN: dict[str, tuple[str, Callable[[Finger], Any]]] = {
     "gravity": ("m/s2", lambda f: None),
     "element_lengths": ("m", lambda f: None),
     "linear_density": ("kg/m", _of_rod(lambda f: f.rod.mass_per_length)),
-    "bending_stiffness": ("N m2", _of_rod(lambda f: f.profile.bending_stiffness(0.0))),
+    "bending_stiffness": ("N m2", _of_rod(lambda f: float(f.profile.bending_stiffness(0.0)))),
     "rotary_inertia": ("kg m", _of_rod(lambda f: f.rod.inertia_per_length)),
     "material_damping": ("N m2 s", lambda f: f.damping.material),
     "per_arc_damping": ("N m s", lambda f: f.damping.per_arc),

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
-
-import numpy as np
+from itertools import islice
 
 from continuum_grasp.model.family import gathered
 from continuum_grasp.model.memory import Instant, direction
@@ -20,7 +18,7 @@ from continuum_grasp.model.tendon_friction import (
     rounded,
     shares,
 )
-from continuum_grasp.model.winches import Cables, Motor, Winch, compliance, soft_integral, stiffnesses
+from continuum_grasp.model.winches import Cables, Motor, Winch, soft_integral, stiffnesses
 
 _LITTLE = 1e-3
 """Tension that keeps a mean over slack tendons finite [N]."""
@@ -67,6 +65,7 @@ class TendonForces:
     ) -> None:
         self._made, self._par, self._lengths = structure, structure.parameters, at.lengths
         self._full, self._rates, self._memory, self._states = at.full, at.rates, at.memory, states
+        self._sets = structure.tendon_sets
         self.held = [pull for pull in pulls if isinstance(pull, Held)]
         self._given = [pull for pull in pulls if not isinstance(pull, Held)]
 
@@ -75,20 +74,19 @@ class TendonForces:
     def _scale(self, element: int) -> list[Scalar]:
         return self._made.family.stretches(element, self._lengths)
 
-    def _rest(self, cell: Cell, numeric: Scalar, part: float = 1.0) -> Scalar:
-        """A bend of the rest curvature, which may be a run-time argument, as may the lengths."""
-        if not (self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths")):
-            return numeric
-        whole, nominal = self._lengths[cell.element], self._made.lengths[cell.element]
-        return self._par["rest_curvature"] * whole * (part * cell.length / nominal)
-
-    def arm(self, tendon: int) -> Scalar:
-        """Signed distance of a tendon from the backbone at the base [m]."""
-        arm = self._made.own_tendons[tendon].arms[tendon]
-        return np.sign(arm) * self._par["tendon_offset"] if self._par.is_runtime("tendon_offset") else arm
+    def _rest(self, cell: Cell, bent: Scalar) -> Scalar:
+        """An integral of the rest curvature, which may be a run-time argument, as may the lengths."""
+        if self._par.is_runtime("rest_curvature"):
+            bent = self._par["rest_curvature"] * bent
+        if self._par.is_runtime("element_lengths"):
+            bent = bent * (self._lengths[cell.element] / self._made.lengths[cell.element])
+        return bent
 
     def _arm_size(self, cells: CellSet) -> Scalar:
-        return cells.sides[0] * self.arm(cells.tendons[0])
+        """Distance of the tendons from the backbone at the base [m]."""
+        tendon = cells.tendons[0]
+        arm = abs(self._made.own_tendons[tendon].arms[tendon])
+        return self._par["tendon_offset"] if self._par.is_runtime("tendon_offset") else arm
 
     def _presliding(self, cells: CellSet) -> Scalar:
         return self._par["tendon_presliding"] if self._par.is_runtime("tendon_presliding") else cells.presliding
@@ -97,21 +95,26 @@ class TendonForces:
     def _friction(self) -> list[Scalar]:
         """Coefficient of each set."""
         if self._par.is_runtime("tendon_friction"):
-            return [self._par["tendon_friction"] for _ in self._made.cell_sets]
-        return [self._made.finger.tendon_list[each.tendons[0]].friction for each in self._made.cell_sets]
+            return [self._par["tendon_friction"] for _ in self._sets]
+        return [self._made.finger.tendon_list[each.tendons[0]].friction for each in self._sets]
+
+    def _bent(
+        self, rows: Sequence[tuple[Cell, Sequence[Scalar]]], values: Sequence[Scalar], factor: Scalar, *, rest: bool
+    ) -> Scalar:
+        """Factor times what integrals along cells give together of a curvature, and of that at rest."""
+        weights: dict[int, Scalar] = {}
+        total: Scalar = 0.0
+        for cell, (*own, bent) in rows:
+            total += factor * self._rest(cell, bent) if rest else 0.0
+            for a, w, k in zip(self._made.family.local(cell.element), own, self._scale(cell.element), strict=True):
+                # Neighbors share coordinates: one product for all cells.
+                weights[a] = weights.get(a, 0.0) + factor * w * k
+        return sum((w * values[a] for a, w in weights.items() if not is_zero(w)), total)
 
     def _bends(self, cells: CellSet, scale: float) -> list[Scalar]:
         """Bend of each cell [rad], with that at rest, without sign, times a scale."""
-        return [
-            rounded(self._bend(cell, [scale * bend for bend in cell.bend], scale), scale * cell.share)
-            for cell in cells.cells
-        ]
-
-    def _bend(self, cell: Cell, weights: Sequence[Scalar], scale: float) -> Scalar:
-        *own, rest = weights
-        bent, stretched = [self._full[a] for a in self._made.family.local(cell.element)], self._scale(cell.element)
-        terms = zip(own, stretched, bent, strict=True)
-        return sum(((w * k) * q for w, k, q in terms if not is_zero(w)), 0.0) + self._rest(cell, rest, scale)
+        bends = [self._bent([(cell, cell.bend)], self._full, scale, rest=True) for cell in cells.cells]
+        return [rounded(bend, scale * cell.share) for bend, cell in zip(bends, cells.cells, strict=True)]
 
     def _sliding(
         self, cells: CellSet, values: Sequence[Scalar], *, rest: bool, grown: Sequence[Scalar] = ()
@@ -122,27 +125,17 @@ class TendonForces:
         what is ``grown`` in the half cells there.
         """
         per_path = self._arm_size(cells) / self._presliding(cells)
-        halves: list[tuple[Cell, Sequence[Scalar], Scalar]] = []  # from base to tip
+        halves: list[tuple[Cell, Sequence[Scalar]]] = []  # from base to tip
         for cell in cells.cells:
-            (*work, whole), (*beyond, half) = cell.work, cell.late
-            late = self._rest(cell, half, 0.5) if rest else 0.0
-            early = self._rest(cell, whole) - late if rest else 0.0
-            before = [each - own for each, own in zip(work, beyond, strict=True)]
-            halves += [(cell, before, early), (cell, beyond, late)]
+            halves += [
+                (cell, [each - late for each, late in zip(cell.work, cell.late, strict=True)]),
+                (cell, cell.late),
+            ]
         found: list[Scalar] = []
         slid: Scalar = 0.0
-        # One step per cell: the halves on both sides of a boundary at once, of which neighbors share coordinates.
+        # One step per cell: the halves on both sides of a boundary at once.
         for k in range(len(cells.cells), -1, -1):
-            weights: dict[int, Scalar] = {}
-            change: Scalar = 0.0
-            for cell, half, own in halves[max(2 * k - 1, 0) : 2 * k + 1]:
-                change += per_path * own
-                for a, w, scale in zip(
-                    self._made.family.local(cell.element), half, self._scale(cell.element), strict=True
-                ):
-                    weights[a] = weights.get(a, 0.0) + per_path * w * scale
-            for a, weight in weights.items():
-                change += weight * values[a]
+            change = self._bent(halves[max(2 * k - 1, 0) : 2 * k + 1], values, per_path, rest=rest)
             slid = slid + (change + sum(grown[max(k - 1, 0) : k + 1]))
             found.append(slid)
         return found[::-1] if cells.conduit_bend else found[-2::-1]
@@ -152,65 +145,49 @@ class TendonForces:
     @cached_property
     def slid(self) -> list[Scalar]:
         """Sliding of the tendons per presliding since the finger was straight, per friction state."""
-        found: list[Scalar] = []
-        for cells in self._made.cell_sets:
-            found += self._sliding(cells, self._full, rest=True)
-        return found
+        return [slid for cells in self._made.cell_sets for slid in self._sliding(cells, self._full, rest=True)]
 
     @cached_property
     def directions(self) -> list[list[Scalar]]:
         """Which way friction acts, per set and state; of tendons on the other side the other way."""
-        ways = self._memory.ways(self._states, lambda: self.slid, direction)
-        found, entry = [], 0
-        for cells in self._made.cell_sets:
-            found.append(ways[entry : entry + cells.states])
-            entry += cells.states
-        return found
-
-    @cached_property
-    def _frictional(self) -> set[int]:
-        return {tendon for cells in self._made.cell_sets for tendon in cells.tendons}
+        ways = iter(self._memory.ways(self._states, lambda: self.slid, direction))
+        return [list(islice(ways, cells.states)) for cells in self._sets]
 
     @cached_property
     def shares(self) -> list[Shares]:
         """Shares of the tensions at the drives, per set."""
         found = []
-        for cells, mu, ways in zip(self._made.cell_sets, self._friction, self.directions, strict=True):
+        for cells, mu, ways in zip(self._sets, self._friction, self.directions, strict=True):
             # Half of a coefficient that is a number goes into the weights of the bend.
             scale, factor = (0.5 * mu, 1.0) if isinstance(mu, float) else (0.5, mu)
-            inside = ways[-len(cells.cells) :]
-            halves = [factor * (way * bend) for way, bend in zip(inside, self._bends(cells, scale), strict=True)]
+            halves: list[Scalar] = [0.0 for _ in cells.cells]
+            if cells.has_friction:
+                inside = zip(ways[-len(cells.cells) :], self._bends(cells, scale), strict=True)
+                halves = [factor * (way * bend) for way, bend in inside]
             conduit = ways[0] * (cells.conduit_bend * mu) if cells.conduit_bend else None
             found.append(shares(halves, conduit, cells.sides))
         return found
 
     # -- winches --------------------------------------------------------------------------------------------------
 
-    def _path(self, tendon: int, values: Sequence[Scalar], *, rest: bool) -> Scalar:
-        """How much a tendon is drawn in by a curvature [m]; equal for both of a pair but for its sign."""
-        made, shape = self._made, self._made.own_tendons[tendon].shape
-        works = [made.family.work(k, self._lengths, shape) for k in range(len(self._lengths))]
-        drawn = sum((sum(column) * value for column, value in zip(zip(*works, strict=True), values, strict=True)), 0.0)
-        if rest:
-            drawn += self._drawn_at_rest(tendon)
-        # Arms of a pair differ by their sign alone: one product serves both.
-        arm = self.arm(tendon)
-        negative = self._made.own_tendons[tendon].arms[tendon] < 0.0
-        return -(-arm * drawn) if negative else arm * drawn
-
-    def _drawn_at_rest(self, tendon: int) -> Scalar:
-        mesh, shape = self._made.mesh, self._made.own_tendons[tendon].shape
-        runtime = self._par.is_runtime("rest_curvature")
-        total: Scalar = 0.0
-        for k, (length, span) in enumerate(zip(self._lengths, pairwise(mesh.ends), strict=True)):
-            bent = mesh.integral(k, *span, lambda s: (1.0 if runtime else mesh.rest(s)) * shape(s), mesh.rest, shape)
-            total += float(bent) * (length / mesh.lengths[k] if self._par.is_runtime("element_lengths") else 1.0)
-        return self._par["rest_curvature"] * total if runtime else total
+    def _drawn(self, values: Sequence[Scalar], *, rest: bool) -> list[Scalar]:
+        """How much a curvature draws in each tendon [m]; of a pair the same but for its sign."""
+        found: dict[int, Scalar] = {}
+        for cells in self._sets:
+            bent = self._bent([(cell, cell.work) for cell in cells.cells], values, 1.0, rest=rest)
+            path = self._arm_size(cells) * bent
+            found |= {k: path if side > 0.0 else -path for k, side in zip(cells.tendons, cells.sides, strict=True)}
+        return [found[tendon] for tendon in sorted(found)]
 
     @cached_property
     def _paths(self) -> list[Scalar]:
         """How much each tendon is drawn in by the bend [m]."""
-        return [self._path(tendon, self._full, rest=True) for tendon in self._made.own_tendons]
+        return self._drawn(self._full, rest=True)
+
+    @cached_property
+    def _path_rates(self) -> list[Scalar]:
+        """Rates of these [m/s]."""
+        return self._drawn(self._rates, rest=False)
 
     @cached_property
     def _cables(self) -> list[Cables]:
@@ -225,10 +202,9 @@ class TendonForces:
     @cached_property
     def _wound_rates(self) -> list[Scalar]:
         """Rate of the cable wound up, per tendon [m/s]."""
-        path_rates = [self._path(tendon, self._rates, rest=False) for tendon in self._made.own_tendons]
         found: list[Scalar] = []
         for held, drum, cables in zip(self.held, self.drums, self._cables, strict=True):
-            rate = held.winch.drum_rate(held.states, drum, cables, held.winch.of_its(path_rates))
+            rate = held.winch.drum_rate(held.states, drum, cables, held.winch.of_its(self._path_rates))
             found += held.winch.wound_rates(rate)
         return found
 
@@ -251,11 +227,9 @@ class TendonForces:
     @cached_property
     def compliances(self) -> list[Scalar]:
         """Elongation of each tendon per tension at its drive [m/N]."""
-        tendons, length = self._made.finger.tendon_list, self._made.length
-        found: list[Scalar] = [
-            0.0 if k in self._frictional else compliance(tendon, length, self._par) for k, tendon in enumerate(tendons)
-        ]
-        for cells, passed in zip(self._made.cell_sets, self.shares, strict=True):
+        tendons = self._made.finger.tendon_list
+        found: list[Scalar] = [0.0 for _ in tendons]
+        for cells, passed in zip(self._sets, self.shares, strict=True):
             unit, lengths = self._lengths_of(cells)
             for tendon, means in zip(cells.tendons, passed.mean, strict=True):
                 axial, series = stiffnesses(tendons[tendon], self._par)
@@ -307,8 +281,8 @@ class TendonForces:
     def along(self) -> list[list[Scalar]]:
         """Per tendon its tension [N] in the middle of its friction cells, or the one that it has all along."""
         found: list[list[Scalar]] = [[tension] for tension in self.tensions]
-        for cells, passed in zip(self._made.cell_sets, self.shares, strict=True):
-            for tendon, middle in zip(cells.tendons, passed.middle, strict=True):
+        for cells, passed in zip(self._sets, self.shares, strict=True):
+            for tendon, middle in zip(cells.tendons, passed.middle if cells.states else (), strict=False):
                 found[tendon] = [self.tensions[tendon] * share for share in middle]
         return found
 
@@ -329,7 +303,7 @@ class TendonForces:
                 [self.tensions[tendon] * mean for mean in means]
                 for tendon, means in zip(cells.tendons, passed.mean, strict=True)
             ]
-            for cells, passed in zip(self._made.cell_sets, self.shares, strict=True)
+            for cells, passed in zip(self._sets, self.shares, strict=True)
         ]
 
     def _elongating(self, cells: CellSet, pulled: Sequence[Sequence[Scalar]]) -> list[Scalar]:
@@ -342,7 +316,7 @@ class TendonForces:
         found: list[Scalar] = [0.0] * len(cells.cells)
         for tendon, side, tensions in zip(cells.tendons, cells.sides, pulled, strict=True):
             axial, _ = stiffnesses(self._made.finger.tendon_list[tendon], self._par)
-            moving = self._wound_rates[tendon] - self._path(tendon, self._rates, rest=False)
+            moving = self._wound_rates[tendon] - self._path_rates[tendon]
             # Of the tension at the base, per itself and second.
             rate = ((1.0 / axial) * weight) * (moving / self.compliances[tendon])
             for k, tension in enumerate(tensions):
@@ -353,7 +327,9 @@ class TendonForces:
     def state_rates(self) -> list[Scalar]:
         """Rates of the friction states [1/s]."""
         sliding: list[Scalar] = []
-        for cells, pulled in zip(self._made.cell_sets, self._pulled, strict=True):
+        for cells, pulled in zip(self._sets, self._pulled, strict=True):
+            if not cells.states:
+                continue
             grown = self._elongating(cells, pulled) if self.held else ()
             sliding += self._sliding(cells, self._rates, rest=False, grown=grown)
         return [self._memory.rate(z, slid) for z, slid in zip(self._states, sliding, strict=True)]
@@ -365,14 +341,7 @@ class TendonForces:
         """Generalized forces on the local coordinates of each element."""
         made = self._made
         total: list[list[Scalar]] = [[0.0] * len(made.family.local(k)) for k in range(len(made.lengths))]
-        for tendon, source in made.own_tendons.items():
-            pull = self.arm(tendon) * self.tensions[tendon]
-            if tendon not in self._frictional:
-                for k, forces in enumerate(total):
-                    work = made.family.work(k, self._lengths, source.shape)
-                    for i, a in enumerate(made.family.local(k)):
-                        forces[i] += pull * work[a]
-        for cells, passed, pulled in zip(made.cell_sets, self.shares, self._pulled, strict=True):
+        for cells, passed, pulled in zip(self._sets, self.shares, self._pulled, strict=True):
             size = self._arm_size(cells)
             for k, (cell, half) in enumerate(zip(cells.cells, passed.halves, strict=True)):
                 # Of all tendons of the set together: they bend by the same shapes.

@@ -34,7 +34,7 @@ class Cell:
 
     Integrals along the cell are of the curvature shapes: ``bend``; with the shape of the tendon's moment ``work``;
     this with the fraction of the cell less a half, per ``most``, ``lean``; and ``late`` is ``work`` of the half towards
-    the tip. The same of the rest curvature is one more entry, but of ``lean``.
+    the tip. The same of the rest curvature is one more entry, but of ``lean``; of one where it is a run-time number.
     """
 
     element: int
@@ -49,18 +49,21 @@ class Cell:
 
 @dataclass(frozen=True)
 class CellSet:
-    """Friction cells of tendons that slide alike, to and fro: one state per cell serves them all."""
+    """Tendons that slide alike, to and fro, and parts of the finger along them: where they have friction, one state per
+    cell serves them all.
+    """
 
     tendons: tuple[int, ...]
     sides: tuple[float, ...]  # sign of each one's arm
     presliding: float  # [m]
     conduit_bend: float  # [rad]; where it is not zero, the first state is that of the conduit
     cells: tuple[Cell, ...]
+    has_friction: bool = True
 
     @property
     def states(self) -> int:
         """Number of friction states."""
-        return len(self.cells) + (self.conduit_bend > 0.0)
+        return (len(self.cells) + (self.conduit_bend > 0.0)) * self.has_friction
 
     def names(self, number: int) -> list[str]:
         """Name and unit of each state; ``number`` counts the sets from one."""
@@ -68,40 +71,45 @@ class CellSet:
         return [f"friction_{number}_conduit [1]"] * (self.conduit_bend > 0.0) + inside
 
 
-def cell_sets(
-    family: Family, channels: Sequence[Channel], tendons: Sequence[Tendon], frictional: bool
+def tendon_sets(
+    family: Family, channels: Sequence[Channel], tendons: Sequence[Tendon], *, frictional: bool, unit_rest: bool
 ) -> tuple[CellSet, ...]:
-    """The sets of cells of a finger whose tendons have a channel each; ``frictional``: all tendons have friction."""
-    groups: dict[object, list[int]] = {}
+    """Sets of tendons with a channel each; one cell per element for those without friction.
+
+    ``frictional``: all have friction. ``unit_rest``: integrals are of a rest curvature of one.
+    """
+    groups: dict[tuple[Curve, float, object], list[int]] = {}
     for k, (channel, tendon) in enumerate(zip(channels, tendons, strict=True)):
-        if frictional or tendon.friction > 0.0:
-            own = tendon.friction, tendon.friction_cells, tendon.presliding, tendon.conduit_bend
-            groups.setdefault((channel.shape, abs(channel.arms[k]), own), []).append(k)
+        own = tendon.friction, tendon.friction_cells, tendon.presliding, tendon.conduit_bend
+        rubs = frictional or tendon.friction > 0.0
+        groups.setdefault((channel.shape, abs(channel.arms[k]), own if rubs else None), []).append(k)
     found = []
-    for group in groups.values():
-        first = tendons[group[0]]
+    for (*_, own), group in groups.items():
+        first, has_friction = tendons[group[0]], own is not None
         sides = tuple(1.0 if channels[k].arms[k] > 0.0 else -1.0 for k in group)
-        cells = _cells(family, channels[group[0]], first.friction_cells)
-        found.append(CellSet(tuple(group), sides, first.presliding, first.conduit_bend, cells))
+        cells = _cells(family, channels[group[0]], first.friction_cells if has_friction else 1, unit_rest)
+        conduit = first.conduit_bend if has_friction else 0.0
+        found.append(CellSet(tuple(group), sides, first.presliding, conduit, cells, has_friction))
     return tuple(found)
 
 
-def _cells(family: Family, channel: Channel, count: int) -> tuple[Cell, ...]:
+def _cells(family: Family, channel: Channel, count: int, unit_rest: bool) -> tuple[Cell, ...]:
     mesh, found = family.mesh, list[Cell]()
     for element in range(family.elements):
         start, end = mesh.ends[element], min(mesh.ends[element + 1], channel.to)
         if end - start <= 1e-9 * mesh.ends[-1]:
             break
         bounds = pairwise(np.linspace(start, end, count + 1).tolist())
-        found += [_cell(family, channel.shape, element, a, b) for a, b in bounds]
+        found += [_cell(family, channel.shape, element, a, b, unit_rest) for a, b in bounds]
     return tuple(found)
 
 
-def _cell(family: Family, shape: Curve, element: int, a: float, b: float) -> Cell:
+def _cell(family: Family, shape: Curve, element: int, a: float, b: float, unit_rest: bool) -> Cell:
     mesh, middle = family.mesh, 0.5 * (a + b)
 
     def parts(s: Array) -> Array:
         bent = family.shapes_at(element, s)
+        bent[-1] = 1.0 if unit_rest else bent[-1]
         return np.stack([bent, bent * shape(s), bent * shape(s) * (s - middle) / (b - a)])
 
     curves = mesh.stiffness, mesh.rest, shape

@@ -88,8 +88,8 @@ class GradedBackbone(Backbone):
     def _along(self, made: Structure) -> Structure:
         """The structure, whose laws see the curves."""
         found, count = copy(made), len(made.lengths)
-        found.cell_sets = tuple(
-            replace(cells, cells=tuple(self._cells(len(cells.cells) // count))) for cells in made.cell_sets
+        found.tendon_sets = tuple(
+            replace(cells, cells=tuple(self._cells(len(cells.cells) // count))) for cells in made.tendon_sets
         )
         found.laws = tuple(replace(law, ports=tuple(self._ports(len(law.ports) // count))) for law in made.laws)
         return found
