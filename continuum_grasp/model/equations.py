@@ -408,7 +408,8 @@ class Equations:
 
     def _at_rest(self, rates: Sequence[Scalar], commands: Sequence[Scalar | None]) -> Acting:
         # What is no friction has faded, or is where the command leads.
-        *friction, moved = ca.vertsplit(self.history) if self.history.numel() else [0.0]
+        history: list[Scalar] = [*ca.vertsplit(self.history)] if self.history.numel() else [0.0]
+        *friction, moved = history
         left, names = iter(friction), self._structure.states
         states: dict[str, list[Scalar]] = {"winches": [], "relaxation": [0.0] * len(names["relaxation"])}
         states |= {group: list(islice(left, len(names[group]))) for group in ("tendons", "friction")}

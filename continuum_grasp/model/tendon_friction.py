@@ -84,8 +84,8 @@ def tendon_sets(
         rubs = frictional or tendon.friction > 0.0
         groups.setdefault((channel.shape, abs(channel.arms[k]), own if rubs else None), []).append(k)
     found = []
-    for (*_, own), group in groups.items():
-        first, has_friction = tendons[group[0]], own is not None
+    for (*_, laws), group in groups.items():
+        first, has_friction = tendons[group[0]], laws is not None
         sides = tuple(1.0 if channels[k].arms[k] > 0.0 else -1.0 for k in group)
         cells = _cells(family, channels[group[0]], first.friction_cells if has_friction else 1, unit_rest)
         conduit = first.conduit_bend if has_friction else 0.0
