@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from continuum_grasp.closed_loop.hinge_chain import OF_FINGER, HingeChain
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.body import Body
+from continuum_grasp.model.contacts import Contacts
 from continuum_grasp.model.functions import Functions, dense, named
 from continuum_grasp.model.planar import Scalar, Vec, column
 from continuum_grasp.model.system import System, columns
-from continuum_grasp.model.touching import Station, pairs_around, rates_around
+from continuum_grasp.model.touching import Station
 from continuum_grasp.model.winches import Winch
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
 from continuum_grasp.scene.loads import ForceLoad
@@ -109,25 +109,21 @@ class ChainSystem(HingeChain, Functions):
         for k, name in enumerate([*(f"finger.{k + 1}" for k in range(len(ways))), "finger.tip"]):
             m = self._motion[:, k]
             stations.append(Station(name, Vec(m[0], m[1]), float(half(self.places[k])), Vec(m[2], m[3]), m[5]))
-        self._body = None if scene.object is None else Body(scene.object, scene, given)
-        self._pairs = [] if self._body is None else pairs_around(self._body, scene, stations)
-        self.touch_names = [pair.name for pair in self._pairs]
+        touched = self._touched = Contacts(scene, stations, given)
+        self.touch_names = [pair.name for pair in touched.pairs]
         self._states = ca.SX.sym("drives", sum(winch.states for winch in self.winches))
-        w, body = ca.SX.sym("w", model.nw), self._body
-        of_body = [] if body is None else [body.pose, body.rates]
-        self._others = ca.vertcat(self._states, *of_body, *[pair.z for pair in self._pairs])
+        self._others = ca.vertcat(self._states, touched.states)
         bends = [f"bend_{k + 1} [rad]" for k in range(n)]
         tensions = [f"tension_{j + 1}_{k + 1} [N]" for j in range(len(self.tendons)) for k in range(n + 1)]
         self.x_names = [*bends, *(name.replace(" [rad]", "_rate [rad/s]") for name in bends), *tensions]
         self.first_other = len(self.x_names)
         self.x_names += [name for k, winch in enumerate(self.winches) for name in winch.names(k + 1)]
         at = len(self.x_names)
-        self.object_states = slice(at, at + (0 if body is None else len(body.start)))
-        self.x_names += [] if body is None else body.x_names
-        self.x_names += [name for pair in self._pairs for name in pair.z_names]
-        self.w_names = [*model.w_names, *([] if body is None else body.w_names)]
+        self.object_states = slice(at, at + len(touched.start))
+        self.x_names += touched.names
+        self.w_names = model.w_names + touched.w_names
         self.nx, self.nw = len(self.x_names), len(self.w_names)
-        self._w = w if body is None else ca.vertcat(w, body.wrench)
+        self._w = ca.vertcat(ca.SX.sym("w", model.nw), touched.wrench)
         self._x = ca.vertcat(ca.SX.sym("x", self.first_other), self._others)
         self._p = ca.vertcat(ca.SX.sym("factors", len(self._finger_parameters)), self._of_object)
         self._u, self._tension = ca.SX.sym("u", self.nu), ca.SX.sym("tension", len(self.tendons))
@@ -138,7 +134,7 @@ class ChainSystem(HingeChain, Functions):
             u=self._u,
             w=self._w,
             p=self._p,
-            pairs=self._pairs,
+            pairs=touched.pairs,
             tip_position=self._at(self.length)[0],
             curvature=bend / self.pitch,
             range_use=ca.fabs(bend) / (0.5 * np.pi),  # per that at which neighboring bars are at a right angle
@@ -184,17 +180,14 @@ class ChainSystem(HingeChain, Functions):
                 c, s = ca.cos(self._motion[4, at]), ca.sin(self._motion[4, at])
                 fx, fy = c * fx - s * fy, s * fx + c * fy
             forces[at] += ca.vertcat(fx, fy, 0.0)
-        own = self._pairs[: contacts + 1]
-        for k, pair in enumerate(own):
-            center = Vec(self._motion[0, k], self._motion[1, k])
-            couple = (pair.point - center).cross(pair.force)
-            forces[k] += ca.vertcat(pair.force.x, pair.force.y, couple)
+        own = self._touched.pairs[: contacts + 1]
+        for k, (force, couple) in enumerate(self._touched.on_stations):
+            forces[k] += ca.vertcat(force.x, force.y, couple)
         rates: list[Scalar] = []
         taken = iter(ca.vertsplit(self._tension))
         for k, (winch, states) in enumerate(self._of_winches(self._states)):
             rates += winch.rates(states, self._u[k], [next(taken) for _ in winch.tendons])
-        if self._body is not None:
-            rates += rates_around(self._body, self._pairs, Vec(*self.scene.gravity))
+        rates += self._touched.rates(Vec(*self.scene.gravity))
         inputs = [self._motion, self._tension, self._others, self._u, self._w, self._of_object]
         exerted = [columns(pair.force.scaled(-1.0) for pair in own), columns(pair.point for pair in own)]
         values = [ca.horzcat(*forces), column(rates), *exerted, column([pair.lift for pair in own])]
@@ -254,9 +247,9 @@ class ChainSystem(HingeChain, Functions):
         """Tensions at the drives [N] of tendons of compliances [m/N] that are drawn in by paths [m]."""
         found: list[Scalar] = [] if self.winches else [u[j] for j in range(len(self.tendons))]
         for winch, states in self._of_winches(others):
-            gives, drawn = winch.of_its(compliances), winch.of_its(paths)
-            wound = winch.wound(winch.drum(states, gives, drawn, sharp=True))
-            found += [ca.fmax(y - path, 0.0) / give for y, path, give in zip(wound, drawn, gives, strict=True)]
+            cables = winch.cables(compliances, paths)
+            slacks = cables.slacks(winch.drum(states, cables, sharp=True))
+            found += [ca.fmax(slack, 0.0) / give for slack, give in zip(slacks, cables.compliances, strict=True)]
         return found
 
     def friction_along(self, x: ca.SX, u: ca.SX, tendon: int, start: float, end: float) -> ca.SX:
@@ -280,8 +273,7 @@ class ChainSystem(HingeChain, Functions):
         x = np.zeros(self.nx)
         x[: self.n], x[self.n : 2 * self.n] = q, qd
         x[self.first_other : self.first_other + len(drives)] = drives
-        if self._body is not None:
-            x[self.object_states] = self._body.start
+        x[self.object_states] = self._touched.start
         way = {"pulling": 1.0, "releasing": -1.0}.get(initial.reached_by or "", 0.0)
         passed = list[Array]()
         for tendon in self.tendons:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
+from itertools import islice
 
 from continuum_grasp.model.actuation import Drive
-from continuum_grasp.model.family import gathered
-from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
+from continuum_grasp.model.laws.section import STATEFUL, SectionForces
+from continuum_grasp.model.learned_residual import distance, features_at, residual_force
 from continuum_grasp.model.memory import Instant
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.structure import Structure
@@ -25,10 +26,10 @@ class Acting:
     at : Instant
     drives : sequence of Drive
         Amplitudes of the moments of each source.
-    held : sequence of Held
-        The winches, if there are any.
-    friction, fading : sequence of Scalar
-        States of friction, and of laws whose states fade to zero.
+    states : mapping
+        States by the groups of ``Structure.states``; none of winches that are at rest.
+    commands : sequence of Scalar
+        Of the winches, if there are any; None where tendons have a tension ``pulled`` [N].
     """
 
     def __init__(
@@ -36,17 +37,18 @@ class Acting:
         structure: Structure,
         at: Instant,
         drives: Sequence[Drive],
-        held: Sequence[Held],
-        friction: Sequence[Scalar],
-        fading: Sequence[Scalar],
+        states: Mapping[str, Sequence[Scalar]],
+        commands: Sequence[Scalar | None],
+        pulled: Scalar = 0.0,
     ) -> None:
-        self._made, self._drives, self._lengths = structure, drives, at.lengths
-        count, par = structure.tendon_friction_states, structure.parameters
+        self._made, self._drives, self._at, self._lengths = structure, drives, at, at.lengths
+        par, own = structure.parameters, iter(states["winches"])
+        winches = zip(structure.winches, commands, strict=False)
+        held = [Held(winch, command, list(islice(own, winch.states)), pulled) for winch, command in winches]
         sources = zip(structure.sources, drives, strict=True)
         tensions = [drive.moment for source, drive in sources if source.tendon is not None]
-        self.tendons = TendonForces(structure, at, held or tensions, friction[:count])
+        self.tendons = TendonForces(structure, at, held or tensions, states["tendons"])
         rest = par["rest_curvature"] if par.is_runtime("rest_curvature") else None
-        states: dict[Kind, Sequence[Scalar]] = {"friction": friction[count:], "relaxation": fading}
         self.sections = SectionForces(structure.laws, structure.family, at, states, rest)
 
     @cached_property
@@ -55,7 +57,7 @@ class Acting:
         family = self._made.family
         total: list[Scalar] = [0.0] * family.size
         if self._made.own_tendons:
-            total = gathered(family, self.tendons.on_elements)
+            total = self.tendons.actuation
         for source, drive in zip(self._made.sources, self._drives, strict=True):
             driven = drive.couple if source.tendon is not None else drive.total
             if source.tendon is not None and not source.couples:
@@ -74,9 +76,16 @@ class Acting:
         return [[sum(forces) for forces in zip(*parts, strict=True)] for parts in zip(*acting, strict=True)]
 
     @property
-    def state_rates(self) -> list[Scalar]:
-        """Rates of what fades, and of friction."""
-        return [*self.sections.rates("relaxation"), *self.tendons.state_rates, *self.sections.rates("friction")]
+    def on_unknowns(self) -> list[list[Scalar]]:
+        """Generalized forces on the unknowns themselves, of each law that depends on all of them."""
+        return [residual_force(one, features_at(one, self._at)) for one in self._made.residuals]
+
+    @property
+    def distance_from_logs(self) -> Scalar:
+        """Square of the distance of the state from the logs of learned forces, per that up to which they are trusted
+        [1]; zero without.
+        """
+        return sum((distance(one, features_at(one, self._at)) for one in self._made.residuals), 0.0)
 
     @property
     def travel(self) -> list[Scalar]:

@@ -222,7 +222,7 @@ class Backbone:
     def mean_shares(self) -> ca.Function:
         """``(q, u, history, p)``: mean along the finger of the tension of each tendon, per that at the base."""
         eq, nominal, found = self._eq, self._eq.structure.lengths, list[Scalar]()
-        for cells, passed in zip(eq.structure.cell_sets, eq.resting.tendons.shares, strict=True):
+        for cells, passed in zip(eq.structure.tendon_sets, eq.resting.tendons.shares, strict=True):
             spans = [cell.length / nominal[cell.element] * eq.lengths[cell.element] for cell in cells.cells]
             for mean in passed.mean:
                 whole = sum((h * share for h, share in zip(spans, mean, strict=True)), 0.0)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import casadi as ca
 
 from continuum_grasp.model.body import Body
 from continuum_grasp.model.planar import Scalar, Vec
-from continuum_grasp.model.touching import Pair, Station, pairs_around, rates_around
+from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pairs, table_pairs
 from continuum_grasp.scene.surroundings import Surroundings
 
 OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1", "object_x": "m", "object_y": "m"}
@@ -25,12 +25,11 @@ def friction_parameter(station: str) -> str:
 
 
 class Contacts:
-    """The body of some surroundings, and all contacts with it.
+    """The body of some surroundings, and all contacts with it; nothing where they have no object.
 
     Parameters
     ----------
-    around : Surroundings
-        They have an object.
+    around : Surroundings, optional
     stations : sequence of Station
         Where the finger may touch; their contacts come first, then those of supports, then of the table.
     given : mapping
@@ -40,18 +39,26 @@ class Contacts:
     """
 
     def __init__(
-        self, around: Surroundings, stations: Sequence[Station], given: Mapping[str, Scalar], *, pressed: bool
+        self,
+        around: Surroundings | None,
+        stations: Sequence[Station],
+        given: Mapping[str, Scalar],
+        *,
+        pressed: bool = False,
     ) -> None:
-        if around.object is None:
-            raise TypeError("surroundings without an object")
         self._stations = stations
-        self.body = Body(around.object, around, given)
-        shares = [given.get(friction_parameter(station.name)) for station in stations]
-        pairs = pairs_around(self.body, around, stations, shares)
+        self._body = None if around is None or around.object is None else Body(around.object, around, given)
+        pairs = [] if around is None or self._body is None else list(_pairs_of(self._body, around, stations, given))
         self.pairs: list[Pair] = [pair.pressed() for pair in pairs] if pressed else pairs
-        self.press = ca.vertcat(*[pair.press for pair in self.pairs])
-        self.states = ca.vertcat(self.body.pose, self.body.rates, *[pair.z for pair in self.pairs])
-        self.names = [*self.body.x_names, *(name for pair in self.pairs for name in pair.z_names)]
+        self.press = ca.vertcat(ca.SX(0, 1), *[pair.press for pair in self.pairs])
+        of_body = [] if self._body is None else [self._body.pose, self._body.rates]
+        self.states = ca.vertcat(ca.SX(0, 1), *of_body, *[pair.z for pair in self.pairs])
+        self.wrench = ca.SX(0, 1) if self._body is None else self._body.wrench
+        of_states = [] if self._body is None else self._body.x_names
+        self.names = [*of_states, *(name for pair in self.pairs for name in pair.z_names)]
+        self.w_names = [] if self._body is None else self._body.w_names
+        self.start = [] if self._body is None else self._body.start
+        """Pose of an object that moves where it is in its surroundings."""
 
     @property
     def on_stations(self) -> list[tuple[Vec, Scalar]]:
@@ -62,10 +69,27 @@ class Contacts:
 
     def rates(self, gravity: Vec) -> list[Scalar]:
         """Rates of the states, under gravity in the plane [m/s2]."""
-        return rates_around(self.body, self.pairs, gravity)
+        if self._body is None:
+            return []
+        return self._body.state_rate(gravity, self.pairs) + [rate for pair in self.pairs for rate in pair.z_rate]
 
     def energy(self, gravity: Vec) -> tuple[Scalar, Scalar]:
         """Kinetic energy, and potential of weight and springs [J], of a table at height zero, whose height is in w."""
-        kinetic, potential = self.body.energy(gravity)
+        if self._body is None:
+            return 0.0, 0.0
+        kinetic, potential = self._body.energy(gravity)
         potential += sum((pair.stored_energy for pair in self.pairs), 0.0)
-        return kinetic, ca.substitute(ca.SX(potential), self.body.wrench, ca.SX.zeros(self.body.wrench.shape))
+        return kinetic, ca.substitute(ca.SX(potential), self.wrench, ca.SX.zeros(self.wrench.shape))
+
+
+def _pairs_of(
+    body: Body, around: Surroundings, stations: Sequence[Station], given: Mapping[str, Scalar]
+) -> Iterator[Pair]:
+    """What can touch an object: stations of a finger first, then supports, then the table."""
+    if around.contact_law is None:
+        return
+    for station in stations:
+        yield disc_pair(body, around.contact_law, station, share=given.get(friction_parameter(station.name)))
+    yield from support_pairs(body, around.contact_law, around.walls, around.pegs)
+    if around.table is not None:
+        yield from table_pairs(body, around.contact_law, around.table)

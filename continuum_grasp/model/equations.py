@@ -7,7 +7,7 @@ coordinates of the family; where moments of the input are known, the last of the
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, reduce
 from itertools import islice, zip_longest
@@ -20,17 +20,14 @@ from continuum_grasp.model.actuation import Drive, Source
 from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.contacts import Contacts
 from continuum_grasp.model.family import Rod
-from continuum_grasp.model.laws.section import STATEFUL, Kind
+from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
 from continuum_grasp.model.layout import place_at
-from continuum_grasp.model.learned_residual import distance, residual_force
 from continuum_grasp.model.link import EndBody, Section
 from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
-from continuum_grasp.model.pattern import Pattern, pattern_of, why_dense
+from continuum_grasp.model.pattern import Pattern, one_link_serves, pattern_of
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
 from continuum_grasp.model.structure import Structure
-from continuum_grasp.model.tendon_forces import Held
 from continuum_grasp.model.touching import Pair, Station
-from continuum_grasp.model.winches import Motor
 from continuum_grasp.scene.loads import ForceLoad
 
 
@@ -59,15 +56,11 @@ class Equations:
         self.pulled = ca.SX.sym("pulled")
         self.part = ca.SX.sym("part")
         self.p = structure.parameters.symbol
-        self.contacts: Contacts | None = None
-        self.press = ca.SX(0, 1)
-        if structure.around is not None:
-            given = {name: self._par[name] for name in structure.object_parameters}
-            stations = [station for _, station in self._stations]
-            self.contacts = Contacts(structure.around, stations, given, pressed=pressed)
-            self.x = ca.vertcat(self.x, self.contacts.states)
-            self.w = ca.vertcat(self.w, self.contacts.body.wrench)
-            self.press = self.contacts.press
+        given = {name: self._par[name] for name in structure.object_parameters}
+        stations = [station for _, station in self._stations]
+        self.contacts = Contacts(structure.around, stations, given, pressed=pressed)
+        self.x, self.w = ca.vertcat(self.x, self.contacts.states), ca.vertcat(self.w, self.contacts.wrench)
+        self.press = self.contacts.press
 
     # -- input ---------------------------------------------------------------------------------------------------
 
@@ -84,22 +77,16 @@ class Equations:
         return found
 
     @cached_property
-    def _lagging(self) -> list[list[Scalar]]:
-        """States of the lag of each source; none where it has none."""
-        own = self._states("lag")
-        return [list(islice(own, source.lag.order if source.lag else 0)) for source in self._structure.sources]
-
-    @cached_property
-    def _lag_rates(self) -> list[list[Scalar]]:
-        """Rates of these."""
-        found, runtime = list[list[Scalar]](), self._par.is_runtime("drive_time_constant")
-        sources = zip(self._structure.sources, self._lagging, self.amplitudes, strict=True)
-        for source, states, [(asked, _), *_] in sources:
-            rates: list[Scalar] = []
+    def _lagging(self) -> list[tuple[list[Scalar], list[Scalar]]]:
+        """States of the lag of each source, and their rates; none where it has none."""
+        own, runtime, found = iter(self._states["lag"]), self._par.is_runtime("drive_time_constant"), []
+        for source, [(asked, _), *_] in zip(self._structure.sources, self.amplitudes, strict=True):
+            states, rates = list[Scalar](), list[Scalar]()
             if source.lag is not None:
                 time = self._par["drive_time_constant"] if runtime else source.lag.time_constant
+                states = list(islice(own, source.lag.order))
                 rates = source.lag.rates(states, asked, time)
-            found.append(rates)
+            found.append((states, rates))
         return found
 
     @cached_property
@@ -111,7 +98,7 @@ class Equations:
     def drives(self) -> list[Drive]:
         """Per source what acts: what is commanded, or what follows it."""
         found = list(self.commanded)
-        for k, (states, rates) in enumerate(zip(self._lagging, self._lag_rates, strict=True)):
+        for k, (states, rates) in enumerate(self._lagging):
             if states:
                 _, couples = zip(*self.amplitudes[k], strict=True)
                 found[k] = self._drive(k, (states[0], *rates), couples[:1])
@@ -328,14 +315,16 @@ class Equations:
                 loads.append(Load(place, back.apply(Vec(self.w[start], self.w[start + 1]))))
             elif vector == "w":  # those of u act on the tip, like the tip moment
                 couples.append(Load(place, couple=self.w[start]))
-        exerted = zip(self._stations, self.contacts.on_stations, strict=False) if self.contacts else ()
+        exerted = zip(self._stations, self.contacts.on_stations, strict=False)
         touched = [Load(place, back.apply(force), couple) for (place, _), (force, couple) in exerted]
         return loads + couples + touched
 
     @cached_property
     def _stations(self) -> list[tuple[Place, Station]]:
-        """Where the finger may touch."""
+        """Where the finger may touch something."""
         made = self._structure
+        if made.around is None:
+            return []
         named = [(f"finger.{k + 1}", at, place_at(at, made.lengths)) for k, at in enumerate(made.contacts)]
         half = made.finger.profile.half_thickness
         motions = self.chain.end_velocities(self.full_rates)
@@ -352,11 +341,7 @@ class Equations:
     @property
     def pairs(self) -> list[Pair]:
         """What can touch: stations of the finger first, then supports, then the table."""
-        return self.contacts.pairs if self.contacts else []
-
-    @property
-    def _contact_rates(self) -> list[Scalar]:
-        return self.contacts.rates(self._world_gravity) if self.contacts else []
+        return self.contacts.pairs
 
     @cached_property
     def elastic(self) -> list[Scalar]:
@@ -395,56 +380,55 @@ class Equations:
     @cached_property
     def moving(self) -> Acting:
         """What acts on a finger that moves."""
-        return self._acting(self.drives, self._winches, self.z, self._relaxing)
+        return self._in_motion(IN_MOTION, self.full_rates)
+
+    def _in_motion(self, memory: Memory, rates: Sequence[Scalar]) -> Acting:
+        at = self._instant(memory, rates)
+        return Acting(self._structure, at, self.drives, self._states, ca.vertsplit(self.u))
+
+    def _instant(self, memory: Memory, rates: Sequence[Scalar]) -> Instant:
+        # A tension that lags is a state of the same name as its command: what acts comes last.
+        names = [*self._structure.u_names, *self._structure.x_names]
+        named = dict(zip(names, ca.vertsplit(ca.vertcat(self.u, self.x)), strict=False))
+        return Instant(self.lengths, self.full, rates, memory, named)
 
     @cached_property
     def resting(self) -> Acting:
         """What acts on a finger at rest under what is commanded, with friction by ``history``."""
-        winches = self._structure.winches
-        return self._at_rest([Held(winch, command=self.u[k]) for k, winch in enumerate(winches)])
+        return self._at_rest(self._still, ca.vertsplit(self.u))
 
-    def _at_rest(self, held: Sequence[Held]) -> Acting:
-        count = self.z.numel()
-        memory = Memory(self.history[count] if count else 0.0)
-        return self._acting(self.commanded, held, self.history, [0.0] * len(self._relaxing), memory)
+    @property
+    def commanding(self) -> Acting:
+        """What acts on a finger that moves while drives are where they rest, with friction by ``history``."""
+        return self._at_rest(self.full_rates, ca.vertsplit(self.u))
 
-    def _acting(
-        self,
-        drives: Sequence[Drive],
-        held: Sequence[Held],
-        friction: ca.SX,
-        fading: Sequence[Scalar],
-        memory: Memory = IN_MOTION,
-        rates: Sequence[Scalar] | None = None,
-    ) -> Acting:
-        at = Instant(self.lengths, self.full, self.full_rates if rates is None else rates, memory)
-        return Acting(
-            self._structure, at, drives, held, ca.vertsplit(friction)[: self._structure.friction_states], fading
-        )
+    @property
+    def _still(self) -> list[Scalar]:
+        return [0.0] * self._family.size
 
-    def _states(self, whose: str) -> Iterator[Scalar]:
-        """States of a group of ``Structure.states``."""
-        start = 2 * self._structure.n
-        for group, names in self._structure.states.items():
-            if group == whose:
-                yield from (self.x[start + k] for k in range(len(names)))
-            start += len(names)
+    def _at_rest(self, rates: Sequence[Scalar], commands: Sequence[Scalar | None]) -> Acting:
+        # What is no friction has faded, or is where the command leads.
+        history: list[Scalar] = [*ca.vertsplit(self.history)] if self.history.numel() else [0.0]
+        *friction, moved = history
+        left, names = iter(friction), self._structure.states
+        states: dict[str, list[Scalar]] = {"winches": [], "relaxation": [0.0] * len(names["relaxation"])}
+        states |= {group: list(islice(left, len(names[group]))) for group in ("tendons", "friction")}
+        at = self._instant(Memory(moved), rates)
+        return Acting(self._structure, at, self.commanded, states, commands, self.pulled)
 
     @cached_property
-    def _relaxing(self) -> list[Scalar]:
-        """States of laws that fade to zero."""
-        return list(self._states("relaxation"))
-
-    @cached_property
-    def _winches(self) -> list[Held]:
-        """Each winch with its states."""
-        own = self._states("winches")
-        return [Held(winch, list(islice(own, winch.states))) for winch in self._structure.winches]
+    def _states(self) -> dict[str, list[Scalar]]:
+        """States beside coordinates and rates, by the groups of ``Structure.states``."""
+        own = iter(ca.vertsplit(self.x[2 * self._structure.n :]))
+        return {group: list(islice(own, len(names))) for group, names in self._structure.states.items()}
 
     @property
     def drives_at_rest(self) -> list[Scalar]:
         """States of the drives of a finger at rest under what is commanded."""
-        return [*self.lags_at_rest, *self.resting.tendons.drives_at_rest, *[0.0] * len(self._relaxing)]
+        return self._drives_of(self.resting)
+
+    def _drives_of(self, resting: Acting) -> list[Scalar]:
+        return [*self.lags_at_rest, *resting.tendons.drives_at_rest, *[0.0] * len(self._states["relaxation"])]
 
     @property
     def lags_at_rest(self) -> list[Scalar]:
@@ -455,27 +439,7 @@ class Equations:
     @property
     def drives_drawn(self) -> list[Scalar]:
         """The same of winches that stand where (the first of) their tendons have the tension ``pulled``."""
-        drawn = self._at_rest([Held(winch, pulled=self.pulled) for winch in self._structure.winches])
-        return [*self.lags_at_rest, *drawn.tendons.drives_at_rest, *[0.0] * len(self._relaxing)]
-
-    @property
-    def _winch_rates(self) -> list[Scalar]:
-        """Rates of the states of winches."""
-        found: list[Scalar] = []
-        for k, held in enumerate(self._winches):
-            found += held.winch.rates(held.states, self.u[k], held.winch.of_its(self.moving.tendons.tensions))
-        return found
-
-    @property
-    def motors(self) -> list[tuple[Scalar, Scalar, Scalar, Scalar]]:
-        """Of each motor its angle, rate, torque without dry friction [N m] and inertia [kg m2]."""
-        found = []
-        for k, held in enumerate(self._winches):
-            if isinstance(held.winch, Motor):
-                tensions = held.winch.of_its(self.moving.tendons.tensions)
-                torque = held.winch.balance(held.states, self.u[k], tensions)
-                found.append((held.states[0], held.states[1], torque, held.winch.inertia))
-        return found
+        return self._drives_of(self._at_rest(self._still, [None for _ in self._structure.winches]))
 
     def _bending_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
         """Elastic force and friction less actuation, where it is ``driven``."""
@@ -537,37 +501,18 @@ class Equations:
 
     def _forces(self, acting: Acting, rates: Sequence[Scalar] | None, driven: bool = True) -> list[Scalar]:
         """M qdd under what acts but damping and the inertia of what is known; ``rates`` of None: nothing moves."""
-        n, learned = self._structure.n, self._structure.residual
         motion = self.chain.motion_forces(rates, self.gravity_vector, self.loads)
         found = [f - b for f, b in zip(motion, self._bending_force(acting, driven=driven), strict=False)]
-        if learned is None:
-            return found
-        own = residual_force(learned, self._features(rates[:n] if rates else [0.0] * n))
-        return [f + r for f, r in zip(found, own, strict=True)]
-
-    @property
-    def residual_distance(self) -> Scalar:
-        """Square of the distance of the state from the logs of learned forces, per that up to which they are trusted
-        [1]; zero without.
-        """
-        learned = self._structure.residual
-        return 0.0 if learned is None else distance(learned, self._features(self.full_rates[: self._structure.n]))
-
-    def _features(self, rates: Sequence[Scalar]) -> list[Scalar]:
-        """What the learned forces depend on, at rates of the coordinates."""
-        made, learned = self._structure, self._structure.residual
-        if learned is None:
-            return []
-        # A tension that lags is a state of the same name as its command: what acts comes first.
-        found = dict(zip([*made.u_names, *made.x_names], ca.vertsplit(ca.vertcat(self.u, self.x)), strict=False))
-        return [*ca.vertsplit(self.q), *rates, *(found[name] for name in learned.drives)]
+        for own in acting.on_unknowns:
+            found = [f + g for f, g in zip(found, own, strict=True)]
+        return found
 
     @cached_property
     def state_rate(self) -> list[Scalar]:
         """Derivative of the state."""
         rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
         found = solve_ldl(self.mass_matrix, self.net_force(self.moving))
-        return [*rates, *found, *self.drive_rates, *self._contact_rates]
+        return [*rates, *found, *self.drive_rates, *self.contacts.rates(self._world_gravity)]
 
     @property
     def implicit_rate(self) -> list[Scalar]:
@@ -587,23 +532,25 @@ class Equations:
             *[self.qd[k] + part * rate for k, rate in enumerate(found)],
             *found,
             *self.implicit_drive_rates(ca.vertcat(*found)),
-            *self._contact_rates,
+            *self.contacts.rates(self._world_gravity),
         ]
 
     @cached_property
     def drive_rates(self) -> list[Scalar]:
-        """Derivative of what lags, of winches and motors, and of the friction states of tendons."""
-        lag = [rate for rates in self._lag_rates for rate in rates]
-        return [*lag, *self._winch_rates, *self.moving.state_rates]
+        """Derivative of what lags, of winches and motors, and of what laws with a memory remember."""
+        return self._rates_of_states(self.moving.sections)
+
+    def _rates_of_states(self, sections: SectionForces) -> list[Scalar]:
+        lag = [rate for _, rates in self._lagging for rate in rates]
+        of_tendons, friction = self.moving.tendons.state_rates, sections.rates("friction")
+        relaxation, winches = sections.rates("relaxation"), self.moving.tendons.drive_rates
+        return [*lag, *winches, *relaxation, *of_tendons, *friction]
 
     def implicit_drive_rates(self, accelerations: ca.SX) -> list[Scalar]:
         """Rates of drives and friction in a step that is implicit in ``part`` [s], where laws with states are stiff."""
         n, part = self._structure.n, self.part
         ahead: list[Scalar] = [*(self.qd[k] + part * accelerations[k] for k in range(n)), *self.full_rates[n:]]
-        acting = self._acting(self.drives, self._winches, self.z, self._relaxing, Memory(part=part), ahead)
-        own = acting.sections
-        rates = [*own.rates("relaxation"), *self.moving.tendons.state_rates, *own.rates("friction")]
-        return [*self.drive_rates[: len(self.drive_rates) - len(rates)], *rates]
+        return self._rates_of_states(self._in_motion(Memory(part=part), ahead).sections)
 
     @property
     def held_stiffness(self) -> Scalar:
@@ -614,12 +561,12 @@ class Equations:
     @property
     def drives_feel_motion(self) -> bool:
         """Whether the rates of drives depend on the motion of the finger."""
-        return bool(self.z.numel() or self._structure.winches or self._relaxing)
+        return any(self._states[group] for group in self._states if group != "lag")
 
     @cached_property
     def pattern(self) -> Pattern | None:
         """One link for all elements; None where the equations of motion are solved densely (``model.sweep``)."""
-        return None if why_dense(self._structure) else pattern_of(self._family, self.rod)
+        return pattern_of(self._family, self.rod) if one_link_serves(self._structure) else None
 
     @property
     def sweeps(self) -> bool:
@@ -629,14 +576,8 @@ class Equations:
     @cached_property
     def kinetic_energy(self) -> Scalar:
         """Kinetic energy [J], with what moves with the input, and that of motors and of what is touched."""
-        turning = sum((held.winch.kinetic_energy(held.states) for held in self._winches), 0.0)
         bending = 0.5 * _dot(_product(self.chain.mass_matrix, self.full_rates, 1.0), self.full_rates)
-        return turning + bending + self._energy_around[0]
-
-    @cached_property
-    def _energy_around(self) -> tuple[Scalar, Scalar]:
-        """Kinetic and potential energy of what is touched [J]."""
-        return self.contacts.energy(self._world_gravity) if self.contacts else (0.0, 0.0)
+        return self.moving.tendons.kinetic_energy + bending + self.contacts.energy(self._world_gravity)[0]
 
     @cached_property
     def potential_energy(self) -> Scalar:
@@ -645,15 +586,14 @@ class Equations:
         """
         product = _product(self._family.stiffness(self.lengths), self.full, 0.5)
         elastic = self._par["bending_stiffness"] * _dot(product, self.full)
-        if self._structure.winches:
-            elastic += self.moving.tendons.stored_energy
+        elastic += self.moving.tendons.stored_energy
         elastic += self.moving.sections.stored_energy
         mass, first = self.chain.first_moment()
         gx, gy = self._par.vector("gravity")
         x, y = self._par.vector("base_position")
         # Potential of the weight: -g . integral of r dm, base included.
         weight = first.dot(self.gravity_vector) + mass * (gx * x + gy * y)
-        return elastic - weight + self._energy_around[1]
+        return elastic - weight + self.contacts.energy(self._world_gravity)[1]
 
 
 def _dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:

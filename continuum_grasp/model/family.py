@@ -8,7 +8,7 @@ the way are taken as known, the curvature that they give is.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import accumulate
@@ -47,14 +47,25 @@ class Mesh:
         """Where elements begin and end [m]."""
         return (0.0, *accumulate(self.lengths))
 
+    def span(self, element: int) -> tuple[float, float]:
+        """Where an element begins and ends [m]."""
+        return self.ends[element], self.ends[element + 1]
+
     def panels(self, element: int, *curves: Curve) -> list[tuple[float, float]]:
         """Parts of an element [m] on which curves are smooth, from base to tip."""
-        start, end = self.ends[element : element + 2]
+        start, end = self.span(element)
         least, edges = 1e-9 * self.ends[-1], [start]
         for at in sorted(at for curve in curves for at in curve.breaks):
             if at - edges[-1] > least and end - at > least:
                 edges.append(at)
         return list(zip(edges, [*edges[1:], end], strict=True))
+
+    def integral(
+        self, element: int, a: float, b: float, of: Callable[[Array], Array], *curves: Curve
+    ) -> NDArray[np.float64]:
+        """Integral (...) from a to b [m] on an element of values (..., M) at places (M,), smooth where curves are."""
+        inside = [(max(low, a), min(high, b)) for low, high in self.panels(element, *curves) if low < b and high > a]
+        return np.asarray(np.sum([of(s) @ weights for s, weights in nodes_of(inside)], axis=0))
 
     def constant(self, curve: Curve, element: int) -> float | None:
         """Value of a curve where it is the same on an element; else None."""
@@ -85,8 +96,7 @@ def mean(mesh: Mesh, element: int, curve: Curve) -> float:
     found = mesh.constant(curve, element)
     if found is not None:
         return found
-    total = sum(float(w @ curve(s)) for s, w in nodes_of(mesh.panels(element, curve)))
-    return total / mesh.lengths[element]
+    return float(mesh.integral(element, *mesh.span(element), curve, curve)) / mesh.lengths[element]
 
 
 @dataclass(frozen=True)
@@ -193,6 +203,14 @@ class Family(ABC):
 
         Without a moment it is the derivative of the element's bending angle.
         """
+
+    def stretches(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
+        """Factors of the integrals of the shapes of an element that has another length than the mesh at run time."""
+        local = self.local(element)
+        if isinstance(lengths[element], float):
+            return [1.0] * len(local)
+        own, nominal = self.work(element, lengths), self.work(element, self.mesh.lengths)
+        return [own[a] / float(nominal[a]) for a in local]
 
     @abstractmethod
     def shapes_at(self, element: int, s: Array) -> Array:

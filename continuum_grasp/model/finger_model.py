@@ -165,7 +165,7 @@ class FingerModel(Functions):
     # Equation numbers are those of the paper, doi:10.1155/2014/308283.
     inverse_dynamics = named(
         "q qd qdd u w p",
-        Q=lambda eq: ca.mtimes(matrix(eq.mass_matrix), eq.qdd) - column(eq.net_force(eq.resting)),
+        Q=lambda eq: ca.mtimes(matrix(eq.mass_matrix), eq.qdd) - column(eq.net_force(eq.commanding)),
         history=True,
     )
     mass_matrix = named("q u p", M=lambda eq: matrix(eq.mass_matrix))  # (37)
@@ -243,7 +243,7 @@ class FingerModel(Functions):
         coordinates without tendons.
         """
         eq = self._equations
-        angles, rates, torques, inertias = ([motor[k] for motor in eq.motors] for k in range(4))
+        angles, rates, torques, inertias = ([motor[k] for motor in eq.moving.tendons.motors] for k in range(4))
         places, force = ca.vertcat(eq.q, *angles), column([*eq.net_force(eq.moving), *torques])
         return self._function(
             "stiffness_of_drives",

@@ -68,8 +68,7 @@ class Functions(Remade, Summarized):
         self.structure = structure
         self._equations = Equations(structure)
         touched = self._equations.contacts
-        self.x_names = [*structure.x_names, *(touched.names if touched else [])]
-        self.w_names = [*structure.w_names, *(touched.body.w_names if touched else [])]
+        self.x_names, self.w_names = structure.x_names + touched.names, structure.w_names + touched.w_names
         self.u_names = structure.u_names
         self.p_names, self.p_nominal = structure.parameters.labels, structure.parameters.nominal
         self.n, self.nx, self.nu = structure.n, len(self.x_names), len(self.u_names)
@@ -141,7 +140,7 @@ class Functions(Remade, Summarized):
     @property
     def residual_distance(self) -> ca.Function:
         """(x, u) -> square of the distance from the logs of a learned residual, per that from which on it fades [1]."""
-        return self._function("residual_distance", "x u", share=self._equations.residual_distance)
+        return self._function("residual_distance", "x u", share=self._equations.moving.distance_from_logs)
 
     @property
     def sweeps(self) -> bool:

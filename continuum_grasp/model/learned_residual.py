@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.model.memory import Instant
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.learned_residual import LearnedResidual
 
@@ -48,6 +49,12 @@ def check_residual(
         if name not in known:
             message = f"{name!r} is neither a state of a drive nor an input here: expected some of {', '.join(known)}"
             raise InputError(message, key=f"residual.drives[{k}]")
+
+
+def features_at(residual: LearnedResidual, at: Instant) -> list[Scalar]:
+    """What the forces depend on."""
+    n = len(residual.coordinates)
+    return [*at.full[:n], *at.rates[:n], *(at.named[name] for name in residual.drives)]
 
 
 def scaled(residual: LearnedResidual, features: Sequence[Scalar]) -> list[Scalar]:

@@ -9,8 +9,8 @@ cycles of the load do not add up.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -92,9 +92,12 @@ class Instant:
     full, rates : sequence of Scalar
         Full coordinates and their rates.
     memory : Memory
+    named : mapping
+        States and inputs by name and unit.
     """
 
     lengths: Sequence[Scalar]
     full: Sequence[Scalar]
     rates: Sequence[Scalar]
     memory: Memory = IN_MOTION
+    named: Mapping[str, Scalar] = field(default_factory=dict)

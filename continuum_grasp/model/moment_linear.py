@@ -73,44 +73,39 @@ class MomentLinearFamily(Family):
         self._at_nodes = mesh.stiffness(ends)
         self._moments = [moment(ends) for moment in mesh.moments]
         self._left = [k for k, moment in enumerate(mesh.moments) if mesh.known and self._leaves_rest(moment)]
-        self._elements = [self._shapes(k) for k in range(self.elements)]
+        found = [self._shapes(k) for k in range(self.elements)]
+        self._elements, self._are_clothoids = [shapes for shapes, _ in found], [uniform for _, uniform in found]
 
     def _leaves_rest(self, moment: Curve) -> bool:
         """Whether a moment is more than its values at the nodes."""
         return any(self._rest_of(moment, k) for k in range(self.elements))
 
     def _rest_of(self, moment: Curve, element: int) -> bool:
-        start, end = self.mesh.ends[element : element + 2]
+        start, end = self.mesh.span(element)
         parts = self.mesh.panels(element, moment)
         s = np.concatenate([np.linspace(a, b, 7)[1:-1] for a, b in parts])
         first, last = moment([start, end])
         line = first + (last - first) * (s - start) / (end - start)
         return bool(np.abs(moment(s) - line).max() > _RESIDUAL * np.abs(moment(self.mesh.ends)).max())
 
-    def _shapes(self, element: int) -> Shapes | None:
-        """Shapes of an element that is no clothoid."""
-        mesh, (start, end) = self.mesh, self.mesh.ends[element : element + 2]
+    def _shapes(self, element: int) -> tuple[Shapes, bool]:
+        """Shapes of an element, and whether it is a clothoid."""
+        mesh, (start, end) = self.mesh, self.mesh.span(element)
         left = [k for k in self._left if self._rest_of(mesh.moments[k], element)]
         curves = (mesh.stiffness, mesh.linear_density, mesh.rotary_inertia, mesh.rest)
         first, last = self._at_nodes[element : element + 2].tolist()
         # Behind a jump of the stiffness the curvature at the start is not that of the node.
         same = first == last == mesh.constant(mesh.stiffness, element)
         if not left and same and all(mesh.constant(curve, element) is not None for curve in curves):
-            return None
+            one, hats = Curve.along(mesh.ends[-1], 1.0), ((1.0, 0.0), (0.0, 1.0))
+            return Shapes(start, end, one, mesh.rest, ((start, end),), hats, (None, None), one, one), True
         base = float(self._at_nodes[0])
         taken = [(-base * float(m[element]), -base * float(m[element + 1])) for m in (self._moments[k] for k in left)]
         moments = [mesh.moments[k] for k in left]
-        return Shapes(
-            start,
-            end,
-            mesh.stiffness,
-            mesh.rest,
-            tuple(mesh.panels(element, *curves, *moments)),
-            ((first, 0.0), (0.0, last), *taken),
-            (None, None, *(moment.scaled(base) for moment in moments)),
-            mesh.linear_density,
-            mesh.rotary_inertia,
-        )
+        parts, values = tuple(mesh.panels(element, *curves, *moments)), ((first, 0.0), (0.0, last), *taken)
+        beside = (None, None, *(moment.scaled(base) for moment in moments))
+        densities = mesh.linear_density, mesh.rotary_inertia
+        return Shapes(start, end, mesh.stiffness, mesh.rest, parts, values, beside, *densities), False
 
     @property
     def size(self) -> int:
@@ -150,10 +145,7 @@ class MomentLinearFamily(Family):
         return [ends[0][0], *(row[1] for row in ends)]
 
     def peak(self, element: int, coordinate: int) -> float:
-        made = self._elements[element]
-        if made is None:
-            return 1.0
-        return float(made.peaks[self.local(element).index(coordinate)])
+        return float(self._elements[element].peaks[self.local(element).index(coordinate)])
 
     def coordinates(self, bends: Array, curvatures: Array) -> Array:
         ends = np.array(self.mesh.ends)
@@ -176,13 +168,13 @@ class MomentLinearFamily(Family):
                     folded += mass
                 elif element == k:
                     carried.append((fraction, mass))
-            made, local = self._elements[k], [q[a] for a in self.local(k)]
-            if made is None and reach <= ONE_TURN:
+            made, uniform, local = self._elements[k], self._are_clothoids[k], [q[a] for a in self.local(k)]
+            if uniform and reach <= ONE_TURN:
                 rule = collocation(node_count(reach, accuracy))
             else:
-                rule = measured_rule(made or self._hats(k), reach, accuracy)
+                rule = measured_rule(made, reach, accuracy)
             link: CollocatedLink
-            if made is None:
+            if uniform:
                 rest = mean(self.mesh, k, self.mesh.rest) if rod.rest is None else rod.rest
                 link = Clothoid(
                     [kappa + rest for kappa in local],
@@ -199,37 +191,28 @@ class MomentLinearFamily(Family):
         return links
 
     def block(self, element: int, length: Scalar) -> list[list[Scalar]]:
-        made = self._elements[element]
-        if made is not None:
-            return list(made.gram.tolist())
+        if not self._are_clothoids[element]:
+            return list(self._elements[element].gram.tolist())
         # Integrals of the products of the shapes 1 - u and u.
         scale = mean(self.mesh, element, self.mesh.stiffness)
         return [[scale * (weight * length) for weight in row] for row in ((1 / 3, 1 / 6), (1 / 6, 1 / 3))]
 
     def work(self, element: int, lengths: Sequence[Scalar], moment: Curve | None = None) -> list[Scalar]:
         found: list[Scalar] = [0.0] * self.size
-        made = self._elements[element]
         value = 1.0 if moment is None else self.mesh.constant(moment, element)
-        if made is None and value is not None:
+        if self._are_clothoids[element] and value is not None:
             parts: list[Scalar] = [0.5 * value * lengths[element]] * 2
         else:
-            parts = (made or self._hats(element)).work(moment).tolist()
+            parts = self._elements[element].work(moment).tolist()
         for a, part in zip(self.local(element), parts, strict=True):
             found[a] = part
         return found
 
-    def _hats(self, element: int) -> Shapes:
-        """Shapes of a clothoid."""
-        start, end = self.mesh.ends[element : element + 2]
-        one, hats = Curve.along(self.mesh.ends[-1], 1.0), ((1.0, 0.0), (0.0, 1.0))
-        return Shapes(start, end, one, self.mesh.rest, ((start, end),), hats, (None, None), one, one)
-
     def shapes_at(self, element: int, s: Array) -> Array:
-        return (self._elements[element] or self._hats(element)).on(s)
+        return self._elements[element].on(s)
 
     def curvature_shapes(self, lengths: Sequence[float]) -> Array:
         shapes = np.zeros((self.elements, 2, self.size))
         for k, made in enumerate(self._elements):
-            sides = np.eye(2) if made is None else made.sides[:-1, [0, -1]].T
-            shapes[k][:, self.local(k)] = sides
+            shapes[k][:, self.local(k)] = made.sides[:-1, [0, -1]].T
         return shapes

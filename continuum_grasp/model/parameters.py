@@ -3,52 +3,82 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
+from typing import Any
 
 import casadi as ca
+import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.laws import numbers_of
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.tendons import Tendon, Tendons
+from continuum_grasp.scene.finger import Finger, TipBody
+from continuum_grasp.scene.tendons import Tendons
 
-_UNITS = {
-    "base_position": "m",
-    "base_angle": "rad",
-    "gravity": "m/s2",
-    "element_lengths": "m",
-    "linear_density": "kg/m",
-    "bending_stiffness": "N m2",
-    "rotary_inertia": "kg m",
-    "material_damping": "N m2 s",
-    "per_arc_damping": "N m s",
-    "rest_curvature": "1/m",
-    "tendon_offset": "m",
-    "tendon_friction": "1",
-    "tendon_presliding": "m",
-    "tendon_axial_stiffness": "N",
-    "tendon_series_stiffness": "N/m",
-    "chamber_area": "m2",
-    "drive_time_constant": "s",
-    "drive_pretension": "N",
-    "drive_slack": "m",
-    "drive_inertia": "kg m2",
-    "drive_viscous_friction": "N m s",
-    "drive_coulomb_friction": "N m",
-    "tip_mass": "kg",
-    "tip_body_mass": "kg",
-    "tip_body_inertia": "kg m2",
-    "tip_body_across": "m",
-    "tip_body_along": "m",
+
+def _one(values: Iterable[float | None]) -> float | None:
+    """The value of all; None where they differ, or where one has none."""
+    found = set(values)
+    return found.pop() if len(found) == 1 else None
+
+
+def _of_rod(of: Callable[[Finger], float]) -> Callable[[Finger], float]:
+    return lambda f: 1.0 if f.profile.graded else of(f)
+
+
+def _of_tip_body(of: Callable[[TipBody], float]) -> Callable[[Finger], float | None]:
+    return lambda f: None if f.tip_body is None else of(f.tip_body)
+
+
+def _of_tendons(key: str) -> Callable[[Finger], float | None]:
+    return lambda f: _one(getattr(tendon, key) for tendon in f.tendon_list)
+
+
+def _of_drives(key: str) -> Callable[[Finger], float | None]:
+    return lambda f: _one(getattr(tendon.drive, key, None) for tendon in f.tendon_list)
+
+
+def _time_constants(f: Finger) -> Iterator[float | None]:
+    """Of drives, of commanded tensions, and of pressures."""
+    yield from (getattr(tendon.drive or tendon, "time_constant", None) for tendon in f.tendon_list)
+    yield from (chamber.time_constant for chamber in f.chambers)
+
+
+_KNOWN: dict[str, tuple[str, Callable[[Finger], Any]]] = {
+    "base_position": ("m", lambda f: f.base.position),
+    "base_angle": ("rad", lambda f: f.base.angle),
+    "gravity": ("m/s2", lambda f: None),
+    "element_lengths": ("m", lambda f: None),
+    "linear_density": ("kg/m", _of_rod(lambda f: f.rod.mass_per_length)),
+    "bending_stiffness": ("N m2", _of_rod(lambda f: float(f.profile.bending_stiffness(0.0)))),
+    "rotary_inertia": ("kg m", _of_rod(lambda f: f.rod.inertia_per_length)),
+    "material_damping": ("N m2 s", lambda f: f.damping.material),
+    "per_arc_damping": ("N m s", lambda f: f.damping.per_arc),
+    "rest_curvature": ("1/m", lambda f: f.profile.rest_curvature.constant),
+    "tendon_offset": ("m", lambda f: f.tendons.offset if isinstance(f.tendons, Tendons) else None),
+    "tendon_friction": ("1", _of_tendons("friction")),
+    "tendon_presliding": ("m", lambda f: _one(t.presliding if t.friction else None for t in f.tendon_list)),
+    "tendon_axial_stiffness": ("N", _of_tendons("axial_stiffness")),
+    "tendon_series_stiffness": ("N/m", _of_tendons("series_stiffness")),
+    "chamber_area": ("m2", lambda f: _one(chamber.area for chamber in f.chambers)),
+    "drive_time_constant": ("s", lambda f: _one(_time_constants(f))),
+    "drive_pretension": ("N", _of_drives("pretension")),
+    "drive_slack": ("m", _of_drives("slack")),
+    "drive_inertia": ("kg m2", _of_drives("inertia")),
+    "drive_viscous_friction": ("N m s", _of_drives("viscous_friction")),
+    "drive_coulomb_friction": ("N m", _of_drives("coulomb_friction")),
+    "tip_mass": ("kg", lambda f: sum(mass.mass for mass in f.masses if at_tip(mass.at, f.rod.length))),
+    "tip_body_mass": ("kg", _of_tip_body(lambda body: body.mass)),
+    "tip_body_inertia": ("kg m2", _of_tip_body(lambda body: body.rotary_inertia)),
+    "tip_body_across": ("m", _of_tip_body(lambda body: body.center_of_mass[0])),
+    "tip_body_along": ("m", _of_tip_body(lambda body: body.center_of_mass[1])),
 }
+"""Unit and value of each parameter, or values; None where a finger has none, or where they are not of a finger."""
 _VECTORS = ("base_position", "gravity")
 """Parameters with an entry for each axis of the world."""
-FACTORS = ("linear_density", "bending_stiffness", "rotary_inertia")
+_FACTORS = ("linear_density", "bending_stiffness", "rotary_inertia")
 """Parameters that are factors of the profile [1] where the rod is graded."""
-OF_TENDONS = tuple(name for name in _UNITS if name.startswith(("tendon_", "drive_")) and name != "tendon_offset")
-"""Parameters of every tendon, or of its drive, by the key there after the prefix."""
 
 
 class Parameters:
@@ -58,7 +88,8 @@ class Parameters:
         self, finger: Finger, gravity: tuple[float, float], lengths: Sequence[float], names: Sequence[str]
     ) -> None:
         self._graded = finger.profile.graded
-        self._units = _UNITS | {name: number.unit for name, number in numbers_of(finger).items()}
+        self._units = {name: unit for name, (unit, _) in _KNOWN.items()}
+        self._units |= {name: number.unit for name, number in numbers_of(finger).items()}
         self._nominal = nominal_values(finger, gravity, lengths)
         for k, name in enumerate(names):
             if name not in self._nominal:
@@ -97,7 +128,7 @@ class Parameters:
         labels = []
         for name in self.names:
             count = len(self._nominal[name])
-            unit = "1" if self._graded and name in FACTORS else self._units.get(name, "kg")
+            unit = "1" if self._graded and name in _FACTORS else self._units.get(name, "kg")
             ends = "xy" if name in _VECTORS else range(1, count + 1)
             tags = [name] if count == 1 else [f"{name}_{end}" for end in ends]
             labels += [f"{tag} [{unit}]" for tag in tags]
@@ -120,52 +151,12 @@ class Parameters:
 
 def nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:
     """Values of all parameters that a finger has, by name."""
-    rod, length, graded = finger.rod, finger.rod.length, finger.profile.graded
-    values = {
-        "base_position": list(finger.base.position),
-        "base_angle": [finger.base.angle],
-        "gravity": [float(g) for g in gravity],
-        "element_lengths": [float(h) for h in lengths],
-        "linear_density": [1.0 if graded else rod.mass_per_length],
-        "bending_stiffness": [1.0 if graded else float(finger.profile.bending_stiffness(0.0))],
-        "rotary_inertia": [1.0 if graded else rod.inertia_per_length],
-        "material_damping": [finger.damping.material],
-        "per_arc_damping": [finger.damping.per_arc],
-        "tip_mass": [sum(m.mass for m in finger.masses if at_tip(m.at, length))],
-    }
-    if finger.tip_body is not None:
-        across, along = finger.tip_body.center_of_mass
-        values["tip_body_mass"], values["tip_body_inertia"] = [finger.tip_body.mass], [finger.tip_body.rotary_inertia]
-        values["tip_body_across"], values["tip_body_along"] = [across], [along]
-    for k, mass in enumerate(finger.masses):
-        if not at_tip(mass.at, length):
-            values[f"mass_{k}"] = [mass.mass]
-    if isinstance(finger.tendons, Tendons):
-        values["tendon_offset"] = [finger.tendons.offset]
-    values |= {name: [number.value] for name, number in numbers_of(finger).items()}
-    for name in OF_TENDONS:
-        own = {_of_tendon(tendon, name) for tendon in finger.tendon_list}
-        if name == "drive_time_constant":
-            own |= {chamber.time_constant for chamber in finger.chambers}
-        if len(own) == 1 and own != {None}:
-            values[name] = [value for value in own if value is not None]
-    areas = {chamber.area for chamber in finger.chambers}
-    if len(areas) == 1:
-        values["chamber_area"] = [*areas]
-    if finger.profile.rest_curvature.constant is not None:
-        values["rest_curvature"] = [finger.profile.rest_curvature.constant]
-    return {name: [float(v) for v in value] for name, value in values.items()}
-
-
-def _of_tendon(tendon: Tendon, name: str) -> float | None:
-    """Value behind a name of ``OF_TENDONS``; None where the tendon has none."""
-    owner, _, key = name.partition("_")
-    if name == "drive_time_constant" and tendon.drive is None:
-        return tendon.time_constant
-    if key == "presliding" and tendon.friction == 0.0:
-        return None
-    value = getattr(tendon if owner == "tendon" else tendon.drive, key, None)
-    return None if value is None else float(value)
+    values = {name: of(finger) for name, (_, of) in _KNOWN.items()}
+    values |= {"gravity": gravity, "element_lengths": lengths}
+    outside = ((k, mass) for k, mass in enumerate(finger.masses) if not at_tip(mass.at, finger.rod.length))
+    values |= {f"mass_{k}": mass.mass for k, mass in outside}
+    values |= {name: number.value for name, number in numbers_of(finger).items()}
+    return {name: np.ravel(value).astype(float).tolist() for name, value in values.items() if value is not None}
 
 
 def at_tip(at: float, length: float) -> bool:

@@ -63,21 +63,18 @@ FEWEST_ELEMENTS = 16
 as it is (``python -m benchmarks.bench_elements``)."""
 
 
-def why_dense(made: Structure) -> str:
-    """Why a finger solves its equations of motion densely; empty where sweeps along the chain may solve them."""
-    if made.around is not None:
-        return "an object, whose contact forces depend on the motion of all elements"
-    if len(made.lengths) < FEWEST_ELEMENTS:
-        return f"fewer than {FEWEST_ELEMENTS} elements"
-    if made.parameters.is_runtime("element_lengths"):
-        return "element_lengths at run time"
-    if made.residual is not None:
-        return "a learned residual"
-    if len({len(made.family.local(k)) for k in range(len(made.lengths))}) > 1:
-        return "a known moment that ends inside an element"
-    for name, place in made.masses():
-        if not is_end(place.fraction):
-            return f"{name} inside an element"
-        if place != made.tip and made.parameters.is_runtime(name):
-            return f"{name} at run time"
-    return ""
+def one_link_serves(made: Structure) -> bool:
+    """Whether sweeps along the chain may solve the equations of motion: of many elements that differ by numbers, and
+    of laws that depend on one element each or on states.
+    """
+    runtime = made.parameters.is_runtime
+    return (
+        len(made.lengths) >= FEWEST_ELEMENTS
+        # Contact forces and learned ones depend on the motion of all elements.
+        and made.around is None
+        and not made.residuals
+        and not runtime("element_lengths")
+        # A known moment that ends inside an element is a coordinate of that element alone.
+        and len({len(made.family.local(k)) for k in range(len(made.lengths))}) == 1
+        and all(is_end(at.fraction) and (at == made.tip or not runtime(name)) for name, at in made.masses())
+    )

@@ -20,7 +20,7 @@ from continuum_grasp.model.laws.section import Kind
 from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
 from continuum_grasp.model.learned_residual import check_residual
 from continuum_grasp.model.parameters import Parameters, at_tip
-from continuum_grasp.model.tendon_friction import CellSet, cell_sets
+from continuum_grasp.model.tendon_friction import CellSet, tendon_sets
 from continuum_grasp.model.winches import Motor, winches_of
 from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.families import FAMILIES, default_family
@@ -92,14 +92,14 @@ class Structure:
         self.family = family_class(self.family_name)(self.mesh, self.accuracy)
         self.winches = winches_of(self.finger.tendon_list, self.length, self.parameters)
         self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}
-        self.cell_sets = self._cell_sets()
+        self.tendon_sets = self._tendon_sets()
         self.laws = laws_of(self.finger, self.family, self.parameters)
         self.n = self.family.size - len(self.family.known)
         self._name_entries()
-        self.residual = choices.residual()
-        if self.residual is not None:
+        self.residuals = [one for one in (choices.residual(),) if one is not None]
+        for one in self.residuals:
             driven = list(dict.fromkeys((*self.x_names[2 * self.n :], *self.u_names)))
-            check_residual(self.residual, self.family_name, self.lengths, self.q_names, driven)
+            check_residual(one, self.family_name, self.lengths, self.q_names, driven)
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
         if self.parameters.is_runtime("element_lengths"):
             shapes = [(source.shape, "tendons or couples that end inside") for source in self.sources]
@@ -305,11 +305,17 @@ class Structure:
         apart = self.has_tendon_friction or bool(self.finger.winches)
         return channels(self.length, self.finger.tendon_list, apart=apart)
 
-    def _cell_sets(self) -> tuple[CellSet, ...]:
-        if not self.has_tendon_friction:
+    def _tendon_sets(self) -> tuple[CellSet, ...]:
+        if not self.own_tendons:
             return ()
-        runtime = self.parameters.is_runtime("tendon_friction")
-        return cell_sets(self.family, self.channels, self.finger.tendon_list, runtime)
+        rubs, unit_rest = map(self.parameters.is_runtime, ("tendon_friction", "rest_curvature"))
+        tendons = self.finger.tendon_list
+        return tendon_sets(self.family, self.channels, tendons, frictional=rubs, unit_rest=unit_rest)
+
+    @property
+    def cell_sets(self) -> list[CellSet]:
+        """Sets of tendons with friction."""
+        return [cells for cells in self.tendon_sets if cells.states]
 
     def has_law(self, *kinds: Kind) -> bool:
         """Whether the sections have a law of one of these kinds."""

@@ -159,13 +159,7 @@ class System(Functions):
     @property
     def object_states(self) -> slice:
         """Where in x the object's pose is: x, y, angle, and z where it can slide out of the plane; empty if fixed."""
-        return slice(self.finger_model.nx, self.finger_model.nx + len(self._start))
-
-    @property
-    def _start(self) -> list[float]:
-        """Pose of an object that moves where it is in its surroundings."""
-        touched = self._equations.contacts
-        return touched.body.start if touched else []
+        return slice(self.finger_model.nx, self.finger_model.nx + len(self._equations.contacts.start))
 
     @property
     def friction_states(self) -> slice:
@@ -209,7 +203,7 @@ class System(Functions):
         bends, rates, inputs = (_vector(*v) for v in (("q", q, self.n), ("qd", qd, self.n), ("u", u, self.nu)))
         cells = _vector("friction", friction, self.finger_model.structure.friction_states)
         x = [*bends, *rates, *self.finger_model.drives_at(bends, inputs, cells, pulled=pulled), *cells]
-        start = self._start
+        start = self._equations.contacts.start
         if pose is not None:
             given = np.asarray(pose, dtype=float).ravel()
             start = _vector("pose", np.append(given, start[given.size :]), len(start))

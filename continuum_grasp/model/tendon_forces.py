@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 
-import numpy as np
-
-from continuum_grasp.model.family import gathered, nodes_of
+from continuum_grasp.model.family import gathered
 from continuum_grasp.model.memory import Instant, direction
 from continuum_grasp.model.planar import Scalar, is_zero
 from continuum_grasp.model.structure import Structure
@@ -19,7 +18,7 @@ from continuum_grasp.model.tendon_friction import (
     rounded,
     shares,
 )
-from continuum_grasp.model.winches import Winch, compliance, soft, soft_integral, stiffnesses
+from continuum_grasp.model.winches import Cables, Motor, Winch, soft_integral, stiffnesses
 
 _LITTLE = 1e-3
 """Tension that keeps a mean over slack tendons finite [N]."""
@@ -27,26 +26,25 @@ _LITTLE = 1e-3
 
 @dataclass(frozen=True)
 class Held:
-    """A winch, and by what its drum is known: its states; a command, at rest; or the tension of its first tendon."""
+    """A winch, and by what its drum is known: its states; at rest its command, or the tension of its first tendon."""
 
     winch: Winch
+    command: Scalar | None
     states: Sequence[Scalar] = ()
-    command: Scalar | None = None
-    pulled: Scalar | None = None
+    pulled: Scalar = 0.0
 
-    def drum(self, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
-        """Position of what winds up, by compliances [m/N] and paths [m] of all tendons."""
-        gives, drawn = self.winch.of_its(compliances), self.winch.of_its(paths)
-        if self.pulled is not None:
-            return self.winch.position([drawn[0] + gives[0] * self.pulled], [1.0])
+    def drum(self, cables: Cables) -> Scalar:
+        """Position of what winds up."""
+        if self.states:
+            return self.winch.drum(self.states, cables)
         if self.command is not None:
-            return self.winch.drum_at_rest(self.command, gives, drawn)
-        return self.winch.drum(self.states, gives, drawn)
+            return self.winch.drum_at_rest(self.command, cables)
+        return self.winch.position([cables.paths[0] + cables.compliances[0] * self.pulled], [1.0])
 
-    def tensions(self, slack: Callable[[], Sequence[Scalar]], compliances: Sequence[Scalar]) -> list[Scalar]:
-        """Tensions of its tendons [N], by the cable of all tendons wound up beyond taut [m]."""
-        given = [] if self.command is None else self.winch.given_at_rest(self.command)
-        return given or [soft(slack()[k]) / compliances[k] for k in self.winch.tendons]
+    @property
+    def tensions(self) -> list[Scalar]:
+        """Tensions of its tendons that the command alone gives [N]; none where they depend on where the drum is."""
+        return [] if self.states or self.command is None else self.winch.given_at_rest(self.command)
 
 
 class TendonForces:
@@ -67,38 +65,28 @@ class TendonForces:
     ) -> None:
         self._made, self._par, self._lengths = structure, structure.parameters, at.lengths
         self._full, self._rates, self._memory, self._states = at.full, at.rates, at.memory, states
+        self._sets = structure.tendon_sets
         self.held = [pull for pull in pulls if isinstance(pull, Held)]
         self._given = [pull for pull in pulls if not isinstance(pull, Held)]
 
     # -- geometry -------------------------------------------------------------------------------------------------
 
     def _scale(self, element: int) -> list[Scalar]:
-        """Factors of the integrals of an element's shapes: not one where lengths are run-time arguments."""
-        local, made = self._made.family.local(element), self._made
-        if not self._par.is_runtime("element_lengths"):
-            return [1.0] * len(local)
-        own, nominal = (made.family.work(element, lengths) for lengths in (self._lengths, made.lengths))
-        return [own[a] / float(nominal[a]) for a in local]
+        return self._made.family.stretches(element, self._lengths)
 
-    def _on(self, cell: Cell, values: Sequence[Scalar], weights: Sequence[Scalar]) -> Scalar:
-        local, scale = self._made.family.local(cell.element), self._scale(cell.element)
-        terms = zip(weights, scale, [values[a] for a in local], strict=True)
-        return sum(((w * k) * v for w, k, v in terms if not is_zero(w)), 0.0)
-
-    def _rest(self, cell: Cell, numeric: Scalar, part: float = 1.0) -> Scalar:
-        """A bend of the rest curvature, which may be a run-time argument, as may the lengths."""
-        if not (self._par.is_runtime("rest_curvature") or self._par.is_runtime("element_lengths")):
-            return numeric
-        whole, nominal = self._lengths[cell.element], self._made.lengths[cell.element]
-        return self._par["rest_curvature"] * whole * (part * cell.length / nominal)
-
-    def arm(self, tendon: int) -> Scalar:
-        """Signed distance of a tendon from the backbone at the base [m]."""
-        arm = self._made.own_tendons[tendon].arms[tendon]
-        return np.sign(arm) * self._par["tendon_offset"] if self._par.is_runtime("tendon_offset") else arm
+    def _rest(self, cell: Cell, bent: Scalar) -> Scalar:
+        """An integral of the rest curvature, which may be a run-time argument, as may the lengths."""
+        if self._par.is_runtime("rest_curvature"):
+            bent = self._par["rest_curvature"] * bent
+        if self._par.is_runtime("element_lengths"):
+            bent = bent * (self._lengths[cell.element] / self._made.lengths[cell.element])
+        return bent
 
     def _arm_size(self, cells: CellSet) -> Scalar:
-        return cells.sides[0] * self.arm(cells.tendons[0])
+        """Distance of the tendons from the backbone at the base [m]."""
+        tendon = cells.tendons[0]
+        arm = abs(self._made.own_tendons[tendon].arms[tendon])
+        return self._par["tendon_offset"] if self._par.is_runtime("tendon_offset") else arm
 
     def _presliding(self, cells: CellSet) -> Scalar:
         return self._par["tendon_presliding"] if self._par.is_runtime("tendon_presliding") else cells.presliding
@@ -107,18 +95,26 @@ class TendonForces:
     def _friction(self) -> list[Scalar]:
         """Coefficient of each set."""
         if self._par.is_runtime("tendon_friction"):
-            return [self._par["tendon_friction"] for _ in self._made.cell_sets]
-        return [self._made.finger.tendon_list[each.tendons[0]].friction for each in self._made.cell_sets]
+            return [self._par["tendon_friction"] for _ in self._sets]
+        return [self._made.finger.tendon_list[each.tendons[0]].friction for each in self._sets]
+
+    def _bent(
+        self, rows: Sequence[tuple[Cell, Sequence[Scalar]]], values: Sequence[Scalar], factor: Scalar, *, rest: bool
+    ) -> Scalar:
+        """Factor times what integrals along cells give together of a curvature, and of that at rest."""
+        weights: dict[int, Scalar] = {}
+        total: Scalar = 0.0
+        for cell, (*own, bent) in rows:
+            total += factor * self._rest(cell, bent) if rest else 0.0
+            for a, w, k in zip(self._made.family.local(cell.element), own, self._scale(cell.element), strict=True):
+                # Neighbors share coordinates: one product for all cells.
+                weights[a] = weights.get(a, 0.0) + factor * w * k
+        return sum((w * values[a] for a, w in weights.items() if not is_zero(w)), total)
 
     def _bends(self, cells: CellSet, scale: float) -> list[Scalar]:
         """Bend of each cell [rad], with that at rest, without sign, times a scale."""
-        return [
-            rounded(
-                self._on(c, self._full, [scale * bend for bend in c.bend]) + scale * self._rest(c, c.rest_bend),
-                scale * c.share,
-            )
-            for c in cells.cells
-        ]
+        bends = [self._bent([(cell, cell.bend)], self._full, scale, rest=True) for cell in cells.cells]
+        return [rounded(bend, scale * cell.share) for bend, cell in zip(bends, cells.cells, strict=True)]
 
     def _sliding(
         self, cells: CellSet, values: Sequence[Scalar], *, rest: bool, grown: Sequence[Scalar] = ()
@@ -129,26 +125,17 @@ class TendonForces:
         what is ``grown`` in the half cells there.
         """
         per_path = self._arm_size(cells) / self._presliding(cells)
-        halves: list[tuple[Cell, Sequence[Scalar], Scalar]] = []  # from base to tip
+        halves: list[tuple[Cell, Sequence[Scalar]]] = []  # from base to tip
         for cell in cells.cells:
-            late = self._rest(cell, cell.rest_late, 0.5) if rest else 0.0
-            early = self._rest(cell, cell.rest_work) - late if rest else 0.0
-            before = [work - own for work, own in zip(cell.work, cell.late, strict=True)]
-            halves += [(cell, before, early), (cell, cell.late, late)]
+            halves += [
+                (cell, [each - late for each, late in zip(cell.work, cell.late, strict=True)]),
+                (cell, cell.late),
+            ]
         found: list[Scalar] = []
         slid: Scalar = 0.0
-        # One step per cell: the halves on both sides of a boundary at once, of which neighbors share coordinates.
+        # One step per cell: the halves on both sides of a boundary at once.
         for k in range(len(cells.cells), -1, -1):
-            weights: dict[int, Scalar] = {}
-            change: Scalar = 0.0
-            for cell, half, own in halves[max(2 * k - 1, 0) : 2 * k + 1]:
-                change += per_path * own
-                for a, w, scale in zip(
-                    self._made.family.local(cell.element), half, self._scale(cell.element), strict=True
-                ):
-                    weights[a] = weights.get(a, 0.0) + per_path * w * scale
-            for a, weight in weights.items():
-                change += weight * values[a]
+            change = self._bent(halves[max(2 * k - 1, 0) : 2 * k + 1], values, per_path, rest=rest)
             slid = slid + (change + sum(grown[max(k - 1, 0) : k + 1]))
             found.append(slid)
         return found[::-1] if cells.conduit_bend else found[-2::-1]
@@ -158,88 +145,73 @@ class TendonForces:
     @cached_property
     def slid(self) -> list[Scalar]:
         """Sliding of the tendons per presliding since the finger was straight, per friction state."""
-        found: list[Scalar] = []
-        for cells in self._made.cell_sets:
-            found += self._sliding(cells, self._full, rest=True)
-        return found
+        return [slid for cells in self._made.cell_sets for slid in self._sliding(cells, self._full, rest=True)]
 
     @cached_property
     def directions(self) -> list[list[Scalar]]:
         """Which way friction acts, per set and state; of tendons on the other side the other way."""
-        ways = self._memory.ways(self._states, lambda: self.slid, direction)
-        found, entry = [], 0
-        for cells in self._made.cell_sets:
-            found.append(ways[entry : entry + cells.states])
-            entry += cells.states
-        return found
-
-    @cached_property
-    def _frictional(self) -> set[int]:
-        return {tendon for cells in self._made.cell_sets for tendon in cells.tendons}
+        ways = iter(self._memory.ways(self._states, lambda: self.slid, direction))
+        return [list(islice(ways, cells.states)) for cells in self._sets]
 
     @cached_property
     def shares(self) -> list[Shares]:
         """Shares of the tensions at the drives, per set."""
         found = []
-        for cells, mu, ways in zip(self._made.cell_sets, self._friction, self.directions, strict=True):
+        for cells, mu, ways in zip(self._sets, self._friction, self.directions, strict=True):
             # Half of a coefficient that is a number goes into the weights of the bend.
             scale, factor = (0.5 * mu, 1.0) if isinstance(mu, float) else (0.5, mu)
-            inside = ways[-len(cells.cells) :]
-            halves = [factor * (way * bend) for way, bend in zip(inside, self._bends(cells, scale), strict=True)]
+            halves: list[Scalar] = [0.0 for _ in cells.cells]
+            if cells.has_friction:
+                inside = zip(ways[-len(cells.cells) :], self._bends(cells, scale), strict=True)
+                halves = [factor * (way * bend) for way, bend in inside]
             conduit = ways[0] * (cells.conduit_bend * mu) if cells.conduit_bend else None
             found.append(shares(halves, conduit, cells.sides))
         return found
 
     # -- winches --------------------------------------------------------------------------------------------------
 
-    def _path(self, tendon: int, values: Sequence[Scalar], *, rest: bool) -> Scalar:
-        """How much a tendon is drawn in by a curvature [m]; equal for both of a pair but for its sign."""
-        made, shape = self._made, self._made.own_tendons[tendon].shape
-        works = [made.family.work(k, self._lengths, shape) for k in range(len(self._lengths))]
-        drawn = sum((sum(column) * value for column, value in zip(zip(*works, strict=True), values, strict=True)), 0.0)
-        if rest:
-            drawn += self._drawn_at_rest(tendon)
-        # Arms of a pair differ by their sign alone: one product serves both.
-        arm = self.arm(tendon)
-        negative = self._made.own_tendons[tendon].arms[tendon] < 0.0
-        return -(-arm * drawn) if negative else arm * drawn
-
-    def _drawn_at_rest(self, tendon: int) -> Scalar:
-        mesh, shape = self._made.mesh, self._made.own_tendons[tendon].shape
-        runtime = self._par.is_runtime("rest_curvature")
-        total: Scalar = 0.0
-        for k, length in enumerate(self._lengths):
-            own = 0.0
-            for s, weights in nodes_of(mesh.panels(k, mesh.rest, shape)):
-                own += float(((1.0 if runtime else mesh.rest(s)) * shape(s)) @ weights)
-            total += own * (length / mesh.lengths[k] if self._par.is_runtime("element_lengths") else 1.0)
-        return self._par["rest_curvature"] * total if runtime else total
+    def _drawn(self, values: Sequence[Scalar], *, rest: bool) -> list[Scalar]:
+        """How much a curvature draws in each tendon [m]; of a pair the same but for its sign."""
+        found: dict[int, Scalar] = {}
+        for cells in self._sets:
+            bent = self._bent([(cell, cell.work) for cell in cells.cells], values, 1.0, rest=rest)
+            path = self._arm_size(cells) * bent
+            found |= {k: path if side > 0.0 else -path for k, side in zip(cells.tendons, cells.sides, strict=True)}
+        return [found[tendon] for tendon in sorted(found)]
 
     @cached_property
     def _paths(self) -> list[Scalar]:
         """How much each tendon is drawn in by the bend [m]."""
-        return [self._path(tendon, self._full, rest=True) for tendon in self._made.own_tendons]
+        return self._drawn(self._full, rest=True)
+
+    @cached_property
+    def _path_rates(self) -> list[Scalar]:
+        """Rates of these [m/s]."""
+        return self._drawn(self._rates, rest=False)
+
+    @cached_property
+    def _cables(self) -> list[Cables]:
+        """Those of each winch."""
+        return [held.winch.cables(self.compliances, self._paths) for held in self.held]
 
     @cached_property
     def drums(self) -> list[Scalar]:
         """Position of what winds up, per winch."""
-        return [held.drum(self.compliances, self._paths) for held in self.held]
+        return [held.drum(cables) for held, cables in zip(self.held, self._cables, strict=True)]
 
     @cached_property
     def _wound_rates(self) -> list[Scalar]:
         """Rate of the cable wound up, per tendon [m/s]."""
-        path_rates = [self._path(tendon, self._rates, rest=False) for tendon in self._made.own_tendons]
         found: list[Scalar] = []
-        for held, drum in zip(self.held, self.drums, strict=True):
-            own = [held.winch.of_its(values) for values in (self.compliances, self._paths, path_rates)]
-            found += held.winch.wound_rates(held.winch.drum_rate(held.states, drum, *own))
+        for held, drum, cables in zip(self.held, self.drums, self._cables, strict=True):
+            rate = held.winch.drum_rate(held.states, drum, cables, held.winch.of_its(self._path_rates))
+            found += held.winch.wound_rates(rate)
         return found
 
     @cached_property
-    def _slack(self) -> list[Scalar]:
-        """Cable wound up beyond taut, per tendon [m]."""
-        wound = [y for held, drum in zip(self.held, self.drums, strict=True) for y in held.winch.wound(drum)]
-        return [y - path for y, path in zip(wound, self._paths, strict=True)]
+    def _slacks(self) -> list[list[Scalar]]:
+        """Cable wound up beyond taut, per winch and tendon of it [m]."""
+        return [cables.slacks(drum) for cables, drum in zip(self._cables, self.drums, strict=True)]
 
     def _lengths_of(self, cells: CellSet) -> tuple[float, list[Scalar]]:
         """Length of the first cell [m], and those of all as its multiples."""
@@ -255,11 +227,9 @@ class TendonForces:
     @cached_property
     def compliances(self) -> list[Scalar]:
         """Elongation of each tendon per tension at its drive [m/N]."""
-        tendons, length = self._made.finger.tendon_list, self._made.length
-        found: list[Scalar] = [
-            0.0 if k in self._frictional else compliance(tendon, length, self._par) for k, tendon in enumerate(tendons)
-        ]
-        for cells, passed in zip(self._made.cell_sets, self.shares, strict=True):
+        tendons = self._made.finger.tendon_list
+        found: list[Scalar] = [0.0 for _ in tendons]
+        for cells, passed in zip(self._sets, self.shares, strict=True):
             unit, lengths = self._lengths_of(cells)
             for tendon, means in zip(cells.tendons, passed.mean, strict=True):
                 axial, series = stiffnesses(tendons[tendon], self._par)
@@ -270,7 +240,34 @@ class TendonForces:
     @cached_property
     def tensions(self) -> Sequence[Scalar]:
         """Of each tendon at its drive [N]."""
-        return self._given or [t for held in self.held for t in held.tensions(lambda: self._slack, self.compliances)]
+        found = list(self._given)
+        for k, held in enumerate(self.held):
+            found += held.tensions or self._cables[k].tensions(self._slacks[k])
+        return found
+
+    @property
+    def drive_rates(self) -> list[Scalar]:
+        """Rates of the states of the winches."""
+        found: list[Scalar] = []
+        for held in self.held:
+            if held.command is not None:
+                found += held.winch.rates(held.states, held.command, held.winch.of_its(self.tensions))
+        return found
+
+    @property
+    def motors(self) -> list[tuple[Scalar, Scalar, Scalar, Scalar]]:
+        """Of each motor its angle, rate, torque without dry friction [N m] and inertia [kg m2]."""
+        found = []
+        for held in self.held:
+            if isinstance(held.winch, Motor) and held.command is not None:
+                torque = held.winch.balance(held.states, held.command, held.winch.of_its(self.tensions))
+                found.append((held.states[0], held.states[1], torque, held.winch.inertia))
+        return found
+
+    @property
+    def kinetic_energy(self) -> Scalar:
+        """Kinetic energy of motors [J]."""
+        return sum((held.winch.kinetic_energy(held.states) for held in self.held), 0.0)
 
     @property
     def drives_at_rest(self) -> list[Scalar]:
@@ -284,16 +281,19 @@ class TendonForces:
     def along(self) -> list[list[Scalar]]:
         """Per tendon its tension [N] in the middle of its friction cells, or the one that it has all along."""
         found: list[list[Scalar]] = [[tension] for tension in self.tensions]
-        for cells, passed in zip(self._made.cell_sets, self.shares, strict=True):
-            for tendon, middle in zip(cells.tendons, passed.middle, strict=True):
+        for cells, passed in zip(self._sets, self.shares, strict=True):
+            for tendon, middle in zip(cells.tendons, passed.middle if cells.states else (), strict=False):
                 found[tendon] = [self.tensions[tendon] * share for share in middle]
         return found
 
-    @cached_property
+    @property
     def stored_energy(self) -> Scalar:
         """Energy of elongated tendons and gears [J], exactly where tendons have no friction."""
+        if not self.held:
+            return 0.0
+        slacks = [slack for own in self._slacks for slack in own]
         gears = [held.winch.gear_energy(held.states, drum) for held, drum in zip(self.held, self.drums, strict=True)]
-        return sum((soft_integral(y) / c for y, c in zip(self._slack, self.compliances, strict=True)), sum(gears, 0.0))
+        return sum((soft_integral(y) / c for y, c in zip(slacks, self.compliances, strict=True)), sum(gears, 0.0))
 
     @cached_property
     def _pulled(self) -> list[list[list[Scalar]]]:
@@ -303,7 +303,7 @@ class TendonForces:
                 [self.tensions[tendon] * mean for mean in means]
                 for tendon, means in zip(cells.tendons, passed.mean, strict=True)
             ]
-            for cells, passed in zip(self._made.cell_sets, self.shares, strict=True)
+            for cells, passed in zip(self._sets, self.shares, strict=True)
         ]
 
     def _elongating(self, cells: CellSet, pulled: Sequence[Sequence[Scalar]]) -> list[Scalar]:
@@ -316,7 +316,7 @@ class TendonForces:
         found: list[Scalar] = [0.0] * len(cells.cells)
         for tendon, side, tensions in zip(cells.tendons, cells.sides, pulled, strict=True):
             axial, _ = stiffnesses(self._made.finger.tendon_list[tendon], self._par)
-            moving = self._wound_rates[tendon] - self._path(tendon, self._rates, rest=False)
+            moving = self._wound_rates[tendon] - self._path_rates[tendon]
             # Of the tension at the base, per itself and second.
             rate = ((1.0 / axial) * weight) * (moving / self.compliances[tendon])
             for k, tension in enumerate(tensions):
@@ -327,7 +327,9 @@ class TendonForces:
     def state_rates(self) -> list[Scalar]:
         """Rates of the friction states [1/s]."""
         sliding: list[Scalar] = []
-        for cells, pulled in zip(self._made.cell_sets, self._pulled, strict=True):
+        for cells, pulled in zip(self._sets, self._pulled, strict=True):
+            if not cells.states:
+                continue
             grown = self._elongating(cells, pulled) if self.held else ()
             sliding += self._sliding(cells, self._rates, rest=False, grown=grown)
         return [self._memory.rate(z, slid) for z, slid in zip(self._states, sliding, strict=True)]
@@ -339,14 +341,7 @@ class TendonForces:
         """Generalized forces on the local coordinates of each element."""
         made = self._made
         total: list[list[Scalar]] = [[0.0] * len(made.family.local(k)) for k in range(len(made.lengths))]
-        for tendon, source in made.own_tendons.items():
-            pull = self.arm(tendon) * self.tensions[tendon]
-            if tendon not in self._frictional:
-                for k, forces in enumerate(total):
-                    work = made.family.work(k, self._lengths, source.shape)
-                    for i, a in enumerate(made.family.local(k)):
-                        forces[i] += pull * work[a]
-        for cells, passed, pulled in zip(made.cell_sets, self.shares, self._pulled, strict=True):
+        for cells, passed, pulled in zip(self._sets, self.shares, self._pulled, strict=True):
             size = self._arm_size(cells)
             for k, (cell, half) in enumerate(zip(cells.cells, passed.halves, strict=True)):
                 # Of all tendons of the set together: they bend by the same shapes.
@@ -354,7 +349,7 @@ class TendonForces:
                 mean = sum(side * part for side, part in zip(cells.sides, parts, strict=True))
                 lean = half * sum(parts)
                 forces, scale = total[cell.element], self._scale(cell.element)
-                for i, (own, first) in enumerate(zip(cell.work, cell.lean, strict=True)):
+                for i, (own, first) in enumerate(zip(cell.work, cell.lean, strict=False)):
                     forces[i] += (size * own * scale[i]) * mean
                     if not is_zero(first):
                         forces[i] += first * scale[i] * ((-2.0 * cell.most * size) * lean)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.model.family import Family
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.profile import Channel
+from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.scene.tendons import Tendon
 
 Array = NDArray[np.float64]
@@ -25,7 +26,6 @@ Array = NDArray[np.float64]
 _BEND_ROUNDING = 1e-3
 """Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]: with a coefficient of 0.5
 the tension is off by a share of 5e-4 at most."""
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Cell:
 
     Integrals along the cell are of the curvature shapes: ``bend``; with the shape of the tendon's moment ``work``;
     this with the fraction of the cell less a half, per ``most``, ``lean``; and ``late`` is ``work`` of the half towards
-    the tip. The same of the rest curvature follows.
+    the tip. The same of the rest curvature is one more entry, but of ``lean``; of one where it is a run-time number.
     """
 
     element: int
@@ -44,26 +44,26 @@ class Cell:
     work: Sequence[Scalar]
     lean: Sequence[Scalar]
     late: Sequence[Scalar]
-    rest_bend: Scalar
-    rest_work: Scalar
-    rest_late: Scalar
     most: float = 1.0  # [m]
 
 
 @dataclass(frozen=True)
 class CellSet:
-    """Friction cells of tendons that slide alike, to and fro: one state per cell serves them all."""
+    """Tendons that slide alike, to and fro, and parts of the finger along them: where they have friction, one state per
+    cell serves them all.
+    """
 
     tendons: tuple[int, ...]
     sides: tuple[float, ...]  # sign of each one's arm
     presliding: float  # [m]
     conduit_bend: float  # [rad]; where it is not zero, the first state is that of the conduit
     cells: tuple[Cell, ...]
+    has_friction: bool = True
 
     @property
     def states(self) -> int:
         """Number of friction states."""
-        return len(self.cells) + (self.conduit_bend > 0.0)
+        return (len(self.cells) + (self.conduit_bend > 0.0)) * self.has_friction
 
     def names(self, number: int) -> list[str]:
         """Name and unit of each state; ``number`` counts the sets from one."""
@@ -71,70 +71,56 @@ class CellSet:
         return [f"friction_{number}_conduit [1]"] * (self.conduit_bend > 0.0) + inside
 
 
-def cell_sets(
-    family: Family, channels: Sequence[Channel], tendons: Sequence[Tendon], frictional: bool
+def tendon_sets(
+    family: Family, channels: Sequence[Channel], tendons: Sequence[Tendon], *, frictional: bool, unit_rest: bool
 ) -> tuple[CellSet, ...]:
-    """The sets of cells of a finger whose tendons have a channel each; ``frictional``: all tendons have friction."""
-    groups: dict[object, list[int]] = {}
+    """Sets of tendons with a channel each; one cell per element for those without friction.
+
+    ``frictional``: all have friction. ``unit_rest``: integrals are of a rest curvature of one.
+    """
+    groups: dict[tuple[Curve, float, object], list[int]] = {}
     for k, (channel, tendon) in enumerate(zip(channels, tendons, strict=True)):
-        if frictional or tendon.friction > 0.0:
-            own = tendon.friction, tendon.friction_cells, tendon.presliding, tendon.conduit_bend
-            groups.setdefault((channel.shape, abs(channel.arms[k]), own), []).append(k)
+        own = tendon.friction, tendon.friction_cells, tendon.presliding, tendon.conduit_bend
+        rubs = frictional or tendon.friction > 0.0
+        groups.setdefault((channel.shape, abs(channel.arms[k]), own if rubs else None), []).append(k)
     found = []
-    for group in groups.values():
-        first = tendons[group[0]]
+    for (*_, laws), group in groups.items():
+        first, has_friction = tendons[group[0]], laws is not None
         sides = tuple(1.0 if channels[k].arms[k] > 0.0 else -1.0 for k in group)
-        cells = _cells(family, channels[group[0]], first.friction_cells)
-        found.append(CellSet(tuple(group), sides, first.presliding, first.conduit_bend, cells))
+        cells = _cells(family, channels[group[0]], first.friction_cells if has_friction else 1, unit_rest)
+        conduit = first.conduit_bend if has_friction else 0.0
+        found.append(CellSet(tuple(group), sides, first.presliding, conduit, cells, has_friction))
     return tuple(found)
 
 
-def _cells(family: Family, channel: Channel, count: int) -> tuple[Cell, ...]:
-    mesh, found = family.mesh, []
+def _cells(family: Family, channel: Channel, count: int, unit_rest: bool) -> tuple[Cell, ...]:
+    mesh, found = family.mesh, list[Cell]()
     for element in range(family.elements):
         start, end = mesh.ends[element], min(mesh.ends[element + 1], channel.to)
         if end - start <= 1e-9 * mesh.ends[-1]:
             break
-        for a, b in zip(*(np.linspace(start, end, count + 1)[k:][:count] for k in (0, 1)), strict=True):
-            middle = 0.5 * (a + b)
-            early, late = (_integrals(family, channel, element, *half) for half in ((a, middle), (middle, b)))
-            bend, work, first = (one + other for one, other in zip(early, late, strict=True))
-            # The fraction of the cell less a half, of the integral with the position.
-            lean = ((first - middle * work) / (b - a))[:-1]
-            lean = np.where(np.abs(lean) > 1e-12 * np.abs(work[:-1]).max(), lean, 0.0)
-            # Of two nodes they often differ by their sign alone: one product serves both.
-            most = max(lean.tolist(), key=abs) or 1.0
-            found.append(
-                Cell(
-                    element,
-                    float(b - a) / mesh.ends[-1],
-                    float(b - a),
-                    bend[:-1].tolist(),
-                    work[:-1].tolist(),
-                    [round(each / most, 12) for each in lean.tolist()],
-                    late[1][:-1].tolist(),
-                    float(bend[-1]),
-                    float(work[-1]),
-                    float(late[1][-1]),
-                    most,
-                )
-            )
+        bounds = pairwise(np.linspace(start, end, count + 1).tolist())
+        found += [_cell(family, channel.shape, element, a, b, unit_rest) for a, b in bounds]
     return tuple(found)
 
 
-def _integrals(family: Family, channel: Channel, element: int, a: float, b: float) -> tuple[Array, Array, Array]:
-    """Integrals (K + 1,) of the shapes and the rest curvature; with the tendon's shape; and with the position too."""
-    total = [np.zeros(len(family.local(element)) + 1) for _ in range(3)]
-    for low, high in family.mesh.panels(element, family.mesh.stiffness, family.mesh.rest, channel.shape):
-        low, high = max(low, a), min(high, b)
-        if high <= low:
-            continue
-        s, weights = 0.5 * (low + high) + 0.5 * (high - low) * _NODES, 0.5 * (high - low) * _WEIGHTS
-        shapes, drawn = family.shapes_at(element, s), channel.shape(s)
-        total[0] += shapes @ weights
-        total[1] += shapes @ (weights * drawn)
-        total[2] += shapes @ (weights * drawn * s)
-    return total[0], total[1], total[2]
+def _cell(family: Family, shape: Curve, element: int, a: float, b: float, unit_rest: bool) -> Cell:
+    mesh, middle = family.mesh, 0.5 * (a + b)
+
+    def parts(s: Array) -> Array:
+        bent = family.shapes_at(element, s)
+        bent[-1] = 1.0 if unit_rest else bent[-1]
+        return np.stack([bent, bent * shape(s), bent * shape(s) * (s - middle) / (b - a)])
+
+    curves = mesh.stiffness, mesh.rest, shape
+    early, late = (mesh.integral(element, *half, parts, *curves) for half in ((a, middle), (middle, b)))
+    bend, work, lean = early + late
+    lean = np.where(np.abs(lean) > 1e-12 * np.abs(work[:-1]).max(), lean, 0.0)[:-1]
+    # Of two nodes they often differ by their sign alone: one product serves both.
+    most = max(lean.tolist(), key=abs) or 1.0
+    leaning = [round(each / most, 12) for each in lean.tolist()]
+    share = (b - a) / mesh.ends[-1]
+    return Cell(element, share, b - a, bend.tolist(), work.tolist(), leaning, late[1].tolist(), most)
 
 
 def rounded(bend: Scalar, share: Scalar) -> Scalar:

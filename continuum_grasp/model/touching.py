@@ -1,4 +1,4 @@
-"""Which surfaces can touch: every station of the finger, every support and the table against the object."""
+"""Surfaces that can touch: stations of the finger, supports and the table against the object."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from continuum_grasp.model.contact_law import (
 from continuum_grasp.model.planar import ZERO, Scalar, Vec
 from continuum_grasp.model.surfaces import nearest, surface_of
 from continuum_grasp.scene.supports import Peg, Wall
-from continuum_grasp.scene.surroundings import ContactLaw, Surroundings, Table
+from continuum_grasp.scene.surroundings import ContactLaw, Table
 
 
 @dataclass(frozen=True)
@@ -131,30 +131,6 @@ class Pair:
         if self.is_table:
             return Vec(*self._friction[:2])
         return self.normal.scaled(self.normal_force) + self.normal.perp().scaled(self.tangential)
-
-
-def pairs_around(
-    body: Body, around: Surroundings, stations: Sequence[Station], shares: Sequence[Scalar | None] | None = None
-) -> list[Pair]:
-    """What can touch an object: stations of a finger first, then supports, then the table.
-
-    ``shares``: of their limits that friction takes at the stations, None where a law says so.
-    """
-    law = around.contact_law
-    if law is None:
-        return []
-    used = [None] * len(stations) if shares is None else shares
-    pairs = [disc_pair(body, law, station, share=share) for station, share in zip(stations, used, strict=True)]
-    pairs += support_pairs(body, law, around.walls, around.pegs)
-    return pairs if around.table is None else [*pairs, *table_pairs(body, law, around.table)]
-
-
-def rates_around(body: Body, pairs: Sequence[Pair], gravity: Vec) -> list[Scalar]:
-    """Rates of the object's pose and rates under all contacts and gravity [m/s2], then of all friction states."""
-    forces = [(pair.point, pair.force.scaled(-1.0)) for pair in pairs]
-    moments = [pair.moment for pair in pairs if pair.arm]
-    rates = body.state_rate(gravity, forces, [pair.lift for pair in pairs], moments)
-    return rates + [rate for pair in pairs for rate in pair.z_rate]
 
 
 def table_pair(body: Body, law: ContactLaw, table: Table) -> Pair:

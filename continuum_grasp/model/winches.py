@@ -17,6 +17,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 
@@ -75,6 +76,10 @@ class Winch(ABC):
         """Those of its tendons, of values per tendon."""
         return [values[k] for k in self.tendons]
 
+    def cables(self, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Cables:
+        """Its tendons, of compliances [m/N] and paths [m] per tendon."""
+        return Cables(self, self.of_its(compliances), self.of_its(paths))
+
     def wound(self, position: Scalar) -> list[Scalar]:
         """Cable wound up of each tendon [m] at a position of what winds up."""
         return [self.start + (side * self.radius) * position for side in self.sides]
@@ -112,35 +117,18 @@ class Winch(ABC):
         """Rates of the states under a command and the tensions of its tendons [N]."""
 
     @abstractmethod
-    def drum_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
-        """Position of what winds up, of a drive at rest under a command; see `drum`."""
+    def drum_at_rest(self, command: Scalar, cables: Cables) -> Scalar:
+        """Position of what winds up, of a drive at rest under a command."""
 
     def given_at_rest(self, command: Scalar) -> list[Scalar]:
         """Tensions that a command alone gives its tendons at rest [N]; none where they depend on where the drum is."""
         return []
 
-    def drum(
-        self,
-        states: Sequence[Scalar],
-        compliances: Sequence[Scalar],
-        paths: Sequence[Scalar],
-        *,
-        sharp: bool = False,
-    ) -> Scalar:
-        """Position of what winds up tendons of compliances [m/N] that the bend draws in by paths [m].
-
-        ``sharp``: of tendons that pull as soon as they are taut.
-        """
+    def drum(self, states: Sequence[Scalar], cables: Cables, *, sharp: bool = False) -> Scalar:
+        """Position of what winds up; ``sharp``: tendons that pull as soon as they are taut."""
         return states[0]
 
-    def drum_rate(
-        self,
-        states: Sequence[Scalar],
-        drum: Scalar,
-        compliances: Sequence[Scalar],
-        paths: Sequence[Scalar],
-        path_rates: Sequence[Scalar],
-    ) -> Scalar:
+    def drum_rate(self, states: Sequence[Scalar], drum: Scalar, cables: Cables, path_rates: Sequence[Scalar]) -> Scalar:
         """Rate of what winds up, where paths change [m/s]."""
         return states[1]
 
@@ -181,7 +169,7 @@ class LengthServo(Winch):
             wanted = most * tanh((1.0 / most) * wanted)
         return [speed, (2.0 * pole) * (wanted - speed)]
 
-    def drum_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+    def drum_at_rest(self, command: Scalar, cables: Cables) -> Scalar:
         return command
 
 
@@ -213,6 +201,22 @@ class _Spring:
         if self.half:
             bears = ca.logic_and(bears, twist > self.half)
         return ca.if_else(bears, self.stiffness, _LOOSE * self.stiffness)
+
+    def meets(self, cables: Cables) -> Scalar:
+        """Angle of the drum at which it balances tendons that pull as soon as they are taut [rad]."""
+        if not self.stiffness:
+            return cables.under(self.torque)
+        flank = self.angle
+        if self.half:
+            away = cables.towards(0.0, self.angle) - self.angle
+            flank += _within(away, self.half)
+        drum = cables.towards(self.stiffness, flank)
+        if self.half:  # no torque in the play, nor its rounding
+            drum = ca.if_else(ca.fabs(away) < self.half, flank, drum)
+        if math.isinf(self.most):
+            return drum
+        torque = self.stiffness * (flank - drum)
+        return ca.if_else(ca.fabs(torque) < self.most, drum, cables.under(self.most * ca.sign(torque)))
 
 
 @dataclass(frozen=True)
@@ -315,29 +319,21 @@ class Motor(Winch):
 
     # -- the drum, which has no inertia of its own --------------------------------------------------------------------
 
-    def drum(
-        self,
-        states: Sequence[Scalar],
-        compliances: Sequence[Scalar],
-        paths: Sequence[Scalar],
-        *,
-        sharp: bool = False,
-    ) -> Scalar:
+    def drum(self, states: Sequence[Scalar], cables: Cables, *, sharp: bool = False) -> Scalar:
         if self.gear is None:
             return states[0]
-        steps = 0 if sharp else _DRUM_STEPS
-        return self._balanced(_Spring(states[0], *self.gear), compliances, paths, steps)
+        return self._balanced(_Spring(states[0], *self.gear), cables, 0 if sharp else _DRUM_STEPS)
 
-    def drum_at_rest(self, command: Scalar, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
+    def drum_at_rest(self, command: Scalar, cables: Cables) -> Scalar:
         drive = self.drive
         if drive.position_gain is None:
             for pull in self.given_at_rest(command):
-                return self._balanced(_Spring(0.0, torque=self.radius * pull), compliances, paths, _DRUM_STEPS)
-            return self._balanced(_Spring(0.0, torque=self.torque(command)), compliances, paths)
+                return self._balanced(_Spring(0.0, torque=self.radius * pull), cables, _DRUM_STEPS)
+            return self._balanced(_Spring(0.0, torque=self.torque(command)), cables, _RESTING_STEPS)
         # A servo is a spring, and a gear one in series with it.
         stiffness, half = self.gear or (math.inf, 0.0)
         servo = 1.0 / (1.0 / drive.position_gain + 1.0 / stiffness)
-        return self._balanced(_Spring(command, servo, half, drive.torque_max), compliances, paths)
+        return self._balanced(_Spring(command, servo, half, drive.torque_max), cables, _RESTING_STEPS)
 
     def given_at_rest(self, command: Scalar) -> list[Scalar]:
         if self.drive.position_gain is not None or len(self.tendons) > 1:
@@ -345,63 +341,28 @@ class Motor(Winch):
         # A cable pulls: a torque the other way has nothing to balance it.
         return [ca.fmax(self.torque(command), 0.0) / self.radius]
 
-    def _balanced(
-        self, spring: _Spring, compliances: Sequence[Scalar], paths: Sequence[Scalar], steps: int = _RESTING_STEPS
-    ) -> Scalar:
+    def _balanced(self, spring: _Spring, cables: Cables, steps: int) -> Scalar:
         """Angle of the drum at which the tensions balance what turns it [rad].
 
         It is first where it were if tendons had a sharp onset.
         """
-        drum = self._of_sharp(spring, compliances, paths)
+        drum = spring.meets(cables)
         loose = 0.0 if spring.stiffness else _LOOSE * self.radius**2 * self.stiffness
         for _ in range(steps):
-            slacks = self._slacks(drum, paths)
-            tensions = [soft(slack) / c for slack, c in zip(slacks, compliances, strict=True)]
-            missing = spring.pull(drum) - self._pull(tensions)
-            drum += missing / (spring.bearing(drum) + loose + sum(self._slopes(slacks, compliances)))
+            slacks = cables.slacks(drum)
+            missing = spring.pull(drum) - self._pull(cables.tensions(slacks))
+            drum += missing / (spring.bearing(drum) + loose + sum(cables.slopes(slacks)))
         return drum
 
-    def drum_rate(
-        self,
-        states: Sequence[Scalar],
-        drum: Scalar,
-        compliances: Sequence[Scalar],
-        paths: Sequence[Scalar],
-        path_rates: Sequence[Scalar],
-    ) -> Scalar:
+    def drum_rate(self, states: Sequence[Scalar], drum: Scalar, cables: Cables, path_rates: Sequence[Scalar]) -> Scalar:
         if self.gear is None:
             return states[1]
         # That of the root, by the implicit function theorem.
         bearing = _Spring(states[0], *self.gear).bearing(drum)
-        slopes = self._slopes(self._slacks(drum, paths), compliances)
+        slopes = cables.slopes(cables.slacks(drum))
         drawn = zip(self.sides, slopes, path_rates, strict=True)
         turned = (1.0 / self.radius) * sum(side * slope * rate for side, slope, rate in drawn)
         return (bearing * states[1] + turned) / (bearing + sum(slopes))
-
-    def _slacks(self, drum: Scalar, paths: Sequence[Scalar]) -> list[Scalar]:
-        """Cable wound up beyond taut [m]."""
-        return [y - path for y, path in zip(self.wound(drum), paths, strict=True)]
-
-    def _slopes(self, slacks: Sequence[Scalar], compliances: Sequence[Scalar]) -> list[Scalar]:
-        """Torque of each tendon per angle of the drum [N m/rad]."""
-        return [soft_slope(y) * (self.radius**2 / c) for y, c in zip(slacks, compliances, strict=True)]
-
-    def _of_sharp(self, spring: _Spring, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Scalar:
-        """Angle of the drum under tendons that pull as soon as they are taut [rad]."""
-        taut = _Taut.of(self, compliances, paths)
-        if not spring.stiffness:
-            return taut.under(spring.torque)
-        flank = spring.angle
-        if spring.half:
-            away = taut.towards(0.0, spring.angle) - spring.angle
-            flank += _within(away, spring.half)
-        drum = taut.towards(spring.stiffness, flank)
-        if spring.half:  # no torque in the play, nor its rounding
-            drum = ca.if_else(ca.fabs(away) < spring.half, flank, drum)
-        if math.isinf(spring.most):
-            return drum
-        torque = spring.stiffness * (flank - drum)
-        return ca.if_else(ca.fabs(torque) < spring.most, drum, taut.under(spring.most * ca.sign(torque)))
 
     # -- at rest, and energies ----------------------------------------------------------------------------------------
 
@@ -428,49 +389,69 @@ class Motor(Winch):
 
 
 @dataclass(frozen=True)
-class _Taut:
-    """Tendons of a drum that pull as soon as they are taut: at which angle each is [rad], and its slope [N m/rad].
+class Cables:
+    """Tendons of a drive at an instant.
 
-    Their torque grows with the angle by straight pieces, with one tendon taut, both or none.
+    Their tensions begin softly. By `towards` and `under` they pull as soon as they are taut: the torque then grows with
+    the angle by straight pieces, with one tendon taut, both or none.
     """
 
-    at: tuple[Scalar, ...]
-    slopes: tuple[Scalar, ...]
-    edge: float  # angle in which a tendon goes from slack to taut [rad]
+    winch: Winch
+    compliances: Sequence[Scalar]  # elongation per tension [m/N]
+    paths: Sequence[Scalar]  # what the bend draws in [m]
 
-    @classmethod
-    def of(cls, winch: Motor, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> _Taut:
-        radius = winch.radius
-        at = tuple(side * (path - winch.start) / radius for side, path in zip(winch.sides, paths, strict=True))
-        return cls(at, tuple(radius**2 / c for c in compliances), SOFT / radius)
+    def slacks(self, drum: Scalar) -> list[Scalar]:
+        """Cable wound up beyond taut [m] where the drum is."""
+        return [y - path for y, path in zip(self.winch.wound(drum), self.paths, strict=True)]
+
+    def tensions(self, slacks: Sequence[Scalar]) -> list[Scalar]:
+        """Of cable wound up beyond taut [N]."""
+        return [soft(slack) / c for slack, c in zip(slacks, self.compliances, strict=True)]
+
+    def slopes(self, slacks: Sequence[Scalar]) -> list[Scalar]:
+        """Torque of each tendon per angle of the drum [N m/rad]."""
+        return [soft_slope(y) * rise for y, rise in zip(slacks, self._rises, strict=True)]
+
+    @cached_property
+    def _taut(self) -> list[Scalar]:
+        """Angle at which each tendon is taut [rad]."""
+        made, sides = self.winch, self.winch.sides
+        return [side * (path - made.start) / made.radius for side, path in zip(sides, self.paths, strict=True)]
+
+    @cached_property
+    def _rises(self) -> list[Scalar]:
+        """Torque per angle of each tendon in tension [N m/rad]."""
+        return [self.winch.radius**2 / c for c in self.compliances]
 
     def towards(self, gain: float, angle: Scalar) -> Scalar:
         """Angle at which they balance a torque of a gain [N m/rad] towards an angle."""
-        alone = [angle - slope * (angle - at) / (gain + slope) for slope, at in zip(self.slopes, self.at, strict=True)]
+        rises = list(zip(self._rises, self._taut, strict=True))
+        alone = [angle - slope * (angle - at) / (gain + slope) for slope, at in rises]
         if len(alone) == 1:
             return ca.fmin(angle, alone[0])
-        low, high = ca.fmin(*self.at), ca.fmax(*self.at)
-        pulled = sum(slope * (angle - at) for slope, at in zip(self.slopes, self.at, strict=True))
-        both = angle - pulled / (gain + sum(self.slopes))
+        low, high = ca.fmin(*self._taut), ca.fmax(*self._taut)
+        pulled = sum(slope * (angle - at) for slope, at in rises)
+        both = angle - pulled / (gain + sum(self._rises))
         # None taut: all of the torque is that towards the angle; without any, the angle as far as none is, nor begins
         # to be.
-        edge = ca.fmin(self.edge, 0.5 * (high - low))
+        edge = ca.fmin(SOFT / self.winch.radius, 0.5 * (high - low))
         none = angle if gain else ca.fmin(ca.fmax(angle, low + edge), high - edge)
-        found = ca.if_else(ca.SX(self.at[0]) < self.at[1], both, none)
+        found = ca.if_else(ca.SX(self._taut[0]) < self._taut[1], both, none)
         return ca.if_else(found < low, alone[1], ca.if_else(found > high, alone[0], found))
 
     def under(self, torque: Scalar) -> Scalar:
         """Angle at which they balance a torque [N m]; where none pulls, between them, or short of where it begins."""
-        alone = [at + torque / slope for slope, at in zip(self.slopes, self.at, strict=True)]
+        rises = list(zip(self._rises, self._taut, strict=True))
+        alone = [at + torque / slope for slope, at in rises]
         if len(alone) == 1:
             # About where a soft one begins to: e - u + 2 sqrt(u w) - w of u = min(e, w).
-            beyond = torque / self.slopes[0]
-            within = ca.fmin(beyond, self.edge)
-            begun = 2.0 * ca.sqrt(self.edge * within + _TINY * self.edge**2)
-            return self.at[0] + (beyond - within) + (begun - self.edge)
+            beyond, edge = torque / self._rises[0], SOFT / self.winch.radius
+            within = ca.fmin(beyond, edge)
+            begun = 2.0 * ca.sqrt(edge * within + _TINY * edge**2)
+            return self._taut[0] + (beyond - within) + (begun - edge)
         pulls = ca.SX(torque) > 0.0
-        both = (torque + sum(slope * at for slope, at in zip(self.slopes, self.at, strict=True))) / sum(self.slopes)
-        middle = ca.if_else(ca.SX(self.at[0]) < self.at[1], both, 0.5 * (self.at[0] + self.at[1]))
+        both = (torque + sum(slope * at for slope, at in rises)) / sum(self._rises)
+        middle = ca.if_else(ca.SX(self._taut[0]) < self._taut[1], both, 0.5 * (self._taut[0] + self._taut[1]))
         further = ca.if_else(pulls, ca.fmax(middle, alone[0]), ca.fmin(middle, alone[1]))
         return ca.if_else(ca.SX(torque) == 0.0, middle, further)
 

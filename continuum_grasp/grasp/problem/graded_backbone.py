@@ -88,8 +88,8 @@ class GradedBackbone(Backbone):
     def _along(self, made: Structure) -> Structure:
         """The structure, whose laws see the curves."""
         found, count = copy(made), len(made.lengths)
-        found.cell_sets = tuple(
-            replace(cells, cells=tuple(self._cells(len(cells.cells) // count))) for cells in made.cell_sets
+        found.tendon_sets = tuple(
+            replace(cells, cells=tuple(self._cells(len(cells.cells) // count))) for cells in made.tendon_sets
         )
         found.laws = tuple(replace(law, ports=tuple(self._ports(len(law.ports) // count))) for law in made.laws)
         return found
@@ -176,9 +176,8 @@ class GradedBackbone(Backbone):
                 late = self._integrals(k, middle, b)
                 whole, drawn, first = ca.horzsplit(self._integrals(k, a, middle) + late)
                 leaning = (first - middle * drawn) / (b - a)
-                columns = (ca.vertsplit(each) for each in (whole, drawn, leaning, late[:, 1]))
-                (*bend, rest_bend), (*work, rest_work), (*lean, _), (*beyond, rest_beyond) = columns
-                found.append(Cell(k, b - a, b - a, bend, work, lean, beyond, rest_bend, rest_work, rest_beyond))
+                bend, work, lean, beyond = (ca.vertsplit(each) for each in (whole, drawn, leaning, late[:, 1]))
+                found.append(Cell(k, b - a, b - a, bend, work, lean[:-1], beyond))
         return found
 
     def _ports(self, count: int) -> list[Port]:

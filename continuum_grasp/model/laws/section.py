@@ -19,7 +19,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from continuum_grasp.model.family import Array, Family, gathered, nodes_of
+from continuum_grasp.model.family import Array, Family, gathered
 from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
 from continuum_grasp.model.planar import Scalar, is_zero
 from continuum_grasp.scene.profile import Curve
@@ -72,21 +72,18 @@ class Port:
 
 def cells(family: Family, count: int) -> tuple[Port, ...]:
     """The mean curvature of equal parts, ``count`` on each element; of one where the curvature is constant."""
-    mesh, found = family.mesh, list[Port]()
-    count = count if family.degree else 1
-    base = float(mesh.stiffness(0.0))
+    mesh, count = family.mesh, count if family.degree else 1
+    base, found = float(mesh.stiffness(0.0)), list[Port]()
     for element in range(family.elements):
-        bounds = np.linspace(mesh.ends[element], mesh.ends[element + 1], count + 1)
-        panels = mesh.panels(element, mesh.stiffness, mesh.rest)
-        for a, b in pairwise(bounds.tolist()):
-            inside = [(max(low, a), min(high, b)) for low, high in panels if low < b and high > a]
-            measure, total = 0.0, np.zeros(len(family.local(element)) + 1)
-            for s, w in nodes_of(inside):
-                share = w * mesh.stiffness(s) / base
-                measure += float(share.sum())
-                total += family.shapes_at(element, s) @ share
-            *shapes, rest = total / measure
-            found.append(Port(element, measure, _clean(np.array(shapes)), float(rest)))
+
+        def weighted(s: Array, element: int = element) -> Array:
+            bent = family.shapes_at(element, s)
+            return np.vstack([bent, np.ones_like(s)]) * (mesh.stiffness(s) / base)
+
+        for a, b in pairwise(np.linspace(*mesh.span(element), count + 1).tolist()):
+            *total, measure = mesh.integral(element, a, b, weighted, mesh.stiffness, mesh.rest).tolist()
+            *shapes, rest = (each / measure for each in total)
+            found.append(Port(element, measure, _clean(np.array(shapes)), rest))
     return tuple(found)
 
 
@@ -181,26 +178,22 @@ class SectionForces:
         laws: Sequence[SectionLaw],
         family: Family,
         at: Instant,
-        states: Mapping[Kind, Sequence[Scalar]],
+        states: Mapping[str, Sequence[Scalar]],
         rest: Scalar | None = None,
     ) -> None:
         self._family, self._rest, self._at = family, rest, at
         self._ports: list[tuple[SectionLaw, Port, Sequence[Scalar]]] = []
-        left = {kind: iter(own) for kind, own in states.items()}
+        left = {group: iter(own) for group, own in states.items()}
         for law in laws:
             for k, port in enumerate(law.ports, start=1):
                 self._ports.append((law, port, [next(left[law.kind]) for _ in law.names(k)]))
 
     def _weights(self, port: Port) -> tuple[Scalar, list[Scalar]]:
         """Measure of a port, and that times its shapes; its element may have another length at run time."""
-        h, nominal = self._at.lengths[port.element], self._family.mesh.lengths
-        weights = [port.measure * shape for shape in port.shapes]
-        if isinstance(h, float):
-            return port.measure, weights
-        own, usual = (self._family.work(port.element, lengths) for lengths in (self._at.lengths, nominal))
-        local = self._family.local(port.element)
-        ratios = [own[a] * (w / float(usual[a])) for a, w in zip(local, weights, strict=True)]
-        return port.measure * (h / nominal[port.element]), ratios
+        stretches = self._family.stretches(port.element, self._at.lengths)
+        weights = [port.measure * shape * factor for shape, factor in zip(port.shapes, stretches, strict=True)]
+        h, nominal = self._at.lengths[port.element], self._family.mesh.lengths[port.element]
+        return port.measure if isinstance(h, float) else port.measure * (h / nominal), weights
 
     @cached_property
     def _acting(self) -> list[tuple[SectionLaw, Port, Bend]]:

@@ -254,8 +254,6 @@ class _PolygonOutline(Outline):
         return gap, np.where((before | after) & (gap > -self.radius), corner, start + np.clip(along, 0.0, length))
 
     def distance(self, points: Array) -> Array:
-        if len(self.corners) == 1:
-            return np.asarray(np.abs(points - self.corners[0]) - self.radius)
         return self._nearest_edge(points)[0]
 
     @property

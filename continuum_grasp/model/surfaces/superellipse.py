@@ -91,8 +91,7 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
         return [ca.dot(normal, pose[:2] - point) - smooth_support(beta, numbers)]
 
     def numbers(self, part: SuperellipsePart, unit: float) -> list[float]:
-        (a, b), (x, y) = part.semi_axes, part.center
-        return [a / unit, b / unit, part.exponent, x / unit, y / unit, part.angle]
+        return self.feature_numbers(self.features(part)[0], unit)
 
     def feature_numbers(self, feature: Feature, unit: float) -> list[float]:
         a, b, power, x, y, angle = feature.numbers
