@@ -6,7 +6,6 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,13 +19,12 @@ from continuum_grasp.design.evaluation import DesignProblem, Evaluation
 from continuum_grasp.design.grasps import SAME, LostGrasp
 from continuum_grasp.design.manufacture import HOLDS, worse_than_known, worst_cases
 from continuum_grasp.design.result import DesignResult, Status, WorstCase
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.scene.assembly import Overrides, apply_override, placed, read_overrides, validated
+from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.design import Design
 from continuum_grasp.scene.design_space import DesignSpace, design_space_of
-from continuum_grasp.scene.document import Place
-from continuum_grasp.scene.load import load_placed
+from continuum_grasp.scene.load import placed_scene_of
 
 Array = NDArray[Any]
 Acting = tuple[tuple[float, ...], ...]
@@ -111,25 +109,12 @@ def optimize_design(
     >>> round(found.values["finger.tendons.offset"], 5), found.status.value  # m
     (0.00465, 'optimal')
     """
-    space = _space_of(design, overrides)
+    space = design_space_of(*placed_scene_of(design, Design, overrides))
     search = _DesignSearch(space, progress or (lambda share, text: None))
     result = search.result()
     if raise_on_failure and not result.solved:
         raise SolverError(result.message, status=result.status.value, result=result)
     return result
-
-
-def _space_of(given: Design | str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides) -> DesignSpace:
-    if isinstance(given, Design | Mapping):
-        file = given.file if isinstance(given, Design) else Path("Design")
-        document = placed(given, Place("Design"))
-        for path, new in read_overrides(overrides):
-            apply_override(document, path, new)
-        return design_space_of(validated(document, Design), document, file)
-    design, document = load_placed(Path(given), overrides)
-    if not isinstance(design, Design):
-        raise InputError("expected a design (scene, variables, minimize, ...)", file=os.fspath(given))
-    return design_space_of(design, document, given)
 
 
 class _DesignSearch:
