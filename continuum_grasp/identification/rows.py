@@ -20,7 +20,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.model.memory import clipped
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.statics import equilibrium_under, friction_given
+from continuum_grasp.simulation.statics import equilibrium_under, friction_of
 from continuum_grasp.simulation.trajectory import limit_warnings
 
 Array = NDArray[np.float64]
@@ -156,7 +156,9 @@ class Shapes:
         self._reach = self.model.structure.family.coordinate_size(min(self.model.ranges), max(self.model.lengths))
         model, initial, signals = self.model, rows.scene.initial, Signals(rows.scene, rows.model)
         # Measured shapes were pulled, unless the scene says otherwise.
-        start = equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], **friction_given(initial, model))
+        start = equilibrium_under(
+            model, signals.u(0.0)[0], signals.w(0.0)[0], **friction_of(initial, model, needed=False)
+        )
         count = len(rows.unknowns)
         flat = [np.zeros((size, count)) for size in (rows.nominal.size, model.n, start.history.size)]
         self._last = [Resting(rows.nominal, start.q, start.history, *flat)] * rows.count
@@ -205,7 +207,13 @@ class Shapes:
             q = self._newton(state.q, target, history)
             if q is None:
                 step *= 0.5
-                _check_step(step)
+                if step < _SHORTEST:
+                    raise SolverError(
+                        "the equilibrium cannot be followed to these parameters",
+                        status="path lost",
+                        advice="bound the parameters, or start nearer to their values; a finger that buckles has no "
+                        "single shape",
+                    )
                 continue
             state, done, step = self._resting(q, target, slope, history, by_history), done + step, 2.0 * step
         return state
@@ -248,15 +256,6 @@ class Shapes:
         missing, *slopes = self._balance(q, z, history)
         by_q, by_z, by_history = (np.array(one) for one in slopes)
         return np.array(missing).ravel(), by_q, by_z, by_history
-
-
-def _check_step(step: float) -> None:
-    if step < _SHORTEST:
-        raise SolverError(
-            "the equilibrium cannot be followed to these parameters",
-            status="path lost",
-            advice="bound the parameters, or start nearer to their values; a finger that buckles has no single shape",
-        )
 
 
 def with_slopes(name: str, y: ca.SX, *given: ca.SX) -> ca.Function:

@@ -71,8 +71,6 @@ class Control:
 
     def __call__(self, t: Array) -> Array:
         """Values at instants (T,) [s]."""
-        if not isinstance(self.value, Samples | VectorSamples):
-            return np.full(len(t), self.start + self.sense * float(self.value))
         values = interpolate(self.value, t)[0]
         return self.start + self.sense * (values if self.component is None else values[:, self.component])
 
