@@ -32,7 +32,9 @@ a hundredth of a typical deadband."""
 
 def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str] = ()) -> tuple[str, ...]:
     """Parameters that the model keeps as run-time arguments."""
-    own = (one.target for one in unknowns if one.target not in (*OF_DRIVE, START))
+    targets = (one.target for one in unknowns if one.target not in (*OF_DRIVE, START))
+    # Of the place of the base both coordinates.
+    own = (one[:-2] if one.startswith("base_position_") else one for one in targets)
     return tuple(dict.fromkeys((*scene.parameters, *own, *more)))
 
 
@@ -88,11 +90,6 @@ class Rows:
                 at = names.index(unknown.target)
                 self._derivative[at, k] = unknown.factor
                 self._own[at] = 1.0 if unknown.added else 0.0
-
-    def split(self, z: Array) -> tuple[Array, Array, Array]:
-        """The parts u, w and p of z."""
-        u, w = self.model.nu, self.model.nu + self.model.nw
-        return z[:u], z[u:w], z[w:]
 
     def at(self, row: int, values: Array) -> tuple[Array, Array]:
         """Values z (nz,) of a row and their derivative (nz, unknowns)."""
@@ -232,7 +229,7 @@ class Shapes:
         """What the user must know of shapes beyond the bending range or the strain limit."""
         use = []
         for resting in self.all(values):
-            u, _, p = self.rows.split(resting.z)
+            u, _, p = np.split(resting.z, np.cumsum([self.model.nu, self.model.nw]))
             use.append(np.array(self.model.range_use(resting.q, u, p)).ravel())
         return limit_warnings(self.model, np.array(use))
 

@@ -84,7 +84,11 @@ class MeasuredStart:
             if np.all(np.abs(change) <= _SETTLED * np.maximum(size, np.abs(state))):
                 self._last = state[:n]
                 return state, np.linalg.solve(by_state, -by_z)
-        raise self._lost()
+        raise SolverError(
+            f"{self._name}: no shape of the finger goes through the first samples",
+            status="no start",
+            advice="check units, signs and positions of the readings, and the base's position",
+        )
 
     def before(self, readings: Array, z: Array) -> list[Array]:
         """Shapes (n,) through readings (K, readings) of sections before the start, at z = [u, w, p]."""
@@ -105,10 +109,3 @@ class MeasuredStart:
             x_scale=self.reach,
         )
         return np.asarray(found.x)
-
-    def _lost(self) -> SolverError:
-        return SolverError(
-            f"{self._name}: no shape of the finger goes through the first samples",
-            status="no start",
-            advice="check units, signs and positions of the readings, and the base's position",
-        )
