@@ -84,8 +84,8 @@ class Signals:
     ) -> None:
         self._model = model
         self._nw = model.nw if nw is None else nw
-        idle = [0.0] * len(model.structure.inputs.drives)
-        self._values: list[float | Samples] = idle if scene.actuation is None else list(scene.actuation.values)
+        commands = [0.0] * len(model.structure.inputs.drives) if scene.actuation is None else scene.actuation.values
+        self._values: list[float | Samples] = [*commands]
         self._loads = list(zip(model.loads if loads is None else loads, model.load_entries, strict=True))
         couples = [load for load, (vector, _) in self._loads if vector == "u"]
         self._values += [load.moment for load in couples if not isinstance(load, ForceLoad)]

@@ -119,7 +119,7 @@ class Equilibrium(Result):
         own = dict(zip(self.model.p_names, self.p.tolist(), strict=True)).get("drive_coulomb_friction [N m]")
         tensions = self.tensions.tolist()
         states = zip(motors, states_of_motors(self.model, np.array(drives)), strict=True)
-        return np.array([motor.holding(at, [tensions[k] for k in motor.tendons], own) for motor, at in states])
+        return np.array([motor.holding(at.tolist(), [tensions[k] for k in motor.tendons], own) for motor, at in states])
 
     @cached_property
     def space_error(self) -> float:
