@@ -284,7 +284,7 @@ def _kernels(z: Array, count: int) -> Array:
     return np.asarray(kmeans2(z, start, iter=_ROUNDS, minit="matrix")[0]) if count else start
 
 
-def _along(function: Callable[[list[ca.SX]], Sequence[ca.SX]], values: Array) -> Array:
+def _along(function: Callable[[list[ca.SX]], Sequence[ca.SX | float]], values: Array) -> Array:
     """Rows (K, size) of a function of features at values (K, d)."""
     given = ca.SX.sym("features", values.shape[1])
     found = ca.vertcat(*map(ca.SX, function(ca.vertsplit(given))))

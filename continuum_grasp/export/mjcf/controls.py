@@ -30,7 +30,7 @@ class Control:
     jumps: tuple[float, ...] = ()
     """Where its bending moment jumps [m]."""
     component: int | None = None
-    """Of samples of vectors."""
+    """Of a force."""
     gear: tuple[float, ...] | None = None
     """Force and moment per control at a site there; None: it bends hinges by a channel."""
     follows: bool = True
@@ -87,9 +87,8 @@ def controls_of(scene: Scene) -> list[Control]:
             continue
         for component, axis in enumerate("xy"):
             gear = tuple(float(j == component) for j in range(6))
-            one = value if isinstance(value, VectorSamples) else value[component]  # type: ignore[index]
             name = f"load_{k + 1}_{axis}"
-            found.append(Control(name, one, load.at, (), component, gear, load.follows))
+            found.append(Control(name, value, load.at, (), component, gear, load.follows))
     return found
 
 
