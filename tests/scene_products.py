@@ -26,7 +26,6 @@ from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.design.optimize import _space_of as space_of
 from continuum_grasp.environments import sensing
 from continuum_grasp.environments.plants import plants_of
 from continuum_grasp.environments.spaces import observed_of
@@ -53,7 +52,9 @@ from continuum_grasp.planning.search import Search
 from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.design import Design
+from continuum_grasp.scene.design_space import design_space_of
 from continuum_grasp.scene.identify import Excitation, IdentifyScene
+from continuum_grasp.scene.load import placed_scene_of
 from continuum_grasp.scene.loads import Actuation, Samples
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.plan import PlanScene
@@ -328,7 +329,7 @@ def of_sweep(sweep: Sweep) -> Iterator[object]:
 
 def of_design(design: Design) -> Iterator[object]:
     """What a design chooses, and the scenes, costs and options of its search."""
-    space = space_of(design, ())
+    space = design_space_of(*placed_scene_of(design, Design))
     yield from (space.coordinates, space.following, space.tolerated, space.start)
     yield [space.scene(case, space.start) for case in space.cases]
     yield from (design.expressions, [*design.limits.values()], design.over, design.solver)

@@ -152,39 +152,34 @@ def apart(one: Trajectory, other: Trajectory) -> float:
     return found / one.length
 
 
-def finer_equilibrium(found: Equilibrium) -> Equilibrium | None:
-    """Solve for an equilibrium in elements of half the length; None where none can be had, SolverError if lost."""
+def finer_equilibrium(found: Equilibrium) -> Equilibrium | float:
+    """Solve for an equilibrium in elements of half the length; nan where none can be had, infinity where it is lost."""
     if found.scene is None:
-        return None
+        return np.nan
     try:
         scene = refined(found.scene, found.model)
         finer = FingerModel(scene, loads=found.model.loads, input_rates=False)
+        guess = translated(found.model, found.q, found.u, finer)
+        return equilibrium(scene, guess=guess, stable=found.stable, model=finer)
     except InputError:
-        return None
-    guess = translated(found.model, found.q, found.u, finer)
-    return equilibrium(scene, guess=guess, stable=found.stable, model=finer)
+        return np.nan
+    except SolverError:
+        return np.inf
 
 
 def error_of_equilibrium(found: Equilibrium) -> float:
     """`Equilibrium.space_error`."""
-    try:
-        finer = finer_equilibrium(found)
-    except SolverError:
-        return np.inf
-    if finer is None:
-        return np.nan
+    finer = finer_equilibrium(found)
+    if not isinstance(finer, Equilibrium):
+        return finer
     apart = np.linalg.norm(found.backbone(_PLACES) - finer.backbone(_PLACES), axis=-1).max()
     return float(_whole(found.model) * apart / found.model.finger.rod.length)
 
 
 def error_of_modes(found: Modes) -> Array:
     """`Modes.space_error`."""
-    own = found.frequencies_hz
-    try:
-        finer = finer_equilibrium(found.equilibrium)
-    except SolverError:
-        return np.full(len(own), np.inf)
-    if finer is None or finer.scene is None:
-        return np.full(len(own), np.nan)
+    finer, own = finer_equilibrium(found.equilibrium), found.frequencies_hz
+    if not isinstance(finer, Equilibrium) or finer.scene is None:
+        return np.full(len(own), finer)
     true = modes(finer.scene, about=finer).frequencies_hz[: len(own)]
     return relative_errors(own, true, _whole(found.equilibrium.model))

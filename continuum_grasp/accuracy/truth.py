@@ -162,7 +162,5 @@ def _with_value(load: Load, value: Any) -> Load:
 
 def _at(value: Any, t: float) -> Any:
     """A force (2 numbers) or another value at an instant."""
-    if not isinstance(value, Samples | VectorSamples):
-        return value
-    found = interpolate(value, [t])[0][0]
-    return tuple(map(float, found)) if isinstance(value, VectorSamples) else float(found)
+    found = interpolate(value, [t])[0][0].tolist()
+    return tuple(found) if isinstance(found, list) else found

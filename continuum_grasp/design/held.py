@@ -107,9 +107,7 @@ class Stencil:
         Differences of second order err more, and those of fourth order by about the square of that.
         """
         known = dict(zip(self.offsets, values, strict=True)) | {0: here}
-        side = -1 if -1 in known else 0
-        end = 1 if 1 in known else -1
-        side = 0 if end == -1 else side
+        side, end = next(pair for pair in ((-1, 1), (0, 1), (0, -1)) if known.keys() >= {*pair})
         coarse, fine = (known[end] - known[side]) / ((end - side) * _STEP), self.difference(values)
         # Numbers that the design leaves alone change by rounding.
         least = max(1e-6 * np.abs(fine).max(initial=0.0), _ROUNDING * np.abs(here).max(initial=0.0))

@@ -6,7 +6,6 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,13 +19,12 @@ from continuum_grasp.design.evaluation import DesignProblem, Evaluation
 from continuum_grasp.design.grasps import SAME, LostGrasp
 from continuum_grasp.design.manufacture import HOLDS, worse_than_known, worst_cases
 from continuum_grasp.design.result import DesignResult, Status, WorstCase
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.scene.assembly import Overrides, apply_override, placed, read_overrides, validated
+from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.design import Design
 from continuum_grasp.scene.design_space import DesignSpace, design_space_of
-from continuum_grasp.scene.document import Place
-from continuum_grasp.scene.load import load_placed
+from continuum_grasp.scene.load import placed_scene_of
 
 Array = NDArray[Any]
 Acting = tuple[tuple[float, ...], ...]
@@ -111,25 +109,12 @@ def optimize_design(
     >>> round(found.values["finger.tendons.offset"], 5), found.status.value  # m
     (0.00465, 'optimal')
     """
-    space = _space_of(design, overrides)
+    space = design_space_of(*placed_scene_of(design, Design, overrides))
     search = _DesignSearch(space, progress or (lambda share, text: None))
     result = search.result()
     if raise_on_failure and not result.solved:
         raise SolverError(result.message, status=result.status.value, result=result)
     return result
-
-
-def _space_of(given: Design | str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides) -> DesignSpace:
-    if isinstance(given, Design | Mapping):
-        file = given.file if isinstance(given, Design) else Path("Design")
-        document = placed(given, Place("Design"))
-        for path, new in read_overrides(overrides):
-            apply_override(document, path, new)
-        return design_space_of(validated(document, Design), document, file)
-    design, document = load_placed(Path(given), overrides)
-    if not isinstance(design, Design):
-        raise InputError("expected a design (scene, variables, minimize, ...)", file=os.fspath(given))
-    return design_space_of(design, document, given)
 
 
 class _DesignSearch:
@@ -281,37 +266,32 @@ class _DesignSearch:
                         raise
             return memo[key]
 
+        def rows(z: Array) -> tuple[Array, Array, Array, Array]:
+            """Cost and limits with their slopes; where there are several costs, z has a bound of them behind it."""
+            found, count = at(z), len(start.limits) + epigraph * len(start.costs)
+            if found is None:
+                return np.array([_LOST]), np.zeros((1, n)), np.full(count, -_LOST), np.zeros((count, z.size))
+            costs = np.array([row.value for row in found.costs]) / self._scale
+            by_cost = np.array([row.slope[:n] for row in found.costs]) / self._scale
+            limits = np.array([row.value for row in found.limits])
+            by_limits = np.array([row.slope[:n] for row in found.limits]).reshape(-1, n)
+            if not epigraph:
+                return costs, by_cost, limits, by_limits
+            by_bound = np.append(np.ones(len(costs)), np.zeros(len(limits)))
+            both = np.column_stack([np.vstack([-by_cost, by_limits]), by_bound])
+            return costs, by_cost, np.append(z[n] - costs, limits), both
+
         def cost(z: Array) -> float:
-            if epigraph:
-                return float(z[n])
-            found = at(z)
-            return _LOST if found is None else found.cost / self._scale
+            return float(z[n] if epigraph else rows(z)[0][0])
 
         def cost_slope(z: Array) -> Array:
-            if epigraph:
-                return np.append(np.zeros(n), 1.0)
-            found = at(z)
-            return np.zeros(n) if found is None else found.costs[0].slope[:n] / self._scale
-
-        def limits(z: Array) -> Array:
-            found, count = at(z), len(start.limits) + epigraph * len(start.costs)
-            if found is None:
-                return np.full(count, -_LOST)
-            values = [z[n] - row.value / self._scale for row in found.costs] if epigraph else []
-            return np.array([*values, *(row.value for row in found.limits)])
-
-        def limits_slope(z: Array) -> Array:
-            found, count = at(z), len(start.limits) + epigraph * len(start.costs)
-            if found is None:
-                return np.zeros((count, z.size))
-            above = [np.append(-row.slope[:n] / self._scale, 1.0) for row in found.costs] if epigraph else []
-            return np.array([*above, *(np.append(row.slope[:n], [0.0] * epigraph) for row in found.limits)])
+            return np.append(np.zeros(n), 1.0) if epigraph else rows(z)[1][0]
 
         z0 = np.append(start.coordinates, start.cost / self._scale) if epigraph else start.coordinates
         ends = Bounds(np.append(low, [-np.inf] * epigraph), np.append(high, [np.inf] * epigraph))
         given: dict[str, Any] = {}
         if epigraph or start.limits:
-            given["constraints"] = [{"type": "ineq", "fun": limits, "jac": limits_slope}]
+            given["constraints"] = [{"type": "ineq", "fun": lambda z: rows(z)[2], "jac": lambda z: rows(z)[3]}]
         options = {"maxiter": self.options.max_iterations, "ftol": self.options.tolerance}
         try:
             found = minimize(cost, z0, jac=cost_slope, bounds=ends, method="SLSQP", options=options, **given)

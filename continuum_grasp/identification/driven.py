@@ -19,7 +19,7 @@ from continuum_grasp.model.memory import clipped
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.static_shape import friction_history
-from continuum_grasp.simulation.statics import friction_given
+from continuum_grasp.simulation.statics import friction_of
 
 Array = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ class Driven:
         row = self.commands(np.array([t]), delay)[0]
         u = row[: self.model.nu]
         # Friction is that of the first shape, and goes on from there.
-        how = friction_given(self.scene.initial, self.model)
+        how = friction_of(self.scene.initial, self.model, needed=False)
         history = friction_history(self.model, (*self._passed, q)[0], u, p, **how)
         state, by_q, by_u, by_p = (np.array(part) for part in self._start(q, u, p, history))
         slope = by_q @ by_values + by_p @ turned

@@ -269,8 +269,8 @@ def _at_least(weights: Array, least: Array) -> Array:
 def csv_of(plan: ExcitationPlan) -> str:
     """The commands as a table for the drives' controller, and for a log."""
     text = io.StringIO()
-    text.write(",".join(["t [s]", *plan.command_names]) + "\n")
-    np.savetxt(text, np.column_stack([plan.t, plan.commands]), delimiter=",", fmt="%.9g")
+    rows, header = np.column_stack([plan.t, plan.commands]), ",".join(["t [s]", *plan.command_names])
+    np.savetxt(text, rows, delimiter=",", fmt="%.9g", header=header, comments="")
     return text.getvalue()
 
 

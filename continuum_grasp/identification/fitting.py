@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
+from continuum_grasp.accuracy.space import refined
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError, SolverError
 from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBlock
@@ -146,11 +147,8 @@ def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], set
         # the start that was estimated is in coordinates of the coarser one
         if len(model.lengths) > _MOST or (isinstance(one, TipPath) and one.start == "estimated"):
             return None
-        halves = tuple(0.5 * h for h in model.lengths for _ in range(2))
-        fidelity = scene.fidelity.model_copy(update={"family": model.family, "elements": halves})
         try:
-            fine = _block(scene.model_copy(update={"fidelity": fidelity}), one, unknowns)
-            found.append(fine.predict(own)[0])
+            found.append(_block(refined(scene, model), one, unknowns).predict(own)[0])
         except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
             return None
     return np.concatenate(found)

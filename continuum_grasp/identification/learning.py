@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from os import PathLike
 from time import perf_counter
@@ -236,7 +237,7 @@ def _learn(
     for count in _KERNELS:
         kernels = _kernels(z, count)
         empty = residual(kernels)
-        weights = ridge_weights(_terms(empty, values), slopes, targets, _RIDGES)
+        weights = ridge_weights(_along(partial(terms, empty), values), slopes, targets, _RIDGES)
         own = ca.SX.sym("weights", n * len(empty.weights[0]))
         forces = ca.mtimes(ca.reshape(own, -1, n).T, ca.vertcat(*map(ca.SX, terms(empty, features.symbols))))
         flow = smoother.flow(forces, own)
@@ -277,22 +278,18 @@ def _kernels(z: Array, count: int) -> Array:
     """Means (count, d) of groups of near samples (S. Lloyd, IEEE Trans. Inf. Theory 28 (1982) 129), from samples evenly
     spread over the logs, so that the same logs give the same ones.
     """
-    if not count:
-        return np.zeros((0, z.shape[1]))
-    found = z[np.linspace(0, len(z) - 1, count + 2).astype(int)[1:-1]].copy()
-    for _ in range(_ROUNDS):
-        nearest = ((z[:, None] - found) ** 2).sum(axis=2).argmin(axis=1)
-        for k in np.unique(nearest):
-            found[k] = z[nearest == k].mean(axis=0)
-    return np.asarray(found)
+    from scipy.cluster.vq import kmeans2
+
+    start = z[np.linspace(0, len(z) - 1, count + 2).astype(int)[1:-1]]
+    return np.asarray(kmeans2(z, start, iter=_ROUNDS, minit="matrix")[0]) if count else start
 
 
-def _terms(residual: LearnedResidual, values: Array) -> Array:
-    """What the weights multiply (K, 1 + d + m)."""
-    given = ca.SX.sym("features", len(residual.center))
-    found = ca.vertcat(*map(ca.SX, terms(residual, ca.vertsplit(given))))
-    function = ca.Function("terms", [given], [ca.densify(found)])
-    return np.array(function.map(len(values))(values.T)).reshape(-1, len(values), order="F").T
+def _along(function: Callable[[list[ca.SX]], Sequence[ca.SX | float]], values: Array) -> Array:
+    """Rows (K, size) of a function of features at values (K, d)."""
+    given = ca.SX.sym("features", values.shape[1])
+    found = ca.vertcat(*map(ca.SX, function(ca.vertsplit(given))))
+    mapped = ca.Function("along", [given], [ca.densify(found)]).map(len(values))
+    return np.array(mapped(values.T)).reshape(-1, len(values), order="F").T
 
 
 def ridge_weights(factors: Array, slopes: Array, targets: Array, ridges: Sequence[float]) -> list[Array]:
@@ -328,10 +325,8 @@ def _tried(
 ) -> tuple[OneStepError, Array, Array, Array]:
     """One-step errors of a log, without and with a residual."""
     values = features.within(steps)
-    force = _terms(residual, values) @ np.array(residual.weights).T
-    given = ca.SX.sym("features", len(residual.center))
-    function = ca.Function("distance", [given], [ca.SX(distance(residual, ca.vertsplit(given)))])
-    far = np.sqrt(np.array(function.map(len(values))(values.T)).ravel())
+    force = _along(partial(terms, residual), values) @ np.array(residual.weights).T
+    far = np.sqrt(_along(lambda given: [distance(residual, given)], values)[:, 0])
     predicted = steps.predicted + np.einsum("kij,kj->ki", steps.by_force, force)
     without, with_residual = (tip.between(x, steps.after, steps.u) for x in (steps.predicted, predicted))
     found = OneStepError(

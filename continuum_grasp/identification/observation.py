@@ -6,13 +6,13 @@ from collections.abc import Callable, Sequence
 from typing import cast
 
 import casadi as ca
-import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.data import Reading
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.winches import Motor
 from continuum_grasp.scene.consumer import needs
+from continuum_grasp.simulation.trajectory import acting_input
 
 
 def at_rest(model: FingerModel, readings: Sequence[Reading], q: ca.SX, u: ca.SX, p: ca.SX, *history: ca.SX) -> ca.SX:
@@ -37,24 +37,10 @@ def moving(model: FingerModel, readings: Sequence[Reading], x: ca.SX, u: ca.SX, 
         model,
         readings,
         x[: model.n],
-        felt(model, x, u, p),
+        acting_input(model, x, u, p),
         p,
         lambda: (model.tensions()(x, u, p)[0], x[2 * model.n : end]),
     )
-
-
-def felt(model: FingerModel, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
-    """Inputs that act on the shape of a state: with a lag, tensions that give the lagged moment."""
-    acting, made = ca.SX(u), model.structure
-    for source, place in made.lagging:
-        # Any tensions with the lagged moment give the same shape: all of it in the first of the channel.
-        pulling = np.flatnonzero(source.arms).tolist()
-        acting[pulling] = 0.0
-        arm: ca.SX | float = 1.0 if source.tendon is not None else source.arms[pulling[0]]
-        if made.parameters.is_runtime("tendon_offset") and source.tendon is None and not source.chamber:
-            arm = p[model.p_names.index("tendon_offset [m]")]  # of a pair, whose first tendon has it
-        acting[pulling[0]] = x[place] / arm
-    return acting
 
 
 def _observed(

@@ -75,8 +75,8 @@ class PathBlock(Block):
         n, t, size = self._model.n, self._t, self._driven.size
         p = p[: self._model.np]
         commands = self._driven.commands(t, delay)[:, : self._model.nu]
-        u = acting_input(self._model, states[:, :size], commands)
-        use = self._model.range_use.map(t.size)(states[:, :n].T, u.T, np.tile(p, (t.size, 1)).T)
+        u = acting_input(self._model, states[:, :size].T, commands.T, p)
+        use = self._model.range_use.map(t.size)(states[:, :n].T, u, np.tile(p, (t.size, 1)).T)
         return limit_warnings(self._model, np.array(use).T, t)
 
     def _moved(self, values: Array) -> tuple[Array, Array, float]:

@@ -53,8 +53,8 @@ _SCALES = ("bending_stiffness", "linear_density")
 """Unknowns that scale with units of the loads or times."""
 _MEASURED = {*KIND_OF, "frequency", "decay rate"}
 """Columns on whose values no prediction depends."""
-_BASE = ("base_x", "base_y")
-"""Unknowns of a base that is elsewhere."""
+_BASE = (("base_x", "m", "base_position_x"), ("base_y", "m", "base_position_y"))
+"""Unknowns of a base that is elsewhere: name, unit, and what of the model they set."""
 _BEND = 2.0
 """Bend of an arc whose tip is moved by the finger's length, L bend / 2, for small ones [rad]."""
 
@@ -219,7 +219,7 @@ def _refitted(words: str, undo: Callable[[], Problem], before: float) -> list[tu
     missed = [one for one in left if one.limit < math.inf and one.rms > min(one.limit, one.scatter)]
     if missed or _total(left) * _BETTER >= before:
         return []
-    shifts = [(one, value) for one, value in zip(trial.unknowns, solution.values, strict=True) if one.target in _BASE]
+    shifts = [(one, value) for one, value in zip(trial.unknowns, solution.values, strict=True) if one[:3] in _BASE]
     by = f" ({', '.join(f'{one.name} {value:.3g} {one.unit}' for one, value in shifts)} off)" if shifts else ""
     worst = max(left, key=lambda one: one.rms / one.limit)
     return [(_total(left), f"{words}{by}: undone, the model is off by {worst.rms:.3g} {worst.unit} r.m.s.")]
@@ -231,24 +231,8 @@ def _elsewhere(problem: Problem, given: Given, build: Build) -> Problem:
     if not any(one.target == "base_angle" for one in sought):
         sought += read_unknowns(scene, ["clamp_angle"])
     length = scene.finger.rod.length
-    shift = [Unknown(name, "m", name, 1.0, True, 0.0, -math.inf, math.inf, length) for name in _BASE]
-    blocks = [_Shifted(block, len(sought)) for block in build(given, sought).blocks]
-    return Problem(blocks, [*sought, *shift], problem.loss)
-
-
-class _Shifted(Block):
-    """A block whose positions are shifted by two further unknowns, behind the first ``count``."""
-
-    def __init__(self, block: Block, count: int) -> None:
-        self.name, self.entries, self.finger, self.own = block.name, block.entries, block.finger, block.own
-        self.moves, self.kinked, self.ordered, self.free = block.moves, block.kinked, block.ordered, block.free
-        self._block, self._count = block, count
-        self._along = np.array([[entry.quantity == axis for axis in "xy"] for entry in block.entries], dtype=float)
-
-    def predict(self, values: Array) -> tuple[Array, Array]:
-        own = slice(self._count, self._count + 2)
-        y, slopes = self._block.predict(np.delete(values, own))
-        return y + self._along @ values[own], np.insert(slopes, [self._count] * 2, self._along, axis=1)
+    shift = [Unknown(*one, 1.0, True, 0.0, -math.inf, math.inf, length) for one in _BASE]
+    return build(given, [*sought, *shift])
 
 
 def _other_values(block: Block, slip: Slip, data: Data) -> Block | None:

@@ -20,7 +20,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.model.memory import clipped
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.statics import equilibrium_under, friction_given
+from continuum_grasp.simulation.statics import equilibrium_under, friction_of
 from continuum_grasp.simulation.trajectory import limit_warnings
 
 Array = NDArray[np.float64]
@@ -32,7 +32,9 @@ a hundredth of a typical deadband."""
 
 def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str] = ()) -> tuple[str, ...]:
     """Parameters that the model keeps as run-time arguments."""
-    own = (one.target for one in unknowns if one.target not in (*OF_DRIVE, START))
+    targets = (one.target for one in unknowns if one.target not in (*OF_DRIVE, START))
+    # Of the place of the base both coordinates.
+    own = (one[:-2] if one.startswith("base_position_") else one for one in targets)
     return tuple(dict.fromkeys((*scene.parameters, *own, *more)))
 
 
@@ -88,11 +90,6 @@ class Rows:
                 at = names.index(unknown.target)
                 self._derivative[at, k] = unknown.factor
                 self._own[at] = 1.0 if unknown.added else 0.0
-
-    def split(self, z: Array) -> tuple[Array, Array, Array]:
-        """The parts u, w and p of z."""
-        u, w = self.model.nu, self.model.nu + self.model.nw
-        return z[:u], z[u:w], z[w:]
 
     def at(self, row: int, values: Array) -> tuple[Array, Array]:
         """Values z (nz,) of a row and their derivative (nz, unknowns)."""
@@ -156,7 +153,9 @@ class Shapes:
         self._reach = self.model.structure.family.coordinate_size(min(self.model.ranges), max(self.model.lengths))
         model, initial, signals = self.model, rows.scene.initial, Signals(rows.scene, rows.model)
         # Measured shapes were pulled, unless the scene says otherwise.
-        start = equilibrium_under(model, signals.u(0.0)[0], signals.w(0.0)[0], **friction_given(initial, model))
+        start = equilibrium_under(
+            model, signals.u(0.0)[0], signals.w(0.0)[0], **friction_of(initial, model, needed=False)
+        )
         count = len(rows.unknowns)
         flat = [np.zeros((size, count)) for size in (rows.nominal.size, model.n, start.history.size)]
         self._last = [Resting(rows.nominal, start.q, start.history, *flat)] * rows.count
@@ -205,7 +204,13 @@ class Shapes:
             q = self._newton(state.q, target, history)
             if q is None:
                 step *= 0.5
-                _check_step(step)
+                if step < _SHORTEST:
+                    raise SolverError(
+                        "the equilibrium cannot be followed to these parameters",
+                        status="path lost",
+                        advice="bound the parameters, or start nearer to their values; a finger that buckles has no "
+                        "single shape",
+                    )
                 continue
             state, done, step = self._resting(q, target, slope, history, by_history), done + step, 2.0 * step
         return state
@@ -224,7 +229,7 @@ class Shapes:
         """What the user must know of shapes beyond the bending range or the strain limit."""
         use = []
         for resting in self.all(values):
-            u, _, p = self.rows.split(resting.z)
+            u, _, p = np.split(resting.z, np.cumsum([self.model.nu, self.model.nw]))
             use.append(np.array(self.model.range_use(resting.q, u, p)).ravel())
         return limit_warnings(self.model, np.array(use))
 
@@ -248,15 +253,6 @@ class Shapes:
         missing, *slopes = self._balance(q, z, history)
         by_q, by_z, by_history = (np.array(one) for one in slopes)
         return np.array(missing).ravel(), by_q, by_z, by_history
-
-
-def _check_step(step: float) -> None:
-    if step < _SHORTEST:
-        raise SolverError(
-            "the equilibrium cannot be followed to these parameters",
-            status="path lost",
-            advice="bound the parameters, or start nearer to their values; a finger that buckles has no single shape",
-        )
 
 
 def with_slopes(name: str, y: ca.SX, *given: ca.SX) -> ca.Function:

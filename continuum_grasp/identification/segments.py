@@ -182,9 +182,7 @@ class Design:
 
     def within(self, motion: Trajectory) -> bool:
         """Whether a motion stays within the bending range and the greatest tensions."""
-        use = np.array(
-            motion.model.range_use.map(len(motion.t))(motion.q.T, motion.acting.T, np.zeros((0, len(motion.t))))
-        )
+        use: Array = np.asarray(motion.core.batch("range_use", motion.q, motion.acting, None))
         tensions, tendons = motion.tensions, motion.model.finger.tendon_list
         if use.max() > 1.0:
             return False

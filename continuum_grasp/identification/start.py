@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import SolverError
 from continuum_grasp.identification.data import START_SAMPLES, Reading, column
+from continuum_grasp.identification.least_squares import least_squares
 from continuum_grasp.identification.observation import at_rest
 from continuum_grasp.identification.rows import symbols, with_slopes
 from continuum_grasp.model import FingerModel
@@ -22,7 +23,7 @@ by less than a hundredth of the length stays small, and what is seen is off by a
 _SETTLED = 1e-12
 """Last step of Newton's method per range [1]."""
 _ITERATIONS = 20
-"""Most steps of Newton's method, which begins at the minimum that least squares found to eight digits."""
+"""Most steps of Newton's method, which begins at the minimum of least squares."""
 
 
 class MeasuredStart:
@@ -84,7 +85,11 @@ class MeasuredStart:
             if np.all(np.abs(change) <= _SETTLED * np.maximum(size, np.abs(state))):
                 self._last = state[:n]
                 return state, np.linalg.solve(by_state, -by_z)
-        raise self._lost()
+        raise SolverError(
+            f"{self._name}: no shape of the finger goes through the first samples",
+            status="no start",
+            advice="check units, signs and positions of the readings, and the base's position",
+        )
 
     def before(self, readings: Array, z: Array) -> list[Array]:
         """Shapes (n,) through readings (K, readings) of sections before the start, at z = [u, w, p]."""
@@ -96,19 +101,9 @@ class MeasuredStart:
         return found
 
     def _near(self, q: Array, z: Array, target: Array) -> Array:
-        from scipy.optimize import least_squares
+        def missed(q: Array) -> tuple[Array, Array]:
+            near, slope = (np.array(part) for part in self._residuals(q, z, target))
+            return near.ravel(), slope
 
-        found = least_squares(
-            lambda q: np.array(self._residuals(q, z, target)[0]).ravel(),
-            q,
-            lambda q: np.array(self._residuals(q, z, target)[1]),
-            x_scale=self.reach,
-        )
-        return np.asarray(found.x)
-
-    def _lost(self) -> SolverError:
-        return SolverError(
-            f"{self._name}: no shape of the finger goes through the first samples",
-            status="no start",
-            advice="check units, signs and positions of the readings, and the base's position",
-        )
+        free = np.full(q.size, np.inf)
+        return least_squares(missed, q, -free, free, np.full(q.size, self.reach)).values

@@ -193,12 +193,6 @@ class _Stop(ca.Callback):
     def get_n_in(self) -> int:
         return int(ca.nlpsol_n_out())
 
-    def get_n_out(self) -> int:
-        return 1
-
-    def get_name_in(self, i: int) -> str:
-        return str(ca.nlpsol_out(i))
-
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
 

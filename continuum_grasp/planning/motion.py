@@ -290,6 +290,5 @@ def parameters_over_time(scene: PlanScene, model: Prediction, times: ArrayLike) 
         # With contacts, forces at them and at the tip are parameters; without, that at the tip alone is.
         place = [k for k, at in enumerate(scene.contacts) if abs(at - load.at) <= 1e-9 * length]
         start = names.index(f"contact_{place[0] + 1}_x [N]" if place else "tip_x [N]")
-        force = load.force
-        p[:, start : start + 2] += np.array(force) if isinstance(force, tuple) else interpolate(force, instants)[0]
+        p[:, start : start + 2] += interpolate(load.force, instants)[0]
     return p

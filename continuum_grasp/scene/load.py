@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar, overload
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.assembly import Overrides, assembled, kind_of, read_overrides, take_version, validated
-from continuum_grasp.scene.document import Document
+from continuum_grasp.scene.assembly import (
+    Overrides,
+    apply_override,
+    assembled,
+    kind_of,
+    placed,
+    read_overrides,
+    take_version,
+    validated,
+)
+from continuum_grasp.scene.document import Document, Place
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 
@@ -121,15 +131,27 @@ def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
 
     ``kind`` is a class, or classes of which one will do.
     """
-    if isinstance(given, kind):
-        return given
+    return given if isinstance(given, kind) else _read(given, kind, overrides)[0]
+
+
+def placed_scene_of(given: Any, kind: type[Any], overrides: Overrides = ()) -> tuple[Any, Document, Path]:
+    """As `scene_of`, also from a mapping, with document and file, which say where everything was written."""
+    if not isinstance(given, kind | Mapping):
+        return *_read(given, kind, overrides, ", or a mapping"), Path(given)
+    document = placed(given, Place(kind.__name__))
+    for path, new in read_overrides(overrides):
+        apply_override(document, path, new)
+    return validated(document, kind), document, given.file if isinstance(given, kind) else Path(kind.__name__)
+
+
+def _read(given: Any, kind: Any, overrides: Overrides, others: str = "") -> tuple[Any, Document]:
     if not isinstance(given, (str, os.PathLike)):
         names = " or ".join(one.__name__ for one in _each(kind))
-        raise InputError(f"expected a {names} or the path of its file, got {given!r:.80}")
-    loaded = load(Path(given), overrides)
+        raise InputError(f"expected a {names} or the path of its file{others}, got {given!r:.80}")
+    loaded, document = load_placed(Path(given), overrides)
     if not isinstance(loaded, kind):
         raise other_kind(given, kind, loaded)
-    return loaded
+    return loaded, document
 
 
 def _each(kind: type | tuple[type, ...]) -> tuple[type, ...]:

@@ -14,8 +14,8 @@ from continuum_grasp.model.structure import tip_moment_jumps
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.simulation.static_shape import friction_history, friction_states
-from continuum_grasp.simulation.statics import at_start, friction_given, statics_model
+from continuum_grasp.simulation.static_shape import friction_history, friction_states, states_of_motors
+from continuum_grasp.simulation.statics import at_start, friction_of, statics_model
 
 Array = NDArray[np.float64]
 
@@ -71,9 +71,11 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         q = model.structure.straight()
     # Drives have reached what is commanded at time zero: nothing moves because of them.
     p = np.array(model.p_nominal)
-    ways = friction_states(model, q, u, p, friction_history(model, q, u, p, **friction_given(initial, model)))
+    ways = friction_states(
+        model, q, u, p, friction_history(model, q, u, p, **friction_of(initial, model, needed=False))
+    )
     at_rest = np.concatenate([stands, u[stands.size :]])
-    drives = model.drives_at(q, at_rest, ways)
+    drives = np.array(model.drives_at(q, at_rest, ways))
     if stands.size:
         drives = _standing(model, drives, initial.motor_angles or (), at_rest, u)
     # Tendon friction of a motion acts by another function of its states than that at rest.
@@ -81,19 +83,16 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     return np.concatenate([q, qd, drives, state_of(ways[:count]), ways[count:]])
 
 
-def _standing(
-    model: FingerModel, drives: list[float], angles: Sequence[float], at_rest: Array, u: Array
-) -> list[float]:
+def _standing(model: FingerModel, drives: Array, angles: Sequence[float], at_rest: Array, u: Array) -> Array:
     """States of motors that stand at angles [rad] where ``at_rest`` balances the tensions, under a command ``u``: their
     dry friction bears the difference, as far as it does.
     """
-    found, at = list(drives), len(drives) - sum(motor.states for motor in model.structure.motors)
-    for k, motor in enumerate(model.structure.motors):
-        found[at] = angles[k]
+    found = drives.copy()
+    for k, (motor, states) in enumerate(zip(model.structure.motors, states_of_motors(model, found), strict=True)):
+        states[0] = angles[k]
         if motor.drive.presliding_angle is not None:
-            torque, needed = (float(motor.torque(command, found[at])) for command in (u[k], at_rest[k]))
-            (found[at + 2],) = state_of(np.clip([(torque - needed) / motor.drive.coulomb_friction], -1.0, 1.0))
-        at += motor.states
+            torque, needed = (float(motor.torque(command, angles[k])) for command in (u[k], at_rest[k]))
+            states[2:3] = state_of(np.clip([(torque - needed) / motor.drive.coulomb_friction], -1.0, 1.0))
     return found
 
 

@@ -17,15 +17,21 @@ from continuum_grasp.scene.simulate import Scene
 Array = NDArray[np.float64]
 
 
-def interpolate(samples: Samples | VectorSamples, t: ArrayLike) -> tuple[Array, Array, Array]:
-    """Value, rate and acceleration of a sampled function.
+Value = float | tuple[float, float] | Samples | VectorSamples
+
+
+def interpolate(samples: Value, t: ArrayLike) -> tuple[Array, Array, Array]:
+    """Value, rate and acceleration of a function that is constant or sampled.
 
     ``smooth`` is a monotone piecewise quintic with continuous rate and acceleration, both zero at both ends; its slopes
     are the harmonic means of F. N. Fritsch and J. Butland (1984, doi:10.1137/0905021). ``linear`` has no acceleration.
     Outside the samples the value is held. Instants are (T,) [s], values (T,) or (T, 2).
     """
-    at, values = np.asarray(samples.times, dtype=float), np.asarray(samples.values, dtype=float)
     instants = np.asarray(t, dtype=float)
+    if not isinstance(samples, Samples | VectorSamples):
+        value = np.tile(np.asarray(samples, dtype=float), (*instants.shape, *[1] * np.ndim(samples)))
+        return value, np.zeros_like(value), np.zeros_like(value)
+    at, values = np.asarray(samples.times, dtype=float), np.asarray(samples.values, dtype=float)
     if values.ndim == 2:
         columns = [_interpolate(at, v, samples.interpolation, instants) for v in values.T]
         value, rate, acceleration = (np.stack(parts, axis=-1) for parts in zip(*columns, strict=True))
@@ -78,7 +84,8 @@ class Signals:
     ) -> None:
         self._model = model
         self._nw = model.nw if nw is None else nw
-        self._values: list[float | Samples] = self._actuation(scene)
+        commands = [0.0] * len(model.structure.inputs.drives) if scene.actuation is None else scene.actuation.values
+        self._values: list[float | Samples] = [*commands]
         self._loads = list(zip(model.loads if loads is None else loads, model.load_entries, strict=True))
         couples = [load for load, (vector, _) in self._loads if vector == "u"]
         self._values += [load.moment for load in couples if not isinstance(load, ForceLoad)]
@@ -89,11 +96,6 @@ class Signals:
                     "an input with linear interpolation has kinks, at which the tip of matched_clothoid jumps: use "
                     "interpolation: smooth, tendons.time_constant, or fidelity.family: clothoid"
                 )
-
-    def _actuation(self, scene: Scene) -> list[float | Samples]:
-        if scene.actuation is None:
-            return [0.0] * len(self._model.structure.inputs.drives)
-        return list(scene.actuation.values)
 
     @property
     def constant(self) -> bool:
@@ -135,10 +137,7 @@ class Signals:
         instants = np.atleast_1d(np.asarray(t, dtype=float))
         blocks = np.zeros((3, len(instants), len(self._values)))
         for k, value in enumerate(self._values):
-            if isinstance(value, Samples):
-                blocks[:, :, k] = interpolate(value, instants)
-            else:
-                blocks[0, :, k] = value
+            blocks[:, :, k] = interpolate(value, instants)
         return np.concatenate(list(blocks), axis=1) if self._rates else blocks[0]
 
     def w(self, t: ArrayLike) -> Array:
@@ -146,18 +145,13 @@ class Signals:
         instants = np.atleast_1d(np.asarray(t, dtype=float))
         rows = np.zeros((len(instants), self._nw))
         for load, (vector, start) in self._loads:
-            if vector != "w":
-                continue
-            value = value_of(load)
-            width = 2 if isinstance(load, ForceLoad) else 1
-            if isinstance(value, (Samples, VectorSamples)):
-                rows[:, start : start + width] = interpolate(value, instants)[0].reshape(-1, width)
-            else:
-                rows[:, start : start + width] = value
+            if vector == "w":
+                values = interpolate(value_of(load), instants)[0].reshape(len(instants), -1)
+                rows[:, start : start + values.shape[1]] = values
         return rows
 
 
-def value_of(load: Load) -> float | tuple[float, float] | Samples | VectorSamples:
+def value_of(load: Load) -> Value:
     """Force or moment of a load."""
     return load.force if isinstance(load, ForceLoad) else load.moment
 

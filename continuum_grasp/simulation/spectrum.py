@@ -197,13 +197,9 @@ def in_mass_metric(mass: Array, stiffness: Array) -> tuple[Array, Array, bool]:
 
 def damping_matrix(core: Core, q: Array, u: Array, p: Array, qd: Array | None = None) -> Array:
     """Damping forces per rate of the coordinates (n, n) at rates qd (n,), zero where not given."""
-    if core.model.structure.has_law("damping"):
-        x = np.zeros(core.model.nx)
-        x[: 2 * len(q)] = np.concatenate([q, np.zeros_like(q) if qd is None else qd])
-        return np.asarray(core.internal(x, u, p)[2])
-    # Linear in the rates; at rest it is not zero where the tip's curvature moves with the input.
-    at_rest = core.damping(q, np.zeros_like(q), u, p)
-    return np.array([core.damping(q, e, u, p) - at_rest for e in np.eye(len(q))]).T
+    x = np.zeros(core.model.nx)
+    x[: 2 * len(q)] = np.concatenate([q, np.zeros_like(q) if qd is None else qd])
+    return np.asarray(core.internal(x, u, p)[2])
 
 
 def sample_shapes(model: FingerModel, start: Array) -> Array:

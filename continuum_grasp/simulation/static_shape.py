@@ -117,12 +117,9 @@ class Equilibrium(Result):
             return None
         drives = self.model.drives_at(self.q, self.u, self.friction_states, p=self.p)
         own = dict(zip(self.model.p_names, self.p.tolist(), strict=True)).get("drive_coulomb_friction [N m]")
-        found, at = [], len(drives) - sum(motor.states for motor in motors)
-        for motor in motors:
-            tensions = [float(self.tensions[k]) for k in motor.tendons]
-            found.append(motor.holding(drives[at : at + motor.states], tensions, own))
-            at += motor.states
-        return np.array(found)
+        tensions = self.tensions.tolist()
+        states = zip(motors, states_of_motors(self.model, np.array(drives)), strict=True)
+        return np.array([motor.holding(at.tolist(), [tensions[k] for k in motor.tendons], own) for motor, at in states])
 
     @cached_property
     def space_error(self) -> float:
@@ -184,6 +181,12 @@ class Equilibrium(Result):
         """World positions (points, 2) along the backbone [m]."""
         core = Core(self.model, compiled=False)
         return np.asarray(backbones(core, self.q[None], self.u[None], points, self.p)[0])
+
+
+def states_of_motors(model: FingerModel, drives: Array) -> list[Array]:
+    """Parts of the states of all drives that are those of each motor, which come last; views of the array."""
+    ends = np.cumsum([motor.states for motor in reversed(model.structure.motors)])
+    return np.split(drives, len(drives) - ends[::-1])[1:]
 
 
 def slid(model: FingerModel, q: Array, u: Array, p: Array) -> Array:

@@ -320,17 +320,12 @@ class Friction(TypedDict, total=False):
     friction_states: Sequence[float] | None
 
 
-def friction_of(initial: Initial, model: FingerModel) -> Friction:
-    """What a scene says of the friction of its finger; InputError where it says nothing, and there is some."""
-    model.structure.check_reached_by(initial)
-    return friction_given(initial, model)
-
-
-def friction_given(initial: Initial, model: FingerModel) -> Friction:
-    """What a scene says of the friction of its finger, if anything."""
+def friction_of(initial: Initial, model: FingerModel, *, needed: bool = True) -> Friction:
+    """What a scene says of the friction of its finger, if anything; InputError where it is ``needed`` and not there."""
+    if needed or initial.reached_by is not None:
+        model.structure.check_reached_by(initial)
     if initial.reached_by is None or not model.friction_names:
         return {}
-    model.structure.check_reached_by(initial)
     return {"reached_by": initial.reached_by, "friction_states": initial.friction_states}
 
 

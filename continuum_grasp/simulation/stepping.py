@@ -250,8 +250,8 @@ class Stepper:
 
     def _ends(self, x: Array, u: Array) -> Array:
         """Ends of the elements (T, 2, N) [m]."""
-        q = x[:, : self._model.n]
-        return np.asarray(self._positions.batch("joints", q, acting_input(self._model, x, u), None)[0])
+        acting = acting_input(self._model, x.T, u.T).T
+        return np.asarray(self._positions.batch("joints", x[:, : self._model.n], acting, None)[0])
 
 
 @dataclass

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -156,7 +157,8 @@ class Trajectory(MotionResult):
     @cached_property
     def acting(self) -> Array:
         """Inputs (T, nu) that act on the shape: with a tendon lag, the tensions that give the lagged moment."""
-        return acting_input(self.model, self.x, self.u)
+        acting: Array = acting_input(self.model, self.x.T, self.u.T).T
+        return acting
 
     @cached_property
     def tip(self) -> Array:
@@ -310,14 +312,21 @@ def acting_forces(core: Core, q: Array, u: Array, w: Array, p: Array | None = No
     return [(at, force, kind) for at, force, kind in found if np.any(force != 0.0)]
 
 
-def acting_input(model: FingerModel, x: Array, u: Array) -> Array:
-    """Inputs (T, nu) that act on the shapes of states x (T, nx) under commands u (T, nu); see ``Trajectory.acting``."""
-    acting = u.copy()
-    for source, place in model.structure.lagging:
+def acting_input(model: FingerModel, x: Any, u: Any, p: Any = None) -> Any:
+    """Inputs that act on shapes, of states and commands as columns, numbers or expressions; see ``Trajectory.acting``.
+
+    Parameters ``p`` are nominal where not given.
+    """
+    acting, made = copy(u), model.structure
+    for source, place in made.lagging:
         # Any tensions with the lagged moment give the same shape: all of it in the first of the channel.
-        pulling = np.flatnonzero(source.arms)
-        acting[:, pulling] = 0.0
-        acting[:, pulling[0]] = x[:, place] / (1.0 if source.tendon is not None else source.arms[pulling[0]])
+        pulling = np.flatnonzero(source.arms).tolist()
+        acting[pulling] = 0.0
+        arm: Any = 1.0 if source.tendon is not None else source.arms[pulling[0]]
+        of_a_pair = source.tendon is None and not source.chamber
+        if p is not None and of_a_pair and made.parameters.is_runtime("tendon_offset"):
+            arm = p[model.p_names.index("tendon_offset [m]")]  # its first tendon has it
+        acting[pulling[0]] = x[place] / arm
     return acting
 
 

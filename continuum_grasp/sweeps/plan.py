@@ -7,18 +7,16 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError
 from continuum_grasp.results.plain import plain
-from continuum_grasp.scene.assembly import Overrides, apply_override, placed, read_overrides, validated
-from continuum_grasp.scene.document import KeyPath, Place
-from continuum_grasp.scene.load import load_placed
+from continuum_grasp.scene.assembly import Overrides
+from continuum_grasp.scene.document import KeyPath
+from continuum_grasp.scene.load import placed_scene_of
 from continuum_grasp.scene.sweep import QUANTITIES, Sweep
 from continuum_grasp.scene.variation import Axis, Random, Tie, Variation, variation_of
 
@@ -185,17 +183,5 @@ def keys_of(plan: Mapping[str, Any]) -> list[str]:
 
 def plan_of(config: Sweep | str | os.PathLike[str] | Mapping[str, Any], overrides: Overrides = ()) -> Plan:
     """The scenes of a configuration. Raises an InputError where it is no sweep, or something in it is wrong."""
-    if isinstance(config, Sweep | Mapping):
-        file = config.file if isinstance(config, Sweep) else Path("sweep")
-        document = placed(config, Place("sweep"))
-        for path, new in read_overrides(overrides):
-            apply_override(document, path, new)
-        sweep: Any = validated(document, Sweep)
-    elif isinstance(config, (str, os.PathLike)):
-        file = Path(config)
-        sweep, document = load_placed(file, overrides)
-    else:
-        raise InputError(f"expected a sweep, the path of its file, or a mapping, got {config!r:.80}")
-    if not isinstance(sweep, Sweep):
-        raise InputError("expected a sweep (scene, vary, sample, ...)", file=str(file))
+    sweep, document, file = placed_scene_of(config, Sweep, overrides)
     return Plan(sweep, variation_of(sweep, document, file))

@@ -38,8 +38,6 @@ _ONE_AT_A_TIME = threading.Lock()
 """Solvers share memory, so that the threads of a worker take turns."""
 _MESSAGE = 300
 """Characters of a message in the table: lines stay readable."""
-_MEMORY = Path("/dev/shm")
-"""Memory as a folder on Linux: files of a run are put together without touching a disk."""
 _PATIENCE = 10.0
 """How long to wait for an answer of the scheduler [s]."""
 _ASK_AGAIN = 2.0
@@ -103,11 +101,7 @@ def _run(job: Job, point: Point) -> Outcome:
         return float(f"{time.perf_counter() - began:.6g}")
 
     try:
-        scene = _scene(data)
-    except InputError as error:
-        return _outcome(job, point, data, "invalid", str(error))
-    try:
-        result = job.evaluate(scene)
+        result = job.evaluate(_scene(data))
     except ContinuumGraspError as error:
         kind = "invalid" if isinstance(error, InputError) else "error"
         status = error.status if isinstance(error, SolverError) else kind
@@ -177,7 +171,7 @@ def _files(result: Any) -> dict[str, bytes]:
         from continuum_grasp.results.run_folder import RESULT, pack_run
 
         return {RESULT: pack_run(result.arrays, _meta(result))}
-    with tempfile.TemporaryDirectory(dir=_MEMORY if _MEMORY.is_dir() else None) as folder:
+    with tempfile.TemporaryDirectory() as folder:
         result.save(folder)
         return {file.name: file.read_bytes() for file in sorted(Path(folder).iterdir()) if file.is_file()}
 

@@ -30,7 +30,7 @@ class Control:
     jumps: tuple[float, ...] = ()
     """Where its bending moment jumps [m]."""
     component: int | None = None
-    """Of samples of vectors."""
+    """Of a force."""
     gear: tuple[float, ...] | None = None
     """Force and moment per control at a site there; None: it bends hinges by a channel."""
     follows: bool = True
@@ -71,8 +71,6 @@ class Control:
 
     def __call__(self, t: Array) -> Array:
         """Values at instants (T,) [s]."""
-        if not isinstance(self.value, Samples | VectorSamples):
-            return np.full(len(t), self.start + self.sense * float(self.value))
         values = interpolate(self.value, t)[0]
         return self.start + self.sense * (values if self.component is None else values[:, self.component])
 
@@ -89,9 +87,8 @@ def controls_of(scene: Scene) -> list[Control]:
             continue
         for component, axis in enumerate("xy"):
             gear = tuple(float(j == component) for j in range(6))
-            one = value if isinstance(value, VectorSamples) else value[component]  # type: ignore[index]
             name = f"load_{k + 1}_{axis}"
-            found.append(Control(name, one, load.at, (), component, gear, load.follows))
+            found.append(Control(name, value, load.at, (), component, gear, load.follows))
     return found
 
 
