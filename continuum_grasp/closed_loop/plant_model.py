@@ -134,7 +134,7 @@ class PlantModel(Remade):
         self._order = scene.plant.drive_order
         # A matched tip moves with its moment: without a lag of second order it would jump.
         jumps = self._lag is None or self._order == 1 or bool(finger.chambers)
-        family = scene.plant.fidelity.family or default_family(free_tip=jumps or finger.needs_free_tip)
+        family = scene.plant.fidelity.family or default_family(free_tip=jumps or bool(finger.free_tip_reasons))
         # The lag is the plant's own, whose sensors read every tension: the system's x has what bends it alone.
         own = self.scene.replaced(finger=finger.with_tendons(time_constant=None))
         guides = scene.plant.guides

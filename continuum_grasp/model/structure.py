@@ -70,7 +70,7 @@ class Structure:
         # A number that is left open may grow by the places where the curvature has kinks or jumps.
         if elements is None:
             held = () if scene is None else scene.initial.held_by
-            family = choices.word("family", FAMILIES) or default_family(free_tip=self.finger.needs_free_tip)
+            family = choices.word("family", FAMILIES) or default_family(free_tip=bool(self.finger.free_tip_reasons))
             # A couple that is an input bends by a known shape there: it needs no element of its own.
             known = [load for load in self.loads if FAMILIES[family].matches_tip and self._is_input(load)]
             loads = [load for load in (*self.loads, *held) if load not in known]
@@ -163,7 +163,7 @@ class Structure:
     @property
     def needs_free_tip(self) -> bool:
         """Whether what the input bends is not known beforehand."""
-        return self.finger.needs_free_tip or bool(self._runtime_at_tip)
+        return bool(self.finger.free_tip_reasons or self._runtime_at_tip)
 
     @property
     def _runtime_at_tip(self) -> str:
@@ -257,7 +257,11 @@ class Structure:
         for k, load in enumerate(self.loads):
             if self._is_input(load):
                 names.append(f"tip_couple_{next(tip)}" if self.on_tip(load.at) else f"load_{k + 1}_moment")
-        return InputLayout(self.finger.inputs, tuple(names), input_rates and not self.finger.winches)
+        return InputLayout(
+            tuple((one.name, one.unit) for one in self.finger.inputs),
+            tuple(names),
+            input_rates and not self.finger.winches,
+        )
 
     def _is_input(self, load: Load) -> bool:
         """Whether the moment of a load is an input: on the tip, and wherever it is asked for."""
@@ -277,7 +281,7 @@ class Structure:
         for k, one in enumerate(self.channels):
             arms = (*one.arms, *[0.0] * (drives - len(one.arms)))
             found.append(Source(one.shape, arms, lag=lag(one), tendon=k if own else None, wound=wound))
-        for one in self.finger.chamber_channels:
+        for _, _, one, _ in self.finger.pulls[len(self.finger.tendon_list) :]:
             # Of the input, whose last entries are chambers: drives may be fewer than tendons.
             arms = ((0.0,) * drives + one.arms)[-drives:]
             found.append(Source(one.shape, arms, lag=lag(one), gain=one.gain, chamber=True))

@@ -211,7 +211,7 @@ class ControlScene(CommandedScene):
         instead of 5 % of the force).
         """
         rate, weight = self.controller.input.rate_max, self.controller.cost.input_rate
-        unit = f"{self.finger.inputs[0][1]}/s"
+        unit = f"{self.finger.inputs[0].unit}/s"
         # The rate at which the weighted square is one, as that of an error of its own unit.
         tolerated = 1.0 / math.sqrt(weight) if weight else math.inf
         tracks_force = self.controller.cost.contact_force is not None

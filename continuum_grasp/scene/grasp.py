@@ -360,7 +360,7 @@ class GraspScene(Configuration, Supported):
             tip=contacts["tip"],
             before=(after,) if isinstance(after, int) else after,
             elements=count,
-            family=fidelity.family or default_family(free_tip=finger.needs_free_tip),
+            family=fidelity.family or default_family(free_tip=bool(finger.free_tip_reasons)),
             bending_range=fidelity.bending_range or bends,
             accuracy=fidelity.accuracy,
             middle_bounds=(low, high),

@@ -232,9 +232,8 @@ class Scene(FingerScene):
         self.finger.rod.check_inside("initial.held_by[{}].at", (load.at for load in self.initial.held_by))
         if self.actuation is not None:
             given, finger = self.actuation.given, self.finger
-            ranges = list(zip(finger.input_keys, *finger.input_limits, strict=True))
             for key in dict.fromkeys(finger.input_keys):
-                own = [(least, most) for taken, least, most in ranges if taken == key]
+                own = [(one.least, one.most) for one in finger.inputs if one.key == key]
                 allowed = _ALLOWED.get(key, "what drive.torque_max allows, {:g} to {:g}")
                 check_commands(f"actuation.{key}", given.get(key, ()), own, finger.input_words, allowed)
         motors = sum(isinstance(drive, MotorDrive) for drive in self.finger.winches)

@@ -35,7 +35,10 @@ def test_a_pair_is_two_tendons_of_one_shape():
     assert pair.tendon_list == alike.tendon_list
     assert pair.channels == alike.channels
     assert [channel.arms for channel in pair.channels] == [(0.01, -0.01)]
-    assert pair.tension_limits == ((1.0, 1.0), (20.0, 20.0))
+    assert [(one.name, one.least, one.most) for one in pair.inputs] == [
+        ("tension_1", 1.0, 20.0),
+        ("tension_2", 1.0, 20.0),
+    ]
     assert pair.has_tendon_friction
 
 
@@ -85,7 +88,7 @@ def test_changes_of_every_tendon():
     for some in (listed, pair):
         changed = some.with_tendons(time_constant=0.1, max_tension=5.0)
         assert {t.time_constant for t in changed.tendon_list} == {0.1}
-        assert changed.tension_limits == ((0.0, 0.0), (5.0, 5.0))
+        assert [(one.least, one.most) for one in changed.pulls] == [(0.0, 5.0)] * 2
         assert [channel.time_constant for channel in changed.channels] == [0.1] * len(some.channels)
     assert cg.Finger(rod=ROD).with_tendons(friction=1.0) == cg.Finger(rod=ROD)
 
