@@ -21,7 +21,7 @@ from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
 from continuum_grasp.scene.pressure import Chamber, ChamberList
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.section_laws import FIT_MATCHED_TIP, SECTION_LAWS
-from continuum_grasp.scene.tendons import ALIKE, Tendon, TendonList, Tendons, channels, check_tendon, single_tendons
+from continuum_grasp.scene.tendons import ALIKE, Tendon, TendonList, Tendons, channels, check_tendon
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
@@ -32,6 +32,7 @@ from continuum_grasp.scene.value import (
     Positive,
     Real,
     Value,
+    check_shorter,
     doubt,
     doubt_outside,
 )
@@ -150,8 +151,7 @@ class Finger(Value):
     def _check(self) -> None:
         length, half = self.rod.length, self.half_thickness
         self.rod.check_inside("masses[{}].at", (mass.at for mass in self.masses))
-        if half is not None and half >= length:
-            raise ValueError(f"half_thickness = {half} m is not smaller than the finger's length of {length} m")
+        check_shorter("half_thickness", half or 0.0, length)
         breaks = self.rest_curvature.breaks if isinstance(self.rest_curvature, PiecewiseCurvature) else ()
         if breaks and breaks[-1] >= length:
             raise ValueError(
@@ -185,11 +185,10 @@ class Finger(Value):
                 )
 
     def _check_tendons(self) -> None:
-        for k, tendon in enumerate(self.tendon_list):
-            key = f"tendons[{k}]" if isinstance(self.tendons, tuple) else "tendons"
+        # Of a pair the second is the mirror image of the first.
+        for key, tendon in zip(self.places_of("tendons"), self.tendon_list, strict=False):
             check_tendon(key, tendon, self.rod.length)
-            key = f"{key}.offset"
-            most, half = tendon.greatest_offset, self.half_thickness
+            key, most, half = f"{key}.offset", tendon.greatest_offset, self.half_thickness
             if half is not None and 0.0 < half < most:
                 doubt(
                     f"{key} = {most:g} m is more than half_thickness = {half:g} m: the tendons run outside the finger"
@@ -261,7 +260,10 @@ class Finger(Value):
     @cached_property
     def tendon_list(self) -> tuple[Tendon, ...]:
         """The single tendons: those of the list, or the two of a pair, that on the -X side first."""
-        return single_tendons(self.tendons)
+        if not isinstance(self.tendons, Tendons):
+            return self.tendons or ()
+        own, offset = dict(self.tendons), self.tendons.offset
+        return tuple(Tendon(**{**own, "offset": side * offset}) for side in (1.0, -1.0))
 
     @cached_property
     def chambers(self) -> tuple[Chamber, ...]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field
 
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Distance, Increasing, Real, Value, Vector2, check_one_given
+from continuum_grasp.scene.value import Distance, Increasing, Real, Value, Vector2
 
 
 class Sampled(Value):
@@ -22,9 +22,7 @@ class Sampled(Value):
         # Closer instants give slopes that swamp the splines in rounding.
         if any(b - a < 1e-9 for a, b in pairwise(self.times)):
             raise ValueError("times must be 1e-9 s apart at least")
-        count = len(getattr(self, "values", ()))
-        if count != len(self.times):
-            raise ValueError(f"values must be as many as times ({len(self.times)}), got {count}")
+        self._check_count("values", getattr(self, "values", ()), len(self.times), "instant of times")
 
 
 class _Interpolated(Sampled):
@@ -108,7 +106,7 @@ class Actuation(Value):
     def _check(self) -> None:
         # Chambers may act beside tendons of one kind.
         if self.pressures is None or self.tip_moment is not None or len(self.given) > 2:
-            check_one_given(self, "tip_moment", *_OF_TENDONS, "pressures")
+            self._check_one_given("tip_moment", *_OF_TENDONS, "pressures")
 
     @classmethod
     def of(cls, keys: Sequence[str], values: Sequence[float | Samples]) -> Self:

@@ -51,6 +51,13 @@ class Curve:
         return cls((0.0, *value.breaks, length), tuple((one,) for one in value.values))
 
     @classmethod
+    def of_pieces(cls, length: float, starts: Sequence[float], coefficients: Sequence[tuple[float, ...]]) -> Curve:
+        """Polynomials from places on [m], each up to the next place, without those of no length."""
+        spans = zip(starts, (*starts[1:], length), coefficients, strict=True)
+        kept = [(start, own) for start, end, own in spans if end - start > _SAME * length]
+        return cls((*(start for start, _ in kept), length), tuple(own for _, own in kept))
+
+    @classmethod
     def through(cls, spline: PPoly, *, exponential: bool = False) -> Curve:
         """A piecewise polynomial of scipy, or its exponential."""
         # scipy has the highest power first, one column per piece.

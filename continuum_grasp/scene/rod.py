@@ -15,7 +15,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.graded import Modulus, RodFactors, RodSamples, RodSection, SpiRob
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Extent, Length, NonNegative, Value, doubt_outside
+from continuum_grasp.scene.value import Extent, Length, NonNegative, Value, check_shorter, doubt_outside
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Profile
@@ -136,10 +136,7 @@ class Rod(Value):
                 f"a rod needs {', '.join(wanted)}; missing {', '.join(missing)}"
                 + ("" if linear else " (or give sections, samples or spirob)")
             )
-        if self.diameter is not None and self.diameter >= self.length:
-            raise ValueError(
-                f"diameter = {self.diameter} m is not smaller than the length of {self.length} m (both are in meters)"
-            )
+        check_shorter("diameter", self.diameter or 0.0, self.length)
 
     def _check_graded(self) -> None:
         if self.sections is not None:

@@ -26,7 +26,6 @@ from continuum_grasp.scene.value import (
     Length,
     Real,
     Value,
-    check_one_given,
     doubt,
 )
 
@@ -129,7 +128,7 @@ class Initial(Value):
     brake, whatever is commanded. A motion begins with the command from there. None: where the commands lead."""
 
     def _check(self) -> None:
-        check_one_given(self, "pose", "q")
+        self._check_one_given("pose", "q")
 
 
 MOST_STATES = 10_000_000
@@ -237,9 +236,7 @@ class Scene(FingerScene):
                 allowed = _ALLOWED.get(key, "what drive.torque_max allows, {:g} to {:g}")
                 check_commands(f"actuation.{key}", given.get(key, ()), own, finger.input_words, allowed)
         motors = sum(isinstance(drive, MotorDrive) for drive in self.finger.winches)
-        if self.initial.motor_angles is not None and len(self.initial.motor_angles) != motors:
-            got = f"got {len(self.initial.motor_angles)}"
-            raise ValueError(f"initial.motor_angles must have one entry per drive.kind: motor ({motors}), {got}")
+        self._check_count("initial.motor_angles", self.initial.motor_angles, motors, "drive.kind: motor")
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")

@@ -12,7 +12,7 @@ from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.drives import WinchDrive
 from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Friction, Length, NonNegative, Positive, TimeConstant, Value
+from continuum_grasp.scene.value import Friction, Length, NonNegative, Positive, TimeConstant, Value, check_shorter
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.finger import Finger
@@ -80,8 +80,7 @@ class _Tensions(Value):
         return given
 
     def _check(self) -> None:
-        if self.min_tension >= self.max_tension:
-            raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
+        self._check_below("min_tension", "max_tension")
 
 
 class Tendons(_Tensions):
@@ -129,9 +128,7 @@ class Tendon(_Tensions):
 
         (first, last), to = ends(self.offset), self.end(length)
         piece = (1.0,) if first == last else (1.0, (last / first - 1.0) / to)
-        if to < length * (1 - 1e-9):
-            return Curve((0.0, to, length), (piece, (0.0,)))
-        return Curve((0.0, length), (piece,))
+        return Curve.of_pieces(length, (0.0, to), (piece, (0.0,)))
 
     def arm(self, length: float) -> float:
         """Bending moment at the base per tension [m]: the offset there times the cosine."""
@@ -141,22 +138,17 @@ class Tendon(_Tensions):
 TendonList = Annotated[tuple[Tendon, ...], Field(strict=False, min_length=1, max_length=16)]
 
 
-def single_tendons(tendons: Tendons | tuple[Tendon, ...] | None) -> tuple[Tendon, ...]:
-    """Single tendons: those of a list, or the two of a pair, that on the -X side first."""
-    if not isinstance(tendons, Tendons):
-        return tendons or ()
-    own = {name: getattr(tendons, name) for name in _Tensions.model_fields}
-    return tuple(Tendon(offset=side * tendons.offset, **own) for side in (1.0, -1.0))
+def check_along(key: str, offset: float, to: float | None, length: float) -> None:
+    """Refuse a tendon or a chamber at a key, with a greatest offset and an end [m], that a finger has no room for."""
+    check_shorter(f"{key}.offset", offset, length)
+    if to is not None and to > length * (1 + 1e-12):
+        raise ValueError(f"{key}.to = {to} m is beyond the finger's length of {length} m")
 
 
 def check_tendon(key: str, tendon: Tendon, length: float) -> None:
     """Refuse a tendon, which stands at a key, that does not fit a finger of a length [m]."""
-    offset, slope = tendon.greatest_offset, abs(tendon.slope(length))
-    if offset >= length:
-        raise ValueError(f"{key}.offset = {offset} m is not smaller than the finger's length of {length} m")
-    if tendon.to is not None and tendon.to > length * (1 + 1e-12):
-        raise ValueError(f"{key}.to = {tendon.to} m is beyond the finger's length of {length} m")
-    if slope > MOST_SLOPE:
+    check_along(key, tendon.greatest_offset, tendon.to, length)
+    if (slope := abs(tendon.slope(length))) > MOST_SLOPE:
         raise ValueError(
             f"{key}.offset changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds "
             "for tendons that are nearly parallel to the backbone"

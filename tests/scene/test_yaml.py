@@ -249,7 +249,7 @@ def test_problem_is_named_at_its_place(write, text, expected):
         ),
         (
             "loads:\n- {kind: moment, at: 0.1, moment: {times: [0, 1], values: [1, 2, 3]}}",
-            "6:59: loads[0].moment.values: values must be as many as times (2), got 3",
+            "6:59: loads[0].moment.values: values must have one entry per instant of times (2), got 3",
         ),
         (
             "fidelity: {elements: 0}",
