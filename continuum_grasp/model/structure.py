@@ -257,11 +257,7 @@ class Structure:
         for k, load in enumerate(self.loads):
             if self._is_input(load):
                 names.append(f"tip_couple_{next(tip)}" if self.on_tip(load.at) else f"load_{k + 1}_moment")
-        return InputLayout(
-            tuple((one.name, one.unit) for one in self.finger.inputs),
-            tuple(names),
-            input_rates and not self.finger.winches,
-        )
+        return InputLayout(self.finger.inputs, tuple(names), input_rates and not self.finger.winches)
 
     def _is_input(self, load: Load) -> bool:
         """Whether the moment of a load is an input: on the tip, and wherever it is asked for."""
@@ -409,7 +405,7 @@ class Structure:
             name, unit = "tip_moment" if len(self.lagging) == 1 else f"moment_{k + 1}", "N m"
             if source.tendon is not None or source.chamber:
                 # A tension or a pressure of its own: that of an input.
-                name, unit = self.inputs.drives[np.flatnonzero(source.arms)[0]]
+                _, name, unit, *_ = self.inputs.drives[np.flatnonzero(source.arms)[0]]
             found += source.lag.states(name, unit)
         return found
 

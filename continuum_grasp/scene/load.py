@@ -36,8 +36,13 @@ class _Kind(NamedTuple):
     """Some by which the kind is recognized."""
     command: str | None
 
+    @property
+    def expected(self) -> str:
+        """What errors say that is expected."""
+        return f"{self.words} ({self.keys}, ...)"
 
-_KINDS = {
+
+SCENE_KINDS = {
     "simulate": _Kind("simulate", "Scene", "a scene", "finger, gravity", "simulate"),
     "identify": _Kind("identify", "IdentifyScene", "an identification", "finger, estimate", "identify"),
     "grasp": _Kind("grasp", "GraspScene", "a grasp", "finger, object", "grasp"),
@@ -48,9 +53,9 @@ _KINDS = {
     "design": _Kind("design", "Design", "a design", "scene, variables, minimize", "design"),
     "finger": _Kind("finger", "Finger", "a finger alone", "rod", None),
 }
-KINDS = tuple(_KINDS)
+KINDS = tuple(SCENE_KINDS)
 """Of configurations."""
-COMMANDS = {name: kind.command for name, kind in _KINDS.items()}
+COMMANDS = {name: kind.command for name, kind in SCENE_KINDS.items()}
 """The command that runs each kind; None: a finger alone is not run."""
 
 
@@ -139,23 +144,23 @@ def _each(kind: type | tuple[type, ...]) -> tuple[type, ...]:
 def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], loaded: Loaded) -> InputError:
     """The error that a file is of another kind than those wanted, and which command takes it."""
     names = [one.__name__ for one in _each(wanted)]
-    asked = [kind for kind in _KINDS.values() if kind.model in names]
-    got = _KINDS[kind_of_scene(loaded)]
+    asked = [kind for kind in SCENE_KINDS.values() if kind.model in names]
+    got = SCENE_KINDS[kind_of_scene(loaded)]
     advice = f" (continuum-grasp {got.command})" if got.command else ""
-    expected = " or ".join(f"{kind.words} ({kind.keys}, ...)" for kind in asked)
+    expected = " or ".join(kind.expected for kind in asked)
     return InputError(f"expected {expected}, got {got.words}{advice}", file=os.fspath(file))
 
 
 def kind_of_scene(loaded: Loaded) -> str:
     """What kind of configuration a loaded one is."""
-    return next(name for name, kind in _KINDS.items() if kind.model == type(loaded).__name__)
+    return next(name for name, kind in SCENE_KINDS.items() if kind.model == type(loaded).__name__)
 
 
 def model_of(kind: str) -> type[BaseModel]:
     """The model of a kind of configuration."""
-    if kind not in _KINDS:
-        raise InputError(f"no such kind of configuration: expected one of {', '.join(_KINDS)}, got {kind!r}")
+    if kind not in SCENE_KINDS:
+        raise InputError(f"no such kind of configuration: expected one of {', '.join(SCENE_KINDS)}, got {kind!r}")
     # A kind's module is loaded with its first file: a simulation needs none of those of control.
-    module = import_module(f"continuum_grasp.scene.{_KINDS[kind].module}")
-    found: type[BaseModel] = getattr(module, _KINDS[kind].model)
+    module = import_module(f"continuum_grasp.scene.{SCENE_KINDS[kind].module}")
+    found: type[BaseModel] = getattr(module, SCENE_KINDS[kind].model)
     return found

@@ -196,12 +196,10 @@ ALIKE = (
 """What several tendons of one finger must have alike."""
 
 
-def alike(tendons: tuple[Tendon, ...], length: float, *, apart: bool = False) -> list[list[int]]:
-    """Numbers of the tendons whose moments have the same shape up to a factor, in groups; ``apart``: each alone."""
+def alike(tendons: tuple[Tendon, ...], length: float) -> list[list[int]]:
+    """Numbers of the tendons whose moments have the same shape up to a factor, in groups."""
     shapes: list[tuple[float, float]] = []
     groups: list[list[int]] = []
-    if apart:
-        return [[k] for k in range(len(tendons))]
     for k, tendon in enumerate(tendons):
         first, last = ends(tendon.offset)
         shape = (last / first, tendon.end(length))
@@ -220,7 +218,7 @@ def channels(length: float, tendons: tuple[Tendon, ...], *, apart: bool = False)
     from continuum_grasp.scene.profile import Channel
 
     found = []
-    for group in alike(tendons, length, apart=apart):
+    for group in [[k] for k in range(len(tendons))] if apart else alike(tendons, length):
         like, shape = tendons[group[0]], tendons[group[0]].shape(length)
         arms = tuple(tendon.arm(length) if k in group else 0.0 for k, tendon in enumerate(tendons))
         found.append(Channel(shape, like.end(length) if shape.breaks else length, arms, like.time_constant))

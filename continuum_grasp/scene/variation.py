@@ -14,9 +14,8 @@ from pydantic import ValidationError
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import assembled, changed, kind_of, named_file, path_of, placed, validated
-from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.document import Change, Document, KeyPath
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.load import SCENE_KINDS, model_of
 from continuum_grasp.scene.problems import input_error, nearest
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.sweep import Draw, Sweep
@@ -114,13 +113,6 @@ def _random(scene: SceneKeys, key: str, draw: Draw) -> Random:
     return Random(key, path, scene.unit(path), values, tuple(map(_label, draw.choice)), draw.kind)
 
 
-_SCENES: dict[str, tuple[type[GraspScene] | type[ControlScene], str]] = {
-    "grasp": (GraspScene, "a grasp (finger, object, ...)"),
-    "mpc": (ControlScene, "a closed loop (finger, controller, ...)"),
-}
-"""What may be varied by kind: its model, and what it is in words."""
-
-
 def fault_kinds(error: ValidationError) -> set[str]:
     """What is wrong, in pydantic's words: ``value_error`` of checks of several keys."""
     return {one["type"] for one in error.errors(include_url=False, include_context=False)}
@@ -138,9 +130,9 @@ class SceneKeys:
         self.base = assembled(self.file, fixed)
         self.kind = kind_of(self.base.value)
         if self.kind not in kinds:
-            expected = " or ".join(_SCENES[kind][1] for kind in kinds)
+            expected = " or ".join(SCENE_KINDS[kind].expected for kind in kinds)
             raise place.error(f"expected {expected}, got a file of kind {self.kind}", ("scene",))
-        self.model, _ = _SCENES[self.kind]
+        self.model = model_of(self.kind)
         validated(self.base, self.model)
         self.shape = Shape(self.model)
         # So that equal scenes are equal data, by which a sweep resumes.

@@ -114,7 +114,10 @@ REFUSED = {
         lambda: finger({"offset": 0.01, "conduit_bend": 1.0}),
         "tendons[0].conduit_bend: needs friction",
     ),
-    "limits": (lambda: finger({"offset": 0.1, "min_tension": 20.0}), "tendons[0].min_tension: min_tension (20.0) must"),
+    "limits": (
+        lambda: finger({"offset": 0.1, "min_tension": 20.0}),
+        "tendons[0].min_tension: min_tension = 20 is not below",
+    ),
 }
 
 
