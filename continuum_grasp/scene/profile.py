@@ -130,14 +130,10 @@ class Curve:
 
     def scaled(self, factor: float) -> Curve:
         """The same times a factor, positive for an exponential."""
-        if factor == 1.0:
-            return self
-        if self.exponential:
-            return Curve(self.edges, tuple((c[0] + float(np.log(factor)), *c[1:]) for c in self.coefficients), True)
-        return Curve(self.edges, tuple(tuple(factor * one for one in c) for c in self.coefficients))
+        return self if factor == 1.0 else self.times(Curve.along(self.edges[-1], factor))
 
     def times(self, factors: Curve) -> Curve:
-        """The product with a positive function that is constant between its edges."""
+        """The product with a function that is constant between its edges, positive for an exponential."""
         inner = sorted(self.edges[1:-1] + factors.edges[1:-1])
         starts = [0.0, *(b for a, b in pairwise([0.0, *inner]) if b - a > _SAME * self.edges[-1])]
         pieces = []
