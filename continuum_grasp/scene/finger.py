@@ -166,6 +166,7 @@ class Finger(Value):
         self._check_tendons()
         for key, chamber in zip(self.places_of("pressure"), self.chambers, strict=True):
             chamber.check_inside(key, length)
+            self.rod.check_inside(f"{key}.to", [chamber.to or 0.0])
         if self.stops is not None:
             self._check_stops(self.stops)
 
@@ -188,6 +189,7 @@ class Finger(Value):
         # Of a pair the second is the mirror image of the first.
         for key, tendon in zip(self.places_of("tendons"), self.tendon_list, strict=False):
             check_tendon(key, tendon, self.rod.length)
+            self.rod.check_inside(f"{key}.to", [tendon.to or 0.0])
             key, most, half = f"{key}.offset", tendon.greatest_offset, self.half_thickness
             if half is not None and 0.0 < half < most:
                 doubt(
@@ -271,14 +273,9 @@ class Finger(Value):
         return (self.pressure,) if isinstance(self.pressure, Chamber) else self.pressure or ()
 
     @property
-    def tendon_friction(self) -> float:
-        """Capstan friction coefficient of the tendons [1]."""
-        return max((tendon.friction for tendon in self.tendon_list), default=0.0)
-
-    @property
     def has_tendon_friction(self) -> bool:
         """Whether the tendons have friction."""
-        return self.tendon_friction > 0.0
+        return any(tendon.friction > 0.0 for tendon in self.tendon_list)
 
     @property
     def has_dry_friction(self) -> bool:

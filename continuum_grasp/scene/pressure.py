@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.tendons import LEAST_OFFSET, Offset, check_along
+from continuum_grasp.scene.tendons import LEAST_OFFSET, Offset
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Distance, Length, NonNegative, TimeConstant, Value
+from continuum_grasp.scene.value import Distance, Length, NonNegative, TimeConstant, Value, check_shorter
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Channel, Curve
@@ -61,7 +61,7 @@ class Chamber(Value):
 
     def check_inside(self, key: str, length: float) -> None:
         """Refuse a chamber, stated at ``key``, that does not fit a finger of a length [m]."""
-        check_along(key, abs(self.offset), self.to, length)
+        check_shorter(f"{key}.offset", self.offset, length)
         if self.start >= length:
             raise ValueError(f"{key}.start = {self.start} m is not before the finger's tip at {length} m")
 

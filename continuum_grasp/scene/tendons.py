@@ -138,16 +138,9 @@ class Tendon(_Tensions):
 TendonList = Annotated[tuple[Tendon, ...], Field(strict=False, min_length=1, max_length=16)]
 
 
-def check_along(key: str, offset: float, to: float | None, length: float) -> None:
-    """Refuse a tendon or a chamber at a key, with a greatest offset and an end [m], that a finger has no room for."""
-    check_shorter(f"{key}.offset", offset, length)
-    if to is not None and to > length * (1 + 1e-12):
-        raise ValueError(f"{key}.to = {to} m is beyond the finger's length of {length} m")
-
-
 def check_tendon(key: str, tendon: Tendon, length: float) -> None:
     """Refuse a tendon, which stands at a key, that does not fit a finger of a length [m]."""
-    check_along(key, tendon.greatest_offset, tendon.to, length)
+    check_shorter(f"{key}.offset", tendon.greatest_offset, length)
     if (slope := abs(tendon.slope(length))) > MOST_SLOPE:
         raise ValueError(
             f"{key}.offset changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds "

@@ -275,7 +275,7 @@ Interval = Annotated[tuple[Real, Real], Field(strict=False), Increasing]
 
 def check_shorter(key: str, value: float, length: float) -> None:
     """Refuse a measure across a finger, at a key, that is not smaller than its length [m]."""
-    if value >= length:
+    if abs(value) >= length:
         raise ValueError(f"{key} = {value} m is not smaller than the finger's length of {length} m")
 
 

@@ -100,7 +100,7 @@ REFUSED = {
         lambda: finger({"offset": -0.3}),
         "Finger: tendons[0].offset: tendons[0].offset = 0.3 m is not",
     ),
-    "beyond the tip": (lambda: finger({"offset": 0.01, "to": 0.26}), "tendons[0].to = 0.26 m is beyond"),
+    "beyond the tip": (lambda: finger({"offset": 0.01, "to": 0.26}), "tendons[0].to: 0.26 m is beyond"),
     "steep": (lambda: finger({"offset": [0.04, 0.005], "to": 0.1}), "tendons[0].offset changes by 0.35 per length"),
     "of different drives": (
         lambda: finger({"offset": 0.01, "time_constant": 0.1}, {"offset": -0.005, "time_constant": 0.2}),
