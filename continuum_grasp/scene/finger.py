@@ -152,11 +152,8 @@ class Finger(Value):
         length, half = self.rod.length, self.half_thickness
         self.rod.check_inside("masses[{}].at", (mass.at for mass in self.masses))
         check_shorter("half_thickness", half or 0.0, length)
-        breaks = self.rest_curvature.breaks if isinstance(self.rest_curvature, PiecewiseCurvature) else ()
-        if breaks and breaks[-1] >= length:
-            raise ValueError(
-                f"rest_curvature.breaks end at {breaks[-1]} m, not before the finger's length of {length} m"
-            )
+        if isinstance(self.rest_curvature, PiecewiseCurvature):
+            self.rod.check_inside("rest_curvature.breaks[{}]", self.rest_curvature.breaks, tip=False)
         # Only a rod given by its density shows by its mass in which unit its user thinks.
         for k, m in enumerate(self.masses if self.rod.density is not None else ()):
             if m.mass > 1e3 * self.rod.mass:
@@ -165,7 +162,8 @@ class Finger(Value):
 
         self._check_tendons()
         for key, chamber in zip(self.places_of("pressure"), self.chambers, strict=True):
-            chamber.check_inside(key, length)
+            check_shorter(f"{key}.offset", chamber.offset, length)
+            self.rod.check_inside(f"{key}.start", [chamber.start], tip=False)
             self.rod.check_inside(f"{key}.to", [chamber.to or 0.0])
         if self.stops is not None:
             self._check_stops(self.stops)

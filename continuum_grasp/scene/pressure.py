@@ -8,7 +8,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.tendons import LEAST_OFFSET, Offset
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Distance, Length, NonNegative, TimeConstant, Value, check_shorter
+from continuum_grasp.scene.value import Distance, Length, NonNegative, TimeConstant, Value
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Channel, Curve
@@ -58,12 +58,6 @@ class Chamber(Value):
     def arm(self) -> float:
         """Bending moment per pressure [m3]."""
         return (1.0 if self.contracts else -1.0) * self.area * self.offset
-
-    def check_inside(self, key: str, length: float) -> None:
-        """Refuse a chamber, stated at ``key``, that does not fit a finger of a length [m]."""
-        check_shorter(f"{key}.offset", self.offset, length)
-        if self.start >= length:
-            raise ValueError(f"{key}.start = {self.start} m is not before the finger's tip at {length} m")
 
     def along(self, length: float, inside: float, outside: float) -> Curve:
         """One value where it is and another elsewhere, along a finger of a length [m]."""

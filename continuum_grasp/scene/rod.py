@@ -211,11 +211,15 @@ class Rod(Value):
         keys = ("diameter", "youngs_modulus", "density", "rotary_inertia", "linear_density", "bending_stiffness")
         return (RodSection(to=self.length, **{key: getattr(self, key) for key in keys}),)
 
-    def check_inside(self, key: str, positions: Iterable[float]) -> None:
-        """Refuse positions beyond the tip, but for the rounding of sums; ``key`` has {} for the number of each."""
+    def check_inside(self, key: str, positions: Iterable[float], *, tip: bool = True) -> None:
+        """Refuse positions beyond the tip, but for the rounding of sums, or also those at it.
+
+        ``key`` has {} for the number of each.
+        """
         for k, at in enumerate(positions):
-            if at > self.length * (1 + 1e-9):
-                raise InputError(f"{at} m is beyond the finger's length of {self.length} m", key=key.format(k))
+            if at > self.length * (1 + 1e-9) if tip else at >= self.length:
+                words = "is beyond" if tip else "is not before the tip, at"
+                raise InputError(f"{at} m {words} the finger's length of {self.length} m", key=key.format(k))
 
     @property
     def graded(self) -> bool:

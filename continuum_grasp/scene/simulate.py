@@ -202,12 +202,7 @@ class FingerScene(Configuration, Surroundings):
         return (*[f"finger.{k + 1}" for k in range(len(self.contacts))], "finger.tip")
 
     def _check(self) -> None:
-        length = self.finger.rod.length
-        for k, at in enumerate(self.contacts):
-            if at >= length:
-                raise ValueError(
-                    f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
-                )
+        self.finger.rod.check_inside("contacts[{}]", self.contacts, tip=False)
         if self.fidelity.family is not None:
             self.finger.check_family("fidelity.family", self.fidelity.family)
 
