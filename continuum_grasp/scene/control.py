@@ -233,12 +233,7 @@ class ControlScene(CommandedScene):
         if estimator.measured.bending is not None:
             self.finger.rod.check_inside("estimator.measured.bending.at[{}]", estimator.measured.bending.at)
         # The estimator corrects the state of a past period and repeats the inputs since, which it has one per period.
-        periods = estimator.delay / self.controller.step
-        if abs(periods - round(periods)) > 1e-6 * max(1.0, periods):
-            raise ValueError(
-                f"estimator.delay = {estimator.delay} s is not a whole number of control periods of "
-                f"{self.controller.step} s"
-            )
+        self._check_whole("estimator.delay", estimator.delay, self.controller.step, "control periods")
 
     def scenario_parameters(self, key: str) -> tuple[str, ...]:
         """Names of the model parameters that a key of ``controller.scenarios`` changes."""

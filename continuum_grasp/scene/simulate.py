@@ -160,11 +160,7 @@ class Timing(Value):
                 f"{MOST_STATES} can be stored: take a longer step (the integrator takes sub-steps of its own) or a "
                 "shorter duration"
             )
-        # Decimal steps such as 0.001 are no binary fractions, so that the quotient is whole but for rounding.
-        if abs(count - round(count)) > 1e-6 * count:
-            raise ValueError(
-                f"duration must be a whole number of steps, got {self.duration} s in steps of {self.step} s"
-            )
+        self._check_whole("duration", self.duration, self.step, "steps")
 
 
 class FingerScene(Configuration, Surroundings):

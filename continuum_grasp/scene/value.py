@@ -95,6 +95,13 @@ class Value(BaseModel):
         if values is not None and len(values) != count:
             raise ValueError(f"{key} must have one entry per {of} ({count}), got {len(values)}")
 
+    def _check_whole(self, key: str, span: float, step: float, what: str) -> None:
+        """Refuse a time that is not a whole number of steps [s]."""
+        # Decimal steps such as 0.001 are no binary fractions, so that the quotient is whole but for rounding.
+        count = span / step
+        if abs(count - round(count)) > 1e-6 * count:
+            raise ValueError(f"{key} must be a whole number of {what}, got {span} s in {what} of {step} s")
+
     def changed(self, changes: Overrides) -> Self:
         """Return a copy in which some entries have other values, checked as a whole.
 
