@@ -35,10 +35,7 @@ def test_a_pair_is_two_tendons_of_one_shape():
     assert pair.tendon_list == alike.tendon_list
     assert pair.channels == alike.channels
     assert [channel.arms for channel in pair.channels] == [(0.01, -0.01)]
-    assert [(one.name, one.least, one.most) for one in pair.inputs] == [
-        ("tension_1", 1.0, 20.0),
-        ("tension_2", 1.0, 20.0),
-    ]
+    assert [one[1:] for one in pair.inputs] == [(f"tension_{k}", "N", 1.0, 20.0) for k in (1, 2)]
     assert pair.has_tendon_friction
 
 
@@ -114,10 +111,7 @@ REFUSED = {
         lambda: finger({"offset": 0.01, "conduit_bend": 1.0}),
         "tendons[0].conduit_bend: needs friction",
     ),
-    "limits": (
-        lambda: finger({"offset": 0.1, "min_tension": 20.0}),
-        "tendons[0].min_tension: min_tension = 20 is not below",
-    ),
+    "limits": (lambda: finger({"offset": 0.1, "min_tension": 20.0}), "tendons[0].min_tension: min_tension = 20 is"),
 }
 
 
