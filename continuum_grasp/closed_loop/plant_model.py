@@ -382,7 +382,8 @@ class PlantModel(Remade):
     @property
     def contact_force(self) -> ca.SX:
         """Normal forces [N] at the contacts that the controller follows, in its order."""
-        return self.touch["normal_force"][self.rows_of(self.control.tracked_contacts)]
+        tracked = self.control.controller.cost.tracked_contacts("contact_force", self.control.contact_names)
+        return self.touch["normal_force"][self.rows_of(tracked)]
 
     def rows_of(self, contacts: Sequence[str]) -> list[int]:
         """Where contacts of the controller are among those of the plant."""

@@ -195,8 +195,8 @@ class ControlScene(CommandedScene):
 
     def _check_references(self) -> None:
         cost = self.controller.cost
-        for key, names in (("contact_force", self.tracked_contacts), ("gap", cost.tracked_gaps(self.contact_names))):
-            for name in names:
+        for key in ("contact_force", "gap"):
+            for name in cost.tracked_contacts(key, self.contact_names):
                 if name not in self.contact_names:
                     known = ", ".join(self.contact_names)
                     raise ValueError(f"controller.cost.{key}.of: expected some of {known}, got {name!r:.60}")
@@ -248,11 +248,6 @@ class ControlScene(CommandedScene):
             name for one in self.controller.scenarios for key in one.changes for name in self.scenario_parameters(key)
         ]
         return tuple(dict.fromkeys((*self.parameters, *varied)))
-
-    @property
-    def tracked_contacts(self) -> tuple[str, ...]:
-        """Names of the contacts whose normal force is tracked."""
-        return self.controller.cost.tracked_contacts(self.contact_names)
 
     @property
     def disturbances(self) -> frozenset[str]:
