@@ -35,6 +35,7 @@ class _Kind(NamedTuple):
     keys: str
     """Some by which the kind is recognized."""
     command: str | None
+    """That runs it; None: a finger alone is not run."""
 
     @property
     def expected(self) -> str:
@@ -42,7 +43,7 @@ class _Kind(NamedTuple):
         return f"{self.words} ({self.keys}, ...)"
 
 
-SCENE_KINDS = {
+KINDS = {
     "simulate": _Kind("simulate", "Scene", "a scene", "finger, gravity", "simulate"),
     "identify": _Kind("identify", "IdentifyScene", "an identification", "finger, estimate", "identify"),
     "grasp": _Kind("grasp", "GraspScene", "a grasp", "finger, object", "grasp"),
@@ -53,10 +54,7 @@ SCENE_KINDS = {
     "design": _Kind("design", "Design", "a design", "scene, variables, minimize", "design"),
     "finger": _Kind("finger", "Finger", "a finger alone", "rod", None),
 }
-KINDS = tuple(SCENE_KINDS)
-"""Of configurations."""
-COMMANDS = {name: kind.command for name, kind in SCENE_KINDS.items()}
-"""The command that runs each kind; None: a finger alone is not run."""
+"""Of configurations, by name."""
 
 
 def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
@@ -144,8 +142,8 @@ def _each(kind: type | tuple[type, ...]) -> tuple[type, ...]:
 def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], loaded: Loaded) -> InputError:
     """The error that a file is of another kind than those wanted, and which command takes it."""
     names = [one.__name__ for one in _each(wanted)]
-    asked = [kind for kind in SCENE_KINDS.values() if kind.model in names]
-    got = SCENE_KINDS[kind_of_scene(loaded)]
+    asked = [kind for kind in KINDS.values() if kind.model in names]
+    got = KINDS[kind_of_scene(loaded)]
     advice = f" (continuum-grasp {got.command})" if got.command else ""
     expected = " or ".join(kind.expected for kind in asked)
     return InputError(f"expected {expected}, got {got.words}{advice}", file=os.fspath(file))
@@ -153,14 +151,14 @@ def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], lo
 
 def kind_of_scene(loaded: Loaded) -> str:
     """What kind of configuration a loaded one is."""
-    return next(name for name, kind in SCENE_KINDS.items() if kind.model == type(loaded).__name__)
+    return next(name for name, kind in KINDS.items() if kind.model == type(loaded).__name__)
 
 
 def model_of(kind: str) -> type[BaseModel]:
     """The model of a kind of configuration."""
-    if kind not in SCENE_KINDS:
-        raise InputError(f"no such kind of configuration: expected one of {', '.join(SCENE_KINDS)}, got {kind!r}")
+    if kind not in KINDS:
+        raise InputError(f"no such kind of configuration: expected one of {', '.join(KINDS)}, got {kind!r}")
     # A kind's module is loaded with its first file: a simulation needs none of those of control.
-    module = import_module(f"continuum_grasp.scene.{SCENE_KINDS[kind].module}")
-    found: type[BaseModel] = getattr(module, SCENE_KINDS[kind].model)
+    module = import_module(f"continuum_grasp.scene.{KINDS[kind].module}")
+    found: type[BaseModel] = getattr(module, KINDS[kind].model)
     return found

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import assembled, changed, kind_of, named_file, path_of, placed, validated
 from continuum_grasp.scene.document import Change, Document, KeyPath
-from continuum_grasp.scene.load import SCENE_KINDS, model_of
+from continuum_grasp.scene.load import KINDS, model_of
 from continuum_grasp.scene.problems import input_error, nearest
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.sweep import Draw, Sweep
@@ -130,7 +130,7 @@ class SceneKeys:
         self.base = assembled(self.file, fixed)
         self.kind = kind_of(self.base.value)
         if self.kind not in kinds:
-            expected = " or ".join(SCENE_KINDS[kind].expected for kind in kinds)
+            expected = " or ".join(KINDS[kind].expected for kind in kinds)
             raise place.error(f"expected {expected}, got a file of kind {self.kind}", ("scene",))
         self.model = model_of(self.kind)
         validated(self.base, self.model)
