@@ -45,9 +45,9 @@ class Example:
     @property
     def verb(self) -> str:
         """The command that runs it; a finger alone can only be checked."""
-        from continuum_grasp.scene.load import COMMANDS
+        from continuum_grasp.scene.load import KINDS
 
-        return COMMANDS[self.kind] or "validate"
+        return KINDS[self.kind].command or "validate"
 
     @cached_property
     def files(self) -> tuple[Path, ...]:
@@ -106,7 +106,7 @@ def examples() -> dict[str, Example]:
     from continuum_grasp.scene.load import KINDS
 
     found = [_example(path) for path in sorted((shipped_folder() / "configs").glob("*/*.yaml"))]
-    return {one.name: one for one in sorted(found, key=lambda one: KINDS.index(one.kind))}
+    return {one.name: one for one in sorted(found, key=lambda one: list(KINDS).index(one.kind))}
 
 
 def example(name: str) -> Example:

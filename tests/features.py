@@ -243,7 +243,7 @@ def _problem(scene: GraspScene) -> Iterator[object]:
 def _fit(scene: Scene) -> Iterator[object]:
     """What identification predicts of poses."""
     whole = IdentifyScene(**{**dict(scene), "estimate": [{"name": "bending_stiffness"}]})
-    given = {name.partition(" ")[0]: np.full(2, 1e-3) for name in scene.finger.input_labels}
+    given = {one.name: np.full(2, 1e-3) for one in scene.finger.inputs}
     poses = Poses([Reading("bend", [0.3, 0.6])], given)
     yield _block(whole, poses, read_unknowns(whole, whole.estimate)).predict(np.ones(1))
 

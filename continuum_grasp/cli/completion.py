@@ -36,10 +36,10 @@ def complete_kind(incomplete: str) -> list[str]:
 
 def complete_config(ctx: typer.Context, incomplete: str) -> list[str]:
     """Configurations in and below the folder that is typed, of the kinds that the verb takes."""
-    from continuum_grasp.scene.load import COMMANDS
+    from continuum_grasp.scene.load import KINDS
 
     verb = ctx.info_name or ""
-    wanted = _ALSO.get(verb) or {kind for kind, command in COMMANDS.items() if command == verb} or set(COMMANDS)
+    wanted = _ALSO.get(verb) or {name for name, kind in KINDS.items() if kind.command == verb} or set(KINDS)
     folder, _, _ = incomplete.rpartition("/")
     at = "/" if incomplete.startswith("/") and not folder else folder
     found = (path for path in islice(_entries(at, _DEPTH), _MOST) if path.endswith((".yaml", ".yml")))

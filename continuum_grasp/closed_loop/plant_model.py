@@ -134,7 +134,7 @@ class PlantModel(Remade):
         self._order = scene.plant.drive_order
         # A matched tip moves with its moment: without a lag of second order it would jump.
         jumps = self._lag is None or self._order == 1 or bool(finger.chambers)
-        family = scene.plant.fidelity.family or default_family(free_tip=jumps or finger.needs_free_tip)
+        family = scene.plant.fidelity.family or default_family(free_tip=jumps or bool(finger.free_tip_reasons))
         # The lag is the plant's own, whose sensors read every tension: the system's x has what bends it alone.
         own = self.scene.replaced(finger=finger.with_tendons(time_constant=None))
         guides = scene.plant.guides
@@ -382,7 +382,8 @@ class PlantModel(Remade):
     @property
     def contact_force(self) -> ca.SX:
         """Normal forces [N] at the contacts that the controller follows, in its order."""
-        return self.touch["normal_force"][self.rows_of(self.control.tracked_contacts)]
+        tracked = self.control.controller.cost.tracked_contacts("contact_force", self.control.contact_names)
+        return self.touch["normal_force"][self.rows_of(tracked)]
 
     def rows_of(self, contacts: Sequence[str]) -> list[int]:
         """Where contacts of the controller are among those of the plant."""

@@ -71,7 +71,8 @@ class _PlantQuantities:
     @property
     def gap(self) -> ca.SX:
         control = self.plant.control
-        return self.plant.touch["gap"][self.plant.rows_of(control.controller.cost.tracked_gaps(control.contact_names))]
+        tracked = control.controller.cost.tracked_contacts("gap", control.contact_names)
+        return self.plant.touch["gap"][self.plant.rows_of(tracked)]
 
     @property
     def object_pose(self) -> ca.SX:

@@ -113,7 +113,7 @@ class Prediction(Remade):
         self._own_lag = scene.lag if "tip_moment" in finger.input_keys else None
         # By friction and stops the tip's bending depends on the shape, and without a lag it jumps: a matched tip has
         # neither.
-        family = fidelity.family or default_family(free_tip=finger.needs_free_tip or scene.lag is None)
+        family = fidelity.family or default_family(free_tip=bool(finger.free_tip_reasons) or scene.lag is None)
         matches_tip = FAMILIES[family].matches_tip
         self.system = System(
             finger,
@@ -151,7 +151,8 @@ class Prediction(Remade):
         channels = [c for c in finger.channels if any(c.arms)]
         if not channels:
             return _greatest((1.0,), self.scene.input_limits)
-        return sum(abs(c.gain) * _greatest(c.arms, finger.pull_limits) for c in channels)
+        limits = [one.least for one in finger.pulls], [one.most for one in finger.pulls]
+        return sum(abs(c.gain) * _greatest(c.arms, limits) for c in channels)
 
     @property
     def driven(self) -> tuple[DriveState, ...]:
@@ -174,7 +175,7 @@ class Prediction(Remade):
     def _wound(self, number: int, winch: Winch, state: int) -> DriveState:
         """Position of a winch: commanded, or as far as a motor turns when it bends the finger over its range."""
         least, most = self.scene.input_limits
-        follows = tuple(float(k == number) for k in range(self.nu)) if winch.drive.limit is None else ()
+        follows = tuple(float(k == number) for k in range(self.nu)) if np.isinf(winch.drive.limit) else ()
         reach = max(-least[number], most[number])
         if isinstance(winch, Motor) and not follows:
             finger = self.scene.finger
@@ -352,7 +353,10 @@ class Prediction(Remade):
         # The seed is fixed: the number of steps follows, and with it the generated C, which must repeat.
         rng = np.random.default_rng(0)
         largest = 0.0 if self.scene.lag is None else 1.0 / self.scene.lag
-        finger, most = self.system.finger_model, max(self.scene.finger.tension_limits[1], default=0.0)
+        finger, most = (
+            self.system.finger_model,
+            max((one.max_tension for one in self.scene.finger.tendon_list), default=0.0),
+        )
         cells = len(finger.friction_names)
         parameters = np.array(self.p_nominal) if p is None else p
         for shape in self.shapes():
@@ -387,7 +391,7 @@ def _drives(scene: ModelScene) -> list[tuple[tuple[float, ...], float | None]]:
     return own
 
 
-def _greatest(arms: tuple[float, ...], limits: tuple[tuple[float, ...], tuple[float, ...]]) -> float:
+def _greatest(arms: tuple[float, ...], limits: tuple[Sequence[float], Sequence[float]]) -> float:
     found = np.array(limits) * np.array(arms)
     return float(max(found.max(axis=0).sum(), -found.min(axis=0).sum()))
 

@@ -19,7 +19,7 @@ from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
-from continuum_grasp.scene.profile import Channel
+from continuum_grasp.scene.drives import Pull
 
 _USUAL_RATE = 10.0
 """Bending ranges per second of usual motions."""
@@ -109,7 +109,7 @@ def _usual_drive(model: FingerModel, name: str) -> float | None:
         return min(max(-least, most), usual_moment / abs(channel.gain * arm))
     winch = model.structure.winches[number]
     if kind in ("torque", "current"):
-        return winch.drive.limit
+        return winch.drive.limit if math.isfinite(winch.drive.limit) else None
     tendon = model.finger.tendon_list[winch.tendons[0]]
     bend = tendon.greatest_offset * sum(model.ranges)
     return float((bend + tendon.max_tension / winch.stiffness) / winch.radius)
@@ -128,7 +128,7 @@ def input_fields(model: FingerModel) -> tuple[Field, ...]:
             found.append(field.within(min(least, 0.0), max(most, 0.0), size))
         else:
             high = model.structure.winches[int(drive[2]) - 1].drive.limit
-            found.append(field.within(-high, high, size) if high else field.around(size))
+            found.append(field.within(-high, high, size) if math.isfinite(high) else field.around(size))
     return tuple(found)
 
 
@@ -304,11 +304,11 @@ def _of_curvature(
 _DRIVE = r"(tension|pressure|length|motor_angle|torque|current|angle)_(\d+)"
 
 
-def _pulled(model: FingerModel, drive: re.Match[str]) -> tuple[float, float, Channel, float]:
-    """Least and greatest of what may be commanded of a tendon or a chamber, its channel, and its arm there."""
+def _pulled(model: FingerModel, drive: re.Match[str]) -> Pull:
+    """By what the command of a tendon or a chamber bends the finger."""
     finger = model.finger
     place = int(drive[2]) - 1 + (len(finger.tendon_list) if drive[1] == "pressure" else 0)
-    return finger.pull_limits[0][place], finger.pull_limits[1][place], *finger.pulls[place]
+    return finger.pulls[place]
 
 
 def _description(model: FingerModel, name: str) -> str:

@@ -185,7 +185,7 @@ def design_excitation(scene: IdentifyScene) -> ExcitationPlan:
     found = _predicted(unknowns, values, jacobian.reshape(-1, len(unknowns)))
     warnings = [one.replace("the data", "these commands") for one in found.warnings]
     each = np.stack([np.sum(jacobian[own] ** 2, axis=(0, 1)) for own in segments], axis=1)
-    labels = scene.finger.input_labels
+    labels = tuple(one.label for one in scene.finger.inputs)
     return ExcitationPlan(
         names=tuple(one.name for one in unknowns),
         units=tuple(one.unit for one in unknowns),

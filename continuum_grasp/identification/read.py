@@ -171,7 +171,7 @@ def _readings(measured: Sequence[ReadingColumn], table: Table, scene: Scene, key
 
 def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, key: str) -> Scene:
     """The scene under commands that were logged, smooth between their instants."""
-    names = [name for name, _ in scene.finger.inputs]
+    names = [one.name for one in scene.finger.inputs]
     unknown = [name for name in commands if name not in names]
     if unknown:
         message = f"{unknown[0]} is no command of the drives; expected {', '.join(names)}"

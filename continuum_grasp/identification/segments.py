@@ -113,7 +113,7 @@ def _patterns_of_drives(scene: Scene) -> list[Pattern]:
     cable = bend * offset + strong / float(winches[0].stiffness)
     drive = finger.winches[0]
     if isinstance(drive, MotorDrive):
-        cable = cable / drive.winch_radius if key == "angles" else float(drive.limit or 0.0)
+        cable = cable / drive.winch_radius if key == "angles" else drive.limit
     if drive.arrangement == "one_pulley":
         return [Pattern(name, np.array([way]), cable) for name, way in directions.items()]
     # Those on the other side pay out what their path takes: they stay as taut as they are.
@@ -161,10 +161,9 @@ class Design:
         return low
 
     def _allowed(self, u: Array) -> bool:
-        model, reach = self._model, self.options.reach
-        tendons, drives = model.finger.tendon_list, model.finger.winches
-        limits = [drive.limit for drive in drives] if drives else [one.max_tension for one in tendons]
-        if any(limit is not None and abs(one) > reach * limit for one, limit in zip(u, limits, strict=False)):
+        model, reach, tendons = self._model, self.options.reach, self._model.finger.tendon_list
+        limits = [one.most for one in model.finger.inputs if one.key != "pressures"]
+        if any(abs(one) > reach * limit for one, limit in zip(u, limits, strict=False)):
             return False
         w = self._forces
         given = np.concatenate([u, np.zeros(model.nu - u.size)])
@@ -174,7 +173,7 @@ class Design:
             return False
         use = np.array(model.range_use(found.q, given, model.p_nominal)).max()
         history = (found.history,) if found.history.size else ()
-        if not drives:
+        if not model.finger.winches:
             return bool(use <= reach)
         tensions = np.array(model.tensions_at_rest()(found.q, given, model.p_nominal, *history)).ravel()
         most = np.array([one.max_tension for one in tendons])

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.data import UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
 from continuum_grasp.identification.read import unit_of_entry
-from continuum_grasp.labels import name_of, split_unit
 from continuum_grasp.scene.loads import by_key
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import units_of
@@ -68,7 +67,7 @@ def slips_of(given: Sequence[Pair]) -> Iterator[Slip]:
         powers = _GROUPS.get(group, dict.fromkeys(names, 1))
         for words, factor in _factors(group, *units[names[0]], names[0]) if names else ():
             yield Slip(f"{group} {words}", {name: (name, factor ** powers[name]) for name in names})
-    names = [name_of(label) for label in given[0][1].finger.input_labels]
+    names = [one.name for one in given[0][1].finger.inputs]
     commands = _renumbered(names)
     rows = [_renumbered([f"{one} {k + 1}" for k in range(len(names))]) for one in UNIT_OF if f"{one} 1" in units]
     readings = {name: to for row in rows for name, to in row.items()}
@@ -93,7 +92,7 @@ def undone(slip: Slip, data: Data, scene: Scene) -> Pair | None:
 
 def _columns(data: Data, scene: Scene) -> dict[str, str]:
     """Columns of the data, and commands of the scene, with SI units; those of conditions are left open."""
-    found = dict(map(split_unit, scene.finger.input_labels)) if scene.actuation is not None else {}
+    found = {one.name: one.unit for one in scene.finger.inputs} if scene.actuation is not None else {}
     if isinstance(data, TipPath):
         found["t"] = "s"
     else:
@@ -157,7 +156,7 @@ def _changes(slip: Slip, scene: Scene) -> Iterator[tuple[str, Any]]:
         yield "finger.base.angle", math.remainder(scene.finger.base.angle + slip.turn, 2.0 * math.pi)
     if slip.gravity != 1.0:
         yield "gravity", tuple(slip.gravity * one for one in scene.gravity)
-    names = [name_of(label) for label in scene.finger.input_labels]
+    names = [one.name for one in scene.finger.inputs]
     if scene.actuation is None or not slip.columns.keys() & {"t", *names}:
         return
     given = scene.actuation.values

@@ -157,8 +157,9 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
     # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
     edges = np.minimum(np.cumsum([0.0, *lengths]), finger.rod.length)
     own = ("time_constant", "drive", "axial_stiffness", "series_stiffness")
-    free, least = placed.with_tendons(**dict.fromkeys(own)), np.array(placed.tension_limits[0])
-    most = np.array(finger.tension_limits[1])
+    free = placed.with_tendons(**dict.fromkeys(own))
+    least = np.array([one.min_tension for one in placed.tendon_list])
+    most = np.array([one.max_tension for one in finger.tendon_list])
     before, angles, _ = _about_to_touch(control, free, body, tensions, (least, most), edges)
     if mission.turn is not None:
         _check_start(control, _about_to_touch(control, free, object_of(control), tensions, (least, most), edges)[2])
@@ -243,7 +244,9 @@ def _control_scene(
         gravity=mission.plane_gravity,
         contacts=stations,
         **_surroundings(mission, body),
-        fidelity=Fidelity(family=default_family(free_tip=finger.needs_free_tip), elements=lengths, bending_range=reach),
+        fidelity=Fidelity(
+            family=default_family(free_tip=bool(finger.free_tip_reasons)), elements=lengths, bending_range=reach
+        ),
         parameters=tuple(sorted(({"bending_stiffness", "tendon_friction"} & estimated) | adapted)),
         controller=Controller(
             period=asked.period,

@@ -44,11 +44,11 @@ class Commands:
     def _drawn(self, tendon: int, angles: Array) -> tuple[float, float]:
         """How much of a tendon is drawn in by the bend [m], and by tension [m/N]."""
         own = self._finger.tendon_list[tendon]
-        channel = next(one for one in self._finger.channels if one.arms[tendon])
+        _, _, channel, arm = self._finger.pulls[tendon]
         middle = 0.5 * (self._s[1:] + self._s[:-1])
         inside = np.clip(np.diff(np.minimum(self._s, channel.to)), 0.0, None)
         bends = np.diff(angles)
-        path = channel.arms[tendon] * float(channel.shape(middle) @ bends)
+        path = arm * float(channel.shape(middle) @ bends)
         # A tendon that was drawn in loses tension towards its end, one that was let out gains it.
         passed = own.conduit_bend + np.cumsum(np.abs(bends)) - 0.5 * np.abs(bends)
         share = np.exp(-math.copysign(own.friction, path) * passed)

@@ -162,7 +162,7 @@ class LiftCheck:
         for k, one in enumerate(self._of):
             command, names = self._seen[k].command, one.control.contact_names
             if "tensions" in one.control.finger.input_keys:
-                most = np.array(one.control.finger.tension_limits[1])
+                most = np.array([tendon.max_tension for tendon in one.control.finger.tendon_list])
                 if (command.u >= _AT_LIMIT * most).any():
                     return f"the drive of {one.name} is at its limit of {most.max():.3g} N"
             borne = command.contact_forces.force[names.index(one.contact)]

@@ -247,7 +247,7 @@ class Timetable:
         bends = np.outer(begun, of.bends) + np.outer(closed, of.posture - of.bends)
         columns: dict[str, Array] = {f"contact_force_{name} [N]": closed * force for name, force in of.forces.items()}
         columns |= {f"bending_{k + 1} [rad]": column for k, column in enumerate(bends.T)}
-        columns |= dict(zip(of.control.finger.input_labels, inputs.T, strict=True))
+        columns |= {one.label: column for one, column in zip(of.control.finger.inputs, inputs.T, strict=True)}
         if (turn := of.mission.turn) is not None:
             touched, turned = np.zeros_like(t), np.zeros_like(t)
             for k in self.strokes:

@@ -226,7 +226,7 @@ class _OnPlant:
         """Whether the drives have the tensions of the grasp."""
         found = []
         for finger in self.fingers:
-            most = np.array(finger.control.finger.tension_limits[1])
+            most = np.array([one.max_tension for one in finger.control.finger.tendon_list])
             worst = int(np.argmax(finger.tensions / most))
             needed, limit = float(finger.tensions[worst]), float(most[worst])
             if needed <= limit * (1.0 + ROUNDING):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from continuum_grasp.model.planar import Scalar
+from continuum_grasp.scene.drives import Input
 from continuum_grasp.scene.profile import Curve
 
 
@@ -14,7 +15,7 @@ from continuum_grasp.scene.profile import Curve
 class InputLayout:
     """What the input vector holds: values, then (for known moments that vary) their rates and accelerations."""
 
-    drives: tuple[tuple[str, str], ...]  # name and unit of each entry of the finger's own: tip moment, tensions, ...
+    drives: tuple[Input, ...]  # the finger's own: tip moment, tensions, ...
     couples: tuple[str, ...]  # names of the couples of the scene that are inputs
     rates: bool
 
@@ -26,7 +27,7 @@ class InputLayout:
     @property
     def labels(self) -> list[str]:
         """Name and unit of each entry of u."""
-        entries = [*self.drives, *((name, "N m") for name in self.couples)]
+        entries = [*((one.name, one.unit) for one in self.drives), *((name, "N m") for name in self.couples)]
         derivatives = (("", ""), ("_rate", "/s"), ("_acceleration", "/s2")) if self.rates else (("", ""),)
         return [f"{name}{word} [{unit}{per}]" for word, per in derivatives for name, unit in entries]
 

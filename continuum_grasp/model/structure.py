@@ -70,7 +70,7 @@ class Structure:
         # A number that is left open may grow by the places where the curvature has kinks or jumps.
         if elements is None:
             held = () if scene is None else scene.initial.held_by
-            family = choices.word("family", FAMILIES) or default_family(free_tip=self.finger.needs_free_tip)
+            family = choices.word("family", FAMILIES) or default_family(free_tip=bool(self.finger.free_tip_reasons))
             # A couple that is an input bends by a known shape there: it needs no element of its own.
             known = [load for load in self.loads if FAMILIES[family].matches_tip and self._is_input(load)]
             loads = [load for load in (*self.loads, *held) if load not in known]
@@ -163,7 +163,7 @@ class Structure:
     @property
     def needs_free_tip(self) -> bool:
         """Whether what the input bends is not known beforehand."""
-        return self.finger.needs_free_tip or bool(self._runtime_at_tip)
+        return bool(self.finger.free_tip_reasons or self._runtime_at_tip)
 
     @property
     def _runtime_at_tip(self) -> str:
@@ -277,7 +277,7 @@ class Structure:
         for k, one in enumerate(self.channels):
             arms = (*one.arms, *[0.0] * (drives - len(one.arms)))
             found.append(Source(one.shape, arms, lag=lag(one), tendon=k if own else None, wound=wound))
-        for one in self.finger.chamber_channels:
+        for _, _, one, _ in self.finger.pulls[len(self.finger.tendon_list) :]:
             # Of the input, whose last entries are chambers: drives may be fewer than tendons.
             arms = ((0.0,) * drives + one.arms)[-drives:]
             found.append(Source(one.shape, arms, lag=lag(one), gain=one.gain, chamber=True))
@@ -411,7 +411,7 @@ class Structure:
             name, unit = "tip_moment" if len(self.lagging) == 1 else f"moment_{k + 1}", "N m"
             if source.tendon is not None or source.chamber:
                 # A tension or a pressure of its own: that of an input.
-                name, unit = self.inputs.drives[np.flatnonzero(source.arms)[0]]
+                _, name, unit, *_ = self.inputs.drives[np.flatnonzero(source.arms)[0]]
             found += source.lag.states(name, unit)
         return found
 

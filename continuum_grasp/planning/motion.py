@@ -60,7 +60,7 @@ class Motion:
         self.bounded = state_bounds(scene.bounds, model)
         for k, name in enumerate(self.bounded.names):
             if name.startswith("tension_"):
-                most = scene.finger.tension_limits[1][int(name.removeprefix("tension_")) - 1]
+                most = scene.finger.tendon_list[int(name.removeprefix("tension_")) - 1].max_tension
                 self.bounded.least[k] = scene.least_tension / most
         self.hard = np.asarray(self.bounded.linear >= HARD.linear)
         self.linear = scene.input.form == "linear"

@@ -165,8 +165,8 @@ def _tendons(
 ) -> list[Tendon]:
     """Moments of tendons and chambers, of tendons with one shape and without friction together, scaled."""
     found = [
-        Tendon(channel.shape, channel.gain * pressure * scale)
-        for channel, pressure in zip(finger.chamber_channels, pressures, strict=True)
+        Tendon(pull.channel.shape, pull.channel.gain * pressure * scale)
+        for pull, pressure in zip(finger.pulls[len(finger.tendon_list) :], pressures, strict=True)
         if pressure != 0.0
     ]
     for channel in finger.channels:

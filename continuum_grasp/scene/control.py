@@ -195,8 +195,8 @@ class ControlScene(CommandedScene):
 
     def _check_references(self) -> None:
         cost = self.controller.cost
-        for key, names in (("contact_force", self.tracked_contacts), ("gap", cost.tracked_gaps(self.contact_names))):
-            for name in names:
+        for key in ("contact_force", "gap"):
+            for name in cost.tracked_contacts(key, self.contact_names):
                 if name not in self.contact_names:
                     known = ", ".join(self.contact_names)
                     raise ValueError(f"controller.cost.{key}.of: expected some of {known}, got {name!r:.60}")
@@ -211,7 +211,7 @@ class ControlScene(CommandedScene):
         instead of 5 % of the force).
         """
         rate, weight = self.controller.input.rate_max, self.controller.cost.input_rate
-        unit = f"{self.finger.inputs[0][1]}/s"
+        unit = f"{self.finger.inputs[0].unit}/s"
         # The rate at which the weighted square is one, as that of an error of its own unit.
         tolerated = 1.0 / math.sqrt(weight) if weight else math.inf
         tracks_force = self.controller.cost.contact_force is not None
@@ -233,12 +233,7 @@ class ControlScene(CommandedScene):
         if estimator.measured.bending is not None:
             self.finger.rod.check_inside("estimator.measured.bending.at[{}]", estimator.measured.bending.at)
         # The estimator corrects the state of a past period and repeats the inputs since, which it has one per period.
-        periods = estimator.delay / self.controller.step
-        if abs(periods - round(periods)) > 1e-6 * max(1.0, periods):
-            raise ValueError(
-                f"estimator.delay = {estimator.delay} s is not a whole number of control periods of "
-                f"{self.controller.step} s"
-            )
+        self._check_whole("estimator.delay", estimator.delay, self.controller.step, "control periods")
 
     def scenario_parameters(self, key: str) -> tuple[str, ...]:
         """Names of the model parameters that a key of ``controller.scenarios`` changes."""
@@ -253,11 +248,6 @@ class ControlScene(CommandedScene):
             name for one in self.controller.scenarios for key in one.changes for name in self.scenario_parameters(key)
         ]
         return tuple(dict.fromkeys((*self.parameters, *varied)))
-
-    @property
-    def tracked_contacts(self) -> tuple[str, ...]:
-        """Names of the contacts whose normal force is tracked."""
-        return self.controller.cost.tracked_contacts(self.contact_names)
 
     @property
     def disturbances(self) -> frozenset[str]:

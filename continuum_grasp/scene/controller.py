@@ -164,10 +164,10 @@ class CommandedScene(FingerScene):
         name, limits = self.finger.input_keys[0], self.limits
         if name == "tip_moment" and limits.moment_max is None:
             raise ValueError(f"{self.AT}.moment_max is needed: the greatest tip moment of a finger without tendons")
-        given = getattr(limits, name) if name in _RANGES else None
+        given = getattr(limits, name, None)
         if given is None and name in ("lengths", "angles"):
             raise ValueError(f"{self.AT}.{name} is needed: the least and the greatest that the drives are commanded")
-        most = min((drive.limit for drive in self.finger.winches if drive.limit is not None), default=math.inf)
+        most = min((drive.limit for drive in self.finger.winches), default=math.inf)
         if given is not None and max(map(abs, given)) > most:
             raise ValueError(f"{self.AT}.{name}: {list(given)} is beyond what drive.torque_max allows, {most:g}")
 
@@ -175,10 +175,10 @@ class CommandedScene(FingerScene):
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Least and greatest value of each input, in its unit."""
         finger, limits = self.finger, self.limits
-        ranges = list(zip(*finger.input_limits, strict=True))
+        ranges = [(one.least, one.most) for one in finger.inputs]
         if "tip_moment" in finger.input_keys:
             ranges = [(-(limits.moment_max or 0.0), limits.moment_max or 0.0)]
-        given = limits.lengths or limits.angles or limits.torques or limits.currents
+        given = getattr(limits, finger.input_keys[0], None)
         if given is not None:
             ranges[: len(finger.winches)] = [given] * len(finger.winches)
         return tuple(least for least, _ in ranges), tuple(most for _, most in ranges)

@@ -88,13 +88,10 @@ class Cost(Value):
         if not self.effort and not self.input_rate:
             raise ValueError("give effort or input_rate a weight greater than 0: without either inputs are not unique")
 
-    def tracked_contacts(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """Names of the contacts whose normal force is tracked, among those there are."""
-        return () if self.contact_force is None else self.contact_force.of or names
-
-    def tracked_gaps(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """Names of the contacts whose distance from the object is tracked, among those there are."""
-        return () if self.gap is None else self.gap.of or names
+    def tracked_contacts(self, term: str, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Names of the contacts that ``contact_force`` or ``gap`` tracks, among those there are."""
+        weight: ForceWeight | None = getattr(self, term)
+        return () if weight is None else weight.of or names
 
 
 Row = Annotated[tuple[Real, ...], Field(strict=False, min_length=1)]

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Positive, Real, Value, check_below, check_one_given
+from continuum_grasp.scene.value import Positive, Real, Value
 from continuum_grasp.scene.varied import InSI, Key, Varied
 
 QUANTITIES = {
@@ -44,7 +44,7 @@ class DesignVariable(Value):
     """What expressions call it; None: they do not name it."""
 
     def _check(self) -> None:
-        check_below(self, "min", "max")
+        self._check_below("min", "max")
         if self.spacing == "log" and self.min <= 0.0:
             raise ValueError(f"min = {self.min:g}: spacing: log needs positive bounds")
         if self.start is not None and not self.min <= self.start <= self.max:
@@ -62,7 +62,7 @@ class Tolerance(Value):
     """As a part of the value [1]."""
 
     def _check(self) -> None:
-        check_one_given(self, "amount", "share")
+        self._check_one_given("amount", "share")
 
 
 class QuantityLimit(Value):
@@ -76,7 +76,7 @@ class QuantityLimit(Value):
     def _check(self) -> None:
         if self.min is None and self.max is None:
             raise ValueError("give min, max, or both")
-        check_below(self, "min", "max")
+        self._check_below("min", "max")
 
 
 class DesignSolver(Value):

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import os
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.assembly import changed, validated
+from continuum_grasp.scene.assembly import changed, placed, validated
 from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.design import Design, DesignVariable, Tolerance
 from continuum_grasp.scene.document import Document, KeyPath, child
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.problems import input_error
-from continuum_grasp.scene.variation import SceneKey, SceneKeys, Tie
+from continuum_grasp.scene.variation import SceneKey, SceneKeys, Tie, fault_kinds
 
 _ONE = (
     "payload is that of one posture, not of a grasp that must hold for many; expected another cost and other limits, "
@@ -107,15 +106,10 @@ class DesignSpace:
         chosen = dict(zip(self.design.variables, actual, strict=True))
         puts += [(one.path, one.times * chosen[one.source] + one.plus) for one in self.following]
         document = self.cases[case]
-        data = copy.deepcopy(document.value)
-        for path, value in puts:
-            _put(data, path, value)
+        changes = [(path, placed(value, document.place(path))) for path, value in puts]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of the scene's file, which has been read
-            try:
-                found = GraspScene.model_validate(data)
-            except ValidationError as error:
-                raise input_error(error, GraspScene, Document(data, document.places)) from error
+            found = validated(changed(document, changes, self.file), GraspScene)
         _check_payload(self.design, found)
         return found
 
@@ -133,76 +127,55 @@ def _check_payload(design: Design, scene: GraspScene) -> None:
 
 def design_space_of(design: Design, document: Document, file: str | os.PathLike[str]) -> DesignSpace:
     """Resolve a design and check that its keys and values have their place in the scene."""
-    return _Resolver(design, document, Path(file)).space()
+    keys = SceneKeys(design, document, Path(file))
+    scene, variables = validated(keys.base, GraspScene), list(design.variables)
+    _check_payload(design, scene)
+    tolerated = []
+    for key, tolerance in design.tolerances.items():
+        path = keys.change(("tolerances", key), key, 0.0)[0]
+        number = variables.index(key) if key in variables else None
+        value = math.nan if key in variables else _number(keys, ("tolerances", key), scene, path)
+        tolerated.append(ToleratedKey(key, path, keys.unit(path), number, value, tolerance))
+    return DesignSpace(
+        design,
+        tuple(_coordinate(keys, key, variable, scene) for key, variable in design.variables.items()),
+        tuple(keys.tie(key, follow) for key, follow in design.follow.items()),
+        tuple(tolerated),
+        {name: _case(keys, name, changes) for name, changes in design.cases.items()} or {SINGLE: keys.base},
+        keys.file,
+    )
 
 
-class _Resolver(SceneKeys):
-    def __init__(self, design: Design, document: Document, file: Path) -> None:
-        super().__init__(design, document, file)
-        self.design = design
-
-    def space(self) -> DesignSpace:
-        design, keys = self.design, list(self.design.variables)
-        scene = validated(self.base, GraspScene)
-        _check_payload(design, scene)
-        coordinates = [self._coordinate(key, variable, scene) for key, variable in design.variables.items()]
-        following = [self.tie(key, follow) for key, follow in design.follow.items()]
-        tolerated = []
-        for key, tolerance in design.tolerances.items():
-            path = self.change(("tolerances", key), key, 0.0)[0]
-            value = math.nan if key in keys else self._number(("tolerances", key), scene, path)
-            variable = keys.index(key) if key in keys else None
-            tolerated.append(ToleratedKey(key, path, self.unit(path), variable, value, tolerance))
-        cases = {name: self._case(name, changes) for name, changes in design.cases.items()} or {SINGLE: self.base}
-        return DesignSpace(design, tuple(coordinates), tuple(following), tuple(tolerated), cases, self.file)
-
-    def _coordinate(self, key: str, variable: DesignVariable, scene: GraspScene) -> Coordinate:
-        where = ("variables", key)
-        path, _ = self.values(where, key, [variable.min, variable.max], listed=False)
-        start = variable.start
-        if start is None:
-            start = self._number(where, scene, path)
-            if not variable.min <= start <= variable.max:
-                message = f"the scene has {start:g}, not within {variable.min:g} and {variable.max:g}: give start"
-                raise self.document.nearest(where).error(message, where)
-        log = variable.spacing == "log"
-        return Coordinate(key, path, self.unit(path), variable.min, variable.max, start, log, variable.name)
-
-    def _number(self, where: KeyPath, scene: GraspScene, path: KeyPath) -> float:
-        """The number of the scene at a path, also one that its file leaves to the default."""
-        found: Any = scene
-        for part in path:
-            found = child(found, part)
-        if isinstance(found, bool) or not isinstance(found, int | float):
-            message = "the scene has no number there" + ("" if found is None else f", but {found!r:.60}")
-            raise self.document.nearest(where).error(message, where)
-        return float(found)
-
-    def _case(self, name: str, changes: Mapping[str, Any]) -> Document:
-        given = [self.change(("cases", name, key), key, value) for key, value in changes.items()]
-        found = changed(self.base, given, self.file)
-        try:
-            validated(found, GraspScene)
-        except InputError as error:
-            # Where the scene makes no sense as it is, the variables may repair it.
-            if not self._makes_sense(found):
-                raise error from None
-        found.value = self.shape.in_si((), found.value, found.value)
-        return found
-
-    def _makes_sense(self, document: Document) -> bool:
-        """Whether every key of a scene is right on its own."""
-        try:
-            GraspScene.model_validate(document.value)
-        except ValidationError as error:
-            return {one["type"] for one in error.errors(include_url=False, include_context=False)} == {"value_error"}
-        return True
+def _coordinate(keys: SceneKeys, key: str, variable: DesignVariable, scene: GraspScene) -> Coordinate:
+    where = ("variables", key)
+    path, _ = keys.values(where, key, [variable.min, variable.max], listed=False)
+    start = variable.start
+    if start is None:
+        start = _number(keys, where, scene, path)
+        if not variable.min <= start <= variable.max:
+            message = f"the scene has {start:g}, not within {variable.min:g} and {variable.max:g}: give start"
+            raise keys.document.nearest(where).error(message, where)
+    log = variable.spacing == "log"
+    return Coordinate(key, path, keys.unit(path), variable.min, variable.max, start, log, variable.name)
 
 
-def _put(data: Any, path: KeyPath, value: float) -> None:
-    for part in path[:-1]:
-        # A mapping that the file leaves to its defaults; a list has been checked to be there.
-        if isinstance(data, dict) and data.get(part) is None:
-            data[part] = {}
-        data = data[part]
-    data[path[-1]] = value
+def _number(keys: SceneKeys, where: KeyPath, scene: GraspScene, path: KeyPath) -> float:
+    """The number of the scene at a path, also one that its file leaves to the default."""
+    found: Any = reduce(child, path, scene)
+    if isinstance(found, bool) or not isinstance(found, int | float):
+        message = "the scene has no number there" + ("" if found is None else f", but {found!r:.60}")
+        raise keys.document.nearest(where).error(message, where)
+    return float(found)
+
+
+def _case(keys: SceneKeys, name: str, changes: Mapping[str, Any]) -> Document:
+    given = [keys.change(("cases", name, key), key, value) for key, value in changes.items()]
+    found = changed(keys.base, given, keys.file)
+    try:
+        validated(found, GraspScene)
+    except InputError as error:
+        # Where every key is right on its own but the scene makes no sense, the variables may repair it.
+        if not isinstance(error.__cause__, ValidationError) or fault_kinds(error.__cause__) != {"value_error"}:
+            raise error from None
+    found.value = keys.shape.in_si((), found.value, found.value)
+    return found

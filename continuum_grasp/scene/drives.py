@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated, ClassVar, Literal
+import math
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal, NamedTuple
 
 from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Extent, NonNegative, Positive, TimeConstant, Value
+
+if TYPE_CHECKING:
+    from continuum_grasp.scene.profile import Channel
 
 COMMANDS = {
     "tip_moment": ("tip_moment", "N m"),
@@ -26,6 +30,40 @@ _TAKES = (
     "tendons without drive, lengths with drive.kind: length; of motors angles with a position_gain, else currents with "
     "a torque_constant, else torques"
 )
+
+
+class Input(NamedTuple):
+    """One input of a finger."""
+
+    key: str  # in ``actuation``
+    name: str
+    unit: str
+    least: float  # as far as drives, tendons and chambers state it; else infinite
+    most: float
+
+    @property
+    def label(self) -> str:
+        """Name and unit in one word, as in ``u_names`` of the model."""
+        return f"{self.name} [{self.unit}]"
+
+
+def numbered(given: Iterable[tuple[str, float, float]]) -> tuple[Input, ...]:
+    """Inputs by their keys and limits, those of one key with numbers from 1 on."""
+    found: list[Input] = []
+    for key, least, most in given:
+        word, unit = COMMANDS[key]
+        number = 1 + sum(one.key == key for one in found)
+        found.append(Input(key, word if key == "tip_moment" else f"{word}_{number}", unit, least, most))
+    return tuple(found)
+
+
+class Pull(NamedTuple):
+    """By what the tension of a tendon [N], or the pressure of a chamber [Pa], bends the finger."""
+
+    least: float
+    most: float
+    channel: Channel
+    arm: float  # amplitude of the channel per tension [m], or per pressure
 
 
 def of_drives(whose: str, at: Sequence[str], *keys: str) -> tuple[Consumer, ...]:
@@ -80,9 +118,9 @@ class LengthDrive(_Winch):
         return 0.0
 
     @property
-    def limit(self) -> float | None:
-        """Greatest magnitude of a command; None: not limited."""
-        return None
+    def limit(self) -> float:
+        """Greatest magnitude of a command; infinite where it is not limited."""
+        return math.inf
 
 
 class MotorDrive(_Winch):
@@ -140,9 +178,9 @@ class MotorDrive(_Winch):
         return torque / (self.position_gain or self.torque_constant or 1.0)
 
     @property
-    def limit(self) -> float | None:
-        """Greatest magnitude of a command; None: not limited."""
-        return None if self.position_gain is not None else self.torque_max / (self.torque_constant or 1.0)
+    def limit(self) -> float:
+        """Greatest magnitude of a command; infinite where it is not limited."""
+        return math.inf if self.position_gain is not None else self.torque_max / (self.torque_constant or 1.0)
 
 
 WinchDrive = Annotated[LengthDrive | MotorDrive, Field(discriminator="kind")]

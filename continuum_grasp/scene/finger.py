@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import replace
 from functools import cached_property
 from itertools import product
@@ -14,13 +15,13 @@ from pydantic import Field
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.consumer import beside, excludes
 from continuum_grasp.scene.damping import Damping
-from continuum_grasp.scene.drives import COMMANDS, LengthDrive, MotorDrive
+from continuum_grasp.scene.drives import Input, LengthDrive, MotorDrive, Pull, numbered
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.graded import PiecewiseCurvature, Varying, ends
 from continuum_grasp.scene.pressure import Chamber, ChamberList
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.section_laws import FIT_MATCHED_TIP, SECTION_LAWS
-from continuum_grasp.scene.tendons import ALIKE, Tendon, TendonList, Tendons, channels, check_tendon, single_tendons
+from continuum_grasp.scene.tendons import ALIKE, Tendon, TendonList, Tendons, channels, check_tendon
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
@@ -31,6 +32,7 @@ from continuum_grasp.scene.value import (
     Positive,
     Real,
     Value,
+    check_shorter,
     doubt,
     doubt_outside,
 )
@@ -149,13 +151,9 @@ class Finger(Value):
     def _check(self) -> None:
         length, half = self.rod.length, self.half_thickness
         self.rod.check_inside("masses[{}].at", (mass.at for mass in self.masses))
-        if half is not None and half >= length:
-            raise ValueError(f"half_thickness = {half} m is not smaller than the finger's length of {length} m")
-        breaks = self.rest_curvature.breaks if isinstance(self.rest_curvature, PiecewiseCurvature) else ()
-        if breaks and breaks[-1] >= length:
-            raise ValueError(
-                f"rest_curvature.breaks end at {breaks[-1]} m, not before the finger's length of {length} m"
-            )
+        check_shorter("half_thickness", half or 0.0, length)
+        if isinstance(self.rest_curvature, PiecewiseCurvature):
+            self.rod.check_inside("rest_curvature.breaks[{}]", self.rest_curvature.breaks, tip=False)
         # Only a rod given by its density shows by its mass in which unit its user thinks.
         for k, m in enumerate(self.masses if self.rod.density is not None else ()):
             if m.mass > 1e3 * self.rod.mass:
@@ -164,7 +162,9 @@ class Finger(Value):
 
         self._check_tendons()
         for key, chamber in zip(self.places_of("pressure"), self.chambers, strict=True):
-            chamber.check_inside(key, length)
+            check_shorter(f"{key}.offset", chamber.offset, length)
+            self.rod.check_inside(f"{key}.start", [chamber.start], tip=False)
+            self.rod.check_inside(f"{key}.to", [chamber.to or 0.0])
         if self.stops is not None:
             self._check_stops(self.stops)
 
@@ -184,11 +184,11 @@ class Finger(Value):
                 )
 
     def _check_tendons(self) -> None:
-        for k, tendon in enumerate(self.tendon_list):
-            key = f"tendons[{k}]" if isinstance(self.tendons, tuple) else "tendons"
+        # Of a pair the second is the mirror image of the first.
+        for key, tendon in zip(self.places_of("tendons"), self.tendon_list, strict=False):
             check_tendon(key, tendon, self.rod.length)
-            key = f"{key}.offset"
-            most, half = tendon.greatest_offset, self.half_thickness
+            self.rod.check_inside(f"{key}.to", [tendon.to or 0.0])
+            key, most, half = f"{key}.offset", tendon.greatest_offset, self.half_thickness
             if half is not None and 0.0 < half < most:
                 doubt(
                     f"{key} = {most:g} m is more than half_thickness = {half:g} m: the tendons run outside the finger"
@@ -260,7 +260,10 @@ class Finger(Value):
     @cached_property
     def tendon_list(self) -> tuple[Tendon, ...]:
         """The single tendons: those of the list, or the two of a pair, that on the -X side first."""
-        return single_tendons(self.tendons)
+        if not isinstance(self.tendons, Tendons):
+            return self.tendons or ()
+        own, offset = dict(self.tendons), self.tendons.offset
+        return tuple(Tendon(**{**own, "offset": side * offset}) for side in (1.0, -1.0))
 
     @cached_property
     def chambers(self) -> tuple[Chamber, ...]:
@@ -268,14 +271,9 @@ class Finger(Value):
         return (self.pressure,) if isinstance(self.pressure, Chamber) else self.pressure or ()
 
     @property
-    def tendon_friction(self) -> float:
-        """Capstan friction coefficient of the tendons [1]."""
-        return max((tendon.friction for tendon in self.tendon_list), default=0.0)
-
-    @property
     def has_tendon_friction(self) -> bool:
         """Whether the tendons have friction."""
-        return self.tendon_friction > 0.0
+        return any(tendon.friction > 0.0 for tendon in self.tendon_list)
 
     @property
     def has_dry_friction(self) -> bool:
@@ -293,75 +291,52 @@ class Finger(Value):
         found = tuple(tendon.drive for tendon in self.tendon_list if tendon.drive is not None)
         return found[:1] if found and found[0].arrangement == "one_pulley" else found
 
+    @cached_property
+    def inputs(self) -> tuple[Input, ...]:
+        """The inputs, as the model has them: the tip moment, or those of drives or tensions, then pressures."""
+        own = [(drive.key, -drive.limit, drive.limit) for drive in self.winches]
+        own = own or [("tensions", one.min_tension, one.max_tension) for one in self.tendon_list]
+        own += [("pressures", one.min_pressure, one.max_pressure) for one in self.chambers]
+        return numbered(own or [("tip_moment", -math.inf, math.inf)])
+
     @property
     def input_keys(self) -> tuple[str, ...]:
-        """Of each input its key in ``actuation``: tip_moment, or those of drives or tensions, then pressures."""
-        drives = [drive.key for drive in self.winches] or ["tensions"] * len(self.tendon_list)
-        return (*drives, *["pressures"] * len(self.chambers)) or ("tip_moment",)
-
-    @property
-    def inputs(self) -> tuple[tuple[str, str], ...]:
-        """Name and unit of each input, as the model has them."""
-        keys = self.input_keys
-        numbers = (keys[: k + 1].count(key) for k, key in enumerate(keys))
-        words = [(*COMMANDS[key], number) for key, number in zip(keys, numbers, strict=True)]
-        return tuple((word if word == "tip_moment" else f"{word}_{k}", unit) for word, unit, k in words)
-
-    @property
-    def input_labels(self) -> tuple[str, ...]:
-        """Name and unit of each input in one word, as in ``u_names`` of the model."""
-        return tuple(f"{name} [{unit}]" for name, unit in self.inputs)
+        """Of each input its key in ``actuation``."""
+        return tuple(one.key for one in self.inputs)
 
     @property
     def input_words(self) -> str:
         """Number and names of its inputs, for messages."""
-        keys = self.input_keys
-        counts = {key: keys.count(key) for key in keys}
+        counts = Counter(self.input_keys)
         return "the tip moment" if "tip_moment" in counts else " and ".join(f"{n} {key}" for key, n in counts.items())
 
     @property
-    def needs_free_tip(self) -> bool:
-        """Whether its bending under an input is not known beforehand, as a matched tip needs it."""
-        laws = self.lagging_pressures or self._laws_of_free_tips or self._tip_bears_moments
-        return bool(self.has_tendon_friction or self.winches or laws)
-
-    @property
-    def why_free_tip(self) -> str:
-        """What a matched tip cannot carry, where the finger has it."""
+    def free_tip_reasons(self) -> tuple[str, ...]:
+        """What a matched tip, whose bending under an input is known beforehand, cannot carry; in words."""
+        winches, tip = self.winches, self.tip_body
+        laws = (key for key in SECTION_LAWS if key not in FIT_MATCHED_TIP)
         why = {
             "tendon friction": self.has_tendon_friction,
-            f"tendons with drive.kind: {self.winches[0].kind if self.winches else ''}": bool(self.winches),
+            f"tendons with drive.kind: {winches[0].kind if winches else ''}": winches,
             "pressures that follow by a first-order lag": self.lagging_pressures,
-            **dict.fromkeys(self._laws_of_free_tips, True),
+            **{SECTION_LAWS[key]: attrgetter(key.removeprefix("finger."))(self) for key in laws},
+            "a body at the tip that turns with it": tip and (tip.rotary_inertia or any(tip.center_of_mass)),
         }
-        return next((word for word, there in why.items() if there), "a body at the tip that turns with it")
+        return tuple(word for word, there in why.items() if there)
 
     @property
     def lagging_pressures(self) -> bool:
         """Whether pressures of chambers follow late, by a lag of first order: rates of their moments jump."""
         return any(chamber.time_constant is not None for chamber in self.chambers)
 
-    @property
-    def _laws_of_free_tips(self) -> list[str]:
-        """Laws of the sections by which the moment at the tip is not that of the input alone, in words."""
-        keys = (key for key in SECTION_LAWS if key not in FIT_MATCHED_TIP)
-        return [SECTION_LAWS[key] for key in keys if attrgetter(key.removeprefix("finger."))(self)]
-
-    @property
-    def _tip_bears_moments(self) -> bool:
-        """Whether the motion of a body at the tip bends the finger there."""
-        return self.tip_body is not None and (
-            self.tip_body.rotary_inertia > 0.0 or self.tip_body.center_of_mass != (0.0, 0.0)
-        )
-
     def check_family(self, key: str, family: str, runtime: str = "") -> None:
         """Refuse a curvature family, stated at ``key``, that cannot bend as the finger does.
 
         ``runtime`` says what else it cannot carry, of what a model has as run-time arguments.
         """
-        if FAMILIES[family].matches_tip and (runtime or self.needs_free_tip):
+        if FAMILIES[family].matches_tip and (runtime or self.free_tip_reasons):
             free = " or ".join(name for name in reversed(FAMILIES) if not FAMILIES[name].matches_tip)
-            what = f"{runtime or self.why_free_tip} (the moment at the tip then depends on the whole motion)"
+            what = f"{runtime or self.free_tip_reasons[0]} (the moment at the tip then depends on the whole motion)"
             raise InputError(f"{family} cannot carry {what}: use {free}", key=key)
 
     def with_tendons(self, **changes: Any) -> Self:
@@ -383,42 +358,17 @@ class Finger(Value):
             return tuple(f"{key}[{k}]" for k in range(len(given)))
         return () if given is None else (key,)
 
-    @property
-    def pull_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Least and greatest tension of each tendon [N], then pressure of each chamber [Pa], as in ``channels``."""
-        least, most = self.tension_limits
-        chambers = self.chambers
-        return (*least, *(c.min_pressure for c in chambers)), (*most, *(c.max_pressure for c in chambers))
-
-    @property
-    def tension_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Least and greatest tension of each tendon [N]."""
-        return tuple(t.min_tension for t in self.tendon_list), tuple(t.max_tension for t in self.tendon_list)
-
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
         """The moments by which tendons and chambers bend the finger."""
-        none = (0.0,) * len(self.chambers)
-        own = channels(self.rod.length, self.tendon_list)
-        return (*(replace(one, arms=one.arms + none) for one in own), *self.chamber_channels)
+        length, tendons, none = self.rod.length, len(self.tendon_list), (0.0,) * len(self.chambers)
+        own = (replace(one, arms=one.arms + none) for one in channels(length, self.tendon_list))
+        return (*own, *(one.channel(length, tendons + k, tendons + len(none)) for k, one in enumerate(self.chambers)))
 
     @property
-    def pulls(self) -> tuple[tuple[Channel, float], ...]:
-        """Of each tendon, then of each chamber: its channel, and its arm there."""
-        count = len(self.tendon_list) + len(self.chambers)
-        return tuple(next((one, one.arms[k]) for one in self.channels if one.arms[k]) for k in range(count))
-
-    @cached_property
-    def chamber_channels(self) -> tuple[Channel, ...]:
-        """The moments by which chambers bend the finger."""
-        tendons, count = len(self.tendon_list), len(self.tendon_list) + len(self.chambers)
-        return tuple(c.channel(self.rod.length, tendons + k, count) for k, c in enumerate(self.chambers))
-
-    @property
-    def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Least and greatest value of each input as far as drives, tendons and chambers state it; else infinite."""
-        drives = [(-math.inf, math.inf) if d.limit is None else (-d.limit, d.limit) for d in self.winches]
-        own = list(zip(*self.pull_limits, strict=True))
-        given = [*drives, *own[len(self.tendon_list) if drives else 0 :]]
-        least, most = zip(*(given or [(-math.inf, math.inf)]), strict=True)
-        return least, most
+    def pulls(self) -> tuple[Pull, ...]:
+        """Of each tendon, then of each chamber: by what its tension or pressure bends the finger."""
+        limits = [(one.min_tension, one.max_tension) for one in self.tendon_list]
+        limits += [(one.min_pressure, one.max_pressure) for one in self.chambers]
+        places = (next((one, one.arms[k]) for one in self.channels if one.arms[k]) for k in range(len(limits)))
+        return tuple(Pull(*own, *place) for own, place in zip(limits, places, strict=True))

@@ -41,10 +41,7 @@ class PiecewiseCurvature(Value):
     """Curvatures between them, one more than ``breaks`` [1/m]."""
 
     def _check(self) -> None:
-        if len(self.values) != len(self.breaks) + 1:
-            raise ValueError(
-                f"values must have one entry more than breaks ({len(self.breaks) + 1}), got {len(self.values)}"
-            )
+        self._check_count("values", self.values, len(self.breaks) + 1, "part between breaks and ends")
 
 
 class RodFactors(Value):
@@ -146,9 +143,7 @@ class RodSamples(Value):
         if self.at[0] != 0.0:
             raise ValueError(f"at[0] = {self.at[0]} m: the first sample must be at 0")
         for key in ("bending_stiffness", "linear_density", "rotary_inertia", "rest_curvature", "thickness"):
-            values = getattr(self, key)
-            if values is not None and len(values) != len(self.at):
-                raise ValueError(f"{key} must have one entry per position ({len(self.at)}), got {len(values)}")
+            self._check_count(key, getattr(self, key), len(self.at), "position")
 
 
 class SpiRob(Value):

@@ -33,7 +33,7 @@ from continuum_grasp.scene.objects.body import greatest_shift, pose_bounds
 from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Peg, Place, Supported, Switch
 from continuum_grasp.scene.tendons import Tendons
-from continuum_grasp.scene.value import Configuration, check_one_given
+from continuum_grasp.scene.value import Configuration
 
 # Names become parts of contact names, as in left.middle_1, and of columns in tables.
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
@@ -360,7 +360,7 @@ class GraspScene(Configuration, Supported):
             tip=contacts["tip"],
             before=(after,) if isinstance(after, int) else after,
             elements=count,
-            family=fidelity.family or default_family(free_tip=finger.needs_free_tip),
+            family=fidelity.family or default_family(free_tip=bool(finger.free_tip_reasons)),
             bending_range=fidelity.bending_range or bends,
             accuracy=fidelity.accuracy,
             middle_bounds=(low, high),
@@ -372,7 +372,7 @@ class GraspScene(Configuration, Supported):
     # -- sense -----------------------------------------------------------------------------------------------
 
     def _check(self) -> None:
-        check_one_given(self, "finger", "fingers")
+        self._check_one_given("finger", "fingers")
         for name in (*self.named_fingers, *self.supports):
             if not _NAME.fullmatch(name):
                 raise ValueError(f"{name!r:.40} is no name: expected letters, digits and _, beginning with a letter")

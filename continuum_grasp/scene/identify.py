@@ -9,7 +9,7 @@ from pydantic import Field
 from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value, check_below
+from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value
 
 Quantity = Literal["x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "current"]
 _OF_DRIVE = ("tension", "length", "motor_angle", "torque", "current")
@@ -224,7 +224,7 @@ class Estimate(Value):
     """Second moment of area [m4], for youngs_modulus of a rod that is given by its bending stiffness."""
 
     def _check(self) -> None:
-        check_below(self, "min", "max")
+        self._check_below("min", "max")
 
 
 class Excitation(Value):

@@ -68,8 +68,7 @@ class LearnedResidual(Value):
         n, k, m = len(self.coordinates), len(self.drives), len(self.kernels)
         d = 2 * n + k
         for name in ("center", "scale"):
-            if len(getattr(self, name)) != d:
-                raise ValueError(f"{name} must have an entry per coordinate, rate and drive ({d})")
+            self._check_count(name, getattr(self, name), d, "coordinate, rate and drive")
         if len({*self.coordinates, *self.drives}) < n + k:
             raise ValueError("coordinates and drives must differ from each other")
         for name, rows, width in (("metric", d, d), ("kernels", m, d), ("weights", n, 1 + 3 * n + n * k + m)):

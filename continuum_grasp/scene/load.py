@@ -45,9 +45,15 @@ class _Kind(NamedTuple):
     keys: str
     """Some by which the kind is recognized."""
     command: str | None
+    """That runs it; None: a finger alone is not run."""
+
+    @property
+    def expected(self) -> str:
+        """What errors say that is expected."""
+        return f"{self.words} ({self.keys}, ...)"
 
 
-_KINDS = {
+KINDS = {
     "simulate": _Kind("simulate", "Scene", "a scene", "finger, gravity", "simulate"),
     "identify": _Kind("identify", "IdentifyScene", "an identification", "finger, estimate", "identify"),
     "grasp": _Kind("grasp", "GraspScene", "a grasp", "finger, object", "grasp"),
@@ -58,10 +64,7 @@ _KINDS = {
     "design": _Kind("design", "Design", "a design", "scene, variables, minimize", "design"),
     "finger": _Kind("finger", "Finger", "a finger alone", "rod", None),
 }
-KINDS = tuple(_KINDS)
-"""Of configurations."""
-COMMANDS = {name: kind.command for name, kind in _KINDS.items()}
-"""The command that runs each kind; None: a finger alone is not run."""
+"""Of configurations, by name."""
 
 
 def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
@@ -161,23 +164,23 @@ def _each(kind: type | tuple[type, ...]) -> tuple[type, ...]:
 def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], loaded: Loaded) -> InputError:
     """The error that a file is of another kind than those wanted, and which command takes it."""
     names = [one.__name__ for one in _each(wanted)]
-    asked = [kind for kind in _KINDS.values() if kind.model in names]
-    got = _KINDS[kind_of_scene(loaded)]
+    asked = [kind for kind in KINDS.values() if kind.model in names]
+    got = KINDS[kind_of_scene(loaded)]
     advice = f" (continuum-grasp {got.command})" if got.command else ""
-    expected = " or ".join(f"{kind.words} ({kind.keys}, ...)" for kind in asked)
+    expected = " or ".join(kind.expected for kind in asked)
     return InputError(f"expected {expected}, got {got.words}{advice}", file=os.fspath(file))
 
 
 def kind_of_scene(loaded: Loaded) -> str:
     """What kind of configuration a loaded one is."""
-    return next(name for name, kind in _KINDS.items() if kind.model == type(loaded).__name__)
+    return next(name for name, kind in KINDS.items() if kind.model == type(loaded).__name__)
 
 
 def model_of(kind: str) -> type[BaseModel]:
     """The model of a kind of configuration."""
-    if kind not in _KINDS:
-        raise InputError(f"no such kind of configuration: expected one of {', '.join(_KINDS)}, got {kind!r}")
+    if kind not in KINDS:
+        raise InputError(f"no such kind of configuration: expected one of {', '.join(KINDS)}, got {kind!r}")
     # A kind's module is loaded with its first file: a simulation needs none of those of control.
-    module = import_module(f"continuum_grasp.scene.{_KINDS[kind].module}")
-    found: type[BaseModel] = getattr(module, _KINDS[kind].model)
+    module = import_module(f"continuum_grasp.scene.{KINDS[kind].module}")
+    found: type[BaseModel] = getattr(module, KINDS[kind].model)
     return found

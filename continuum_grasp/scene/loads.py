@@ -8,8 +8,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field
 
+from continuum_grasp.scene.drives import COMMANDS
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Distance, Increasing, Real, Value, Vector2, check_one_given
+from continuum_grasp.scene.value import Distance, Increasing, Real, Value, Vector2
 
 
 class Sampled(Value):
@@ -22,9 +23,7 @@ class Sampled(Value):
         # Closer instants give slopes that swamp the splines in rounding.
         if any(b - a < 1e-9 for a, b in pairwise(self.times)):
             raise ValueError("times must be 1e-9 s apart at least")
-        count = len(getattr(self, "values", ()))
-        if count != len(self.times):
-            raise ValueError(f"values must be as many as times ({len(self.times)}), got {count}")
+        self._check_count("values", getattr(self, "values", ()), len(self.times), "instant of times")
 
 
 class _Interpolated(Sampled):
@@ -76,9 +75,6 @@ class MomentLoad(Value):
 Load = Annotated[ForceLoad | MomentLoad, Field(discriminator="kind")]
 
 
-_OF_TENDONS = ("tensions", "lengths", "torques", "currents", "angles")
-
-
 def by_key(keys: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
     """Keys and values of an ``actuation``, of one command per key given: commands of one key together, in order."""
     given: dict[str, Any] = {}
@@ -108,7 +104,7 @@ class Actuation(Value):
     def _check(self) -> None:
         # Chambers may act beside tendons of one kind.
         if self.pressures is None or self.tip_moment is not None or len(self.given) > 2:
-            check_one_given(self, "tip_moment", *_OF_TENDONS, "pressures")
+            self._check_one_given(*COMMANDS)
 
     @classmethod
     def of(cls, keys: Sequence[str], values: Sequence[float | Samples]) -> Self:
@@ -118,9 +114,8 @@ class Actuation(Value):
     @property
     def given(self) -> dict[str, tuple[float | Samples, ...]]:
         """Commands by their key: one per drive and chamber, or the tip moment alone."""
-        own = {} if self.tip_moment is None else {"tip_moment": (self.tip_moment,)}
-        named = {key: getattr(self, key) for key in (*_OF_TENDONS, "pressures")}
-        return own | {key: values for key, values in named.items() if values is not None}
+        named = ((key, getattr(self, key)) for key in COMMANDS)
+        return {key: own if isinstance(own, tuple) else (own,) for key, own in named if own is not None}
 
     @property
     def values(self) -> tuple[float | Samples, ...]:

@@ -247,24 +247,16 @@ class MissionScene(Configuration):
     """Plants that differ at random, for ``--trials``."""
 
     def _check(self) -> None:
-        self._check_turn()
         for setup in self.grasp.setups:
+            # The tip is a contact already.
+            setup.finger.rod.check_inside("more_contacts[{}]", self.more_contacts, tip=False)
+            if self.turn is not None and setup.finger.base_free is None:
+                check_reach(setup.finger, "turn", {"position": self.turn.position}, body=self.grasp.object)
             own, where = setup.finger, "grasp.finger" if self.grasp.fingers is None else f"grasp.fingers.{setup.name}"
             if self.tendons is not None:
                 own, where = own.replaced(tendons=self.tendons), ""
             for one in _CARRIERS:
                 one.check(own, where)
-        # The tip is a contact already, and a contact at the clamped base could not move.
-        length = min(setup.finger.rod.length for setup in self.grasp.setups)
-        if any(not 0.0 < at < length for at in self.more_contacts):
-            raise ValueError(f"more_contacts must lie between base and tip of each finger, within {length} m")
-
-    def _check_turn(self) -> None:
-        if self.turn is None:
-            return
-        for finger in self.grasp.setups:
-            if finger.finger.base_free is None:
-                check_reach(finger.finger, "turn", {"position": self.turn.position}, body=self.grasp.object)
 
     @property
     def gravity(self) -> float:

@@ -17,7 +17,7 @@ from continuum_grasp.scene.simulate import Fidelity, Initial, check_commands
 from continuum_grasp.scene.solver import SolverOptions
 from continuum_grasp.scene.surroundings import ContactLaw
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Duration, Length, NonNegative, Position, Positive, Ratio, Value, check_below
+from continuum_grasp.scene.value import Duration, Length, NonNegative, Position, Positive, Ratio, Value
 
 
 def _exact(value: Any) -> Any:
@@ -61,8 +61,7 @@ class ShapeAim(_Aim):
     """Their world positions [m]."""
 
     def _check(self) -> None:
-        if len(self.value) != len(self.at):
-            raise ValueError(f"value: expected as many points as at ({len(self.at)}), got {len(self.value)}")
+        self._check_count("value", self.value, len(self.at), "position of at")
 
 
 Aim = Annotated[RowAim, BeforeValidator(_exact, json_schema_input_type=Row | RowAim)]
@@ -102,7 +101,7 @@ class DurationRange(Value):
     """Longest duration [s]."""
 
     def _check(self) -> None:
-        check_below(self, "least", "most")
+        self._check_below("least", "most")
 
 
 class PlanInput(InputLimits):

@@ -51,38 +51,24 @@ class Chamber(Value):
     def _check(self) -> None:
         if abs(self.offset) < LEAST_OFFSET:
             raise ValueError(f"offset = {self.offset} m: a chamber around the backbone bends nothing")
-        if self.min_pressure >= self.max_pressure:
-            raise ValueError(f"min_pressure ({self.min_pressure}) must be below max_pressure ({self.max_pressure})")
-        if self.to is not None and self.to <= self.start:
-            raise ValueError(f"to = {self.to} m must be beyond start = {self.start} m")
+        self._check_below("min_pressure", "max_pressure")
+        self._check_below("start", "to")
 
     @property
     def arm(self) -> float:
         """Bending moment per pressure [m3]."""
         return (1.0 if self.contracts else -1.0) * self.area * self.offset
 
-    def check_inside(self, key: str, length: float) -> None:
-        """Refuse a chamber, stated at ``key``, that does not fit a finger of a length [m]."""
-        if abs(self.offset) >= length:
-            raise ValueError(f"{key}.offset = {self.offset} m is not smaller than the finger's length of {length} m")
-        for name, at in (("start", self.start), ("to", self.to or 0.0)):
-            if at > length * (1 + 1e-12):
-                raise ValueError(f"{key}.{name} = {at} m is beyond the finger's length of {length} m")
-        if self.start >= length:
-            raise ValueError(f"{key}.start = {self.start} m is not before the finger's tip at {length} m")
-
-    def shape(self, length: float) -> Curve:
-        """One where it is and zero elsewhere, along a finger of a length [m]."""
-        return self.along(length, 1.0, 0.0)
-
     def along(self, length: float, inside: float, outside: float) -> Curve:
         """One value where it is and another elsewhere, along a finger of a length [m]."""
         from continuum_grasp.scene.profile import Curve
 
-        places = [0.0, self.start, length if self.to is None else self.to, length]
-        pieces = [(a, b, v) for a, b, v in zip(places, places[1:], (outside, inside, outside), strict=False)]
-        there = [(a, v) for a, b, v in pieces if b - a > 1e-9 * length]
-        return Curve((*(a for a, _ in there), length), tuple((v,) for _, v in there))
+        starts = (0.0, self.start, length if self.to is None else self.to)
+        return Curve.of_pieces(length, starts, ((outside,), (inside,), (outside,)))
+
+    def shape(self, length: float) -> Curve:
+        """One where it is, along a finger of a length [m], and zero elsewhere."""
+        return self.along(length, 1.0, 0.0)
 
     def channel(self, length: float, entry: int, inputs: int) -> Channel:
         """By what its pressure, which is an entry of as many inputs, bends a finger of a length [m]."""

@@ -51,6 +51,13 @@ class Curve:
         return cls((0.0, *value.breaks, length), tuple((one,) for one in value.values))
 
     @classmethod
+    def of_pieces(cls, length: float, starts: Sequence[float], coefficients: Sequence[tuple[float, ...]]) -> Curve:
+        """Polynomials from places on [m], each up to the next place, without those of no length."""
+        spans = zip(starts, (*starts[1:], length), coefficients, strict=True)
+        kept = [(start, own) for start, end, own in spans if end - start > _SAME * length]
+        return cls((*(start for start, _ in kept), length), tuple(own for _, own in kept))
+
+    @classmethod
     def through(cls, spline: PPoly, *, exponential: bool = False) -> Curve:
         """A piecewise polynomial of scipy, or its exponential."""
         # scipy has the highest power first, one column per piece.
@@ -123,14 +130,10 @@ class Curve:
 
     def scaled(self, factor: float) -> Curve:
         """The same times a factor, positive for an exponential."""
-        if factor == 1.0:
-            return self
-        if self.exponential:
-            return Curve(self.edges, tuple((c[0] + float(np.log(factor)), *c[1:]) for c in self.coefficients), True)
-        return Curve(self.edges, tuple(tuple(factor * one for one in c) for c in self.coefficients))
+        return self if factor == 1.0 else self.times(Curve.along(self.edges[-1], factor))
 
     def times(self, factors: Curve) -> Curve:
-        """The product with a positive function that is constant between its edges."""
+        """The product with a function that is constant between its edges, positive for an exponential."""
         inner = sorted(self.edges[1:-1] + factors.edges[1:-1])
         starts = [0.0, *(b for a, b in pairwise([0.0, *inner]) if b - a > _SAME * self.edges[-1])]
         pieces = []

@@ -105,7 +105,7 @@ def check_reach(
 def check_references(scene: Any, cost: Cost, moves: bool = False) -> None:
     """Refuse setpoints ``reference`` of a scene that its finger cannot meet; ``moves``: whether the object does."""
     places = dict(zip(scene.contact_names, (*scene.contacts, scene.finger.rod.length), strict=True))
-    gaps = [places[name] for name in cost.tracked_gaps(scene.contact_names) if name in places]
+    gaps = [places[name] for name in cost.tracked_contacts("gap", scene.contact_names) if name in places]
     at = () if cost.shape is None else cost.shape.at
     widths = {"shape": (2 * len(at), f"x, y of {len(at)} sections")}
     widths["input"] = len(scene.input_limits[0]), scene.finger.input_words

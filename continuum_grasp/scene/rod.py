@@ -15,7 +15,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.graded import Modulus, RodFactors, RodSamples, RodSection, SpiRob
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Extent, Length, NonNegative, Value, doubt_outside
+from continuum_grasp.scene.value import Extent, Length, NonNegative, Value, check_shorter, doubt_outside
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Profile
@@ -136,10 +136,7 @@ class Rod(Value):
                 f"a rod needs {', '.join(wanted)}; missing {', '.join(missing)}"
                 + ("" if linear else " (or give sections, samples or spirob)")
             )
-        if self.diameter is not None and self.diameter >= self.length:
-            raise ValueError(
-                f"diameter = {self.diameter} m is not smaller than the length of {self.length} m (both are in meters)"
-            )
+        check_shorter("diameter", self.diameter or 0.0, self.length)
 
     def _check_graded(self) -> None:
         if self.sections is not None:
@@ -214,11 +211,15 @@ class Rod(Value):
         keys = ("diameter", "youngs_modulus", "density", "rotary_inertia", "linear_density", "bending_stiffness")
         return (RodSection(to=self.length, **{key: getattr(self, key) for key in keys}),)
 
-    def check_inside(self, key: str, positions: Iterable[float]) -> None:
-        """Refuse positions beyond the tip, but for the rounding of sums; ``key`` has {} for the number of each."""
+    def check_inside(self, key: str, positions: Iterable[float], *, tip: bool = True) -> None:
+        """Refuse positions beyond the tip, but for the rounding of sums, or also those at it.
+
+        ``key`` has {} for the number of each.
+        """
         for k, at in enumerate(positions):
-            if at > self.length * (1 + 1e-9):
-                raise InputError(f"{at} m is beyond the finger's length of {self.length} m", key=key.format(k))
+            if at > self.length * (1 + 1e-9) if tip else at >= self.length:
+                words = "is beyond" if tip else "is not before the tip, at"
+                raise InputError(f"{at} m {words} the finger's length of {self.length} m", key=key.format(k))
 
     @property
     def graded(self) -> bool:

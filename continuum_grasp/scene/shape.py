@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from functools import cache, cached_property
+from functools import cache, cached_property, reduce
 from typing import Any
 
 from pydantic import BaseModel
@@ -84,9 +84,7 @@ class Shape:
         return None
 
     def _at(self, path: KeyPath, data: Any) -> list[_Node]:
-        value = data
-        for part in path:
-            value = child(value, part)
+        value = reduce(child, path, data)
         return [node for start in self._follow(path, data) for node in self._branches(start, value)]
 
     def _follow(self, path: KeyPath, data: Any) -> list[_Node]:

@@ -26,7 +26,6 @@ from continuum_grasp.scene.value import (
     Length,
     Real,
     Value,
-    check_one_given,
     doubt,
 )
 
@@ -129,7 +128,7 @@ class Initial(Value):
     brake, whatever is commanded. A motion begins with the command from there. None: where the commands lead."""
 
     def _check(self) -> None:
-        check_one_given(self, "pose", "q")
+        self._check_one_given("pose", "q")
 
 
 MOST_STATES = 10_000_000
@@ -161,11 +160,7 @@ class Timing(Value):
                 f"{MOST_STATES} can be stored: take a longer step (the integrator takes sub-steps of its own) or a "
                 "shorter duration"
             )
-        # Decimal steps such as 0.001 are no binary fractions, so that the quotient is whole but for rounding.
-        if abs(count - round(count)) > 1e-6 * count:
-            raise ValueError(
-                f"duration must be a whole number of steps, got {self.duration} s in steps of {self.step} s"
-            )
+        self._check_whole("duration", self.duration, self.step, "steps")
 
 
 class FingerScene(Configuration, Surroundings):
@@ -203,12 +198,7 @@ class FingerScene(Configuration, Surroundings):
         return (*[f"finger.{k + 1}" for k in range(len(self.contacts))], "finger.tip")
 
     def _check(self) -> None:
-        length = self.finger.rod.length
-        for k, at in enumerate(self.contacts):
-            if at >= length:
-                raise ValueError(
-                    f"contacts[{k}] = {at} m is not inside the finger's length of {length} m (the tip needs no entry)"
-                )
+        self.finger.rod.check_inside("contacts[{}]", self.contacts, tip=False)
         if self.fidelity.family is not None:
             self.finger.check_family("fidelity.family", self.fidelity.family)
 
@@ -232,15 +222,12 @@ class Scene(FingerScene):
         self.finger.rod.check_inside("initial.held_by[{}].at", (load.at for load in self.initial.held_by))
         if self.actuation is not None:
             given, finger = self.actuation.given, self.finger
-            ranges = list(zip(finger.input_keys, *finger.input_limits, strict=True))
             for key in dict.fromkeys(finger.input_keys):
-                own = [(least, most) for taken, least, most in ranges if taken == key]
+                own = [(one.least, one.most) for one in finger.inputs if one.key == key]
                 allowed = _ALLOWED.get(key, "what drive.torque_max allows, {:g} to {:g}")
                 check_commands(f"actuation.{key}", given.get(key, ()), own, finger.input_words, allowed)
         motors = sum(isinstance(drive, MotorDrive) for drive in self.finger.winches)
-        if self.initial.motor_angles is not None and len(self.initial.motor_angles) != motors:
-            got = f"got {len(self.initial.motor_angles)}"
-            raise ValueError(f"initial.motor_angles must have one entry per drive.kind: motor ({motors}), {got}")
+        self._check_count("initial.motor_angles", self.initial.motor_angles, motors, "drive.kind: motor")
         # In mm/s2, the earth's is 9807.
         if math.hypot(*self.gravity) > 1e3:
             doubt(f"gravity = {list(self.gravity)} m/s2 is a hundred times that of the earth; is it in mm/s2?")

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.consumer import excludes
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Interval, Positive, Real, Value, check_one_given
+from continuum_grasp.scene.value import Interval, Positive, Real, Value
 from continuum_grasp.scene.varied import InSI, Key, Varied
 
 MOST_SCENES = 10_000_000
@@ -96,7 +96,7 @@ class Draw(Value):
     """Values that are equally likely."""
 
     def _check(self) -> None:
-        check_one_given(self, *type(self).model_fields)
+        self._check_one_given(*type(self).model_fields)
         if self.log_uniform is not None and self.log_uniform[0] <= 0.0:
             raise ValueError(f"log_uniform needs positive numbers, got {list(self.log_uniform)}")
 

@@ -12,7 +12,7 @@ from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.drives import WinchDrive
 from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Friction, Length, NonNegative, Positive, TimeConstant, Value
+from continuum_grasp.scene.value import Friction, Length, NonNegative, Positive, TimeConstant, Value, check_shorter
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.finger import Finger
@@ -80,8 +80,7 @@ class _Tensions(Value):
         return given
 
     def _check(self) -> None:
-        if self.min_tension >= self.max_tension:
-            raise ValueError(f"min_tension ({self.min_tension}) must be below max_tension ({self.max_tension})")
+        self._check_below("min_tension", "max_tension")
 
 
 class Tendons(_Tensions):
@@ -129,9 +128,7 @@ class Tendon(_Tensions):
 
         (first, last), to = ends(self.offset), self.end(length)
         piece = (1.0,) if first == last else (1.0, (last / first - 1.0) / to)
-        if to < length * (1 - 1e-9):
-            return Curve((0.0, to, length), (piece, (0.0,)))
-        return Curve((0.0, length), (piece,))
+        return Curve.of_pieces(length, (0.0, to), (piece, (0.0,)))
 
     def arm(self, length: float) -> float:
         """Bending moment at the base per tension [m]: the offset there times the cosine."""
@@ -141,22 +138,10 @@ class Tendon(_Tensions):
 TendonList = Annotated[tuple[Tendon, ...], Field(strict=False, min_length=1, max_length=16)]
 
 
-def single_tendons(tendons: Tendons | tuple[Tendon, ...] | None) -> tuple[Tendon, ...]:
-    """Single tendons: those of a list, or the two of a pair, that on the -X side first."""
-    if not isinstance(tendons, Tendons):
-        return tendons or ()
-    own = {name: getattr(tendons, name) for name in _Tensions.model_fields}
-    return tuple(Tendon(offset=side * tendons.offset, **own) for side in (1.0, -1.0))
-
-
 def check_tendon(key: str, tendon: Tendon, length: float) -> None:
     """Refuse a tendon, which stands at a key, that does not fit a finger of a length [m]."""
-    offset, slope = tendon.greatest_offset, abs(tendon.slope(length))
-    if offset >= length:
-        raise ValueError(f"{key}.offset = {offset} m is not smaller than the finger's length of {length} m")
-    if tendon.to is not None and tendon.to > length * (1 + 1e-12):
-        raise ValueError(f"{key}.to = {tendon.to} m is beyond the finger's length of {length} m")
-    if slope > MOST_SLOPE:
+    check_shorter(f"{key}.offset", tendon.greatest_offset, length)
+    if (slope := abs(tendon.slope(length))) > MOST_SLOPE:
         raise ValueError(
             f"{key}.offset changes by {slope:.2g} per length, more than {MOST_SLOPE}: the law of the moment holds "
             "for tendons that are nearly parallel to the backbone"
@@ -204,12 +189,10 @@ ALIKE = (
 """What several tendons of one finger must have alike."""
 
 
-def alike(tendons: tuple[Tendon, ...], length: float, *, apart: bool = False) -> list[list[int]]:
-    """Numbers of the tendons whose moments have the same shape up to a factor, in groups; ``apart``: each alone."""
+def alike(tendons: tuple[Tendon, ...], length: float) -> list[list[int]]:
+    """Numbers of the tendons whose moments have the same shape up to a factor, in groups."""
     shapes: list[tuple[float, float]] = []
     groups: list[list[int]] = []
-    if apart:
-        return [[k] for k in range(len(tendons))]
     for k, tendon in enumerate(tendons):
         first, last = ends(tendon.offset)
         shape = (last / first, tendon.end(length))
@@ -228,7 +211,7 @@ def channels(length: float, tendons: tuple[Tendon, ...], *, apart: bool = False)
     from continuum_grasp.scene.profile import Channel
 
     found = []
-    for group in alike(tendons, length, apart=apart):
+    for group in [[k] for k in range(len(tendons))] if apart else alike(tendons, length):
         like, shape = tendons[group[0]], tendons[group[0]].shape(length)
         arms = tuple(tendon.arm(length) if k in group else 0.0 for k, tendon in enumerate(tendons))
         found.append(Channel(shape, like.end(length) if shape.breaks else length, arms, like.time_constant))

@@ -6,7 +6,7 @@ import ast
 import inspect
 import sys
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sized
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -77,6 +77,30 @@ class Value(BaseModel):
             if "_check" in vars(kind):
                 vars(kind)["_check"](self)
         return self
+
+    def _check_one_given(self, *keys: str) -> None:
+        """Refuse none, or several, of some fields."""
+        if sum(getattr(self, key) is not None for key in keys) != 1:
+            *others, last = keys
+            raise ValueError(f"give exactly one of {', '.join(others)} and {last}")
+
+    def _check_below(self, least: str, most: str) -> None:
+        """Refuse a field that is not below another, where both are given."""
+        low, high = getattr(self, least), getattr(self, most)
+        if low is not None and high is not None and low >= high:
+            raise ValueError(f"{least} = {low:g} is not below {most} = {high:g}")
+
+    def _check_count(self, key: str, values: Sized | None, count: int, of: str) -> None:
+        """Refuse a list, where there is one, without as many entries as there are of something."""
+        if values is not None and len(values) != count:
+            raise ValueError(f"{key} must have one entry per {of} ({count}), got {len(values)}")
+
+    def _check_whole(self, key: str, span: float, step: float, what: str) -> None:
+        """Refuse a time that is not a whole number of steps [s]."""
+        # Decimal steps such as 0.001 are no binary fractions, so that the quotient is whole but for rounding.
+        count = span / step
+        if abs(count - round(count)) > 1e-6 * count:
+            raise ValueError(f"{key} must be a whole number of {what}, got {span} s in {what} of {step} s")
 
     def changed(self, changes: Overrides) -> Self:
         """Return a copy in which some entries have other values, checked as a whole.
@@ -256,18 +280,10 @@ Interval = Annotated[tuple[Real, Real], Field(strict=False), Increasing]
 """Least and greatest value."""
 
 
-def check_one_given(value: Value, *keys: str) -> None:
-    """Refuse a value that has none, or several, of some fields."""
-    if sum(getattr(value, key) is not None for key in keys) != 1:
-        *others, last = keys
-        raise ValueError(f"give exactly one of {', '.join(others)} and {last}")
-
-
-def check_below(value: Value, least: str, most: str) -> None:
-    """Refuse a value of which one field is not below another, where both are given."""
-    low, high = getattr(value, least), getattr(value, most)
-    if low is not None and high is not None and low >= high:
-        raise ValueError(f"{least} = {low:g} is not below {most} = {high:g}")
+def check_shorter(key: str, value: float, length: float) -> None:
+    """Refuse a measure across a finger, at a key, that is not smaller than its length [m]."""
+    if abs(value) >= length:
+        raise ValueError(f"{key} = {value} m is not smaller than the finger's length of {length} m")
 
 
 def doubt_outside(key: str, value: float | None, least: float, most: float, why: str) -> None:

@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,8 @@ from pydantic import ValidationError
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import assembled, changed, kind_of, named_file, path_of, placed, validated
-from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.document import Change, Document, KeyPath
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.load import KINDS, model_of
 from continuum_grasp.scene.problems import input_error, nearest
 from continuum_grasp.scene.shape import Shape
 from continuum_grasp.scene.sweep import Draw, Sweep
@@ -78,14 +78,44 @@ def variation_of(sweep: Sweep, document: Document, file: str | os.PathLike[str])
     A scene that does not make sense as a whole, such as a finger that begins inside the object, is no error: it is a
     failed run. A key that does not exist, and a value of the wrong type or out of its own range, is.
     """
-    return _Resolver(sweep, document, Path(file)).variation()
+    scene = SceneKeys(sweep, document, Path(file), ("grasp", "mpc"))
+    axes = []
+    for key, grid in sweep.vary.items():
+        where: KeyPath = ("vary", key) if grid.values is None else ("vary", key, "values")
+        path, values = scene.values(where, key, grid.listed, listed=grid.values is not None)
+        axes.append(Axis(key, path, scene.unit(path), values, tuple(map(_label, grid.listed))))
+    draws = [_random(scene, key, draw) for key, draw in (sweep.sample.keys if sweep.sample else {}).items()]
+    numeric = {axis.key for axis in axes if all(_is_number(value) for value in axis.values)}
+    numeric |= {draw.key for draw in draws if draw.kind != "choice" or all(map(_is_number, draw.values))}
+    for key, follow in sweep.follow.items():
+        if follow.key not in numeric:
+            message = f"{follow.key!r} has values that are no numbers"
+            raise document.nearest(("follow", key, "key")).error(message, ("follow", key))
+    ties = tuple(scene.tie(key, follow) for key, follow in sweep.follow.items())
+    allowed = [*sweep.vary, *(draw.key for draw in draws), *sweep.follow, *sweep.columns]
+    for name, part in product(("maps", "pareto"), ("x", "y", "color")):
+        for k, picture in enumerate(getattr(sweep, name)):
+            column = getattr(picture, part)
+            if column is not None and column not in allowed:
+                where = (name, k, part)
+                message = f"no such column: {column!r}{nearest(column, allowed)}"
+                raise document.nearest(where).error(message, where)
+    return Variation(scene.kind, scene.base.value, tuple(axes), tuple(draws), ties)
 
 
-_SCENES: dict[str, tuple[type[GraspScene] | type[ControlScene], str]] = {
-    "grasp": (GraspScene, "a grasp (finger, object, ...)"),
-    "mpc": (ControlScene, "a closed loop (finger, controller, ...)"),
-}
-"""What may be varied by kind: its model, and what it is in words."""
+def _random(scene: SceneKeys, key: str, draw: Draw) -> Random:
+    numbers = draw.uniform or draw.log_uniform or draw.normal or (0.0, 0.0)
+    # The second number of a normal draw is a deviation, which need not be a value of the key.
+    tried = draw.choice or (numbers if draw.normal is None else numbers[:1])
+    path, values = scene.values(("sample", "keys", key, draw.kind), key, tried, listed=True)
+    if draw.choice is None:
+        return Random(key, path, scene.unit(path), (), (), draw.kind, numbers)
+    return Random(key, path, scene.unit(path), values, tuple(map(_label, draw.choice)), draw.kind)
+
+
+def fault_kinds(error: ValidationError) -> set[str]:
+    """What is wrong, in pydantic's words: ``value_error`` of checks of several keys."""
+    return {one["type"] for one in error.errors(include_url=False, include_context=False)}
 
 
 class SceneKeys:
@@ -100,9 +130,9 @@ class SceneKeys:
         self.base = assembled(self.file, fixed)
         self.kind = kind_of(self.base.value)
         if self.kind not in kinds:
-            expected = " or ".join(_SCENES[kind][1] for kind in kinds)
+            expected = " or ".join(KINDS[kind].expected for kind in kinds)
             raise place.error(f"expected {expected}, got a file of kind {self.kind}", ("scene",))
-        self.model, _ = _SCENES[self.kind]
+        self.model = model_of(self.kind)
         validated(self.base, self.model)
         self.shape = Shape(self.model)
         # So that equal scenes are equal data, by which a sweep resumes.
@@ -121,7 +151,7 @@ class SceneKeys:
             try:
                 self.model.model_validate(tried.value)
             except ValidationError as error:
-                kinds = {one["type"] for one in error.errors(include_url=False, include_context=False)}
+                kinds = fault_kinds(error)
                 # Checks of the whole scene fail single runs; for a key that follows, all but its existence does.
                 if kinds - {"value_error"} if not only_key else "extra_forbidden" in kinds:
                     raise input_error(error, self.model, tried) from error
@@ -147,53 +177,6 @@ class SceneKeys:
         """Unit of a key; empty where there is none."""
         unit = self.shape.unit(path, self.base.value)
         return "" if unit is None or unit == "1" else unit
-
-
-class _Resolver(SceneKeys):
-    def __init__(self, sweep: Sweep, document: Document, file: Path) -> None:
-        super().__init__(sweep, document, file, ("grasp", "mpc"))
-        self.sweep = sweep
-
-    def variation(self) -> Variation:
-        where: KeyPath
-        axes, draws = [], []
-        for key, grid in self.sweep.vary.items():
-            where = ("vary", key, "values") if grid.values is not None else ("vary", key)
-            path, values = self.values(where, key, grid.listed, listed=grid.values is not None)
-            axes.append(Axis(key, path, self.unit(path), values, tuple(map(_label, grid.listed))))
-        for key, draw in {} if self.sweep.sample is None else self.sweep.sample.keys.items():
-            draws.append(self._random(key, draw))
-        numeric = {axis.key for axis in axes if all(_is_number(value) for value in axis.values)}
-        numeric |= {draw.key for draw in draws if draw.kind != "choice" or all(map(_is_number, draw.values))}
-        ties = []
-        for key, follow in self.sweep.follow.items():
-            where = ("follow", key)
-            if follow.key not in numeric:
-                message = f"{follow.key!r} has values that are no numbers"
-                raise self.document.nearest((*where, "key")).error(message, where)
-            ties.append(self.tie(key, follow))
-        self._pictures([*self.sweep.vary, *(draw.key for draw in draws), *self.sweep.follow])
-        return Variation(self.kind, self.base.value, tuple(axes), tuple(draws), tuple(ties))
-
-    def _random(self, key: str, draw: Draw) -> Random:
-        numbers = draw.uniform or draw.log_uniform or draw.normal or (0.0, 0.0)
-        # The second number of a normal draw is a deviation, which need not be a value of the key.
-        tried = draw.choice or (numbers if draw.normal is None else numbers[:1])
-        path, values = self.values(("sample", "keys", key, draw.kind), key, tried, listed=True)
-        if draw.choice is None:
-            return Random(key, path, self.unit(path), (), (), draw.kind, numbers)
-        return Random(key, path, self.unit(path), values, tuple(map(_label, draw.choice)), draw.kind)
-
-    def _pictures(self, keys: list[str]) -> None:
-        allowed = [*keys, *self.sweep.columns]
-        for name in ("maps", "pareto"):
-            for k, picture in enumerate(getattr(self.sweep, name)):
-                for part in ("x", "y", "color"):
-                    column = getattr(picture, part)
-                    if column is not None and column not in allowed:
-                        where = (name, k, part)
-                        hint = nearest(column, allowed)
-                        raise self.document.nearest(where).error(f"no such column: {column!r}{hint}", where)
 
 
 def _label(value: Any) -> Any:

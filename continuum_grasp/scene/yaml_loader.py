@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Document, KeyPath, Place, dotted, refuse_what_is_no_file
+from continuum_grasp.scene.document import Document, KeyPath, Place, refuse_what_is_no_file
 
 MAX_BYTES = 2_000_000
 """600 times the largest shipped configuration; a list of that size takes 3 s to read."""
@@ -184,7 +184,7 @@ class _Builder:
 
     def error(self, node: yaml.Node, path: KeyPath, message: str) -> InputError:
         mark = node.start_mark
-        return InputError(message, file=self.name, line=mark.line + 1, column=mark.column + 1, key=dotted(path) or None)
+        return Place(self.name, mark.line + 1, mark.column + 1).error(message, path)
 
 
 def _comma_hint(before: yaml.Node | None, key: yaml.Node, child: yaml.Node) -> str:

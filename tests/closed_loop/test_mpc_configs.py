@@ -173,7 +173,7 @@ def test_a_moment_lifts_the_rod():
 @pytest.mark.deep
 def test_winches_follow_although_friction_is_half_as_much_again():
     found = checked(run("winches", 1.0))
-    assert found.scene.plant.tendon_friction == pytest.approx(1.5 * found.scene.finger.tendon_friction)
+    assert found.scene.plant.tendon_friction == pytest.approx(1.5 * found.scene.finger.tendon_list[0].friction)
     error = np.linalg.norm(found.tip - found.tip_reference, axis=1)
     assert error.max() < 0.012
     assert "tripped" not in found.health

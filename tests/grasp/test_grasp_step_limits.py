@@ -143,7 +143,7 @@ def opens(depth):
 
 def walking(depth=0.0, converged=True):
     """A path whose solver counts its calls."""
-    setup = Some(finger=Some(tendons_used="both", tension_limits=(np.zeros(2), np.ones(2))))
+    setup = Some(finger=Some(tendons_used="both", tendon_list=[Some(max_tension=1.0)] * 2))
     calls = []
 
     def solve(*arguments):

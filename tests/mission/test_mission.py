@@ -577,7 +577,7 @@ _TORQUES = ["drive_tension=null", f"tendons={{{_CABLE}, drive: {_DRIVE}}}"]
         ("grasp.gravity={mode: none}", "grasp.gravity.mode: is not for missions"),
         ("grasp.contacts.tip=off", "grasp.contacts.tip: must have"),
         (_TORQUES, r"[^.]tendons: a mission commands"),
-        ("more_contacts=[0.3]", "more_contacts must lie"),
+        ("more_contacts=[0.3]", r"more_contacts\[0\]: 0.3 m is not before the tip"),
         ("controller.elements=[0, 2]", r"controller.elements\[0\]"),
         ("drive_tension=-3", "drive_tension"),
         ("phases.squeeze_share=0.8", "squeeze_share: needs settle"),

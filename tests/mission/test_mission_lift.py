@@ -31,7 +31,7 @@ def fingers(*names):
         SimpleNamespace(name=f"{n}.tip", normal_force=CERTIFIED, friction_force=0.0, lift=0.0, part=0) for n in names
     ]
     grasp = SimpleNamespace(contacts=contacts, scene=SimpleNamespace(friction=lambda name: 0.5))
-    finger = SimpleNamespace(input_keys=("tensions",) * 2, tension_limits=((1.0, 1.0), (75.0, 75.0)), winches=())
+    finger = SimpleNamespace(input_keys=["tensions"], tendon_list=[SimpleNamespace(max_tension=75.0)] * 2, winches=())
     control = SimpleNamespace(
         contact_names=("finger.tip",), contacts=(), finger=finger, controller=SimpleNamespace(step=STEP)
     )

@@ -248,7 +248,7 @@ def test_a_drop_names_finger_and_contact(assignments, grasp):
     ("change", "said"),
     [
         ("grasp.fingers.upper.tendons.time_constant=null", "grasp.fingers.upper.tendons: needs a time_constant"),
-        ("more_contacts=[0.1]", "more_contacts must lie between base and tip of each finger"),
+        ("more_contacts=[0.1]", r"more_contacts\[0\]: 0.1 m is not before the tip"),
     ],
 )
 def test_what_makes_no_mission_of_two_fingers_is_named(change, said):

@@ -150,7 +150,7 @@ def test_a_residual_of_another_model_is_refused(scene, changes, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"center": [0.0]}, "center must have an entry per coordinate, rate and drive"),
+        ({"center": [0.0]}, "center must have one entry per coordinate, rate and drive"),
         ({"weights": [[0.0]]}, "weights must be 2 rows of 9 numbers"),
         ({"metric": [[1.0] * 5] * 5}, "metric must be zero below its diagonal"),
         ({"drives": ["kappa_0 [1/m]"]}, "must differ from each other"),

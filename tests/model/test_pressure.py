@@ -251,7 +251,7 @@ def test_what_is_wrong_is_said_with_its_key():
         ),
         ({"actuation": {"pressures": [1.0, 2.0]}}, "expected 1 pressures, got 2 numbers"),
         ({"actuation": {"pressures": [7e4]}}, "outside min_pressure = 0 to max_pressure = 60000 Pa"),
-        ({"finger.pressure[0].start": 0.2}, "is beyond the finger's length"),
+        ({"finger.pressure[0].start": 0.2}, "start: 0.2 m is not before the tip"),
         ({"fidelity.family": "matched_clothoid", "finger.pressure[0].time_constant": 0.1}, "lag"),
     ):
         with pytest.raises(InputError, match=text):

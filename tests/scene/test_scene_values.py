@@ -53,7 +53,7 @@ WRONG = {
     "strain in percent": (lambda: cg.Finger(rod=FINGER.rod, strain_limit=6.0), "Finger: strain_limit: out of range"),
     "sense of tendons": (
         lambda: cg.Tendons(offset=0.01, min_tension=2.0, max_tension=1.0),
-        "Tendons: min_tension: min_tension (2.0) must be below",
+        "Tendons: min_tension: min_tension = 2 is not below max_tension",
     ),
     "scene": (lambda: cg.Scene(**{**SCENE, "gravity": 9.81}), "Scene: gravity: wrong type: expected a list of 2"),
     "scene of a rod": (lambda: cg.Scene(**{**SCENE, "finger": FINGER.rod}), "Scene: finger: wrong type"),
@@ -70,7 +70,7 @@ WRONG = {
     "rates alone": (lambda: cg.Initial(pose="rest", qd=(0.0,)), "Initial: qd: a named pose is at rest"),
     "samples": (
         lambda: cg.Samples(times=(0.0, 1.0), values=(1.0,)),
-        "Samples: values: values must be as many as times",
+        "Samples: values: values must have one entry per instant of times",
     ),
     "close samples": (
         lambda: cg.Samples(times=(0.0, 1e-12), values=(1.0, 2.0)),

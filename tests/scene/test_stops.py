@@ -21,7 +21,7 @@ def test_stops_along_the_finger():
     finger = cg.Finger(rod=ROD, stops={"curvature": [20.0, "0.06 1/mm"], "stiffness_ratio": 50.0, "side": "left"})
     assert finger.stop_curvature([0.0, 0.5 * LENGTH, LENGTH]) == pytest.approx([20.0, 40.0, 60.0])
     assert finger.stops.signs == (1.0,)
-    assert finger.needs_free_tip
+    assert finger.free_tip_reasons == ("stops",)
     assert cg.Finger(rod=ROD).stop_curvature is None
 
 

@@ -35,7 +35,7 @@ def test_a_pair_is_two_tendons_of_one_shape():
     assert pair.tendon_list == alike.tendon_list
     assert pair.channels == alike.channels
     assert [channel.arms for channel in pair.channels] == [(0.01, -0.01)]
-    assert pair.tension_limits == ((1.0, 1.0), (20.0, 20.0))
+    assert [one[1:] for one in pair.inputs] == [(f"tension_{k}", "N", 1.0, 20.0) for k in (1, 2)]
     assert pair.has_tendon_friction
 
 
@@ -85,7 +85,7 @@ def test_changes_of_every_tendon():
     for some in (listed, pair):
         changed = some.with_tendons(time_constant=0.1, max_tension=5.0)
         assert {t.time_constant for t in changed.tendon_list} == {0.1}
-        assert changed.tension_limits == ((0.0, 0.0), (5.0, 5.0))
+        assert [(one.least, one.most) for one in changed.pulls] == [(0.0, 5.0)] * 2
         assert [channel.time_constant for channel in changed.channels] == [0.1] * len(some.channels)
     assert cg.Finger(rod=ROD).with_tendons(friction=1.0) == cg.Finger(rod=ROD)
 
@@ -97,7 +97,7 @@ REFUSED = {
         lambda: finger({"offset": -0.3}),
         "Finger: tendons[0].offset: tendons[0].offset = 0.3 m is not",
     ),
-    "beyond the tip": (lambda: finger({"offset": 0.01, "to": 0.26}), "tendons[0].to = 0.26 m is beyond"),
+    "beyond the tip": (lambda: finger({"offset": 0.01, "to": 0.26}), "tendons[0].to: 0.26 m is beyond"),
     "steep": (lambda: finger({"offset": [0.04, 0.005], "to": 0.1}), "tendons[0].offset changes by 0.35 per length"),
     "of different drives": (
         lambda: finger({"offset": 0.01, "time_constant": 0.1}, {"offset": -0.005, "time_constant": 0.2}),
@@ -111,7 +111,7 @@ REFUSED = {
         lambda: finger({"offset": 0.01, "conduit_bend": 1.0}),
         "tendons[0].conduit_bend: needs friction",
     ),
-    "limits": (lambda: finger({"offset": 0.1, "min_tension": 20.0}), "tendons[0].min_tension: min_tension (20.0) must"),
+    "limits": (lambda: finger({"offset": 0.1, "min_tension": 20.0}), "tendons[0].min_tension: min_tension = 20 is"),
 }
 
 

@@ -189,7 +189,7 @@ def test_byte_order_mark_is_not_part_of_the_first_key(write):
             "scene.yaml:5:18: time.duration: out of range: expected a number greater than 0, got -1",
         ),
         ("time: {duration: 1}", "scene.yaml:5:1: time.step: missing; expected output step [s]"),
-        ("contacts: [0.7]", "scene.yaml:5:12: contacts[0]: contacts[0] = 0.7 m is not inside"),
+        ("contacts: [0.7]", "scene.yaml:5:12: contacts[0]: 0.7 m is not before the tip"),
         ("contacts: 0.3", "scene.yaml:5:11: contacts: wrong type: expected a list, got 0.3"),
         (
             "initial: {pose: strait}",
@@ -249,7 +249,7 @@ def test_problem_is_named_at_its_place(write, text, expected):
         ),
         (
             "loads:\n- {kind: moment, at: 0.1, moment: {times: [0, 1], values: [1, 2, 3]}}",
-            "6:59: loads[0].moment.values: values must be as many as times (2), got 3",
+            "6:59: loads[0].moment.values: values must have one entry per instant of times (2), got 3",
         ),
         (
             "fidelity: {elements: 0}",

@@ -118,7 +118,7 @@ def state_bounds(bounds: Bounds, model: Prediction) -> BoundedRows:
         found.add(names, rate / bounds.speed, -1.0, 1.0, penalty)
     if model.scene.finger.winches:
         # What drives leave, not an input: where the model has a higher tension than allowed, the plan must lower it.
-        most = model.scene.finger.tension_limits[1]
+        most = [one.max_tension for one in model.scene.finger.tendon_list]
         names = [f"tension_{k + 1}" for k in range(len(most))]
         found.add(names, model.tensions(*given) / ca.DM(most), -ABSENT, 1.0, penalty)
     _add_zones(found, bounds, model)

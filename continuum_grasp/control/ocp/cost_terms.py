@@ -173,14 +173,14 @@ TERMS = (
         "contact_force",
         "contact_force_{place} [N]",
         lambda q, _: q.contact_force,
-        lambda cost, model: cost.tracked_contacts(model.contact_names),
+        lambda cost, model: cost.tracked_contacts("contact_force", model.contact_names),
         reference="contact_force",
     ),
     CostTerm(
         "gap",
         "gap_{place} [m]",
         lambda q, _: q.gap,
-        lambda cost, model: cost.tracked_gaps(model.contact_names),
+        lambda cost, model: cost.tracked_contacts("gap", model.contact_names),
         reference="gap",
     ),
     CostTerm(
@@ -256,14 +256,14 @@ class _Predicted(NamedTuple):
     @property
     def contact_force(self) -> ca.SX:
         names = self.model.contact_names
-        tracked = [names.index(name) for name in self.cost.tracked_contacts(names)]
+        tracked = [names.index(name) for name in self.cost.tracked_contacts("contact_force", names)]
         return self.model.contact_force(*self._given)[tracked]
 
     @property
     def gap(self) -> ca.SX:
         names = self.model.contact_names
         gaps: ca.SX = self.model.gap(*self._given)
-        return gaps[[names.index(name) for name in self.cost.tracked_gaps(names)]]
+        return gaps[[names.index(name) for name in self.cost.tracked_contacts("gap", names)]]
 
     @property
     def object_pose(self) -> ca.SX:

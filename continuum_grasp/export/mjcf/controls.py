@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.scene.drives import LengthDrive
+from continuum_grasp.scene.drives import LengthDrive, Pull
 from continuum_grasp.scene.loads import ForceLoad, Samples, VectorSamples
 from continuum_grasp.scene.profile import Channel
 from continuum_grasp.scene.simulate import Scene
@@ -50,9 +50,9 @@ class Control:
     """Its arm there."""
 
     @classmethod
-    def of(cls, name: str, value: Any, pull: tuple[Channel, float], **others: Any) -> Control:
+    def of(cls, name: str, value: Any, pull: Pull, **others: Any) -> Control:
         """A tendon or a chamber, by its channel and its arm there."""
-        channel, arm = pull
+        *_, channel, arm = pull
         # 1/(T s + 1)^2 and 1/(2 T s + 1) have the same mean delay 2 T.
         lag = channel.time_constant and channel.order * channel.time_constant
         given = {"lag": lag, **others}
@@ -103,9 +103,8 @@ def _inputs(scene: Scene) -> list[Control]:
     given = {} if actuation is None else actuation.given
     pressures = given.get("pressures", (0.0,) * len(finger.chambers))
     found = _wound(scene) if finger.winches else _pulled(scene)
-    for k, (own, pressure) in enumerate(zip(finger.chambers, pressures, strict=True)):
-        limits = own.min_pressure, own.max_pressure
-        found.append(Control.of(f"chamber_{k + 1}", pressure, finger.pulls[tendons + k], limits=limits))
+    for k, (own, pressure) in enumerate(zip(finger.pulls[tendons:], pressures, strict=True)):
+        found.append(Control.of(f"chamber_{k + 1}", pressure, own, limits=(own.least, own.most)))
     return found
 
 

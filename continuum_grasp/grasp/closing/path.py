@@ -99,11 +99,11 @@ class _Walk:
         """Begin beside the object: unloaded, or with as little tension of the other tendons as that takes."""
         closing = self.closing
         for k, finger in enumerate(closing.fingers):
-            used, limits = finger.setup.finger.tendons_used, finger.setup.finger.tension_limits[1]
+            used, tendons = finger.setup.finger.tendons_used, finger.setup.finger.tendon_list
             # The tendon that pulls less in the grasp is the one that opens.
             other = int(np.argmin(self.full[2 * k : 2 * k + 2]))
             if used in ("both", ("left", "right")[other]):
-                self.opening[2 * k + other] = limits[other]
+                self.opening[2 * k + other] = tendons[other].max_tension
         x, m = np.zeros(closing.problem.x.numel()), len(closing.pairs)
         if closing.free:
             x[-3:] = closing.grasped / closing.scale

@@ -301,7 +301,7 @@ def _panel_rows(view: GraspView) -> list[Row]:
         rows.append(((c.name, view.color(c.name)), *((word, INK) for word in words)))
     rows += [(("", INK),), (("tendons [N]", SLATE), ("left", SLATE), ("right", SLATE), ("of", SLATE))]
     for name, finger in result.fingers.items():
-        most = " / ".join(dict.fromkeys(f"{tendon:g}" for tendon in view.fingers[name].tension_limits[1]))
+        most = " / ".join(dict.fromkeys(f"{one.max_tension:g}" for one in view.fingers[name].tendon_list))
         left, right = map(written, finger.tensions)
         rows.append(((name, view.color(name)), (left, INK), (right, INK), (most, INK)))
     rows.append((("sum", SLATE), (written(result.tension), INK), ("", INK), ("", INK)))

@@ -1,30 +1,18 @@
 """What can be grasped: convex shapes and unions of them, with mass and pose.
 
-A new shape is a file beside `continuum_grasp.scene.objects.shapes`, and a name in each of the two lists below.
+A new shape is two classes in `continuum_grasp.scene.objects.shapes`, and a name in each of the two lists below.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.objects.body import Freedom, ObjectBody
-from continuum_grasp.scene.objects.shapes import (
-    Box,
-    BoxMember,
-    Circle,
-    CircleMember,
-    Ellipse,
-    EllipseMember,
-    Polygon,
-    PolygonMember,
-    RoundedPolygon,
-    RoundedPolygonMember,
-    Superellipse,
-    SuperellipseMember,
-)
-from continuum_grasp.scene.objects.stadium import Stadium, StadiumMember
+from continuum_grasp.scene.objects.body import Freedom, MemberPlace, ObjectBody
+from continuum_grasp.scene.objects.shapes import Box, Circle, Ellipse, Polygon, RoundedPolygon, Stadium, Superellipse
 from continuum_grasp.scene.parts import Part
 
 __all__ = [
@@ -41,16 +29,19 @@ __all__ = [
     "UnionMember",
 ]
 
-UnionMember = Annotated[
-    CircleMember
-    | EllipseMember
-    | SuperellipseMember
-    | BoxMember
-    | PolygonMember
-    | RoundedPolygonMember
-    | StadiumMember,
-    Field(discriminator="shape"),
-]
+SHAPES = (Circle, Ellipse, Superellipse, Box, Polygon, RoundedPolygon, Stadium)
+
+
+def _member(shape: type[ObjectBody]) -> Any:
+    """A shape, of which its first base class has what is its own, at a place in a union."""
+    own = {"__module__": shape.__module__, "__doc__": "The same as a member of a union."}
+    return type(f"{shape.__name__}Member", (shape.__bases__[0], MemberPlace), own)
+
+
+if TYPE_CHECKING:
+    UnionMember = Any
+else:
+    UnionMember = Annotated[reduce(or_, map(_member, SHAPES)), Field(discriminator="shape")]
 
 
 class Union(ObjectBody):

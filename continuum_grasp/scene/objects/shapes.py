@@ -1,4 +1,4 @@
-"""The convex shapes of objects and of the members of a union: fields, checks and geometry."""
+"""The convex shapes of objects and, elsewhere placed, of the members of a union: fields, checks and geometry."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.objects.body import MemberPlace, ObjectBody
+from continuum_grasp.scene.objects.body import ObjectBody
 from continuum_grasp.scene.parts import (
     OffsetPolygon,
     Part,
@@ -42,10 +42,6 @@ class Circle(_CircleShape, ObjectBody):
         return 0.5 * self.diameter
 
 
-class CircleMember(_CircleShape, MemberPlace):
-    """The same as a member of a union."""
-
-
 class _Rectangle(Value):
     shape: str
     width: Annotated[Extent, Field(examples=[0.05, "50 mm"])]
@@ -67,10 +63,6 @@ class Ellipse(_EllipseShape, ObjectBody):
     """An ellipse."""
 
 
-class EllipseMember(_EllipseShape, MemberPlace):
-    """The same as a member of a union."""
-
-
 class _SuperellipseShape(_Rectangle):
     shape: Literal["superellipse"]
     """Between an ellipse and a box."""
@@ -84,10 +76,6 @@ class _SuperellipseShape(_Rectangle):
 
 class Superellipse(_SuperellipseShape, ObjectBody):
     """A superellipse, between an ellipse and a box."""
-
-
-class SuperellipseMember(_SuperellipseShape, MemberPlace):
-    """The same as a member of a union."""
 
 
 class _BoxShape(_Rectangle):
@@ -112,10 +100,6 @@ class Box(_BoxShape, ObjectBody):
     """A rectangle, with rounded corners where a radius is given."""
 
 
-class BoxMember(_BoxShape, MemberPlace):
-    """The same as a member of a union."""
-
-
 class _PolygonShape(Value):
     shape: Literal["polygon"]
     """A convex polygon with sharp corners."""
@@ -136,10 +120,6 @@ class _PolygonShape(Value):
 
 class Polygon(_PolygonShape, ObjectBody):
     """A convex polygon with sharp corners."""
-
-
-class PolygonMember(_PolygonShape, MemberPlace):
-    """The same as a member of a union."""
 
 
 class _RoundedPolygonShape(Value):
@@ -173,5 +153,19 @@ class RoundedPolygon(_RoundedPolygonShape, ObjectBody):
     """A convex polygon whose corners are rounded off."""
 
 
-class RoundedPolygonMember(_RoundedPolygonShape, MemberPlace):
-    """The same as a member of a union."""
+class _StadiumShape(Value):
+    shape: Literal["stadium"]
+    """Two half discs with a rectangle between them."""
+    length: Extent
+    """Length of the straight sides, along the object's x axis [m]; the frame's origin is the center."""
+    radius: Extent
+    """Radius of the round ends [m]; the whole is ``length + 2 radius`` long and ``2 radius`` wide."""
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        half = 0.5 * self.length
+        return (OffsetPolygon(((-half, 0.0), (half, 0.0)), self.radius),)
+
+
+class Stadium(_StadiumShape, ObjectBody):
+    """Two half discs with a rectangle between them: everything within a radius of a segment."""
