@@ -83,7 +83,7 @@ class RobustProblem:
         links = [made[other] for other in others]
         self.links = [each.size for each in links]
 
-        values = [part.values(a, b) for part, a, b in zip(parts, xs, ps, strict=True)]
+        values = [part.nlp.values(a, b) for part, a, b in zip(parts, xs, ps, strict=True)]
         linked = [each.values(xs[0], ps[0], a, e) for each, a, e in zip(links, xs[1:], errors, strict=True)]
         f = sum(value[0] for value in values)
         g = ca.vertcat(*(value[1] for value in values), *linked)
@@ -92,7 +92,7 @@ class RobustProblem:
         weight, forces = ca.MX.sym("weight"), ca.MX.sym("forces", g.numel())
         shares = ca.vertsplit(forces, _starts([*(part.problem.rows.count for part in parts), *self.links]))
         blocks = [
-            part.derivatives["hess_lag"](a, b, weight, own)
+            part.nlp.functions["hess_lag"](a, b, weight, own)
             for part, a, b, own in zip(parts, xs, ps, shares, strict=False)
         ]
         own_forces = zip(links, errors, shares[count + 1 :], strict=True)
