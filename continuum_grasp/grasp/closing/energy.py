@@ -212,11 +212,11 @@ class Closing:
                 discs = finger.discs(k, self.scene.friction(support.name))
                 if support.part is not None:
                     found += [disc.beside(support.part, None) for disc in discs]
-                    continue
-                normal = ca.SX(ca.DM(support.normal))
-                for disc, need in zip(discs, finger.heights_needed(support), strict=True):
-                    height = ca.dot(normal, disc.place - ca.DM(support.point))
-                    found.append(disc.pair(height - float(need), normal, disc.place, on_object=False))
+                elif isinstance(support, Wall):
+                    normal = ca.SX(ca.DM(support.normal))
+                    for disc, need in zip(discs, finger.heights_needed(support), strict=True):
+                        height = ca.dot(normal, disc.place - ca.DM(support.point))
+                        found.append(disc.pair(height - float(need), normal, disc.place, on_object=False))
         return found
 
     # -- steps
