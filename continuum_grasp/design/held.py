@@ -213,7 +213,7 @@ class HeldGrasp:
 
     def _tangent(self, near: Stencil, numbers: list[Array], low: Array, high: Array) -> Array:
         """Change of the unknowns, from the conditions of optimality."""
-        attempt, functions = self.attempt, self.solver.derivatives
+        attempt, functions = self.attempt, self.solver.nlp.functions
         x, forces, bound_forces = attempt.x, attempt.multipliers.constraints, attempt.multipliers.bounds
         gradients, values = [], []
         for there in numbers:
@@ -254,7 +254,9 @@ class HeldGrasp:
     def _envelope(self, near: Stencil, change: Array, low: Array, high: Array) -> float:
         """Change of the sum of tensions [N], where that is least."""
         attempt, forces = self.attempt, self.attempt.multipliers.bounds
-        slope = np.array(self.solver.slope(attempt.x, attempt.numbers, attempt.multipliers.constraints)).ravel()
+        slope = np.array(
+            self.solver.nlp.slope(attempt.x, attempt.numbers, 1.0, attempt.multipliers.constraints)
+        ).ravel()
         value = float(slope @ change - np.minimum(forces, 0.0) @ low - np.maximum(forces, 0.0) @ high)
         weight = float(near.difference([tension_weight(scene) for scene in near.scenes]))
         # The objective is the sum times a weight of the scene.

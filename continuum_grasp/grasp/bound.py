@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.grasp.quality.lp import solve_lp
+from continuum_grasp.grasp.starts.scan.curves import wrapped
 from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts, touching_supports
 from continuum_grasp.model.surfaces.outline import Outline
 from continuum_grasp.scene.grasp import GraspScene
@@ -251,7 +252,7 @@ class _Places:
         best, most, at = 0.0, 0.0, (0j, 0.0)
         for _ in range(_ROUNDS):
             first, last = outline.walk(low), outline.walk(high)
-            turn = np.abs(np.remainder(last.angle - first.angle + math.pi, math.tau) - math.pi)
+            turn = np.abs(wrapped(last.angle - first.angle))
             lines = np.stack([self._line(first.point, first.angle), self._line(last.point, last.angle)])
             # A convex arc is no longer than its chord over the cosine of half its turn; half of it is near either end.
             bow = 0.5 / np.maximum(np.cos(0.5 * turn), 0.1)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.values import start_from
-from continuum_grasp.grasp.values import Change
+from continuum_grasp.grasp.values import Change, tension_of
 from continuum_grasp.grasp.verdict import REFUTED, flawed
 from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.scene.families import default_family
@@ -117,7 +117,7 @@ def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Trie
 
 def _change(scene: GraspScene, here: Mapping[str, Array], there: Mapping[str, Array]) -> Change:
     """What changes from one model of a grasp to another."""
-    one, two = (float(sum(a[f"{name}.tensions"].sum() for name in scene.named_fingers)) for a in (here, there))
+    one, two = (tension_of(scene, arrays) for arrays in (here, there))
     before, after = (dict(zip(a["contact_names"].tolist(), a["contact_positions"], strict=True)) for a in (here, there))
     moved = max((float(np.linalg.norm(before[name] - after[name])) for name in before if name in after), default=0.0)
     elements = {setup.name: int(there[f"{setup.name}.lengths"].size) for setup in scene.setups}

@@ -22,7 +22,7 @@ def contact_modes(scene: GraspScene) -> list[frozenset[str]]:
     """
     choices: list[list[frozenset[str]]] = []
     for setup in scene.setups:
-        chosen = _chosen(zip((*setup.middle_names, setup.tip_name), (*setup.middles, setup.tip), strict=True))
+        chosen = _chosen(setup.switches.items())
         choices.append([names for names in chosen if names])
     supports = [(body.name, body.touch) for body in scene.places]
     if scene.object.free is None:

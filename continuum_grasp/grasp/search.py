@@ -20,6 +20,7 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts, rebalanced_starts
 from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.values import tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Effort
@@ -339,7 +340,7 @@ class Search:
         return wanted <= PRUNE_FACTOR * self._tension(best)
 
     def _tension(self, tried: Tried) -> float:
-        return sum(float(tried.arrays[f"{name}.tensions"].sum()) for name in self.scene.named_fingers)
+        return tension_of(self.scene, tried.arrays)
 
     @property
     def _least_difference(self) -> float:

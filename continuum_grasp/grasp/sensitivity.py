@@ -34,7 +34,7 @@ def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:
     """
     attempt, problem = found.attempt, found.solver.problem
     # At an optimum the objective changes with a number as the Lagrangian does: unknowns and multipliers stand still.
-    slope = np.asarray(found.solver.slope(attempt.x, attempt.numbers, attempt.multipliers.constraints)).ravel()
+    slope = np.asarray(found.solver.nlp.slope(attempt.x, attempt.numbers, 1.0, attempt.multipliers.constraints)).ravel()
     units = 1.0 / tension_weight(scene) if scene.objective == "least_tension" else 1.0
     at = problem.numbers.at
     touching = [at[f"{contact.name}.friction"] for contact in problem.spec.contacts if contact.finger >= 0]

@@ -20,7 +20,7 @@ from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import ITERATION_CAP, NEAR, Search
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import FingerStart, Start, start_from, with_contacts
-from continuum_grasp.grasp.values import Reason
+from continuum_grasp.grasp.values import Reason, tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
@@ -104,7 +104,7 @@ def with_twice_the_stations(result: GraspResult, budget: Budget) -> GraspResult:
     if search.best is None:
         note = f"with {count} stations no grasp was found next to this one, which says nothing"
         return replace(result, statistics={**result.statistics, "fine_stations": note})
-    tension = sum(float(search.best.arrays[f"{name}.tensions"].sum()) for name in scene.named_fingers)
+    tension = tension_of(scene, search.best.arrays)
     part = tension / result.tension - 1.0 if result.tension else 0.0
     note = f"with {count} stations the tension changes by {part:+.2%} to {tension:#.4g} N"
     less = scene.objective == "least_tension" and part < -LESS

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.scene.grasp import GraspScene
+
 Array = NDArray[Any]
 
 
@@ -166,6 +168,11 @@ class Change:
             f"with {count} elements the tension changes by {self.tension_change:+.2%} to {self.tension:#.4g} N, "
             f"contacts by {1e3 * self.displacement:.2g} mm at most"
         )
+
+
+def tension_of(scene: GraspScene, arrays: Mapping[str, Array]) -> float:
+    """Sum of all tensions of a grasp [N], by its stored numbers."""
+    return float(sum(arrays[f"{name}.tensions"].sum() for name in scene.named_fingers))
 
 
 def force_text(arrays: Mapping[str, Array], force: float) -> str:

@@ -56,18 +56,27 @@ class NLP:
     @cached_property
     def functions(self) -> dict[str, ca.Function]:
         """``grad_f``, ``jac_g`` and ``hess_lag``; differentiated once for all solvers of the problem."""
-        values = [self.f, self.g]
-        if isinstance(self.x, ca.SX):
-            # What several constraints have in common is written, and so differentiated, once.
-            values = ca.cse(values)
-        oracle = ca.Function("nlp", [self.x, self.p], values, ["x", "p"], ["f", "g"])
         hessian_inputs = ["x", "p", "lam:f", "lam:g"]
         found = {
             "grad_f": ("nlp_grad_f", ["x", "p"], ["f", "grad:f:x"], {}),
             "jac_g": ("nlp_jac_g", ["x", "p"], ["g", "jac:g:x"], {}),
             "hess_lag": ("nlp_hess_l", hessian_inputs, ["triu:hess:gamma:x:x"], {"gamma": ["f", "g"]}),
         }
-        return {key: self.derivatives.get(key) or oracle.factory(*how) for key, how in found.items()}
+        return {key: self.derivatives.get(key) or self.values.factory(*how) for key, how in found.items()}
+
+    @cached_property
+    def values(self) -> ca.Function:
+        """``(x, p)``: f and g."""
+        values = [self.f, self.g]
+        if isinstance(self.x, ca.SX):
+            # What several constraints have in common is written, and so differentiated, once.
+            values = ca.cse(values)
+        return ca.Function("nlp", [self.x, self.p], values, ["x", "p"], ["f", "g"])
+
+    @cached_property
+    def slope(self) -> ca.Function:
+        """``(x, p, lam_f, lam_g)``: derivative of lam_f f + lam_g' g by the parameters, a row."""
+        return self.values.factory("nlp_slope", ["x", "p", "lam:f", "lam:g"], ["grad:gamma:p"], {"gamma": ["f", "g"]})
 
 
 @dataclass(frozen=True)

@@ -164,6 +164,16 @@ class FingerSetup:
         return self.finger.profile.mean_stiffness
 
     @property
+    def switches(self) -> dict[str, Switch]:
+        """Whether contacts are on, by their names: the middle ones and the tip."""
+        return dict(zip((*self.middle_names, self.tip_name), (*self.middles, self.tip), strict=True))
+
+    @property
+    def middle_places(self) -> tuple[float, ...]:
+        """Where middle contacts are that are clear [m]: the stations, or spread as the elements are."""
+        return self.stations or tuple(self.finger.rod.length * count / self.elements for count in self.before)
+
+    @property
     def middle_names(self) -> tuple[str, ...]:
         """Names of the middle contacts: ``<finger>.middle``, or ``<finger>.middle_1`` and so on; of stations
         ``<finger>.station_1`` and so on.

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from continuum_grasp.scene.parts import OffsetPolygon
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Angle, Distance, Friction, Position, Value
 
@@ -47,6 +48,11 @@ class Wall:
         (nx, ny), (x, y), half = self.normal, self.point, self.half_length
         return (x + ny * half, y - nx * half), (x - ny * half, y + nx * half)
 
+    @property
+    def part(self) -> OffsetPolygon | None:
+        """The surface as a convex part of the world; None of a half plane."""
+        return OffsetPolygon(self.ends) if math.isfinite(self.half_length) else None
+
     def height(self, point: tuple[float, float]) -> float:
         """Distance of a world point from the surface [m], positive outside the material."""
         nx, ny = self.normal
@@ -64,6 +70,11 @@ class Peg:
     """[m]; zero for a point."""
     friction: float | None
     touch: Switch
+
+    @property
+    def part(self) -> OffsetPolygon:
+        """The peg as a convex part of the world."""
+        return OffsetPolygon((self.position,), self.radius)
 
 
 class _Support(Value):

@@ -1,4 +1,4 @@
-"""Wrench spaces, balance of the object, the multi-aspect index and the linear problems below them."""
+"""Wrench spaces, the multi-aspect index and the linear problems below them."""
 
 from __future__ import annotations
 
@@ -15,14 +15,11 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.quality.contact_set import epsilon_l1, epsilon_linf, min_weight
 from continuum_grasp.grasp.quality.lp import Cones, solve_lp, solve_socp
 from continuum_grasp.grasp.quality.mag_like import mag_like
-from continuum_grasp.grasp.quality.object_balance import greatest_mass, least_friction
 from continuum_grasp.grasp.quality.quality import Quality
 from continuum_grasp.results.plain import plain
-from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.grasp_options import GraspContacts
 
 THIRDS = (0.0, 2 * math.pi / 3, 4 * math.pi / 3)
-DOWN = PlanarGravity(mode="planar", vector=(0.0, -9.81))
-UPRIGHT = OutOfPlaneGravity(mode="out_of_plane", magnitude=9.81)
 
 
 def rough(friction, **changes):
@@ -162,96 +159,6 @@ def distance_to_hull(points, steps=20000):
         weights[near] += step
         weights[far] -= step
     return float(np.linalg.norm(weights @ points))
-
-
-# -- balance of the object -----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("gravity", [DOWN, UPRIGHT])
-def test_squeeze_needs_half_the_weight_over_the_force(gravity):
-    scene, arrays = rough(0.5, gravity=gravity), arrays_of(on_disc((0.0, math.pi)))
-    found = least_friction(scene, arrays)
-    assert found.factor * 0.5 == pytest.approx(0.3 * 9.81 / (2 * 30.0), rel=1e-7)
-    assert found.enough
-    assert least_friction(scene, arrays, same=True).factor == pytest.approx(0.3 * 9.81 / 60.0, rel=1e-7)
-    np.testing.assert_allclose(found.forces[:, 0], 30.0, rtol=1e-6)
-    assert greatest_mass(scene, arrays) == pytest.approx(2 * 0.5 * 30.0 / 9.81, rel=1e-9)
-
-
-def test_two_contacts_below_need_friction_as_their_slope_says():
-    """The weight runs through both cones where they are as wide as the contacts are steep; moments ask for no more."""
-    arrays = arrays_of(on_disc((-math.pi / 2 - 0.4, -math.pi / 2 + 0.4)))
-    assert least_friction(rough(0.5, gravity=DOWN), arrays).factor == 0.0
-    above = arrays_of(on_disc((math.pi / 2 - 0.4, math.pi / 2 + 0.4)))
-    limited = least_friction(rough(0.5, gravity=DOWN), above)
-    assert limited.factor * 0.5 > math.tan(math.pi / 2 - 0.4)  # the pull of two cones that point down
-
-
-def test_jamming_between_two_fingers_above_matches_the_balance_by_hand():
-    """Contacts 0.4 rad off the top: N (mu sin 0.4 - cos 0.4) on both sides carry the weight at N = N_max."""
-    arrays = arrays_of(on_disc((math.pi / 2 - 1.2, math.pi / 2 + 1.2)))
-    exact = (0.3 * 9.81 / 60.0 + math.cos(1.2)) / math.sin(1.2)
-    assert least_friction(rough(0.5, gravity=DOWN), arrays).factor * 0.5 == pytest.approx(exact, rel=1e-7)
-
-
-def test_one_contact_from_above_holds_nothing():
-    scene, arrays = rough(0.5, gravity=DOWN), arrays_of(on_disc((math.pi / 2,)))
-    assert least_friction(scene, arrays).factor == math.inf
-    assert not least_friction(scene, arrays).enough
-    assert greatest_mass(scene, arrays) == 0.0
-    assert greatest_mass(rough(0.5), arrays) == math.inf
-
-
-def test_tilt_counts_where_it_is_asked_for():
-    arrays = arrays_of(on_disc((0.0, math.pi / 2, math.pi)))
-    free = rough(0.5, gravity=UPRIGHT.model_copy(update={"tilt": "ignore"}))
-    assert greatest_mass(free, arrays) > greatest_mass(rough(0.5, gravity=UPRIGHT), arrays) > 0.0
-
-
-@pytest.mark.deep
-def test_random_balances_as_scipy_finds_them():
-    rng = np.random.default_rng(11)
-    for _ in range(25):
-        angles, mu = rng.uniform(0, 2 * math.pi, size=4), rng.uniform(0.2, 1.0)
-        scene, arrays = rough(mu, gravity=DOWN), arrays_of(on_disc(angles))
-        n = np.stack([np.cos(angles), np.sin(angles)])
-        t = np.stack([-np.sin(angles), np.cos(angles)])
-        rows = np.zeros((3, 9))
-        rows[:2, :8:2], rows[:2, 1:8:2] = -n, -t
-        rows[2, 1:8:2], rows[1, 8] = -1.0, -9.81
-        cones = np.zeros((8, 9))
-        for k in range(4):
-            cones[2 * k, [2 * k, 2 * k + 1]] = -mu, 1.0
-            cones[2 * k + 1, [2 * k, 2 * k + 1]] = -mu, -1.0
-        bounds = [(0.0, 30.0), (None, None)] * 4 + [(0.0, None)]
-        truth = linprog(np.append(np.zeros(8), -1.0), cones, np.zeros(8), rows, np.zeros(3), bounds=bounds)
-        assert greatest_mass(scene, arrays) == pytest.approx(-truth.fun, rel=1e-7, abs=1e-7)
-        found = least_friction(scene, arrays)
-        assert found.enough == (-truth.fun >= 0.3 * (1 - 1e-9))
-        if math.isfinite(found.factor) and found.factor > 1e-3:  # at the least friction the mass is just held
-            at = greatest_mass(rough(mu * found.factor, gravity=DOWN), arrays)
-            assert at >= 0.3 * (1 - 1e-5)
-            assert greatest_mass(rough(mu * found.factor * 0.999, gravity=DOWN), arrays) < 0.3
-
-
-@pytest.mark.parametrize("gravity", [DOWN, UPRIGHT])
-def test_at_the_greatest_mass_the_friction_is_the_least(gravity):
-    """Two problems of different kind, the one for the mass and that for the friction, agree where they meet."""
-    rng = np.random.default_rng(2)
-    held = 0
-    for count in (2, 3, 4, 5, 6, 8):
-        angles = rng.uniform(0, 2 * math.pi) + np.arange(count) * 2 * math.pi / count + rng.uniform(-0.3, 0.3, count)
-        scene, arrays = rough(0.6, gravity=gravity), arrays_of(on_disc(angles))
-        most = greatest_mass(scene, arrays)
-        if most == 0.0:
-            continue
-        held += 1
-        for part, enough in ((0.999, True), (1.001, False)):
-            heavy = scene.object.model_copy(update={"mass": most * part})
-            found = least_friction(scene.model_copy(update={"object": heavy}), arrays)
-            assert found.enough == enough
-            assert found.factor == pytest.approx(1.0, abs=0.01)
-    assert held >= 4
 
 
 # -- multi-aspect index and all indices in one place ---------------------------------------------------------------

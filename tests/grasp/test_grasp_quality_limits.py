@@ -8,18 +8,13 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
-from grasp_hand_made import arrays_of, make_scene, on_disc
-from scipy.optimize import brentq
+from grasp_hand_made import arrays_of, make_scene
 
 from continuum_grasp.grasp.quality import lp
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.grasp.quality.lp import Cones, solve_lp, solve_socp
-from continuum_grasp.grasp.quality.object_balance import _Balance, least_friction
 from continuum_grasp.grasp.quality.resistance import _Limits
-from continuum_grasp.scene.grasp_options import GraspContacts, PlanarGravity
 from continuum_grasp.scene.objects import Box
-
-DOWN = PlanarGravity(mode="planar", vector=(0.0, -9.81))
 
 
 def believed(excess, monkeypatch):
@@ -123,14 +118,6 @@ def is_limited(most):
     return math.isfinite(limits.greatest(np.ones(1))[0])
 
 
-def jammed(friction):
-    """Whether contacts that need so much friction to hold a disc from above could hold it."""
-    share = 0.3 * 9.81 / 60.0
-    off = brentq(lambda a: (share + math.cos(a)) / math.sin(a) - friction, 1e-6, 1.0)
-    scene = make_scene(contacts=GraspContacts(friction=0.5, normal_force_max=30.0), gravity=DOWN)
-    return math.isfinite(least_friction(scene, arrays_of(on_disc((math.pi / 2 - off, math.pi / 2 + off)))).factor)
-
-
 def is_no_corner(away):
     """Whether a contact so far from the corner of a box, per size of the box, is on a face."""
     box = Box(shape="box", width=0.06, height=0.08, mass=0.3, position=(0.0, 0.0))  # of size 0.05
@@ -150,8 +137,6 @@ LIMITS = [
      lambda x: not names_a_limit(ranges=np.array([[-1.0, x / (1.0 - x)]]))),
     ("multiple of a contact's force that counts as unlimited", 1e4, lambda x: not is_limited(x)),
     ("distance from a corner", 1e-6, is_no_corner),
-    ("friction force that is none, per weight", 1e-9,
-     lambda x: _Balance.used(SimpleNamespace(force=1.0), np.array([[1.0, x, 0.0]]), np.ones(1)) > 0.0),
 ]  # fmt: skip
 
 
@@ -159,8 +144,3 @@ LIMITS = [
 def test_quality_is_otherwise_on_either_side_of_a_limit(limit, decides):
     assert decides(1.001 * limit)
     assert not decides(0.999 * limit)
-
-
-def test_friction_coefficients_of_ten_thousand_are_none():
-    assert jammed(9e3)
-    assert not jammed(1.1e4)

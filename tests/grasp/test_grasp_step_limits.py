@@ -508,7 +508,7 @@ def retensioned():
         patch.setattr(robust, "Responder", lambda *_: Some(to=lambda *_, **__: response, anew=0))
         patch.setattr(robust, "extremes", lambda *_: np.zeros((1, 0)))
         patch.setattr(robust, "alone", lambda _: {})
-        patch.setattr(robust, "_tension", lambda *_: 1.0)
+        patch.setattr(robust, "tension_of", lambda *_: 1.0)
         return robust._trials(SCENE, None, {}, np.zeros((100, 6)), Budget(), [response]).retried
 
 

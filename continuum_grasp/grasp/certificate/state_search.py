@@ -278,12 +278,7 @@ class _Search:
     @cached_property
     def _open(self) -> set[str]:
         """Names of the contacts that may be on or off."""
-        return {
-            name
-            for setup in self.grasp.setups
-            for name, switch in zip((*setup.middle_names, setup.tip_name), (*setup.middles, setup.tip), strict=True)
-            if switch == "auto"
-        }
+        return {name for setup in self.grasp.setups for name, switch in setup.switches.items() if switch == "auto"}
 
 
 def _without(arrays: Arrays, contact: int) -> dict[str, Array]:

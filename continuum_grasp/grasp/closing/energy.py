@@ -22,10 +22,10 @@ from continuum_grasp.grasp.skin import skin
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import TINY
 from continuum_grasp.scene.finger import BasePose
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
+from continuum_grasp.scene.parts import Part
 from continuum_grasp.scene.supports import Wall
 
 Array = NDArray[Any]
@@ -70,11 +70,44 @@ class ClosingFinger:
         return ca.dot(ca.DM(self.arms).T @ tensions, self.q) / self.length
 
     def heights_needed(self, wall: Wall) -> Array:
-        """How far the backbone's places must stay from a wall [m]: a finger comes out of a wall that its base is in."""
+        """How far places must stay from a half plane [m]: a finger comes out of one that its base is in."""
         height = float((np.asarray(self.model.finger.base.position) - wall.point) @ np.asarray(wall.normal))
-        buried = height < self.halves[0] and math.isinf(wall.half_length)
-        inner = self.stations < self.setup.middle_bounds[0] if buried else np.zeros(len(self.stations), bool)
+        inner = (self.stations < self.setup.middle_bounds[0]) & (height < self.halves[0])
         return np.where(inner, min(height, 0.0), self.halves)
+
+    def discs(self, index: int, friction: float | None = None) -> list[_Disc]:
+        """What it may touch with, as the finger of an index; with its own friction where none is given."""
+        friction = self.setup.friction if friction is None else friction
+        halves = self.halves.tolist()
+        return [
+            _Disc(place, angle, half, half, friction, index)
+            for place, angle, half in zip(self.places, self.angles, halves, strict=True)
+        ]
+
+
+@dataclass(frozen=True)
+class _Disc:
+    """What may touch: a disc at a place in the world whose skin turns with an angle."""
+
+    place: ca.SX
+    angle: ca.SX
+    radius: float
+    arm: float  # of its turn
+    friction: float
+    finger: int  # -1: a support
+
+    def pair(self, gap: ca.SX, normal: ca.SX, point: ca.SX, *, on_object: bool) -> Pair:
+        """It and what it is a gap away from."""
+        return Pair(gap, normal, self.place, self.angle, self.arm, point, self.friction, self.finger, on_object)
+
+    def beside(self, part: Part, pose: ca.SX | None) -> Pair:
+        """It and a part of the object at a pose, or of the world."""
+        turn, origin = (ca.SX.eye(2), ca.SX.zeros(2)) if pose is None else (rotation(pose[2]), pose[:2])
+        local = turn.T @ (self.place - origin)
+        near = surface_of(part).nearest(part, Vec(local[0], local[1]))
+        normal, gap = turn @ near.normal.column(), ca.SX(near.distance) - self.radius
+        at = self.place if pose is None else self.place - near.distance * normal
+        return self.pair(gap, normal, at, on_object=pose is not None)
 
 
 @dataclass(frozen=True)
@@ -109,7 +142,7 @@ class Closing:
         length, symbol = self.length, ca.SX.sym
         unknown = symbol("pose", 3)
         pose = unknown * ca.DM(self.scale)
-        self.pairs = pairs = [*self._on_object(pose), *self._on_supports(pose)]
+        self.pairs = pairs = [*self._on_object(pose), *self._on_supports()]
         count = len(pairs)
         tensions = [symbol(f"{f.name}.tensions", f.model.nu) for f in self.fingers]
         energy = sum((f.potential - f.work(t) for f, t in zip(self.fingers, tensions, strict=True)), ca.SX(0))
@@ -152,34 +185,14 @@ class Closing:
 
     def _on_object(self, pose: ca.SX) -> list[Pair]:
         """Fingers against the object, and the object, where it is free, against the supports."""
-        turn, found = rotation(pose[2]), []
-        places = [
-            (k, *each) for k, f in enumerate(self.fingers) for each in zip(f.places, f.angles, f.halves, strict=True)
-        ]
-        discs = [(place, angle, float(half), self.fingers[k].setup.friction, k) for k, place, angle, half in places]
+        discs = [disc for k, finger in enumerate(self.fingers) for disc in finger.discs(k)]
         if self.free:
             discs += [
-                (ca.SX(peg.position), ca.SX(0), peg.radius, self.scene.friction(peg.name), -1)
+                _Disc(ca.SX(peg.position), ca.SX(0), peg.radius, 0.0, self.scene.friction(peg.name), -1)
                 for peg in self.scene.pegs
             ]
-        for place, angle, half, friction, finger in discs:
-            local = turn.T @ (place - pose[:2])
-            for part in self.scene.object.parts:
-                near = surface_of(part).nearest(part, Vec(local[0], local[1]))
-                normal = turn @ near.normal.column()
-                arm = half if finger >= 0 else 0.0
-                found.append(
-                    Pair(
-                        ca.SX(near.distance) - half,
-                        normal,
-                        place,
-                        angle,
-                        arm,
-                        place - near.distance * normal,
-                        friction,
-                        finger,
-                    )
-                )
+        found = [disc.beside(part, pose) for disc in discs for part in self.scene.object.parts]
+        turn = rotation(pose[2])
         for wall in self.scene.walls if self.free else ():
             down = -ca.DM(wall.normal)
             direction = turn.T @ down
@@ -191,40 +204,19 @@ class Closing:
                     found.append(Pair(gap, ca.SX(down), ca.SX.zeros(2), ca.SX(0), 0.0, point, friction, -1))
         return found
 
-    def _on_supports(self, pose: ca.SX) -> list[Pair]:
+    def _on_supports(self) -> list[Pair]:
         """Fingers against walls and pegs."""
         found = []
-        for k, f in enumerate(self.fingers):
-            for wall in self.scene.walls:
-                normal = ca.SX(ca.DM(wall.normal))
-                for place, angle, half, need in zip(f.places, f.angles, f.halves, f.heights_needed(wall), strict=True):
-                    off = place - ca.DM(wall.point)
-                    gap = ca.dot(normal, off)
-                    if math.isfinite(wall.half_length):  # an edge: a line between two points
-                        along = ca.vertcat(-normal[1], normal[0])
-                        aside = ca.dot(along, off)
-                        away = off - along * ca.fmin(ca.fmax(aside, -wall.half_length), wall.half_length)
-                        gap = ca.sqrt(ca.sumsqr(away) + TINY)
-                    friction = self.scene.friction(wall.name)
-                    found.append(Pair(gap - float(need), normal, place, angle, float(half), place, friction, k, False))
-            for peg in self.scene.pegs:
-                for place, angle, half in zip(f.places, f.angles, f.halves, strict=True):
-                    away = place - ca.DM(peg.position)
-                    gap = ca.sqrt(ca.sumsqr(away) + TINY)
-                    friction = self.scene.friction(peg.name)
-                    found.append(
-                        Pair(
-                            gap - float(half) - peg.radius,
-                            away / gap,
-                            place,
-                            angle,
-                            float(half),
-                            place,
-                            friction,
-                            k,
-                            False,
-                        )
-                    )
+        for k, finger in enumerate(self.fingers):
+            for support in self.scene.places:
+                discs = finger.discs(k, self.scene.friction(support.name))
+                if support.part is not None:
+                    found += [disc.beside(support.part, None) for disc in discs]
+                elif isinstance(support, Wall):
+                    normal = ca.SX(ca.DM(support.normal))
+                    for disc, need in zip(discs, finger.heights_needed(support), strict=True):
+                        height = ca.dot(normal, disc.place - ca.DM(support.point))
+                        found.append(disc.pair(height - float(need), normal, disc.place, on_object=False))
         return found
 
     # -- steps

@@ -80,13 +80,9 @@ def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
     for k in range(spec.planes):
         normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
         spare += [ca.dot(normal, z - at) - finger.number(f"needed_{k}_{j}") + slack for j, z in enumerate(places)]
-    for k in range(spec.lines):
-        near = ca.reshape(finger.number(f"near_line_{k}", NEAR * len(places)), NEAR, len(places))
+    for k in range(spec.edges + spec.pegs):
+        near = ca.reshape(finger.number(f"near_fixed_{k}", NEAR * len(places)), NEAR, len(places))
         spare += [distance_from(z, near[:, j]) - half[j] + slack for j, z in enumerate(places)]
-    for k in range(spec.pegs):
-        at, radius = number(f"peg_{k}.position", 2), number(f"peg_{k}.radius")
-        # 1e-24 keeps the root differentiable where a place is at the peg's center.
-        spare += [ca.sqrt(ca.sumsqr(z - at) + 1e-24) - radius - half[j] + slack for j, z in enumerate(places)]
     require(f"penetration into a support, {name}", ca.vertcat(*spare), "m", "supports", upper=ca.inf)
     return points
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -39,28 +39,10 @@ _NONE = 1e-9
 rounding."""
 
 
-class _Direct:
-    """Calls a function of columns by its memory: CasADi's own conversions take as long as the function."""
-
-    def __init__(self, function: ca.Function) -> None:
-        given = function.mx_in()
-        dense = [ca.densify(out) for out in function.call(given)]
-        self._function = ca.Function(function.name(), given, dense, function.name_in(), function.name_out())
-        self._buffer, self._run = cast("Any", self._function).buffer()
-        self._given = [np.zeros(function.numel_in(k)) for k in range(function.n_in())]
-        shapes = [function.size_out(k) for k in range(function.n_out())]
-        self._found = [np.zeros(shape if shape[1] != 1 else shape[0], order="F") for shape in shapes]
-        for k, array in enumerate(self._given):
-            self._buffer.set_arg(k, array.data)
-        for k, array in enumerate(self._found):
-            self._buffer.set_res(k, array.ravel(order="A").data)
-
-    def __call__(self, *given: Array) -> list[Array]:
-        """All results, columns as (n,)."""
-        for own, one in zip(self._given, given, strict=True):
-            own[:] = one
-        self._run()
-        return [one.copy() for one in self._found]
+def _called(function: ca.Function, *given: Any) -> list[Array]:
+    """All results of a function, columns as (n,)."""
+    found = [np.array(out) for out in function.call(given)]
+    return [one.ravel() if one.shape[1] == 1 else one for one in found]
 
 
 class NearSolver:
@@ -72,21 +54,14 @@ class NearSolver:
     """
 
     def __init__(self, problem: NLP) -> None:
-        functions = problem.functions
-        x, p, forces = (ca.MX.sym(k, v.numel()) for k, v in (("x", problem.x), ("p", problem.p), ("forces", problem.g)))
-        f, slope = functions["grad_f"](x, p)
-        g, jacobian = functions["jac_g"](x, p)
-        bend = ca.triu2symm(functions["hess_lag"](x, p, 1.0, forces))
-        first = ca.Function("first", [x, p], [f, slope, g, jacobian], ["x", "p"], ["f", "slope", "g", "jacobian"])
-        self._first = _Direct(first)
-        self._second = _Direct(ca.Function("second", [x, p, forces], [bend], ["x", "p", "forces"], ["bend"]))
+        self._functions = problem.functions
         self._qps: dict[tuple[int, int], ca.Function] = {}
 
     def restored(self, start: Start) -> Start | None:
         """The start moved to where all equations hold, within bounds; None where that is not near."""
         x, free, equal = np.clip(start.x, start.low, start.high), start.low < start.high, start.lower == start.upper
         for _ in range(_STEPS):
-            _, _, g, jacobian = self._first(x, start.p)
+            g, jacobian = _called(self._functions["jac_g"], x, start.p)
             off = g[equal] - start.lower[equal]
             if np.abs(off).max(initial=0.0) < _EXACT:
                 return replace(start, x=x)
@@ -108,7 +83,8 @@ class NearSolver:
             bounds, forces = known.bounds, known.constraints
         status, count = Status.FAILED, 0
         while True:
-            f, slope, g, jacobian = self._first(x, start.p)
+            f, slope = _called(self._functions["grad_f"], x, start.p)
+            g, jacobian = _called(self._functions["jac_g"], x, start.p)
             over = np.maximum(start.lower - g, g - start.upper)
             bounds = np.where(free, bounds, -(slope + jacobian.T @ forces))
             error = float(np.abs(slope + jacobian.T @ forces + bounds).max(initial=0.0))
@@ -118,7 +94,8 @@ class NearSolver:
                 break
             step = None
             if count < steps and not until.over:
-                (bend,) = self._second(x, start.p, forces)
+                (half,) = _called(self._functions["hess_lag"], x, start.p, 1.0, forces)
+                bend = half + np.triu(half, 1).T
                 step = self._step(start, x, slope, g, jacobian, bend)
             if step is None:
                 break

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -77,7 +76,7 @@ class GraspSolverRun:
         self._read = point_reader(self.problem)
         self._near = Surroundings(self.problem)
         x, numbers = self.problem.x.symbol, self.problem.numbers.symbol
-        self._nlp = nlp.NLP("grasp", x, self.problem.objective, self.problem.rows.g, numbers)
+        self.nlp = nlp.NLP("grasp", x, self.problem.objective, self.problem.rows.g, numbers)
         self._solvers: dict[tuple[Any, ...], nlp.Solver] = {}
 
     def prepare(self, scene: GraspScene) -> nlp.Solver:
@@ -86,7 +85,7 @@ class GraspSolverRun:
         key = (options.method, options.tolerance, options.max_iterations)
         if key not in self._solvers:
             self._solvers[key] = nlp.new_solver(settings_of(options))
-            self._solvers[key].prepare(self._nlp)
+            self._solvers[key].prepare(self.nlp)
         return self._solvers[key]
 
     def run(
@@ -143,14 +142,14 @@ class GraspSolverRun:
         for name, bound in (most or {}).items():
             high[problem.x.at[name]] = bound
         options, cap = RUNGS[rung]
-        solve = partial(self.prepare(scene).solve, self._nlp) if near is None else self._near_solver.solve
+        solve = partial(self.prepare(scene).solve, self.nlp) if near is None else self._near_solver.solve
         began = time.perf_counter()
         x = np.clip(x, low, high)
         look = self._look(scene, values)
         known = nlp.Start(x, low, high, *problem.rows.bounds(), look(x, problem.numbers.pack(values, 0.0))[1])
         known = replace(known, option_set=options, multipliers=None if near is None else near.multipliers)
         with budget.share(iterations) as part:
-            last, last_numbers = solve_clear(solve, self._nlp, known, look, allowed_depth(scene), part, cap)
+            last, last_numbers = solve_clear(solve, self.nlp, known, look, allowed_depth(scene), part, cap)
         last = replace(last, seconds=time.perf_counter() - began)
         violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
         return Attempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
@@ -197,11 +196,6 @@ class GraspSolverRun:
         rows = [block.rows.ravel() for block in self.problem.rows.blocks if block.name.startswith("penetration")]
         return np.concatenate([np.zeros(0, dtype=np.int64), *rows])
 
-    @property
-    def derivatives(self) -> dict[str, ca.Function]:
-        """Derivatives of the problem by its unknowns: ``grad_f``, ``jac_g`` and ``hess_lag``."""
-        return self._nlp.functions
-
     def numbers_near(self, scene: GraspScene, attempt: Attempt, start: Start, features: dict[str, Feature]) -> Array:
         """Run-time numbers of a scene of the same structure at the unknowns of an attempt.
 
@@ -216,21 +210,8 @@ class GraspSolverRun:
         return numbers.pack({**values, **{name: attempt.numbers[at[name]] for name in stay}})
 
     @cached_property
-    def values(self) -> ca.Function:
-        """Objective and constraints, from unknowns and numbers."""
-        return ca.Function("values", [self._nlp.x, self._nlp.p], [self._nlp.f, self._nlp.g])
-
-    @cached_property
     def _near_solver(self) -> NearSolver:
-        return NearSolver(self._nlp)
-
-    @cached_property
-    def slope(self) -> ca.Function:
-        """Derivative of the Lagrangian by the problem's numbers, from unknowns, numbers and multipliers."""
-        x, numbers, g = self.problem.x.symbol, self.problem.numbers.symbol, self.problem.rows.g
-        force = ca.SX.sym("force", g.numel())
-        lagrangian = self.problem.objective + ca.dot(force, g)
-        return ca.Function("slope", [x, numbers, force], [ca.gradient(lagrangian, numbers)])
+        return NearSolver(self.nlp)
 
 
 _IPOPT = {

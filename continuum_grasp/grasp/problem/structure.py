@@ -124,7 +124,7 @@ class ProblemSpec:
     contacts: tuple[ContactSpec, ...]
     surfaces: tuple[Surface[Any], ...]  # of the object's convex parts
     planes: int  # supports that are half planes
-    lines: int  # finite ones
+    edges: int  # finite ones
     pegs: int  # round ones
     pairs: tuple[tuple[int, int], ...]  # indices of fingers that must keep clear of each other
     free: bool  # whether the object's pose is sought
@@ -160,7 +160,7 @@ class ProblemSpec:
             contacts=tuple(specs),
             surfaces=surfaces,
             planes=len(scene.walls) - len(bounded),
-            lines=len(bounded),
+            edges=len(bounded),
             pegs=len(pegs),
             pairs=tuple((index[one.name], index[other.name]) for one, other in scene.pairs),
             free=scene.object.free is not None,

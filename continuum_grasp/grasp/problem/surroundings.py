@@ -21,7 +21,7 @@ from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.parts import OffsetPolygon, Part
+from continuum_grasp.scene.parts import Part
 from continuum_grasp.scene.supports import Wall
 
 Array = NDArray[Any]
@@ -170,7 +170,7 @@ class Surroundings:
             if obstacle.circles:
                 # One column after the other.
                 sight.numbers[f"{name}.{obstacle.circles}"] = circles[:, retained].T
-            elif isinstance(obstacle.body, Wall):
+            else:
                 sight.numbers |= {f"{name}.needed_{planes}_{j}": value for j, value in enumerate(needed)}
                 planes += 1
         return _Traced(name, *dense, np.concatenate([points.T, at]))
@@ -223,13 +223,11 @@ def _between(one: _Traced, other: _Traced, numbers: Values) -> float:
 
 
 def _obstacles(scene: GraspScene) -> list[_Obstacle]:
-    planes = [wall for wall in scene.walls if np.isinf(wall.half_length)]
-    edges = [OffsetPolygon(wall.ends) for wall in scene.walls if np.isfinite(wall.half_length)]
+    fixed = [body.part for body in scene.places if body.part is not None]
     return [
         *(_Obstacle(part, f"near_{k}", moves=True) for k, part in enumerate(scene.object.parts)),
-        *(_Obstacle(wall) for wall in planes),
-        *(_Obstacle(edge, f"near_line_{k}") for k, edge in enumerate(edges)),
-        *(_Obstacle(OffsetPolygon((peg.position,), peg.radius)) for peg in scene.pegs),
+        *(_Obstacle(wall) for wall in scene.walls if wall.part is None),
+        *(_Obstacle(part, f"near_fixed_{k}") for k, part in enumerate(fixed)),
     ]
 
 

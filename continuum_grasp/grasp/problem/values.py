@@ -243,8 +243,7 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
         }
     for k, mass in enumerate(inner):
         values |= {f"mass_{k}": mass.mass / own, f"mass_{k}.at": mass.at / length}
-    at = [s / length for s in setup.stations] or [count / setup.elements for count in setup.before]
-    values |= {f"joint_{k}": s for k, s in enumerate(at)}
+    values |= {f"joint_{k}": s / length for k, s in enumerate(setup.middle_places)}
     values["tolerance"] = (
         tolerance_of(setup, scene) * length / units.length if setup.stations else (scene.solver.penetration_tolerance)
     )

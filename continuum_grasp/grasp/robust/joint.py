@@ -12,7 +12,6 @@ from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -80,6 +79,7 @@ class JointSolverRun:
             solver_for(ProblemSpec.of(scene, dict(on)).in_error(landed=not in_error.on)) for on in self.touching
         ]
         self._whole: RobustProblem = robust_problem(self.nominal, tuple(self.others), in_error.left)
+        self.nlp = self._whole.nlp
         self._near = [Surroundings(solver.problem) for solver in self._solvers]
 
     @property
@@ -129,8 +129,8 @@ class JointSolverRun:
             x0 = np.concatenate([starting_point(s.problem, *side) for s, side in starts])
         x = np.clip(x0, low, high)
         begin = nlp.Start(x, low, high, *self.row_bounds, look(x, np.concatenate([*packed, offsets]))[1])
-        solve = partial(nlp.new_solver(settings_of(scene.solver)).solve, self._whole.nlp)
-        last, numbers = solve_clear(solve, self._whole.nlp, begin, look, allowed_depth(scene), budget, RUNGS[-1][1])
+        solve = partial(nlp.new_solver(settings_of(scene.solver)).solve, self.nlp)
+        last, numbers = solve_clear(solve, self.nlp, begin, look, allowed_depth(scene), budget, RUNGS[-1][1])
         return Attempt(**vars(last), start=start, features=features, numbers=numbers, violations=[])
 
     def bounds(self, scene: GraspScene, start: Start, features: dict[str, Feature]) -> tuple[Array, Array]:
@@ -167,11 +167,6 @@ class JointSolverRun:
         """The physical numbers of the nominal grasp."""
         return self.nominal.arrays(scene, self._part(attempt, 0))
 
-    @property
-    def derivatives(self) -> dict[str, ca.Function]:
-        """Derivatives of the problem by its unknowns: ``grad_f``, ``jac_g`` and ``hess_lag``."""
-        return self._whole.nlp.functions
-
     def numbers_near(self, scene: GraspScene, attempt: Attempt, start: Start, features: dict[str, Feature]) -> Array:
         """Run-time numbers of a scene of the same structure at the unknowns of an attempt."""
         sides = self._sides(scene, start, features)
@@ -180,14 +175,6 @@ class JointSolverRun:
             for k, (solver, (each, begin, own)) in enumerate(zip(self._solvers, sides, strict=True))
         ]
         return np.concatenate([*found, self._offsets(scene, start)])
-
-    @cached_property
-    def slope(self) -> ca.Function:
-        """Derivative of the Lagrangian by the problem's numbers, from unknowns, numbers and multipliers."""
-        whole = self._whole.nlp
-        force = ca.MX.sym("force", whole.g.numel())
-        lagrangian = whole.f + ca.dot(force, whole.g)
-        return ca.Function("slope", [whole.x, whole.p, force], [ca.gradient(lagrangian, whole.p)])
 
     def acting(self, attempt: Attempt) -> Array:
         """The errors (A, 6 + S) that decide the optimum: those with forces on what all postures share."""

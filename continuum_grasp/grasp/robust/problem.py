@@ -37,7 +37,6 @@ class _Link:
         force = ca.SX.sym("force", rows.numel())
         self.size = int(rows.numel())
         self.values = ca.Function("link", args, [rows])
-        self.slopes = ca.Function("slopes", args, [ca.jacobian(rows, args[0]), ca.jacobian(rows, args[2])])
         bend = ca.triu(ca.hessian(ca.dot(force, rows), args[0])[0])
         self.bends = ca.Function("bends", [*args[:2], error, force], [bend])
 
@@ -84,38 +83,23 @@ class RobustProblem:
         links = [made[other] for other in others]
         self.links = [each.size for each in links]
 
-        values = [part.values(a, b) for part, a, b in zip(parts, xs, ps, strict=True)]
+        values = [part.nlp.values(a, b) for part, a, b in zip(parts, xs, ps, strict=True)]
         linked = [each.values(xs[0], ps[0], a, e) for each, a, e in zip(links, xs[1:], errors, strict=True)]
         f = sum(value[0] for value in values)
         g = ca.vertcat(*(value[1] for value in values), *linked)
 
-        gradient = ca.vertcat(*(part.derivatives["grad_f"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)))
-        jacobians = [part.derivatives["jac_g"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
-        pairs = [each.slopes(xs[0], ps[0], a, e) for each, a, e in zip(links, xs[1:], errors, strict=True)]
-        first_part = ca.vertcat(ca.MX(0, self.sizes[0]), *(a for a, _ in pairs))
-        below = ca.horzcat(first_part, ca.diagcat(*(b for _, b in pairs)))
-        jacobian = ca.vertcat(ca.diagcat(*jacobians), below)
-
+        # CasADi finds gradient and Jacobian as well from the parts; of the Hessian it does not see the blocks as soon.
         weight, forces = ca.MX.sym("weight"), ca.MX.sym("forces", g.numel())
         shares = ca.vertsplit(forces, _starts([*(part.problem.rows.count for part in parts), *self.links]))
         blocks = [
-            part.derivatives["hess_lag"](a, b, weight, own)
+            part.nlp.functions["hess_lag"](a, b, weight, own)
             for part, a, b, own in zip(parts, xs, ps, shares, strict=False)
         ]
         own_forces = zip(links, errors, shares[count + 1 :], strict=True)
         blocks[0] += sum(each.bends(xs[0], ps[0], e, own) for each, e, own in own_forces)
-        derivatives = {
-            "grad_f": ca.Function("nlp_grad_f", [x, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
-            "jac_g": ca.Function("nlp_jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
-            "hess_lag": ca.Function(
-                "nlp_hess_l",
-                [x, p, weight, forces],
-                [ca.triu(ca.diagcat(*blocks))],
-                ["x", "p", "lam_f", "lam_g"],
-                ["triu_hess_gamma_x_x"],
-            ),
-        }
-        self.nlp = nlp.NLP("robust_grasp", x, f, g, p, derivatives=derivatives)
+        names = ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+        hessian = ca.Function("nlp_hess_l", [x, p, weight, forces], [ca.triu(ca.diagcat(*blocks))], *names)
+        self.nlp = nlp.NLP("robust_grasp", x, f, g, p, derivatives={"hess_lag": hessian})
 
     def bounds(self) -> tuple[Array, Array]:
         """Bounds of all rows."""

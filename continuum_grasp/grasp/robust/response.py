@@ -175,11 +175,7 @@ class Responder:
         attempt, begin, solver = response.attempt, response.begin, response.solver
         if response.holds or not np.isfinite(attempt.x).all():
             return
-        switches = {
-            name: switch
-            for setup in self.scene.setups
-            for name, switch in zip((*setup.middle_names, setup.tip_name), (*setup.middles, setup.tip), strict=True)
-        }
+        switches = {name: switch for setup in self.scene.setups for name, switch in setup.switches.items()}
         forces = {
             name: float(attempt.x[solver.problem.x.at[f"force, {name}"]][0])
             for name in begin.contacts
@@ -208,8 +204,7 @@ class Responder:
         x, y, angle = arrays["object.pose"].tolist()
         for setup in scene.setups if names else ():
             line, length = arrays[f"{setup.name}.backbone"], setup.finger.rod.length
-            places = setup.stations or tuple(length * count / setup.elements for count in setup.before)
-            for name, s in zip((*setup.middle_names, setup.tip_name), (*places, length), strict=True):
+            for name, s in zip(setup.switches, (*setup.middle_places, length), strict=True):
                 if name not in names:
                     continue
                 world = complex(*(float(np.interp(s, line[:, 0], line[:, c])) for c in (1, 2)))

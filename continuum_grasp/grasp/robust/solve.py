@@ -29,7 +29,7 @@ from continuum_grasp.grasp.robust.states import (
 )
 from continuum_grasp.grasp.search import NEAR, Search, Tried
 from continuum_grasp.grasp.starts.values import start_from
-from continuum_grasp.grasp.values import Reason, Status
+from continuum_grasp.grasp.values import Reason, Status, tension_of
 from continuum_grasp.grasp.verdict import UNSTABLE, flawed
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
@@ -72,13 +72,13 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         # No robust grasp takes less than the nominal one that it is next to.
         may = not found.holds or (
             scene.objective == "least_tension"
-            and _tension(scene, arrays) < (1.0 - NEAR) * _tension(scene, found.arrays)
+            and tension_of(scene, arrays) < (1.0 - NEAR) * tension_of(scene, found.arrays)
         )
         if branches > BRANCHES or not may or budget.over:
             break
         branches += 1
         other = find_robust(scene, bounds, arrays, budget)
-        if other.holds and (not found.holds or _tension(scene, other.arrays) < _tension(scene, found.arrays)):
+        if other.holds and (not found.holds or tension_of(scene, other.arrays) < tension_of(scene, found.arrays)):
             found = other
     # Trials are no part of the search: only the clock stops them.
     trials = Budget(until=budget.until)
@@ -173,7 +173,7 @@ def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, 
     def new(arrays: Mapping[str, Array]) -> bool:
         same = any(
             set(arrays["contact_names"]) == set(one["contact_names"])
-            and math.isclose(_tension(scene, arrays), _tension(scene, one), rel_tol=NEAR)
+            and math.isclose(tension_of(scene, arrays), tension_of(scene, one), rel_tol=NEAR)
             for one in seen
         )
         seen.append(arrays)
@@ -182,7 +182,7 @@ def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, 
     stations = any(setup.stations for setup in scene.setups)
 
     def order(tried: Tried) -> tuple[int, float]:
-        return len(tried.arrays["contact_names"]) * stations, _tension(scene, tried.arrays)
+        return len(tried.arrays["contact_names"]) * stations, tension_of(scene, tried.arrays)
 
     for tried in sorted(search.good, key=order):
         if tried.acceptable and new(tried.arrays):
@@ -191,11 +191,6 @@ def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, 
         found = search.attempt(basin.start)
         if found is not None and found.acceptable and new(found.arrays):
             yield found.arrays
-
-
-def _tension(scene: GraspScene, arrays: Mapping[str, Array]) -> float:
-    """Sum of all tensions [N]."""
-    return float(sum(arrays[f"{name}.tensions"].sum() for name in scene.named_fingers))
 
 
 def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Robust, budget: Budget) -> GraspResult:
@@ -328,7 +323,7 @@ def _trials(
     single = {name: min(responder.to(error).margin for error in each) for name, each in ends.items()}
     worst = min(corners, key=lambda response: response.reserve).error
     return Trials(
-        _tension(scene, arrays),
+        tension_of(scene, arrays),
         np.array([response.margin for response in responses]),
         len(again),
         sum(response.holds for response in again),

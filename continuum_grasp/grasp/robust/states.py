@@ -70,7 +70,7 @@ def worst_vertex(response: Response) -> Array:
     if not attempt.converged:
         return error
     # What is minimized is the reserve turned around.
-    slope = np.asarray(solver.slope(attempt.x, attempt.numbers, attempt.multipliers.constraints)).ravel()
+    slope = np.asarray(solver.nlp.slope(attempt.x, attempt.numbers, 1.0, attempt.multipliers.constraints)).ravel()
     for name, columns in response.scene.state_columns.items():
         own = slope[solver.problem.numbers.at[f"{name}.friction_history"]][:-1]
         states = error[OBJECT:][columns]

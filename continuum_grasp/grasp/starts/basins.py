@@ -8,17 +8,18 @@ the curves are refined. Models with more elements than two bend a little from th
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.candidates import Candidates, all_joints
+from continuum_grasp.grasp.starts.candidates import Candidates, all_joints, as_candidates
 from continuum_grasp.grasp.starts.force import Block, finger_block, imbalance, loads_of, support_block
 from continuum_grasp.grasp.starts.scan.linked import along_outline, best_of, in_bends, minima
-from continuum_grasp.grasp.starts.scan.task import join, make_task, obstruction
-from continuum_grasp.grasp.starts.scan.touching import Branch, Ring, beside, scanned, together
+from continuum_grasp.grasp.starts.scan.rows import Rows
+from continuum_grasp.grasp.starts.scan.task import Postures, make_task, obstruction
+from continuum_grasp.grasp.starts.scan.touching import Branch, Ring, beside, scanned
 from continuum_grasp.grasp.starts.scan.two_arcs import arc_spacing, beside_arcs, scanned_arcs
 from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.model.family import family_class
@@ -54,7 +55,7 @@ def is_scanned(scene: GraspScene, on: frozenset[str]) -> bool:
 
 
 @dataclass(frozen=True)
-class Scored:
+class Scored(Rows):
     """P postures, the forces that come closest to balance, and what that takes."""
 
     branch: Branch
@@ -64,11 +65,6 @@ class Scored:
     wrong: Array  # (P,) penetration [L]
     score: Array  # (P,) tensions by their limits, with penalties
     estimate: Array  # (P,) the same in N
-
-    def take(self, index: Any) -> Scored:
-        """Some of them."""
-        taken = (getattr(self, name) for name in ("forces", "left", "wrong", "score", "estimate"))
-        return Scored(self.branch.take(index), self.candidates.take(index), *(values[index] for values in taken))
 
 
 class Basins:
@@ -82,7 +78,6 @@ class Basins:
         self.task = make_task(scene, scene.setups[0], self.base, self.pose, 1, on)
         self._ring = Ring(self.task, _PLACES)
         self.places = self.postures = 0
-        self._joints = np.flatnonzero(self.task.middles)
         # Arcs to a middle contact have no free parameter.
         self._isolated = any(self.task.middles) and self.task.one_arc_to_joint
         self._postures: Scored | None = None
@@ -116,8 +111,11 @@ class Basins:
 
     def _depth(self, branch: Branch) -> Array:
         """By how much something is in the way of postures (P,) [L]."""
-        joints = branch.joint[:, None] if any(self.task.middles) else np.zeros((len(branch), 0))
-        return obstruction(self.task, branch.knots, branch.ends, all_joints(self.task, joints))
+        return obstruction(self.task, branch.knots, branch.ends, self._joints(branch))
+
+    def _joints(self, branch: Branch) -> Array:
+        """Positions of all middle contacts (P, J)."""
+        return all_joints(self.task, branch.joint[:, None] if any(self.task.middles) else np.zeros((len(branch), 0)))
 
     # -- forces ------------------------------------------------------------------------------------------------
 
@@ -143,24 +141,18 @@ class Basins:
         return Scored(branch, candidates, forces, left, wrong, score, most * score)
 
     def _candidates(self, branch: Branch, wrong: Array) -> Candidates:
-        task, count = self.task, len(branch)
-        middle, tip = any(task.middles), task.tip
-        joints = branch.joint[:, None] if middle else np.zeros((count, 0))
-        points = np.stack([branch.point] * middle + [branch.tip_point] * tip, axis=1)
-        angles = np.stack([branch.normal] * middle + [branch.tip_normal] * tip, axis=1)
-        every = all_joints(task, joints)
-        return Candidates(
-            bases=np.tile(self.base, (count, 1)),
-            sides=branch.side,
+        middle, tip = any(self.task.middles), self.task.tip
+        postures = Postures(
             knots=branch.knots,
             curvatures=branch.ends,
-            joints=every,
-            stations=np.concatenate([every[:, self._joints], np.ones((count, int(tip)))], axis=1),
+            joints=self._joints(branch),
             parts=np.stack([branch.part] * middle + [branch.tip] * tip, axis=1),
-            points=task.frame.back(points - task.half * np.exp(1j * angles)),
-            angles=task.frame.angle_back(angles),
+            points=np.stack([branch.point] * middle + [branch.tip_point] * tip, axis=1),
+            angles=np.stack([branch.normal] * middle + [branch.tip_normal] * tip, axis=1),
             violation=wrong,
         )
+        # The task has the finger's own side, and curves to either.
+        return replace(as_candidates(self.task, postures), sides=branch.side)
 
     # -- minima ------------------------------------------------------------------------------------------------
 
@@ -183,7 +175,7 @@ class Basins:
                 continue
             moved = best_of(new.score, rows[clear], count)
             better = np.append(new.score, np.inf)[moved] < best.score
-            best = _merged(best, new).take(np.where(better, count + moved, np.arange(count)))
+            best = best.followed_by([new]).take(np.where(better, count + moved, np.arange(count)))
         return _ordered(best)
 
     def _near(self, branch: Branch, shifts: Array) -> tuple[Branch, Array]:
@@ -195,10 +187,3 @@ class Basins:
 
 def _ordered(some: Scored) -> Scored:
     return some.take(np.argsort(some.score, kind="stable"))
-
-
-def _merged(one: Scored, two: Scored) -> Scored:
-    candidates = join([one.candidates, two.candidates]) or one.candidates
-    names = ("forces", "left", "wrong", "score", "estimate")
-    values = (np.concatenate([getattr(one, name), getattr(two, name)]) for name in names)
-    return Scored(together([one.branch, two.branch]), candidates, *values)

@@ -58,10 +58,11 @@ def find_candidates(
     sides = (1, -1) if any(name in on for name in setup.middle_names) else (1,)
     tasks = [make_task(scene, setup, base, pose, side, on) for base in bases for side in sides]
     families = [(task, _postures(task)) for task in tasks]
-    return join([_as_candidates(task, family) for task, family in families if family is not None])
+    return join([as_candidates(task, family) for task, family in families if family is not None])
 
 
-def _as_candidates(task: FingerTask, family: Postures) -> Candidates:
+def as_candidates(task: FingerTask, family: Postures) -> Candidates:
+    """Postures in numbers of their task as those of the finger."""
     count = len(family)
     return Candidates(
         bases=np.tile(task.base, (count, 1)),

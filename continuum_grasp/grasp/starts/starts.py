@@ -94,7 +94,7 @@ def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
             tuple((knots * length).tolist()),
             tuple((bent / length).tolist()),
         )
-        names = [n for n in (*setup.middle_names, setup.tip_name) if n in on]
+        names = [n for n in setup.switches if n in on]
         size = len(names) * loads.edges
         forces |= contact_forces(scene, loads, names, balanced[place : place + size])
         tensions[setup.name] = tuple(balanced[place + size : place + size + 2].tolist())
@@ -104,7 +104,7 @@ def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
             contacts[name] = ContactStart(
                 int(candidates.parts[posture, column]),
                 (point.real, point.imag),
-                float(np.remainder(candidates.angles[posture, column] + np.pi, 2 * np.pi) - np.pi),
+                math.remainder(candidates.angles[posture, column], math.tau),
             )
     touched = support_contacts(scene, at.pose, on)
     forces |= contact_forces(scene, loads, list(touched), balanced[place:])

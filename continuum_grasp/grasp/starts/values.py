@@ -101,9 +101,7 @@ def with_contacts(scene: GraspScene, start: Start, contacts: Mapping[str, Contac
     fingers = dict(start.fingers)
     for setup in scene.setups:
         own = fingers[setup.name]
-        length = setup.finger.rod.length
-        rest = setup.stations or tuple(length * count / setup.elements for count in setup.before)
-        places = zip(setup.middle_names, own.joints, rest, strict=True)
+        places = zip(setup.middle_names, own.joints, setup.middle_places, strict=True)
         joints = tuple(at if name in contacts else off for name, at, off in places)
         fingers[setup.name] = replace(own, joints=joints)
     # In one order, so that equal sets share one solver.

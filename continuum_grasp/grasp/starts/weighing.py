@@ -54,7 +54,7 @@ class Weighing:
         self.setups, self.loads = scene.setups, loads_of(scene)
         # Arcs have too few curvatures to be bent towards balance.
         alone = [
-            {*setup.middle_names, setup.tip_name} & on == {setup.tip_name} and family_class(setup.family).degree > 0
+            setup.switches.keys() & on == {setup.tip_name} and family_class(setup.family).degree > 0
             for setup in self.setups
         ]
         self._tips_alone = len(alone) > 1 and all(alone)

@@ -161,7 +161,7 @@ def tangent(
         end, turn, dend, dturn = segment_end(lengths[rows], bent)
         at = shape.walk(u[:, 2])
         off = point[rows] + phase[rows] * end - at.point
-        tilt = _turned(angle[rows] + turn - at.angle)
+        tilt = wrapped(angle[rows] + turn - at.angle)
         one, two = phase[rows] * dend[:, free[0]], phase[rows] * dend[:, free[1]]
         return [off.real, off.imag, tilt], [
             [one.real, two.real, -at.dpoint.real],
@@ -210,7 +210,7 @@ def arc_tangent(shape: Outline, length: Array, curvature: Array, walk: Array) ->
         at = shape.walk(u[:, 2])
         off = end - at.point
         move, on = dend.sum(axis=1), 1j * np.exp(1j * turn)
-        return [off.real, off.imag, _turned(turn - at.angle)], [
+        return [off.real, off.imag, wrapped(turn - at.angle)], [
             [on.real, move.real, -at.dpoint.real],
             [on.imag, move.imag, -at.dpoint.imag],
             [bent, u[:, 0], -at.dangle],
@@ -221,7 +221,8 @@ def arc_tangent(shape: Outline, length: Array, curvature: Array, walk: Array) ->
     return found[:, 0], found[:, 1], found[:, 2], good & (found[:, 0] > 0.0)
 
 
-def _turned(angle: Array) -> Array:
+def wrapped(angle: Array) -> Array:
+    """Angles [rad] as they are within half a turn."""
     return np.asarray(np.remainder(angle + math.pi, math.tau) - math.pi)
 
 

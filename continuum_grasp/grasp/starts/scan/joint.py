@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import arc_tangent, guess_table, sample, segment_end, tangent
+from continuum_grasp.grasp.starts.scan.curves import arc_tangent, guess_table, sample, segment_end, tangent, wrapped
 from continuum_grasp.grasp.starts.scan.task import ALLOWED, FingerTask, Postures, join, touching_family, unique
 from continuum_grasp.model.surfaces.outline import Outline
 
@@ -102,7 +102,7 @@ def _guesses(
     points = positions[:, None] * ends
     row, column = np.nonzero(np.abs(points - shape.center) < shape.extent + task.half + _OFF * positions[:, None])
     gap, walk = shape.nearest(points[row, column])
-    tilt = np.remainder(turns[column] - shape.walk(walk).angle + math.pi, math.tau) - math.pi
+    tilt = wrapped(turns[column] - shape.walk(walk).angle)
     merit = ((gap - task.half) / (_OFF * positions[row])) ** 2 + (tilt / _TILT) ** 2
     near = merit < 1.0
     return row[near], column[near], walk[near]

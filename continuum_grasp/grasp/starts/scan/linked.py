@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.starts.scan.curves import wrapped
 from continuum_grasp.grasp.starts.scan.touching import Branch
 
 Array = NDArray[Any]
@@ -52,8 +52,7 @@ def in_bends(branch: Branch, spacing: float) -> Array:
 
 
 def _alike_normals(branch: Branch, one: Array, two: Array) -> Array:
-    turned = np.remainder(branch.tip_normal[one] - branch.tip_normal[two] + math.pi, math.tau) - math.pi
-    return np.asarray(np.abs(turned) < _NORMAL)
+    return np.asarray(np.abs(wrapped(branch.tip_normal[one] - branch.tip_normal[two])) < _NORMAL)
 
 
 def minima(score: Array, linked: Array) -> Array:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.skin import skin
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import bends, sample
+from continuum_grasp.grasp.starts.scan.rows import Rows
 from continuum_grasp.model.family import family_class
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
@@ -112,7 +113,7 @@ class FingerTask:
 
 
 @dataclass(frozen=True)
-class Postures:
+class Postures(Rows):
     """P postures of one finger with C contacts, in numbers of its task."""
 
     knots: Array  # (P, K)
@@ -122,13 +123,6 @@ class Postures:
     points: Array  # (P, C) complex, on the grown outline
     angles: Array  # (P, C) of the outward normals
     violation: Array  # (P,) by how much something is in the way or a limit broken; 0: nothing is
-
-    def __len__(self) -> int:
-        return len(self.violation)
-
-    def take(self, index: Any) -> Self:
-        """Some of them."""
-        return replace(self, **{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
 
     def on_to(self, knots: Array, curvatures: Array, part: int, at: Walk) -> Self:
         """The postures continued by more knots (P, M) to one more contact with a part, which it touches at ``at``."""
@@ -157,8 +151,7 @@ def join(groups: list[P]) -> P | None:
 
     # Knots without distance change nothing: the last one is repeated where a group has fewer.
     groups = [replace(g, knots=padded(g.knots), curvatures=padded(g.curvatures)) for g in groups]
-    names = groups[0].__dataclass_fields__
-    return replace(groups[0], **{name: np.concatenate([getattr(g, name) for g in groups]) for name in names})
+    return groups[0].followed_by(groups[1:])
 
 
 def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, shape: Outline, walk: Array) -> Postures:

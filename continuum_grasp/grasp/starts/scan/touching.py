@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.chords import MOST_TURN, bends_to, exact_bends
-from continuum_grasp.grasp.starts.scan.curves import NODES, WEIGHTS
+from continuum_grasp.grasp.starts.scan.curves import NODES, WEIGHTS, wrapped
+from continuum_grasp.grasp.starts.scan.rows import Rows
 from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_MOST, TIP_REACH, TIPS, FingerTask
 
 Array = NDArray[Any]
@@ -61,7 +62,7 @@ class Ring:
 
 
 @dataclass(frozen=True)
-class Branch:
+class Branch(Rows):
     """P curves to a middle contact, and, where the tip touches too, on to the tip."""
 
     part: Array  # of the object that is touched
@@ -76,24 +77,11 @@ class Branch:
     tip_point: Array
     tip_normal: Array
 
-    def __len__(self) -> int:
-        return len(self.part)
-
-    def take(self, index: Any) -> Self:
-        """Some of them."""
-        return replace(self, **{name: getattr(self, name)[index] for name in self.__dataclass_fields__})
-
     @property
     def knots(self) -> Array:
         """(P, 4)"""
         one = np.ones(len(self))
         return np.stack([0.0 * one, self.joint, self.joint, one], axis=1)
-
-
-def together(groups: list[Branch]) -> Branch:
-    """All of several groups."""
-    names = Branch.__dataclass_fields__
-    return Branch(**{name: np.concatenate([getattr(g, name) for g in groups]) for name in names})
 
 
 def scanned(task: FingerTask, ring: Ring) -> Branch:
@@ -140,7 +128,7 @@ _NEARBY = 2.5
 
 
 def _next_to(angle: Array, old: Array) -> Array:
-    return np.asarray(old + np.remainder(angle - old + math.pi, math.tau) - math.pi)
+    return old + wrapped(angle - old)
 
 
 def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, normal: Array) -> Branch:
@@ -153,7 +141,7 @@ def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, norm
     sides: list[Array] = []
     turns: list[Array] = []
     for one in (1, -1):
-        angle = _wrapped(normal[near] + (0.0 if one > 0 else math.pi))
+        angle = wrapped(normal[near] + (0.0 if one > 0 else math.pi))
         for winding in (-math.tau, 0.0, math.tau):
             fits = np.flatnonzero(np.abs(angle + winding) < min(MOST_TURN, limit))
             rows.append(near[fits])
@@ -182,7 +170,7 @@ def _arcs(task: FingerTask, ring: Ring, parts: Array, places: Array, point: Arra
     """Circular arcs that are tangent at their ends: their turn is twice the angle of the chord."""
 
     def off(points: Array, normals: Array, side: Array) -> Array:
-        return np.asarray(_wrapped(2.0 * np.angle(-1j * points) - normals - np.where(side > 0, 0.0, math.pi)))
+        return np.asarray(wrapped(2.0 * np.angle(-1j * points) - normals - np.where(side > 0, 0.0, math.pi)))
 
     count = ring.count
     low, high, part, place, side = [], [], [], [], []
@@ -209,10 +197,6 @@ def _arcs(task: FingerTask, ring: Ring, parts: Array, places: Array, point: Arra
     ends = (2.0 * half / length)[:, None] * np.ones(2)
     found = _started(parts, sides, start + share, points, normals, turn, length, ends)
     return found.take((np.abs(gap(share)) < 1e-6) & _within(task, found))
-
-
-def _wrapped(angle: Array) -> Array:
-    return np.asarray(np.remainder(angle + math.pi, math.tau) - math.pi)
 
 
 def _within(task: FingerTask, found: Branch) -> Array:
