@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache, reduce
+from functools import cache, lru_cache, reduce
 from importlib.resources import files
+from typing import Any
 
 import casadi as ca
 
@@ -18,22 +19,65 @@ from continuum_grasp.core.precision import literal, single
 from continuum_grasp.core.sweeps import with_loops
 from continuum_grasp.errors import InputError
 
-_PLACE = re.compile(r"<<(\w+)([\w.]*):?([\w.]*)>>")
-_BLOCK = re.compile(r"<<if (?P<no>not )?(\w+)([\w.]*)>>(.*?)<<end>>", re.DOTALL)
+_MARK = re.compile(
+    r"<<(?:(?P<end>end)|(?P<else>else)|if (?P<no>not )?(?P<if>[\w.]+)"
+    r"|for (?P<names>[\w, ]+) in (?P<in>[\w.]+)(?:\|(?P<between>.*?))?|(?P<word>\w[\w.]*):?(?P<format>[\w.]*))>>"
+)
 
 
 def filled(text: str, words: Mapping[str, object]) -> str:
-    """Text with its words for ``<<word>>``, and ``<<if word>>...<<end>>`` left out where the word is false or empty,
-    ``<<if not word>>...<<end>>`` where it is not.
+    r"""Text with its words for ``<<word>>``, and with its blocks, which may be in each other.
 
-    ``<<word.name:format>>`` is an attribute of a word, in a format of Python.
+    ``<<word.name:format>>`` is an attribute or an entry of a word, in a format of Python. ``<<if word>>...<<end>>`` is
+    left out where the word is false or empty, ``<<if not word>>...<<end>>`` where it is not; ``<<else>>`` may be in it.
+    ``<<for a in word>>...<<end>>`` is written for each entry, ``<<for a, b in word>>`` for each tuple; what follows a
+    bar, as in ``<<for a in word|, >>``, stands between, with ``\n`` for the end of a line.
     """
+    return _written(_pieces(text), words)
 
-    def value(word: str, names: str) -> object:
-        return reduce(getattr, names.split(".")[1:], words[word])
 
-    text = _BLOCK.sub(lambda match: match[4] if bool(value(match[2], match[3])) != bool(match["no"]) else "", text)
-    return _PLACE.sub(lambda match: format(value(match[1], match[2]), match[3]), text)
+@lru_cache(256)
+def _pieces(text: str) -> list[Any]:
+    """Texts and marks of a template in their order, each mark with the pieces of its block and behind its ``else``."""
+    top: list[Any] = []
+    open_blocks, at = [top], 0
+    for mark in _MARK.finditer(text):
+        open_blocks[-1].append(text[at : mark.start()])
+        at, blocks = mark.end(), (list[Any](), list[Any]())
+        if mark["end"] or mark["else"]:
+            open_blocks.pop()
+        if mark["else"]:
+            open_blocks.append(open_blocks[-1][-1][1][1])
+        elif not mark["end"]:
+            open_blocks[-1].append((mark, blocks))
+            open_blocks += [] if mark["word"] else [blocks[0]]
+    top.append(text[at:])
+    return top
+
+
+def _part(of: Any, name: str) -> Any:
+    return of[name] if isinstance(of, Mapping) else getattr(of, name)
+
+
+def _written(pieces: list[Any], words: Mapping[str, object]) -> str:
+    found: list[str] = []
+    for piece in pieces:
+        if isinstance(piece, str):
+            found.append(piece)
+            continue
+        mark, (block, other) = piece
+        first, *names = (mark["word"] or mark["if"] or mark["in"]).split(".")
+        value = reduce(_part, names, words[first])
+        if mark["word"]:
+            found.append(format(value, mark["format"]))
+        elif mark["if"]:
+            found.append(_written(block if bool(value) != bool(mark["no"]) else other, words))
+        else:
+            own = mark["names"].split(", ")
+            rows = [dict(zip(own, each if len(own) > 1 else (each,), strict=True)) for each in value]
+            between = (mark["between"] or "").replace("\\n", "\n")
+            found.append(between.join(_written(block, {**words, **row}) for row in rows))
+    return "".join(found)
 
 
 @cache
