@@ -67,7 +67,7 @@ def _written(pieces: list[Any], words: Mapping[str, object]) -> str:
             continue
         mark, (block, other) = piece
         first, *names = (mark["word"] or mark["if"] or mark["in"]).split(".")
-        value = reduce(_part, names, words[first])
+        value: Any = reduce(_part, names, words[first])
         if mark["word"]:
             found.append(format(value, mark["format"]))
         elif mark["if"]:
@@ -100,17 +100,7 @@ def function_source(function: ca.Function, real: str = "double") -> str:
     code = generated(function.name(), function)
     if real == "double":
         return code
-    inputs, outputs = _sizes(function)
-    declared = [f"  float i{k}[{max(size, 1)}];" for k, size in enumerate(inputs)]
-    declared += [f"  float o{k}[{max(size, 1)}];" for k, size in enumerate(outputs)]
-    return f"{single(code)}\n" + _fill(
-        "on_doubles.c",
-        **_names(function),
-        entry=entry(function, real),
-        declared="\n".join(declared),
-        narrow=_each("  for (int j = 0; j < {size}; ++j) i{k}[j] = (float)from[{k}][j];", inputs),
-        widen=_each("  for (int j = 0; j < {size}; ++j) to[{k}][j] = (double)o{k}[j];", outputs),
-    )
+    return f"{single(code)}\n" + _fill("on_doubles.c", **_names(function), entry=entry(function, real))
 
 
 def _sizes(function: ca.Function) -> tuple[list[int], list[int]]:
@@ -119,14 +109,12 @@ def _sizes(function: ca.Function) -> tuple[list[int], list[int]]:
     return inputs, [function.nnz_out(k) for k in range(function.n_out())]
 
 
-def _each(pattern: str, sizes: Sequence[int]) -> str:
-    """A line for every argument that is not empty."""
-    return "\n".join(pattern.format(k=k, size=size) for k, size in enumerate(sizes) if size)
-
-
 def _names(function: ca.Function) -> dict[str, object]:
-    """Words about a function that the templates share."""
+    """Words about a function that the templates share: number, size, and size of the array of each argument, too."""
+    inputs, outputs = ([(k, size, max(size, 1)) for k, size in enumerate(sizes)] for sizes in _sizes(function))
     return {
+        "inputs": inputs,
+        "outputs": outputs,
         "name": function.name(),
         "vi": ", ".join(f"i{k}" for k in range(function.n_in())),
         "vo": ", ".join(f"o{k}" for k in range(function.n_out())),
@@ -216,19 +204,10 @@ def _row_words(function: ca.Function) -> dict[str, object]:
 
 def batch_source(function: ca.Function, real: str = "double") -> str:
     """C of ``NAME_batch(count, in, stride, out)`` over rows; a stride of zero repeats one row."""
-    inputs, outputs = _sizes(function)
     if not function.is_a("SXFunction"):  # has loops of its own, which lanes cannot take together
         rows = _fill("rows.c", **_names(function), **_row_words(function), entry=entry(function, real))
         return f"{function_source(function, real)}\n{rows}"
-    gather = "    if (!b || stride[{k}]) cg_gather(in[{k}] + b * stride[{k}], stride[{k}], m, {size}, i{k});"
-    return f"{_in_lanes(function, real)}\n" + _fill(
-        "batch.c",
-        **_names(function),
-        inputs="\n".join(f"  cg_lanes i{k}[{max(size, 1)}];" for k, size in enumerate(inputs)),
-        results="\n".join(f"  cg_lanes o{k}[{max(size, 1)}];" for k, size in enumerate(outputs)),
-        gather=_each(gather, inputs),
-        scatter=_each("    cg_scatter(o{k}, {size}, m, {size}, out[{k}] + b * {size});", outputs),
-    )
+    return f"{_in_lanes(function, real)}\n" + _fill("batch.c", **_names(function))
 
 
 def scan_source(function: ca.Function) -> str:
@@ -236,28 +215,13 @@ def scan_source(function: ca.Function) -> str:
 
     ``function`` is (carry, *signals) -> (next carry, *results); see ``Scan`` of ``core.batches``.
     """
-    inputs, outputs = _sizes(function)
-    carry, signals, results = inputs[0], [0, *inputs[1:]], [0, *outputs[1:]]
-    at = "t / held[{k}] * time[{k}]"
-    gather = (
-        "      if (!k || t / held[{k}] != before / held[{k}])\n"
-        f"        cg_gather(in[{{k}}] + b * row[{{k}}] + {at}, row[{{k}}], m, {{size}}, i{{k}});"
-    )
-    add = "      cg_add(o{k}, to[{k}], m, {size}, out[{k}] + b * to[{k}] + t / summed[{k}] * {size});"
-    words = {
-        "inputs": "\n".join(f"  cg_lanes i{k}[{max(size, 1)}];" for k, size in enumerate(inputs)),
-        "outputs": "\n".join(f"  cg_lanes o{k}[{max(size, 1)}];" for k, size in enumerate(outputs)),
-        "carry": carry,
-        "gather": _each(gather, signals),
-        "add": _each(add, results),
-    }
     lanes = in_lanes([function], "double")
     if lanes:
         code = f"{lanes}{template('core', 'gather.c')}"
     else:
         own = _fill("one_lane.c", **_names(function), **_row_words(function), gather=template("core", "gather.c"))
         code = f"{function_source(function)}\n{own}"
-    return f"{code}\n{_fill('scan.c', **_names(function), **words)}"
+    return f"{code}\n{_fill('scan.c', **_names(function), carry=function.nnz_in(0))}"
 
 
 def _step_words(step: ca.Function) -> dict[str, object]:
