@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.errors import SolverError
 from continuum_grasp.interrupt import ignored_by_children
 from continuum_grasp.threads import VARIABLES
 
@@ -144,13 +144,6 @@ WorkerPool = ProcessPool | ExecutorPool
 def cores() -> int:
     """Processor cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def checked_count(workers: Any) -> int:
-    """A number of workers."""
-    if isinstance(workers, bool) or not isinstance(workers, int) or not 1 <= workers <= 4096:
-        raise InputError(f"expected a number of workers from 1 to 4096, got {workers!r:.60}", key="workers")
-    return workers
 
 
 def _stopped(error: BaseException) -> SolverError:

@@ -6,29 +6,13 @@ import errno
 import os
 import sys
 import warnings
+from pkgutil import resolve_name
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
 from continuum_grasp import __version__, interrupt
-from continuum_grasp.cli.accuracy import accuracy
-from continuum_grasp.cli.design import design
-from continuum_grasp.cli.doctor import doctor
-from continuum_grasp.cli.export_c import export_c
-from continuum_grasp.cli.export_fmu import export_fmu
-from continuum_grasp.cli.export_mjcf import export_mjcf
-from continuum_grasp.cli.export_web import export_web
-from continuum_grasp.cli.grasp import grasp
-from continuum_grasp.cli.identify import identify
-from continuum_grasp.cli.modes import modes
-from continuum_grasp.cli.mpc import mpc
-from continuum_grasp.cli.new import new
-from continuum_grasp.cli.plan import plan
-from continuum_grasp.cli.schema import schema
-from continuum_grasp.cli.simulate import simulate
-from continuum_grasp.cli.sweep import sweep
-from continuum_grasp.cli.validate import validate
 from continuum_grasp.errors import ContinuumGraspError, InputError
 
 SOLVER_FAILED = 1
@@ -101,26 +85,13 @@ def _root(
     pass
 
 
-for _verb in (
-    new,
-    simulate,
-    grasp,
-    plan,
-    mpc,
-    sweep,
-    design,
-    modes,
-    accuracy,
-    identify,
-    export_c,
-    export_fmu,
-    export_mjcf,
-    export_web,
-    schema,
-    validate,
-    doctor,
-):
-    app.command(cls=_Verb)(_verb)
+_VERBS = """
+new simulate grasp plan mpc sweep design modes accuracy identify export_c export_fmu export_mjcf export_web schema
+validate doctor
+"""
+"""Each is the function of its name in the module of its name."""
+for _name in _VERBS.split():
+    app.command(cls=_Verb)(resolve_name(f"continuum_grasp.cli.{_name}:{_name}"))
 
 
 def _say_warning(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:

@@ -8,13 +8,14 @@ from typing import Any
 
 import typer
 
-from continuum_grasp.cli.options import Json
+from continuum_grasp.cli.options import verb
 from continuum_grasp.cli.output import Output
 
 _PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "pydantic", "pyyaml", "typer", "rich")
 
 
-def doctor(as_json: Json = False) -> None:
+@verb("as_json")
+def doctor(output: Output) -> None:
     """Print versions, solvers, compiler, and how fast the finger runs here."""
     import platform
     from importlib.metadata import PackageNotFoundError, version
@@ -24,7 +25,7 @@ def doctor(as_json: Json = False) -> None:
     from continuum_grasp import __version__
     from continuum_grasp.core.compiler import find_compiler
 
-    output, compiler = Output(as_json), find_compiler()
+    compiler = find_compiler()
     facts = {"continuum_grasp": __version__, "python": platform.python_version(), "platform": platform.platform()}
     for package in _PACKAGES:
         try:

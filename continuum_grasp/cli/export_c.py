@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option, simulation_scene
-from continuum_grasp.cli.output import Output, run_folder
+from continuum_grasp.cli.options import listed, out_option, simulation_scene, verb
+from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 Ranges = Annotated[
@@ -22,12 +21,12 @@ Substeps = Annotated[
 ]
 
 
+_OUT = out_option("Folder of the package (default: runs/export-c/NAME-OF-CONFIG).")
+
+
+@verb("config", "out", "changes", "as_json", "quiet", out=_OUT)
 def export_c(
-    config: Config,
-    out: Annotated[
-        Path | None,
-        out_option("Folder of the package (default: runs/export-c/NAME-OF-CONFIG)."),
-    ] = None,
+    output: Output,
     real: Annotated[
         str | None, typer.Option("--real", metavar="float|double", help="What to compute in (default: the target's).")
     ] = None,
@@ -67,9 +66,6 @@ def export_c(
             help="Instead of a package: these functions of the model (or 'all') as plain C with CasADi's interface.",
         ),
     ] = None,
-    changes: Set = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """Write a finger, its estimator or controller as a C package: for a microcontroller, a host, or a browser."""
     given = {"--real": real, "--what": what, "--range": ranges, "--step": step, "--substeps": substeps}
@@ -86,16 +82,16 @@ def export_c(
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.load import load
 
-    output = Output(as_json, quiet)
-    loaded = load(config, changes or ())
-    folder = run_folder(out, config, "export-c")
-    scene = loaded if isinstance(loaded, ControlScene) else simulation_scene(config, changes, output)[0]
+    loaded = load(output.config, output.changes or ())
+    folder = output.folder
+    output.check_folder()
+    scene = loaded if isinstance(loaded, ControlScene) else simulation_scene(output)[0]
 
     if casadi is not None:
         from continuum_grasp.export import export_casadi
 
         with output.busy("generating"):
-            functions = None if casadi == "all" else [name.strip() for name in casadi.split(",")]
+            functions = None if casadi == "all" else listed(casadi)
             package = export_casadi(scene, folder, functions=functions, prefix=prefix)
         for file in package.files:
             output.say(str(folder / file))
@@ -108,7 +104,7 @@ def export_c(
             scene,
             folder,
             real=real,
-            what=None if what is None else [name.strip() for name in what.split(",")],
+            what=listed(what),
             prefix=prefix,
             target=target,
             ranges=ranges_of(ranges or ()),

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from continuum_grasp.cli.export_c import Ranges, Substeps, ranges_of
-from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
+from continuum_grasp.cli.options import listed, out_option, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
+_OUT = out_option("Folder of the FMUs (default: runs/export-fmu/NAME-OF-CONFIG); earlier ones are replaced.")
 
+
+@verb("config", "out", "changes", "as_json", "quiet", out=_OUT)
 def export_fmu(
-    config: Config,
-    out: Annotated[
-        Path | None,
-        out_option("Folder of the FMUs (default: runs/export-fmu/NAME-OF-CONFIG); earlier ones are replaced."),
-    ] = None,
+    output: Output,
     what: Annotated[
         str | None,
         typer.Option("--what", metavar="PART,...", help="Of a closed loop plant, controller or both (default: both)."),
@@ -39,9 +37,6 @@ def export_fmu(
     binary: Annotated[
         bool, typer.Option("--binary/--no-binary", help="Add the binary of this machine to the sources.")
     ] = True,
-    changes: Set = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """Write a plant, or a controller with its estimator, as FMUs for Simulink, Dymola, OpenModelica and others."""
     if fmi not in ("2", "3", "both"):
@@ -49,18 +44,16 @@ def export_fmu(
     from continuum_grasp.export import export_fmu as write
     from continuum_grasp.export.fmu.write import identifier_of
     from continuum_grasp.scene.control import ControlScene
-    from continuum_grasp.scene.load import scene_of
     from continuum_grasp.scene.simulate import Scene
 
-    output = Output(as_json, quiet)
-    scene = scene_of(config, (Scene, ControlScene), changes or ())
+    scene = output.scene(Scene, ControlScene)
     with output.busy("writing the FMUs"):
         units = write(
             scene,
-            Path("runs/export-fmu") / config.stem if out is None else out,
-            what=None if what is None else [word.strip() for word in what.split(",")],
+            output.named(""),
+            what=listed(what),
             fmi=("2", "3") if fmi == "both" else (fmi,),
-            name=identifier_of(config, scene) if name is None else name,
+            name=identifier_of(output.config, scene) if name is None else name,
             step=step,
             substeps=substeps,
             ranges=ranges_of(ranges or ()),
@@ -78,17 +71,5 @@ def export_fmu(
             }
         )
     output.result(
-        units=[
-            {
-                "file": unit.file,
-                "fmi": unit.fmi,
-                "what": unit.what,
-                "step_s": unit.step,
-                "inputs": unit.inputs,
-                "outputs": unit.outputs,
-                "parameters": unit.parameters,
-                "binary": unit.binary,
-            }
-            for unit in units
-        ]
+        units=[{f"{key}_s" if key == "step" else key: value for key, value in vars(u).items()} for u in units]
     )

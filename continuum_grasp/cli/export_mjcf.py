@@ -2,35 +2,28 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
+from continuum_grasp.cli.options import out_option, verb
 from continuum_grasp.cli.output import Output
 
+_OUT = out_option("File to write (default: runs/export-mjcf/NAME-OF-CONFIG.xml); an earlier one is replaced.", "FILE")
 
+
+@verb("config", "out", "changes", "as_json", "quiet", out=_OUT)
 def export_mjcf(
-    config: Config,
-    out: Annotated[
-        Path | None,
-        out_option("File to write (default: runs/export-mjcf/NAME-OF-CONFIG.xml); an earlier one is replaced.", "FILE"),
-    ] = None,
+    output: Output,
     hinges: Annotated[int, typer.Option("--hinges", metavar="N", help="How many hinges the finger has.")] = 40,
-    changes: Set = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """Write a finger as a chain of hinges for MuJoCo, with its tendons and the scene's loads."""
     from continuum_grasp.export import export_mjcf as write
-    from continuum_grasp.scene.load import scene_of
     from continuum_grasp.scene.simulate import Scene
 
-    output = Output(as_json, quiet)
-    scene = scene_of(config, Scene, changes or ())
+    scene = output.scene(Scene)
     with output.busy("writing the chain"):
-        chain = write(scene, out if out is not None else Path("runs/export-mjcf") / f"{config.stem}.xml", hinges=hinges)
+        chain = write(scene, output.named(".xml"), hinges=hinges)
     output.warn(f"differs: {text}" for text in chain.differences)
     output.pairs(
         {

@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option
+from continuum_grasp.cli.options import out_option, verb
 from continuum_grasp.cli.output import Output
 
+_OUT = out_option("Page to write (default: runs/export-web/NAME-OF-CONFIG.html); an earlier one is replaced.", "FILE")
 
-def export_web(
-    config: Config,
-    out: Annotated[
-        Path | None,
-        out_option("Page to write (default: runs/export-web/NAME-OF-CONFIG.html); an earlier one is replaced.", "FILE"),
-    ] = None,
-    changes: Set = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+
+@verb("config", "out", "changes", "as_json", "quiet", out=_OUT)
+def export_web(output: Output) -> None:
     """Write a page in which a finger, and its controller, run as WebAssembly: one file that needs no network."""
     from continuum_grasp.export import export_web as write
     from continuum_grasp.scene.control import ControlScene
-    from continuum_grasp.scene.load import scene_of
     from continuum_grasp.scene.simulate import Scene
 
-    output = Output(as_json, quiet)
-    scene = scene_of(config, (Scene, ControlScene), changes or ())
+    scene = output.scene(Scene, ControlScene)
     with output.busy("compiling for the browser"):
-        page = write(scene, out if out is not None else Path("runs/export-web") / f"{config.stem}.html")
+        page = write(scene, output.named(".html"))
     modules = ", ".join(f"{name} {size}" for name, size in page.modules.items())
     output.pairs({"page": f"{page.file} ({page.size} bytes; open it in a browser)", "modules [bytes]": modules})
     output.result(file=page.file, size=page.size, modules=page.modules)

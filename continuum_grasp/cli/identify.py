@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from continuum_grasp.cli.options import Config, Json, Out, Pictures, Quiet, Set, Verbose
-from continuum_grasp.cli.output import Output, run_folder, saved_in
+from continuum_grasp.cli.options import verb
+from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,8 +23,9 @@ _SHOWN = 12
 """Values of single sets that are printed [1]: the coordinates of many starts say little."""
 
 
+@verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
 def identify(
-    config: Config,
+    output: Output,
     data: Annotated[
         list[Path] | None,
         typer.Option("--data", metavar="FILE", help="CSV file of measurements, or a folder of them; repeatable."),
@@ -50,12 +52,6 @@ def identify(
         bool,
         typer.Option("--accept-implausible", help="Write the finger although the data cannot be those of this finger."),
     ] = False,
-    out: Out = None,
-    changes: Set = None,
-    pictures: Pictures = True,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
 ) -> None:
     """Estimate parameters from measurements, with confidence intervals, or design the commands to measure.
 
@@ -67,14 +63,15 @@ def identify(
     from continuum_grasp.scene.load import load
     from continuum_grasp.scene.simulate import FingerScene
 
-    output = Output(as_json, quiet, verbose)
-    scene = load(config, changes or ())
+    scene = load(output.config, output.changes or ())
     if isinstance(scene, ControlScene):
-        _learn(scene, config, data, holdout, excitation, apply, out, output, pictures)
+        _learn(scene, data, holdout, excitation, apply, output)
         return
     FINGERS.check(scene, of={"--holdout": bool(holdout)})
     if not isinstance(scene, IdentifyScene):
-        raise InputError("expected a scene with parameters to estimate: [{name: ...}] and data", file=str(config))
+        raise InputError(
+            "expected a scene with parameters to estimate: [{name: ...}] and data", file=str(output.config)
+        )
     if excitation:
         EXCITATION.check(scene, of={"--data": bool(data), "--apply": bool(apply)})
     elif not data:
@@ -86,17 +83,17 @@ def identify(
             raise InputError("estimates go into scenes of one finger", file=str(path))
         targets.append((path, target))
     if excitation:
-        _design(scene, run_folder(out, config, "excitation"), output, pictures)
+        _design(scene, replace(output, verb="excitation"))
         return
-    folder = run_folder(out, config, "identify")
+    output.check_folder()
 
     from continuum_grasp.identification import identify as run
 
     with output.busy("identifying") as report:
         fit = run(scene, data or (), accept_implausible=accept_implausible, progress=report)
     applied = [(path, fit.apply(target)) for path, target in targets if fit.usable]
-    files = output.save(fit, folder, pictures)
-    files += [_written(changed, folder, path) for path, changed in applied]
+    files = output.save(fit)
+    files += [_written(changed, output.folder, path) for path, changed in applied]
     if "fidelity" in fit.statistics:
         output.say(f"fidelity: {fit.statistics['fidelity']}")
     output.warn(fit.warnings)
@@ -118,11 +115,9 @@ def identify(
         for one in errors:
             largest = f"{one.largest:.3g} {one.unit} at most"
             output.say(f"{name}: {one.group}: {one.rms:.3g} {one.unit} r.m.s., {largest}, {one.count} numbers")
-    output.pairs(saved_in(folder, files))
-    statistics = fit.statistics
-    output.statistics({"singular values": " ".join(f"{v:.3g}" for v in fit.singular_values), **statistics})
-    own = {"status": fit.status, "folder": folder, "files": files, "warnings": fit.warnings, "statistics": statistics}
-    output.result(**own, **fit.summary())
+    output.pairs(output.saved_in(files))
+    singular = " ".join(f"{value:.3g}" for value in fit.singular_values)
+    output.conclude(fit, files, {"singular values": singular}, **fit.summary())
     if fit.reason:
         output.warn([fit.verdict])
         raise typer.Exit(_FAILED)
@@ -137,13 +132,14 @@ def _written(scene: FingerScene, folder: Path, config: Path) -> Path:
     return write_text(yaml_text({"schema_version": 1, **plain}, exact=True), folder / f"{config.stem}_identified.yaml")
 
 
-def _design(scene: IdentifyScene, folder: Path, output: Output, pictures: bool) -> None:
+def _design(scene: IdentifyScene, output: Output) -> None:
     """Commands that show the unknowns."""
     from continuum_grasp.identification import design_excitation
 
+    output.check_folder()
     with output.busy("designing"):
         plan = design_excitation(scene)
-    files = output.save(plan, folder, pictures)
+    files = output.save(plan)
     output.warn(plan.warnings)
     output.table(
         ("segment", "from", "to", "shows"),
@@ -158,20 +154,17 @@ def _design(scene: IdentifyScene, folder: Path, output: Output, pictures: bool) 
             )
         ),
     )
-    output.pairs(saved_in(folder, files))
-    output.result(status=plan.status, folder=folder, files=files, warnings=plan.warnings, **plan.details())
+    output.pairs(output.saved_in(files))
+    output.conclude(plan, files, **plan.details())
 
 
 def _learn(
     scene: ControlScene,
-    config: Path,
     data: list[Path] | None,
     holdout: list[Path] | None,
     excitation: bool,
     apply: list[Path] | None,
-    out: Path | None,
     output: Output,
-    pictures: bool,
 ) -> None:
     """Learn what the model of a controller misses."""
     from continuum_grasp.cli.alone import LOGS
@@ -182,12 +175,12 @@ def _learn(
     if not data:
         raise InputError("expected --data LOG of the controller", key="data")
     targets = [(path, scene_of(path, type(scene))) for path in apply or ()]
-    folder = run_folder(out, config, "identify")
+    output.check_folder()
     with output.busy("learning") as report:
         fit = learn_residual(scene, data, holdout=holdout or (), progress=report)
-    files = output.save(fit, folder, pictures)
+    files = output.save(fit)
     if fit.residual is not None:
-        files += [_written(fit.apply(target), folder, path) for path, target in targets]
+        files += [_written(fit.apply(target), output.folder, path) for path, target in targets]
     output.warn(fit.warnings)
     output.table(
         ("one-step errors of", "tip", "with residual", "tip's velocity", "with residual", "beyond the logs"),
@@ -203,7 +196,5 @@ def _learn(
             for one in fit.errors
         ),
     )
-    output.pairs(saved_in(folder, files))
-    output.statistics(fit.statistics)
-    own = {"status": fit.status, "folder": folder, "files": files, "warnings": fit.warnings}
-    output.result(**own, statistics=fit.statistics, **fit.details())
+    output.pairs(output.saved_in(files))
+    output.conclude(fit, files, **fit.details())

@@ -5,26 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import zip_longest
-from pathlib import Path
-from typing import Annotated
 
-from continuum_grasp.cli.options import Config, Json, Quiet, Set, out_option, simulation_scene
-from continuum_grasp.cli.output import Output, run_folder
+from continuum_grasp.cli.options import out_option, simulation_scene, verb
+from continuum_grasp.cli.output import Output
+
+_OUT = out_option("Save modes and their picture in this folder; an earlier run of modes is replaced.")
 
 
-def modes(
-    config: Config,
-    out: Annotated[
-        Path | None, out_option("Save modes and their picture in this folder; an earlier run of modes is replaced.")
-    ] = None,
-    changes: Set = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
-) -> None:
+@verb("config", "out", "changes", "as_json", "quiet", out=_OUT)
+def modes(output: Output) -> None:
     """Natural frequencies and shapes about the equilibrium."""
-    output = Output(as_json, quiet)
-    scene, note = simulation_scene(config, changes, output, vibrates=True)
-    folder = None if out is None else run_folder(out, config, "modes")
+    scene, note = simulation_scene(output, vibrates=True)
+    if output.out is not None:
+        output.check_folder()
 
     from continuum_grasp.simulation import modes as find
 
@@ -35,7 +28,7 @@ def modes(
     output.warn(found.warnings)
     if not found.stable:
         output.warn(["the equilibrium is unstable"])
-    files = output.save(found, folder, pictures=True) if folder is not None else []
+    files = output.save(found) if output.out is not None else []
     columns = {
         "frequency [Hz]": [f"{one:.5g}" for one in found.frequencies_hz],
         "space error": [f"{one:.2g}" for one in found.space_error],
@@ -45,8 +38,8 @@ def modes(
     columns |= {name: [f"{one:.5g}" for one in values] for name, values in others.items() if values is not None}
     rows = zip_longest(*columns.values(), fillvalue="-")
     output.table(("mode", *columns), *((str(k + 1), *row) for k, row in enumerate(rows)))
-    if out is not None:
-        output.say(f"saved in {out}")
+    if output.out is not None:
+        output.say(f"saved in {output.out}")
     output.result(
         stable=found.stable,
         fidelity=note or None,
@@ -56,6 +49,6 @@ def modes(
         damping_ratios=found.damping_ratios,
         stuck_frequencies_hz=found.stuck_frequencies_hz,
         free_frequencies_hz=found.free_frequencies_hz,
-        folder=out,
+        folder=output.out,
         files=files,
     )

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from continuum_grasp.cli.options import Animate, Config, Json, Out, Pictures, Quiet, Set, Verbose
-from continuum_grasp.cli.output import Output, run_folder, saved_in
+from continuum_grasp.cli.options import verb
+from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
@@ -23,11 +22,9 @@ _SHOWN = 10
 """Failed plants that are listed."""
 
 
+@verb("config", "out", "changes", "animation", "pictures", "as_json", "quiet", "verbose")
 def mpc(
-    config: Config,
-    out: Out = None,
-    changes: Set = None,
-    animation: Animate = None,
+    output: Output,
     compare: Annotated[
         bool,
         typer.Option("--compare", help="Run the same with the paper's two arcs, and with NMPC solved to convergence."),
@@ -46,10 +43,6 @@ def mpc(
     jobs: Annotated[
         int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes for --trials (default: all cores).")
     ] = None,
-    pictures: Pictures = True,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
 ) -> None:
     """Control a finger in closed loop with a finer model of it: saves the run, prints how well it went, draws it.
 
@@ -61,28 +54,27 @@ def mpc(
     from continuum_grasp.scene.load import load, other_kind
     from continuum_grasp.scene.mission import MissionScene
 
-    output = Output(as_json, quiet, verbose)
-    scene = load(config, [*(changes or ()), *_settings(seed, trials)])
+    scene = load(output.config, [*(output.changes or ()), *_settings(seed, trials)])
     if not isinstance(scene, (ControlScene, MissionScene)):
-        raise other_kind(config, ControlScene, scene)
+        raise other_kind(output.config, ControlScene, scene)
     if isinstance(scene, ControlScene) and scene.duration is None:
-        raise InputError("a closed loop needs a duration [s]", file=str(config), key="duration")
-    folder = run_folder(out, config, "mpc")
+        raise InputError("a closed loop needs a duration [s]", file=str(output.config), key="duration")
+    output.check_folder()
     if isinstance(scene, MissionScene):
         MISSIONS.check(scene, of={"--compare": compare})
         if trials is None:
-            _carry_out(scene, folder, animation, pictures, output)
+            _carry_out(scene, output)
         else:
-            TRIALS.check(scene, of={"--animate": bool(animation)})
-            _try_out(scene, folder, jobs, pictures, output)
+            TRIALS.check(scene, of={"--animate": bool(output.animation)})
+            _try_out(scene, jobs, output)
         return
     LOOPS.check(scene, of={"--trials": trials is not None})
 
     from continuum_grasp.closed_loop.run import run_closed_loop
 
-    with output.computing("controlling", folder) as report:
+    with output.computing("controlling") as report:
         run = run_closed_loop(scene, progress=report)
-    files = output.save(run, folder, pictures, animation)
+    files = output.save(run)
     others: dict[str, ControlRun] = {}
     if compare:
         from continuum_grasp.closed_loop.converged import compared
@@ -99,10 +91,10 @@ def mpc(
     if others:
         output.say("")
         output.table(*_comparison({"this controller": run, **others}))
-    output.pairs(saved_in(folder, files))
+    output.pairs(output.saved_in(files))
     metrics = {name: asdict(other.metrics()) for name, other in others.items()}
     values = {"duration": run.t[-1], "metrics": asdict(found), "compared": metrics}
-    output.conclude(run, folder, files, status=run.outcome, **values)
+    output.conclude(run, files, status=run.outcome, **values)
     if run.outcome != "finished":
         raise typer.Exit(_FAILED)
 
@@ -134,14 +126,14 @@ def _comparison(runs: dict[str, ControlRun]) -> list[tuple[str, ...]]:
     return rows
 
 
-def _carry_out(scene: MissionScene, folder: Path, animation: str | None, pictures: bool, output: Output) -> None:
+def _carry_out(scene: MissionScene, output: Output) -> None:
     """Carry a mission out once: saves it, prints the verdict, draws it; exit status 1 if it failed."""
     from continuum_grasp.mission.run import run_mission
 
     grasp = _grasp(scene, output)
-    with output.computing("carrying it out", folder) as report:
+    with output.computing("carrying it out") as report:
         run = run_mission(scene, grasp=grasp, progress=report)
-    files = output.save(run, folder, pictures, animation)
+    files = output.save(run)
     said = {one.text for one in run.exceeded}  # before the run
     output.warn(text for text in run.warnings if text not in said)
     output.pairs(run.verdict.pairs())
@@ -154,24 +146,15 @@ def _carry_out(scene: MissionScene, folder: Path, animation: str | None, picture
         output.say("")
         pairs = found.pairs()
         output.pairs({key: pairs[key] for key in ("late", "status", "health", "anomalies", "mismatch")})
-    output.pairs(saved_in(folder, files))
-    output.statistics(run.statistics)
+    output.pairs(output.saved_in(files))
     counted = {name: asdict(found) for name, found in metrics.items()}
-    output.result(
-        status=run.status,
-        folder=folder,
-        files=files,
-        **run.findings(),
-        pulls=run.pulls,
-        metrics=counted if run.run is None else next(iter(counted.values())),
-        warnings=run.warnings,
-        statistics=run.statistics,
-    )
+    values = {"pulls": run.pulls, "metrics": counted if run.run is None else next(iter(counted.values()))}
+    output.conclude(run, files, **run.findings(), **values)
     if not run.verdict.succeeded:
         raise typer.Exit(_FAILED)
 
 
-def _try_out(scene: MissionScene, folder: Path, jobs: int | None, pictures: bool, output: Output) -> None:
+def _try_out(scene: MissionScene, jobs: int | None, output: Output) -> None:
     """Carry a mission out on many plants: saves and prints how it went; exit status 1 if it failed on any."""
     from continuum_grasp.mission.trials import run_trials
 
@@ -185,16 +168,16 @@ def _try_out(scene: MissionScene, folder: Path, jobs: int | None, pictures: bool
             raise
         outcomes, stopped = error.result, error
     found = outcomes.summary
-    files = [folder / "trials.csv", *output.save(outcomes, folder, pictures)]
+    files = [output.folder / "trials.csv", *output.save(outcomes)]
     output.pairs(found.pairs())
     for k in found.failed[:_SHOWN]:
         output.say(f"plant {k + 1}: {outcomes[k].text}")
     if len(found.failed) > _SHOWN:
         output.say(f"and {len(found.failed) - _SHOWN} more: see trials.csv")
-    output.pairs(saved_in(folder, files, "files"))
+    output.pairs(output.saved_in(files, "files"))
     failed = [{"plant": k + 1, "text": outcomes[k].text} for k in found.failed]
     output.result(
-        folder=folder,
+        folder=output.folder,
         files=files,
         asked=scene.trials.count,
         summary=asdict(found),

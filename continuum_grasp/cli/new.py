@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from continuum_grasp.cli.completion import complete_example
-from continuum_grasp.cli.options import Json, Quiet, named_path
+from continuum_grasp.cli.options import named_path, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 _DEFAULT = "grasp/mug"
 
 
+@verb("as_json", "quiet")
 def new(
+    output: Output,
     folder: Annotated[
         Path | None,
         typer.Argument(
@@ -30,14 +32,11 @@ def new(
         str, typer.Option("--example", metavar="NAME", autocompletion=complete_example, help="Which one.")
     ] = _DEFAULT,
     listed: Annotated[bool, typer.Option("--list", help="Copy nothing: list all examples, by the command.")] = False,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """Copy an example that runs, with the files that it needs, as a start for your own.
 
     Nothing is overwritten; one folder takes several examples.
     """
-    output = Output(as_json, quiet)
     if listed:
         _list(output)
         return
@@ -64,10 +63,10 @@ def _list(output: Output) -> None:
 
     all_ = examples().values()
     width = max(len(one.name) for one in all_)
-    for verb in dict.fromkeys(one.verb for one in all_):
-        output.say(f"continuum-grasp {verb}")
+    for command in dict.fromkeys(one.verb for one in all_):
+        output.say(f"continuum-grasp {command}")
         for one in all_:
-            if one.verb == verb:
+            if one.verb == command:
                 note = f" (not shipped: its data, {', '.join(one.missing)})" if one.missing else ""
                 output.line(f"  {one.name:<{width}}  {one.summary}{note}")
         output.say("")

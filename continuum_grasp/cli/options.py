@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import inspect
+from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from continuum_grasp.cli.completion import complete_config
+from continuum_grasp.cli.output import Output
 
 if TYPE_CHECKING:
-    from continuum_grasp.cli.output import Output
     from continuum_grasp.scene.simulate import Scene
 
 
@@ -34,48 +36,89 @@ def out_option(explained: str, metavar: str = "DIR") -> Any:
     return typer.Option("--out", metavar=metavar, parser=named_path, help=explained)
 
 
-Config = Annotated[
-    Path,
-    typer.Argument(
-        metavar="CONFIG",
-        parser=named_path,
-        help="YAML configuration.",
-        show_default=False,
-        autocompletion=complete_config,
+_SHARED: dict[str, tuple[Any, Any, Any]] = {
+    "config": (
+        Path,
+        typer.Argument(
+            metavar="CONFIG",
+            parser=named_path,
+            help="YAML configuration.",
+            show_default=False,
+            autocompletion=complete_config,
+        ),
+        inspect.Parameter.empty,
     ),
-]
-Out = Annotated[
-    Path | None,
-    out_option("Folder of the run (default: runs/COMMAND/NAME-OF-CONFIG); an earlier run of the command is replaced."),
-]
-Animate = Annotated[
-    str | None,
-    typer.Option("--animate", metavar="gif|mp4", parser=_format, help="Write an animation too; mp4 needs ffmpeg."),
-]
-Set = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY.PATH=VALUE",
-        help="Change one entry of the configuration; repeatable. Paths are relative to the configuration.",
+    "out": (
+        Path | None,
+        out_option(
+            "Folder of the run (default: runs/COMMAND/NAME-OF-CONFIG); an earlier run of the command is replaced."
+        ),
+        None,
     ),
-]
-Pictures = Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw pictures.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object instead of text.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors.")]
-Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Print statistics too.")]
+    "changes": (
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY.PATH=VALUE",
+            help="Change one entry of the configuration; repeatable. Paths are relative to the configuration.",
+        ),
+        None,
+    ),
+    "animation": (
+        str | None,
+        typer.Option("--animate", metavar="gif|mp4", parser=_format, help="Write an animation too; mp4 needs ffmpeg."),
+        None,
+    ),
+    "pictures": (bool, typer.Option("--pictures/--no-pictures", help="Draw pictures."), True),
+    "as_json": (bool, typer.Option("--json", help="Print one JSON object instead of text."), False),
+    "quiet": (bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors."), False),
+    "verbose": (bool, typer.Option("--verbose", "-v", help="Print statistics too."), False),
+}
+"""Arguments and options of several verbs: type, how they are given, and default."""
+_LAST = ("pictures", "as_json", "quiet", "verbose")
+"""Those that stand behind a verb's own."""
 
 
-def simulation_scene(
-    config: Path, changes: Iterable[str] | None, output: Output, *, vibrates: bool = False
-) -> tuple[Scene, str]:
+def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Make a verb of a function of its `Output` and of the verb's own options.
+
+    ``names`` are the options that it shares with others, which are in the output; ``other`` has those by name that this
+    verb explains in words of its own.
+    """
+
+    def decorate(function: Callable[..., None]) -> Callable[..., None]:
+        _, *own = inspect.signature(function, eval_str=True).parameters.values()
+        first, last = list[inspect.Parameter](), list[inspect.Parameter]()
+        for name in names:
+            taken, given, default = _SHARED[name]
+            annotation = Annotated[taken, other.get(name, given)]  # type: ignore[valid-type]
+            one = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+            (last if name in _LAST else first).append(one)
+        parameters = [*first, *(one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in own), *last]
+
+        @wraps(function)
+        def call(**given: Any) -> None:
+            shared = {name: given.pop(name) for name in names}
+            function(Output(verb=function.__name__.replace("_", "-"), **shared), **given)
+
+        call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        return call
+
+    return decorate
+
+
+def simulation_scene(output: Output, *, vibrates: bool = False) -> tuple[Scene, str]:
     """A scene for simulation, modes and code generation, its tolerance turned into a model; what was chosen and why."""
-    from continuum_grasp.scene.load import scene_of
     from continuum_grasp.scene.simulate import Scene
     from continuum_grasp.verbs import resolved
 
     with output.busy("choosing the model"):
-        scene, note = resolved(scene_of(config, Scene, changes or ()), vibrates=vibrates)
+        scene, note = resolved(output.scene(Scene), vibrates=vibrates)
     if note:
         output.say(f"fidelity: {note}")
     return scene, note
+
+
+def listed(words: str | None) -> list[str] | None:
+    """Words between commas."""
+    return None if words is None else [word.strip() for word in words.split(",")]

@@ -23,15 +23,58 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Output:
-    """Text for people, or one JSON object for programs; warnings always go to the error stream."""
+    """What a verb was asked for, and what it prints: text for people, or one JSON object for programs; warnings always
+    go to the error stream.
+
+    Attributes
+    ----------
+    as_json, quiet, verbose, pictures, animation, config, out, changes
+        Options that verbs share, as given.
+    verb : str
+        Of which the folder of a run is.
+    """
 
     as_json: bool = False
     quiet: bool = False
     verbose: bool = False
+    pictures: bool = True
+    animation: str | None = None
+    config: Path = Path()
+    out: Path | None = None
+    changes: Sequence[str] | None = None
+    verb: str = ""
 
     def __post_init__(self) -> None:
         if self.quiet and (self.as_json or self.verbose):
             raise InputError("--quiet cannot be combined with --json or --verbose")
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the run: as asked, or named after verb and configuration."""
+        return self.named("")
+
+    def check_folder(self) -> None:
+        """Refuse, before any work, a folder that cannot be written, or that holds what another verb wrote."""
+        from continuum_grasp.results.atomic import check_folder
+        from continuum_grasp.results.record import kind_of_run
+
+        check_folder(self.folder)
+        kind = kind_of_run(self.folder)
+        if kind not in (None, self.verb):
+            raise InputError(
+                f"the folder holds what continuum-grasp {kind} wrote; take another one, or remove it",
+                file=str(self.folder),
+            )
+
+    def named(self, suffix: str) -> Path:
+        """What is written: as asked, or named after verb and configuration, with a suffix."""
+        return self.out if self.out is not None else Path("runs") / self.verb / f"{self.config.stem}{suffix}"
+
+    def scene(self, *kinds: type) -> Any:
+        """The scene of the configuration, of one of some kinds."""
+        from continuum_grasp.scene.load import scene_of
+
+        return scene_of(self.config, kinds, self.changes or ())
 
     def say(self, text: str) -> None:
         """Print text for people."""
@@ -73,65 +116,69 @@ class Output:
             _print(json.dumps(plain(values), indent=2, allow_nan=False))
 
     @contextmanager
-    def saving(self, folder: Path) -> Iterator[None]:
+    def saving(self) -> Iterator[None]:
         """Save what was computed, and let Ctrl-C wait for that."""
         with held(quietly=True) as pressed:
             yield
         if pressed():
-            raise KeyboardInterrupt(f"interrupted; the result is saved in {folder}")
+            raise KeyboardInterrupt(f"interrupted; the result is saved in {self.folder}")
 
     @contextmanager
-    def computing(self, what: str, folder: Path) -> Iterator[Progress]:
+    def computing(self, what: str) -> Iterator[Progress]:
         """Be `busy`; where the work stops early, save what was computed and say where."""
+        self.check_folder()
         try:
             with self.busy(what) as report:
                 yield report
         except (NumericalError, Interrupted) as error:
             if error.result is not None:
-                with self.saving(folder):
-                    error.result.save(folder)
-                typer.echo(f"what was computed until then is in {folder}", err=True)
+                with self.saving():
+                    error.result.save(self.folder)
+                typer.echo(f"what was computed until then is in {self.folder}", err=True)
             raise
 
-    def save(
-        self, result: Result, folder: Path, pictures: bool, animation: str | None = None, speed: float = 1.0
-    ) -> list[Path]:
+    def save(self, result: Result, speed: float = 1.0) -> list[Path]:
         """Save a result, draw its pictures where wanted, and its animation where a format is given; returns these."""
-        with self.saving(folder):
-            result.save(folder)
+        with self.saving():
+            result.save(self.folder)
         files: list[Path] = []
-        if pictures:
-            with self.drawing(folder):
-                files += result.save_pictures(folder)
-        if animation is not None:
-            with self.drawing(folder):
-                files.append(cast("MotionResult", result).animate(folder / f"animation.{animation}", speed=speed))
+        if self.pictures:
+            with self.drawing():
+                files += result.save_pictures(self.folder)
+        if self.animation is not None:
+            with self.drawing():
+                path = self.folder / f"animation.{self.animation}"
+                files.append(cast("MotionResult", result).animate(path, speed=speed))
         return files
 
+    def saved_in(self, files: Iterable[Path], what: str = "pictures") -> dict[str, str]:
+        """The last of the pairs that verbs print."""
+        return {"saved in": f"{self.folder}", what: ", ".join(file.name for file in files) or "none"}
+
     def report(
-        self, result: Result, folder: Path, files: Sequence[Path], more: Mapping[str, Any] | None = None, **values: Any
+        self, result: Result, files: Sequence[Path], more: Mapping[str, Any] | None = None, **values: Any
     ) -> None:
         """Print warnings, status and numbers of a result, and `conclude`."""
         self.warn(result.warnings)
-        self.pairs({"status": str(result.status), **result.pairs(), **saved_in(folder, files)})
-        self.conclude(result, folder, files, more, **values)
+        self.pairs({"status": str(result.status), **result.pairs(), **self.saved_in(files)})
+        self.conclude(result, files, more, **values)
 
     def conclude(
-        self, result: Result, folder: Path, files: Sequence[Path], more: Mapping[str, Any] | None = None, **values: Any
+        self, result: Result, files: Sequence[Path], more: Mapping[str, Any] | None = None, **values: Any
     ) -> None:
         """Print the statistics of a result, and ``more`` of them, where wanted, or its JSON object with ``values``."""
         self.statistics({**result.statistics, **(more or {})})
         own = {"warnings": result.warnings, "statistics": result.statistics}
-        self.result(**{"status": result.status, "folder": folder, "files": files, **values, **own})
+        self.result(**{"status": result.status, "folder": self.folder, "files": files, **values, **own})
 
     @contextmanager
-    def drawing(self, folder: Path) -> Iterator[None]:
+    def drawing(self) -> Iterator[None]:
         """Work on what can be drawn again; Ctrl-C says where the numbers are."""
         try:
             with self.busy("drawing"):
                 yield
         except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"interrupted; the result is saved in {folder}") from None
+            raise KeyboardInterrupt(f"interrupted; the result is saved in {self.folder}") from None
 
     @contextmanager
     def busy(self, what: str) -> Iterator[Progress]:
@@ -150,23 +197,3 @@ def _print(text: str) -> None:
     except OSError as error:
         error.filename = error.filename or "standard output"
         raise
-
-
-def saved_in(folder: Path, files: Iterable[Path], what: str = "pictures") -> dict[str, str]:
-    """The last of the pairs that verbs print."""
-    return {"saved in": f"{folder}", what: ", ".join(file.name for file in files) or "none"}
-
-
-def run_folder(out: Path | None, config: Path, command: str) -> Path:
-    """The folder of a run: as asked, or named after command and configuration; nothing is written yet."""
-    from continuum_grasp.results.atomic import check_folder
-    from continuum_grasp.results.record import kind_of_run
-
-    folder = out if out is not None else Path("runs") / command / config.stem
-    check_folder(folder)
-    kind = kind_of_run(folder)
-    if kind not in (None, command):
-        raise InputError(
-            f"the folder holds what continuum-grasp {kind} wrote; take another one, or remove it", file=str(folder)
-        )
-    return folder

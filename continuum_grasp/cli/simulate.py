@@ -2,38 +2,27 @@
 
 from __future__ import annotations
 
-from continuum_grasp.cli.options import Animate, Config, Json, Out, Pictures, Quiet, Set, Verbose
-from continuum_grasp.cli.output import Output, run_folder
+from continuum_grasp.cli.options import verb
+from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 
-def simulate(
-    config: Config,
-    out: Out = None,
-    changes: Set = None,
-    animation: Animate = None,
-    pictures: Pictures = True,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
-) -> None:
+@verb("config", "out", "changes", "animation", "pictures", "as_json", "quiet", "verbose")
+def simulate(output: Output) -> None:
     """Move a finger in time: saves the motion, draws pictures."""
-    from continuum_grasp.scene.load import scene_of
     from continuum_grasp.scene.simulate import Scene
 
-    output = Output(as_json, quiet, verbose)
-    scene = scene_of(config, Scene, changes or ())
+    scene: Scene = output.scene(Scene)
     if scene.time is None:
-        raise InputError("a simulation needs time: {duration: ..., step: ...}", file=str(config), key="time")
-    folder = run_folder(out, config, "simulate")
+        raise InputError("a simulation needs time: {duration: ..., step: ...}", file=str(output.config), key="time")
 
     from continuum_grasp.verbs import simulate as run
 
-    with output.computing("simulating", folder) as report:
+    with output.computing("simulating") as report:
         trajectory = run(scene, progress=report)
     if note := trajectory.statistics.get("fidelity"):
         output.say(f"fidelity: {note}")
-    files = output.save(trajectory, folder, pictures, animation)
+    files = output.save(trajectory)
     energy = (trajectory.kinetic + trajectory.potential)[[0, -1]]
     values = {
         "duration": trajectory.t[-1],
@@ -42,4 +31,4 @@ def simulate(
         "energy": energy,
     }
     values |= {"time_error": trajectory.time_error, "space_error": trajectory.space_error}
-    output.report(trajectory, folder, files, **values)
+    output.report(trajectory, files, **values)

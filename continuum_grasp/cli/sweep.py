@@ -8,18 +8,17 @@ from typing import Annotated
 
 import typer
 
-from continuum_grasp.cli.options import Config, Json, Quiet, Set, Verbose, out_option
-from continuum_grasp.cli.output import Output, run_folder, saved_in
+from continuum_grasp.cli.options import out_option, verb
+from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
+_OUT = out_option("Folder of the sweep (default: runs/sweep/NAME-OF-CONFIG); one that was stopped goes on.")
+_PICTURES = typer.Option("--pictures/--no-pictures", help="Draw maps and Pareto pictures.")
 
+
+@verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose", out=_OUT, pictures=_PICTURES)
 def sweep(
-    config: Config,
-    out: Annotated[
-        Path | None,
-        out_option("Folder of the sweep (default: runs/sweep/NAME-OF-CONFIG); one that was stopped goes on."),
-    ] = None,
-    changes: Set = None,
+    output: Output,
     workers: Annotated[
         int | None,
         typer.Option("--workers", metavar="N", min=1, max=4096, help="Processes on this machine (default: all cores)."),
@@ -34,16 +33,12 @@ def sweep(
     plot_only: Annotated[
         bool, typer.Option("--plot-only", help="Compute nothing: draw what the table holds by now.")
     ] = False,
-    pictures: Annotated[bool, typer.Option("--pictures/--no-pictures", help="Draw maps and Pareto pictures.")] = True,
-    as_json: Json = False,
-    quiet: Quiet = False,
-    verbose: Verbose = False,
 ) -> None:
     """Find the grasps of many scenes: a grid or random draws of any keys; resumes after an interruption."""
-    output = Output(as_json, quiet, verbose)
     if keep not in ("all", "failed", "none"):
         raise InputError(f"expected all, failed or none, got {keep!r}", key="--keep")
-    folder = run_folder(out, config, "sweep")
+    folder = output.folder
+    output.check_folder()
     if plot_only:
         from continuum_grasp.results import begin_run
         from continuum_grasp.sweeps import sweep_table
@@ -52,30 +47,30 @@ def sweep(
         from continuum_grasp.sweeps.table import CSV
 
         # The pictures are those that the configuration asks for now; those of before go.
-        table = replace(sweep_table(folder), requested=plan_of(config, changes or []).pictures)
+        table = replace(sweep_table(folder), requested=plan_of(output.config, output.changes or []).pictures)
         begin_run(folder, "sweep", retained=(PLAN, CSV))
     else:
         from continuum_grasp.sweeps import sweep as run
 
         with output.busy("starting workers") as report:
             table = run(
-                config,
+                output.config,
                 folder=folder,
                 workers=workers,
                 scheduler=scheduler,
                 keep=keep,  # type: ignore[arg-type]
                 progress=lambda now: report(now.done / max(now.total, 1), now.text),
-                overrides=changes or [],
+                overrides=output.changes or [],
             )
     files: list[Path] = []
-    if pictures or plot_only:
-        with output.drawing(folder):
+    if output.pictures or plot_only:
+        with output.drawing():
             files = table.save_pictures(folder)
     statistics = dict(table.statistics)
     output.warn(statistics.pop("notes", ()))
     if len(table) and not table.solved.any():
         output.warn([f"no scene has a grasp; the first row says: {table['message'][0]}"])
-    output.pairs({**table.pairs(), **saved_in(table.folder, files)})
+    output.pairs({**table.pairs(), **output.saved_in(files)})
     output.statistics(statistics)
     output.result(
         folder=table.folder,

@@ -8,21 +8,20 @@ from typing import Annotated, Any
 import typer
 
 from continuum_grasp.cli.completion import complete_config
-from continuum_grasp.cli.options import Json, Quiet, Set
+from continuum_grasp.cli.options import verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 
+@verb("changes", "as_json", "quiet")
 def validate(
+    output: Output,
     files: Annotated[
         list[Path],
         typer.Argument(
             metavar="FILES...", help="YAML configurations.", show_default=False, autocompletion=complete_config
         ),
     ],
-    changes: Set = None,
-    as_json: Json = False,
-    quiet: Quiet = False,
 ) -> None:
     """Check configurations, any number of them, and whether a finger can be modeled so."""
     from continuum_grasp.control.prediction import Prediction
@@ -32,11 +31,10 @@ def validate(
     from continuum_grasp.scene.load import kind_of_scene, load_placed
     from continuum_grasp.scene.simulate import Scene
 
-    output = Output(as_json, quiet)
     checked: list[dict[str, Any]] = []
     for file in files:
         try:
-            loaded, document = load_placed(file, changes or ())
+            loaded, document = load_placed(file, output.changes or ())
             try:  # as far as the structure of the model; no expressions are built
                 if isinstance(loaded, Scene):  # which model a tolerance needs is not asked here
                     fidelity = loaded.fidelity.replaced(tolerance=None)
@@ -51,7 +49,7 @@ def validate(
                 raise document.placed_error(error) from None
         except InputError as error:
             checked.append({"file": str(file), "valid": False, "errors": str(error).splitlines()})
-            if not as_json:
+            if not output.as_json:
                 typer.echo(str(error), err=True)
         else:
             kind = kind_of_scene(loaded)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from continuum_grasp.errors import ContinuumGraspError
+from continuum_grasp.errors import ContinuumGraspError, InputError
 
 # gnu11 for vector types, -march=native for the widest lanes (libraries stay on this machine), -w: generated C warns.
 _COMMON = ("-std=gnu11", "-march=native", "-fPIC", "-w")
@@ -253,3 +253,17 @@ def _single_assignment(body: str) -> str:
             return body
         lines.append(used)
     return "\n".join([*lines, "}", ""])
+
+
+def check_tools(names: Sequence[str], needed: str, packages: str) -> None:
+    """Refuse where programs are missing; ``needed`` says what they are for, with braces in their place."""
+    missing = [name for name in names if shutil.which(name) is None]
+    if missing:
+        raise InputError(f"{needed.format(' and '.join(missing))} (Debian: {packages})")
+
+
+@cache
+def version_of(program: str) -> str:
+    """First line of what a program says of its version, or its name."""
+    done = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=60, check=False)
+    return done.stdout.splitlines()[0] if done.stdout else program

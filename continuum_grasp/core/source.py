@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache, reduce
+from functools import cache, lru_cache, reduce
 from importlib.resources import files
+from typing import Any
 
 import casadi as ca
 
@@ -18,22 +19,65 @@ from continuum_grasp.core.precision import literal, single
 from continuum_grasp.core.sweeps import with_loops
 from continuum_grasp.errors import InputError
 
-_PLACE = re.compile(r"<<(\w+)([\w.]*):?([\w.]*)>>")
-_BLOCK = re.compile(r"<<if (?P<no>not )?(\w+)([\w.]*)>>(.*?)<<end>>", re.DOTALL)
+_MARK = re.compile(
+    r"<<(?:(?P<end>end)|(?P<else>else)|if (?P<no>not )?(?P<if>[\w.]+)"
+    r"|for (?P<names>[\w, ]+) in (?P<in>[\w.]+)(?:\|(?P<between>.*?))?|(?P<word>\w[\w.]*):?(?P<format>[\w.]*))>>"
+)
 
 
 def filled(text: str, words: Mapping[str, object]) -> str:
-    """Text with its words for ``<<word>>``, and ``<<if word>>...<<end>>`` left out where the word is false or empty,
-    ``<<if not word>>...<<end>>`` where it is not.
+    r"""Text with its words for ``<<word>>``, and with its blocks, which may be in each other.
 
-    ``<<word.name:format>>`` is an attribute of a word, in a format of Python.
+    ``<<word.name:format>>`` is an attribute or an entry of a word, in a format of Python. ``<<if word>>...<<end>>`` is
+    left out where the word is false or empty, ``<<if not word>>...<<end>>`` where it is not; ``<<else>>`` may be in it.
+    ``<<for a in word>>...<<end>>`` is written for each entry, ``<<for a, b in word>>`` for each tuple; what follows a
+    bar, as in ``<<for a in word|, >>``, stands between, with ``\n`` for the end of a line.
     """
+    return _written(_pieces(text), words)
 
-    def value(word: str, names: str) -> object:
-        return reduce(getattr, names.split(".")[1:], words[word])
 
-    text = _BLOCK.sub(lambda match: match[4] if bool(value(match[2], match[3])) != bool(match["no"]) else "", text)
-    return _PLACE.sub(lambda match: format(value(match[1], match[2]), match[3]), text)
+@lru_cache(256)
+def _pieces(text: str) -> list[Any]:
+    """Texts and marks of a template in their order, each mark with the pieces of its block and behind its ``else``."""
+    top: list[Any] = []
+    open_blocks, at = [top], 0
+    for mark in _MARK.finditer(text):
+        open_blocks[-1].append(text[at : mark.start()])
+        at, blocks = mark.end(), (list[Any](), list[Any]())
+        if mark["end"] or mark["else"]:
+            open_blocks.pop()
+        if mark["else"]:
+            open_blocks.append(open_blocks[-1][-1][1][1])
+        elif not mark["end"]:
+            open_blocks[-1].append((mark, blocks))
+            open_blocks += [] if mark["word"] else [blocks[0]]
+    top.append(text[at:])
+    return top
+
+
+def _part(of: Any, name: str) -> Any:
+    return of[name] if isinstance(of, Mapping) else getattr(of, name)
+
+
+def _written(pieces: list[Any], words: Mapping[str, object]) -> str:
+    found: list[str] = []
+    for piece in pieces:
+        if isinstance(piece, str):
+            found.append(piece)
+            continue
+        mark, (block, other) = piece
+        first, *names = (mark["word"] or mark["if"] or mark["in"]).split(".")
+        value: Any = reduce(_part, names, words[first])
+        if mark["word"]:
+            found.append(format(value, mark["format"]))
+        elif mark["if"]:
+            found.append(_written(block if bool(value) != bool(mark["no"]) else other, words))
+        else:
+            own = mark["names"].split(", ")
+            rows = [dict(zip(own, each if len(own) > 1 else (each,), strict=True)) for each in value]
+            between = (mark["between"] or "").replace("\\n", "\n")
+            found.append(between.join(_written(block, {**words, **row}) for row in rows))
+    return "".join(found)
 
 
 @cache
@@ -56,17 +100,7 @@ def function_source(function: ca.Function, real: str = "double") -> str:
     code = generated(function.name(), function)
     if real == "double":
         return code
-    inputs, outputs = _sizes(function)
-    declared = [f"  float i{k}[{max(size, 1)}];" for k, size in enumerate(inputs)]
-    declared += [f"  float o{k}[{max(size, 1)}];" for k, size in enumerate(outputs)]
-    return f"{single(code)}\n" + _fill(
-        "on_doubles.c",
-        **_names(function),
-        entry=entry(function, real),
-        declared="\n".join(declared),
-        narrow=_each("  for (int j = 0; j < {size}; ++j) i{k}[j] = (float)from[{k}][j];", inputs),
-        widen=_each("  for (int j = 0; j < {size}; ++j) to[{k}][j] = (double)o{k}[j];", outputs),
-    )
+    return f"{single(code)}\n" + _fill("on_doubles.c", **_names(function), entry=entry(function, real))
 
 
 def _sizes(function: ca.Function) -> tuple[list[int], list[int]]:
@@ -75,14 +109,12 @@ def _sizes(function: ca.Function) -> tuple[list[int], list[int]]:
     return inputs, [function.nnz_out(k) for k in range(function.n_out())]
 
 
-def _each(pattern: str, sizes: Sequence[int]) -> str:
-    """A line for every argument that is not empty."""
-    return "\n".join(pattern.format(k=k, size=size) for k, size in enumerate(sizes) if size)
-
-
 def _names(function: ca.Function) -> dict[str, object]:
-    """Words about a function that the templates share."""
+    """Words about a function that the templates share: number, size, and size of the array of each argument, too."""
+    inputs, outputs = ([(k, size, max(size, 1)) for k, size in enumerate(sizes)] for sizes in _sizes(function))
     return {
+        "inputs": inputs,
+        "outputs": outputs,
         "name": function.name(),
         "vi": ", ".join(f"i{k}" for k in range(function.n_in())),
         "vo": ", ".join(f"o{k}" for k in range(function.n_out())),
@@ -172,19 +204,10 @@ def _row_words(function: ca.Function) -> dict[str, object]:
 
 def batch_source(function: ca.Function, real: str = "double") -> str:
     """C of ``NAME_batch(count, in, stride, out)`` over rows; a stride of zero repeats one row."""
-    inputs, outputs = _sizes(function)
     if not function.is_a("SXFunction"):  # has loops of its own, which lanes cannot take together
         rows = _fill("rows.c", **_names(function), **_row_words(function), entry=entry(function, real))
         return f"{function_source(function, real)}\n{rows}"
-    gather = "    if (!b || stride[{k}]) cg_gather(in[{k}] + b * stride[{k}], stride[{k}], m, {size}, i{k});"
-    return f"{_in_lanes(function, real)}\n" + _fill(
-        "batch.c",
-        **_names(function),
-        inputs="\n".join(f"  cg_lanes i{k}[{max(size, 1)}];" for k, size in enumerate(inputs)),
-        results="\n".join(f"  cg_lanes o{k}[{max(size, 1)}];" for k, size in enumerate(outputs)),
-        gather=_each(gather, inputs),
-        scatter=_each("    cg_scatter(o{k}, {size}, m, {size}, out[{k}] + b * {size});", outputs),
-    )
+    return f"{_in_lanes(function, real)}\n" + _fill("batch.c", **_names(function))
 
 
 def scan_source(function: ca.Function) -> str:
@@ -192,28 +215,13 @@ def scan_source(function: ca.Function) -> str:
 
     ``function`` is (carry, *signals) -> (next carry, *results); see ``Scan`` of ``core.batches``.
     """
-    inputs, outputs = _sizes(function)
-    carry, signals, results = inputs[0], [0, *inputs[1:]], [0, *outputs[1:]]
-    at = "t / held[{k}] * time[{k}]"
-    gather = (
-        "      if (!k || t / held[{k}] != before / held[{k}])\n"
-        f"        cg_gather(in[{{k}}] + b * row[{{k}}] + {at}, row[{{k}}], m, {{size}}, i{{k}});"
-    )
-    add = "      cg_add(o{k}, to[{k}], m, {size}, out[{k}] + b * to[{k}] + t / summed[{k}] * {size});"
-    words = {
-        "inputs": "\n".join(f"  cg_lanes i{k}[{max(size, 1)}];" for k, size in enumerate(inputs)),
-        "outputs": "\n".join(f"  cg_lanes o{k}[{max(size, 1)}];" for k, size in enumerate(outputs)),
-        "carry": carry,
-        "gather": _each(gather, signals),
-        "add": _each(add, results),
-    }
     lanes = in_lanes([function], "double")
     if lanes:
         code = f"{lanes}{template('core', 'gather.c')}"
     else:
         own = _fill("one_lane.c", **_names(function), **_row_words(function), gather=template("core", "gather.c"))
         code = f"{function_source(function)}\n{own}"
-    return f"{code}\n{_fill('scan.c', **_names(function), **words)}"
+    return f"{code}\n{_fill('scan.c', **_names(function), carry=function.nnz_in(0))}"
 
 
 def _step_words(step: ca.Function) -> dict[str, object]:

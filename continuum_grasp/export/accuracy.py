@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.export.fields import REALS, Real
+from continuum_grasp.export.fields import REALS, Real, to_digits
 from continuum_grasp.export.part import Argument, Call, Code
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import press, reach_of, split
@@ -108,18 +108,10 @@ def _by_field(output: Argument, off: Array, greatest: Array) -> tuple[OutputErro
     found, at = [], 0
     for field in output.fields:
         here = slice(at, at + field.size)
-        bound = _rounded_up(_MARGIN * float(off[here].max()))
-        found.append(OutputError(field.name, field.unit, bound, float(f"{greatest[here].max():.2g}")))
+        bound = to_digits(_MARGIN * float(off[here].max()), 2, math.ceil)  # upwards: it is to remain a bound
+        found.append(OutputError(field.name, field.unit, float(f"{bound:.2g}"), float(f"{greatest[here].max():.2g}")))
         at += field.size
     return tuple(found)
-
-
-def _rounded_up(value: float) -> float:
-    """Two digits, upwards, since it is to remain a bound."""
-    if not value > 0.0:
-        return 0.0
-    digits = 1 - math.floor(math.log10(value))
-    return float(f"{math.ceil(value * 10.0**digits) / 10.0**digits:.2g}")
 
 
 def check_errors(real: Real, errors: Mapping[str, tuple[OutputError, ...]], asked: float) -> None:

@@ -81,10 +81,8 @@ def python_binding(contents: Contents) -> str:
     """A module with the structs and functions."""
     return contents.fill(
         "examples/python/binding.py.txt",
-        calls=contents.calls,
-        stateful=contents.stateful,
         interface=pformat(_interface(contents), width=118, compact=True, sort_dicts=False),
-        anomalies="".join(f'    {2**k}: "{text}",\n' for k, text in enumerate(ANOMALIES.values())),
+        anomalies=[(2**k, text) for k, text in enumerate(ANOMALIES.values())],
     )
 
 
@@ -112,7 +110,7 @@ def wasm_files(contents: Contents) -> dict[str, str]:
         example = f"const {owner} = finger.new_{owner}();\n//   const {{ code, {last.output} }} = {owner}.step("
         example += f"{', '.join(last.inputs)});"
     more = {
-        "exports": " ".join(f"-Wl,--export={name}" for name in wasm_exports(contents)),
+        "exports": wasm_exports(contents),
         "interface": json.dumps(_interface(contents) | {"begun": list(_beginnings(contents))}),
         "use": "".join(used).rstrip("\n"),
         "example": example,

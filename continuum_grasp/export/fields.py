@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -160,27 +160,17 @@ class Struct:
         text = "\n".join(textwrap.wrap(self.text, _LINE, initial_indent="/* ", subsequent_indent="   "))
         return f"{text} */\ntypedef struct {{\n{lines}\n}} {prefix}_{self.name};\n"
 
-    def reader(self, prefix: str) -> str:
-        """C that copies the struct to an array."""
-        lines = [f"  to[{k}] = from->{place};" for k, place in enumerate(self._places())]
-        return _function(prefix, f"read_{self.name}(const {prefix}_{self.name} *from, {prefix}_real *to)", lines)
-
-    def writer(self, prefix: str) -> str:
-        """C that copies an array to the struct."""
-        lines = [f"  to->{place} = from[{k}];" for k, place in enumerate(self._places())]
-        return _function(prefix, f"write_{self.name}(const {prefix}_real *from, {prefix}_{self.name} *to)", lines)
-
-    def _places(self) -> list[str]:
-        """Members and entries of arrays, the last index fastest, as in C."""
-        return [
-            field.name + "".join(f"[{k}]" for k in index)
-            for field in self.fields
-            for index in itertools.product(*map(range, field.shape))
-        ]
+    @property
+    def numbered(self) -> list[tuple[int, str]]:
+        """Members and entries of arrays, the last index fastest, as in C, counted from zero."""
+        shapes = [(field.name, itertools.product(*map(range, field.shape))) for field in self.fields]
+        return list(enumerate(name + "".join(f"[{k}]" for k in at) for name, indices in shapes for at in indices))
 
 
-def _function(prefix: str, signature: str, lines: Sequence[str]) -> str:
-    return "\n".join([f"{prefix.upper()}_API static void {signature}", "{", *lines, "}", ""])
+def to_digits(value: float, digits: int, rounding: Callable[[float], float]) -> float:
+    """So many digits of a number above zero, upwards or downwards; zero of what is not above."""
+    factor = 10.0 ** (digits - 1 - math.floor(math.log10(value))) if value > 0.0 else 1.0
+    return rounding(value * factor) / factor if value > 0.0 else 0.0
 
 
 def each_once(structs: Iterable[Struct]) -> list[Struct]:

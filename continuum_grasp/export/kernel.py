@@ -19,6 +19,7 @@ from continuum_grasp.core.lanes import OPERATORS
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.strict_math import FUNCTIONS, reference
+from continuum_grasp.export.template import fill
 
 Array = NDArray[Any]
 
@@ -153,16 +154,9 @@ class Kernel:
         words = {"zero": real.literal(0.0), "one": real.literal(1.0)}
         used = set(self._operations)
         rows = [(name, n, _C[o].format("a[k]", "b[k]", **words)) for o, (name, n) in _EACH.items() if o in used]
-        pairs = {"atan2", "pow"}
-        rows += [
-            (name, 2, f"strict_{name}(a[k], b[k])") if name in pairs else (name, 1, f"strict_{name}(a[k])")
-            for name in sorted(self.calls)
-        ]
-        return "".join(
-            f"static lanes each_{name}(lanes a{', lanes b' if n == 2 else ''})\n{{\n  int k;\n"
-            f"  for (k = 0; k < LANES; ++k) a[k] = {text};\n  return a;\n}}\n\n"
-            for name, n, text in rows
-        )
+        pairs = {name: name in ("atan2", "pow") for name in sorted(self.calls)}
+        rows += [(name, 1 + pair, f"strict_{name}(a[k]{', b[k]' * pair})") for name, pair in pairs.items()]
+        return fill("lanes.c", {"functions": [(name, n == 2, text) for name, n, text in rows]})
 
     def _body(self, kind: str, real: Real, expressions: dict[int, str]) -> list[str]:
         """C between the braces, in single assignments of the type ``kind``."""

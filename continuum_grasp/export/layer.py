@@ -16,7 +16,6 @@ from continuum_grasp.export.part import Call, Code, Part, Stateful
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
-from continuum_grasp.model import FingerModel, System
 
 _LINE = 118
 """Characters of a line in the header, which is as wide as the sources of this package."""
@@ -79,8 +78,9 @@ class Contents:
         return own | {path: text(self.structs) for path, text in written}
 
     def fill(self, template: str, **words: object) -> str:
-        """A template with the shared words and further ones."""
-        return fill(template, {**self.words, **words})
+        """A template with the shared words, what is exported, and further ones."""
+        own = {"contents": self, "subject": self.subject, "loop": self.subject.loop, "calls": self.calls}
+        return fill(template, {**self.words, **own, **words})
 
 
 def _declared(call: Call, prefix: str) -> list[str]:
@@ -116,42 +116,35 @@ def abi_of(contents: Contents) -> str:
     return "0x" + hashlib.sha256("\n".join(texts).replace(__version__, "").encode()).hexdigest()[:8] + "u"
 
 
-def _dimensions(model: FingerModel | System) -> dict[str, tuple[int, str]]:
-    return {
-        "N": (model.n, "bending coordinates"),
-        "NX": (model.nx, "states"),
-        "NU": (model.nu, "inputs"),
-        "NW": (model.nw, "force components"),
-        "NP": (model.np, "run-time parameters"),
-    }
+DIMENSIONS = {
+    "n": "bending coordinates",
+    "nx": "states",
+    "nu": "inputs",
+    "nw": "force components",
+    "np": "run-time parameters",
+}
+"""Of a model, and what they count."""
 
 
 def _header(contents: Contents) -> str:
     subject, calls, codes = contents.subject, contents.calls, contents.codes
-    prefix, big = subject.prefix, subject.prefix.upper()
-    dimensions = {} if not calls else _dimensions(subject.moving)
-    lines = [f"#define {big}_{name} {size} /* {note} */" for name, (size, note) in dimensions.items()]
-    constants = {name: value for part in contents.parts for name, value in part.constants.items()}
-    lines += [f"#define {big}_{name} {value}" for name, value in constants.items()]
+    prefix = subject.prefix
+    sizes = DIMENSIONS if calls else {}
+    constants = {name.upper(): f"{getattr(subject.moving, name)} /* {note} */" for name, note in sizes.items()}
+    constants |= {name: value for part in contents.parts for name, value in part.constants.items()}
     width = max(len(code.name) for code in codes)
     commas = [","] * (len(codes) - 1) + [" "]  # C89 and C++98 take no comma behind the last entry of an enum
-    table = "\n".join(
-        f"  {big}_{code.name:<{width}} = {int(code):2d}{comma} /* {code.text} */"
-        for code, comma in zip(codes, commas, strict=True)
-    )
     last = contents.stateful[-1] if contents.stateful else None
     begun = [contents.fill("state.h")] if _begun(contents) else []
     documented = [*begun, *(_documented(call, prefix) for call in calls)]
     declared = [filled(part.declarations, contents.words) for part in contents.parts if part.declarations]
     return contents.fill(
         "header.h",
-        dimensions="\n".join(lines),
-        codes=table,
+        constants=constants.items(),
+        codes=[(f"{code.name:<{width}}", code, comma) for code, comma in zip(codes, commas, strict=True)],
         structs="\n".join(struct.declaration(prefix) for struct in contents.structs),
-        calls=calls,
         owner=last.types[0] if last else "",
         step=last.name if last else "",
-        parameters=f"\n  {prefix}_parameters parameters;" if subject.parameters else "",
         functions="\n".join(documented + declared),
     )
 
@@ -195,29 +188,19 @@ def _layer_source(contents: Contents) -> str:
     begun = _begun(contents)
     written = [*(call.output.kind for call in calls if isinstance(call.output.kind, Struct)), *begun]
     checked = inputs if parameters is None else [parameters, *inputs]
-    sizes = [
-        f"typedef char {prefix}_{struct.name}_has_no_padding"
-        f"[sizeof({prefix}_{struct.name}) == {struct.size} * sizeof({prefix}_real) ? 1 : -1];"
-        for struct in contents.structs
-    ]
-    codes = [f'    case {prefix.upper()}_{code.name}: return "{code.text}";' for code in contents.codes]
     nominal = zip(parameters.fields, subject.moving.p_nominal, strict=True) if parameters else ()
-    functions = [subject.guard_function] if subject.guard else []
+    functions = [contents.fill("guard.c")] if subject.guard else []
     start = ", ".join(map(subject.real.literal, subject.start)) if begun else ""
     functions += [contents.fill("state.c", start=start)] if begun else []
     functions += [_function(contents, call) for call in calls]
     functions += [part.definitions for part in contents.parts if part.definitions]
     return contents.fill(
         "layer.c",
-        sizes="\n".join(sizes),
-        codes="\n".join(codes),
-        calls=calls,
         bounds="\n".join(struct.bounds(prefix, subject.real, f"{prefix.upper()}_API ") for struct in checked),
-        readers="\n".join(struct.reader(prefix) for struct in checked),
-        writers="\n".join(struct.writer(prefix) for struct in each_once(written)),
+        structs=contents.fill("structs.c", read=checked, written=each_once(written)),
         check=contents.fill("check_numbers.c"),
         functions="\n".join(functions),
-        nominal="".join(f"\n  model->parameters.{f.name} = {subject.real.literal(value)};" for f, value in nominal),
+        nominal=[(field.name, subject.real.literal(value)) for field, value in nominal],
     )
 
 
@@ -241,41 +224,19 @@ def library_files(contents: Contents) -> dict[str, str]:
 
 def _function(contents: Contents, call: Call) -> str:
     """A public function behind one that reads and checks everything it is given."""
-    prefix, passed = contents.subject.prefix, contents.subject.passed_to(call)
-    arrays = [a for a in passed if a.is_struct]
+    subject, prefix = contents.subject, contents.subject.prefix
+    arrays = [a for a in subject.passed_to(call) if a.is_struct]
+    numbers = [
+        (a, *map(subject.real.literal, (a.fields[0].low, a.fields[0].high))) for a in call.inputs if not a.is_struct
+    ]
     return contents.fill(
         "function.c",
-        name=call.name,
+        call=call,
         declared=", ".join([*_declared(call, prefix), *(f"{prefix}_real *{a.array}" for a in arrays)]),
-        accept="\n".join(_accept(contents.subject, call)),
+        arrays=arrays,
+        numbers=numbers,
+        pointers=["model", *(a.name for a in call.inputs if a.is_struct)],
+        checks=not all(a.drawn for a in arrays),
         prototype=_prototype(call, prefix),
-        arrays=", ".join(f"{a.array}[{a.size}]" for a in arrays),
-        size=call.output.size,
-        output=call.output.name,
-        given=", ".join(["model", *(a.name for a in call.inputs), *(a.array for a in arrays)]),
         body=call.body.rstrip(),
-        struct=call.output.kind.name,
     )
-
-
-def _accept(subject: Subject, call: Call) -> list[str]:
-    """Lines of C that read and check everything that a function is given."""
-    big, real, passed = subject.prefix.upper(), subject.real, subject.passed_to(call)
-    nulls = ["model", *(a.name for a in call.inputs if a.is_struct)]
-    lines = [] if all(a.drawn for a in passed if a.is_struct) else ["  int code;"]
-    lines += [
-        f"  if ({' || '.join(f'!{name}' for name in nulls)}) return {big}_ERR_NULL;",
-        f"  if (model->abi != {big}_ABI) return {big}_ERR_ABI;",
-    ]
-    for a in (a for a in passed if a.is_struct):
-        place, name = "&model->parameters" if a.name == "parameters" else a.name, a.kind.name
-        lines.append(f"  read_{name}({place}, {a.array});")
-        if a.drawn:
-            lines.append(f"  if (!all_finite({a.array}, {a.size})) return {big}_ERR_NON_FINITE;")
-        else:
-            lines.append(f"  if ((code = check({a.array}, {name}_low, {name}_high, {a.size})) < 0) return code;")
-    for a in (a for a in call.inputs if not a.is_struct):
-        low, high = (real.literal(v) for v in (a.fields[0].low, a.fields[0].high))
-        lines.append(f"  if (!{subject.prefix}_is_finite(&{a.array})) return {big}_ERR_NON_FINITE;")
-        lines.append(f"  if ({a.array} < {low} || {a.array} > {high}) return {big}_{a.code.name};")
-    return lines + ([call.guard.rstrip("\n")] if call.guard else [])

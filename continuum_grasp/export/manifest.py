@@ -17,8 +17,9 @@ from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.destination import check_package
 from continuum_grasp.export.fields import Field, Real, Struct
-from continuum_grasp.export.layer import Contents
+from continuum_grasp.export.layer import DIMENSIONS, Contents
 from continuum_grasp.export.part import Code
+from continuum_grasp.labels import name_of
 from continuum_grasp.model import FingerModel
 from continuum_grasp.results.atomic import write_text
 
@@ -57,19 +58,11 @@ def manifest(
         "parts": [part.name for part in contents.parts],
         "model": None if model is None else model_description(model),
         "flags": FLAGS,
-        "dimensions": {}
-        if model is None
-        else {name: getattr(subject.moving, name) for name in ("n", "nx", "nu", "nw", "np")},
+        "dimensions": {} if model is None else {name: getattr(subject.moving, name) for name in DIMENSIONS},
         "structs": {s.name: [entry(field) for field in s.fields] for s in contents.structs},
         "nominal_parameters": {}
         if model is None
-        else dict(
-            zip(
-                (label.split(" ")[0] for label in subject.moving.p_names),
-                map(float, subject.moving.p_nominal),
-                strict=True,
-            )
-        ),
+        else dict(zip(map(name_of, subject.moving.p_names), map(float, subject.moving.p_nominal), strict=True)),
         "functions": {
             call.name: {
                 "inputs": [a.name if a.is_struct else entry(a.fields[0]) for a in call.inputs],

@@ -291,7 +291,6 @@ def _contents(subject: Subject, parts: Sequence[Part], title: str, what: str = "
     contents = Contents(subject, parts, {})
     own = [path for path in contents.sources if path.startswith("src/") and path.endswith(".c")]
     sources = [prefix, f"{prefix}_kernels", *(path.removeprefix("src/").removesuffix(".c") for path in own)]
-    memory = "".join(f"\n  {prefix}_{name} {name};" for function in contents.stateful for name in function.types)
     contents.words.update(
         {
             "p": prefix,
@@ -303,7 +302,6 @@ def _contents(subject: Subject, parts: Sequence[Part], title: str, what: str = "
             "what": what,
             "sources": " ".join(sources),
             "count": str(len(contents.calls) + len(contents.stateful)),
-            "check_memory": memory or "\n  int nothing;",  # C takes no empty struct
             **dict.fromkeys(SIZES, UNKNOWN),
             # Of fast builds: -ffast-math reorders sums, and rounding adds up along the calls of an episode.
             "adds_up": "10" if single else "1000",

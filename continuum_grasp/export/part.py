@@ -114,6 +114,11 @@ class Argument:
         return isinstance(self.kind, Struct)
 
     @property
+    def is_member(self) -> bool:
+        """Whether it is a struct of the model."""
+        return self.name == "parameters"
+
+    @property
     def fields(self) -> tuple[Field, ...]:
         """Its numbers."""
         return self.kind.fields if isinstance(self.kind, Struct) else (self.kind,)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from continuum_grasp.core.precision import check_solvable
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.fields import Field, Real, Struct, outside
+from continuum_grasp.export.fields import Field, Real, Struct, outside, to_digits
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Call, Rows
 from continuum_grasp.export.ranges import (
@@ -28,7 +28,6 @@ from continuum_grasp.export.ranges import (
     parameter_fields,
     state_fields,
 )
-from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.scene.surroundings import Surroundings
@@ -190,7 +189,7 @@ class Subject:
 
     def longest_of(self, substeps: int) -> float:
         """Longest step of so many sub-steps that is stable [s]."""
-        return self.real.rounded(_floor(STABLE * substeps / self.radius))
+        return self.real.rounded(to_digits(STABLE * substeps / self.radius, 3, math.floor))
 
     @property
     def longest_step(self) -> float:
@@ -200,7 +199,7 @@ class Subject:
     @property
     def accurate_step(self) -> float:
         """Longest step without a warning [s]."""
-        return self.real.rounded(_floor(_ACCURATE * self.substeps / self.find_rates()[1]))
+        return self.real.rounded(to_digits(_ACCURATE * self.substeps / self.find_rates()[1], 3, math.floor))
 
     def function(self, name: str, inputs: str, **outputs: ca.SX) -> ca.Function:
         """A function of space-separated inputs of the equations: x, u, w, s, p."""
@@ -222,15 +221,6 @@ class Subject:
         """Parameters and inputs of a function, in the order of the rows of its vectors."""
         own = [] if self.parameters is None else [Argument("parameters", self.parameters, "p")]
         return [*own, *call.inputs]
-
-    @property
-    def guard_function(self) -> str:
-        """C of the function that reports a matched tip or a tension out of its range."""
-        if self.guard is None:
-            return ""
-        p = self.prefix
-        declared = ", ".join(f"const {p}_real *{name}" for name in self.guard.inputs)
-        return fill("guard.c", {"p": p, "declared": declared, "call": self.guard.call(p)})
 
     @property
     def guard_source(self) -> str:
@@ -284,12 +274,6 @@ def _touching(model: FingerModel, around: Surroundings | None) -> System | None:
 
 def _struct(name: str, text: str, fields: tuple[Field, ...]) -> Struct | None:
     return Struct(name, text, fields) if fields else None
-
-
-def _floor(value: float) -> float:
-    """Three digits, downwards."""
-    digits = 2 - math.floor(math.log10(value))
-    return math.floor(value * 10.0**digits) / 10.0**digits
 
 
 STABLE = 2.5

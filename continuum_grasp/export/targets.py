@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import re
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from continuum_grasp.core.compiler import check_tools, version_of
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.manifest import write_files
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.template import fill
 
 TARGETS = {
     "host": ("double", "float"),
@@ -59,9 +58,7 @@ def measure(files: Mapping[str, str], target: str) -> dict[str, Any]:
     core = _core(target)
     if core is None:
         raise InputError(f"{target} has no emulated board: take cortex-m4f or cortex-m7", key="target")
-    missing = [tool for tool in TOOLS if shutil.which(tool) is None]
-    if missing:
-        raise InputError(f"measuring needs {', '.join(missing)} (Debian: gcc-arm-none-eabi, qemu-system-arm)")
+    check_tools(TOOLS, "measuring needs {}", "gcc-arm-none-eabi, qemu-system-arm")
     with tempfile.TemporaryDirectory() as work:
         write_files(Path(work), files)
         line = ["sh", f"{work}/examples/baremetal/run.sh", core]
@@ -72,8 +69,8 @@ def measure(files: Mapping[str, str], target: str) -> dict[str, Any]:
     failures = re.search(r"^(\d+) failures$", said, re.MULTILINE)
     return {
         "core": core,
-        "compiler": _version("arm-none-eabi-gcc"),
-        "emulator": _version("qemu-system-arm"),
+        "compiler": version_of("arm-none-eabi-gcc"),
+        "emulator": version_of("qemu-system-arm"),
         "failures": int(failures[1]) if failures else -1,
         "functions": {
             name: dict(zip(_COUNTED, map(int, counts), strict=True)) for name, *counts in _LINE.findall(said)
@@ -83,11 +80,6 @@ def measure(files: Mapping[str, str], target: str) -> dict[str, Any]:
             for text, data, bss, name in _SIZE.findall(said)
         },
     }
-
-
-def _version(tool: str) -> str:
-    done = subprocess.run([tool, "--version"], capture_output=True, text=True, timeout=60, check=False)
-    return done.stdout.splitlines()[0] if done.stdout else tool
 
 
 _BARE_METAL = ("start.c", "board.h", "board.ld", "main.c", "run.sh")
@@ -126,68 +118,28 @@ _NODE = ("package.xml", "CMakeLists.txt")
 
 def _step_words(subject: Subject) -> dict[str, object]:
     prefix, real = subject.prefix, subject.real
-    constant = subject.model.structure.moment_is_constant
     state, first = subject.state.fields, subject.input.fields[0]
-    parameters = [f.name for f in subject.parameters.fields] if subject.parameters is not None else []
     return {
-        "begin": f"  if (code >= 0) code = {prefix}_state_init(&state);\n"
-        if subject.touching is not None
-        else "  memset(&state, 0, sizeof state);\n",
-        "begin_each": f"\n    {prefix}_state_init(&states[k]);" if subject.touching is not None else "",
-        "begin_node": f"{{{', '.join(map(real.literal, subject.start))}}}" if subject.touching is not None else "{}",
-        "subject": subject,
+        "start": [*map(real.literal, subject.start)] if subject.touching is not None else [],
         "node": f"{prefix}_node",
         "h": real.literal(subject.accurate_step),
-        "h_plain": repr(subject.accurate_step),
         "level": real.literal(_SHARE * first.scale),
-        "what_input": "a constant input" if constant else "a constant input that sets in smoothly",
-        "onset": "" if constant else f" * (t < {real.literal(_TENTH)} ? t / {real.literal(_TENTH)} : 1)",
+        "onset": "" if subject.model.structure.moment_is_constant else real.literal(_TENTH),
         "first_input": first.name,
         "first_state": state[0].name,
         "reach": real.literal(0.5 * state[0].high),
-        "ports": "1" if subject.forces is None else "2",
         "most_port": max(subject.moving.nx, subject.input.size, subject.moving.nw),
-        "csv_head": "".join(f",{f.name} [{f.unit}]" for f in state),
-        "csv_format": ",%.9g" * len(state),  # 9 digits say a float exactly
-        "csv_values": "".join(f",\n           (double)state.{f.name}" for f in state),
-        "node_declares": _declared_parameters(parameters, "model_.parameters"),
-        "node_reads": _read_parameters(prefix, {"model_.parameters": parameters}),
+        "members": [("model_.parameters", f) for f in (subject.parameters.fields if subject.parameters else ())],
     }
 
 
-def _declared_parameters(names: Sequence[str], struct: str) -> str:
-    """C++ that declares members of a struct as parameters of a node, at their present values."""
-    return "".join(f'\n    declare_parameter("{name}", static_cast<double>({struct}.{name}));' for name in names)
-
-
-def _read_parameters(prefix: str, structs: Mapping[str, Sequence[str]]) -> str:
-    """C++ that reads them again, members by struct; the library checks their ranges."""
-    lines = [
-        f'    if (get_parameter("{name}", value)) {struct}.{name} = static_cast<{prefix}_real>(value);'
-        for struct, names in structs.items()
-        for name in names
-    ]
-    return "\n".join(["    double value = 0;", *lines, ""]) if lines else ""
-
-
 def _control_words(subject: Subject, loop: Loop, sources: Sequence[str]) -> dict[str, object]:
-    s, prefix = loop.stages, subject.prefix
-    structs = {"settings": loop.settings} | ({"known": loop.known} if loop.known is not None else {})
-    members = {f"controller_.{name}": [f.name for f in struct.fields] for name, struct in structs.items()}
+    structs = [loop.settings, *([loop.known] if loop.known is not None else [])]
     return {
-        "node": f"{prefix}_control_node",
-        "loop": loop,
-        "measured": ", ".join(loop.measurement_names),
+        "node": f"{subject.prefix}_control_node",
         "wanted": ", ".join(subject.real.literal(float(v)) for v in loop.wanted),
-        "wanted_names": ", ".join(s.r_names),
         "known": loop.known.size if loop.known is not None else 0,
-        "block_parameters": len(structs),
-        "node_declares": "".join(_declared_parameters(names, struct) for struct, names in members.items()),
-        "node_reads": _read_parameters(prefix, members),
-        "sfun_reads": "".join(
-            fill("examples/control/read.c", {"p": prefix, "k": k, "size": struct.size, "name": name})
-            for k, (name, struct) in enumerate(structs.items())
-        ),
-        "command_head": ",".join(s.u_names),
+        "structs": [*enumerate(structs)],
+        "members": [(f"controller_.{struct.name}", f) for struct in structs for f in struct.fields],
         "mex_sources": "".join(f" ../../src/{name}.c" for name in sources),
     }

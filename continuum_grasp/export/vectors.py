@@ -168,28 +168,21 @@ def _beyond(real: Real, limit: float, side: float) -> float:
 
 def _runner(subject: Subject, call: Call) -> str:
     """C that runs a function without memory on a row."""
-    prefix, inputs, output = subject.prefix, call.inputs, call.output
-    copied, numbers, at = [], {}, 0
-    for argument in subject.passed_to(call):
-        place = "model.parameters" if argument.name == "parameters" else argument.name
-        numbers[argument.name] = f"row[{at}]"
-        if argument.is_struct:
-            copied.append(f"  memcpy(&{place}, row + {at}, sizeof {place});")
-        at += argument.size
+    passed = subject.passed_to(call)
+    ends = dict(zip([a.name for a in passed], itertools.accumulate(a.size for a in passed), strict=True))
     # ``null`` is the number of the pointer that is null in this call, counted from one; zero for none.
-    number = itertools.count(1)
-    passed = [
-        f"null == {next(number)} ? 0 : &{name}" if name not in numbers or is_struct else numbers[name]
-        for name, is_struct in [("model", True), *((a.name, a.is_struct) for a in inputs), (output.name, True)]
-    ]
+    structs = [a for a in (*call.inputs, call.output) if a.is_struct]
+    pointers = {name: k for k, name in enumerate(["model", *(a.name for a in structs)], 1)}
     words = {
-        "p": prefix,
-        "name": call.name,
+        "p": subject.prefix,
+        "call": call,
         "indent": " " * len(f"static int run_{call.name}("),
-        "declared": "\n".join(f"  {prefix}_{a.kind.name} {a.name};" for a in (*inputs, output) if a.is_struct),
-        "copied": "\n".join(copied),
-        "output": output.name,
-        "passed": ", ".join(passed),
+        "declared": structs,
+        "copied": [(a, ends[a.name] - a.size) for a in passed if a.is_struct],
+        "passed": [
+            f"null == {pointers[name]} ? 0 : &{name}" if name in pointers else f"row[{ends[name] - 1}]"
+            for name in ("model", *(a.name for a in call.inputs), call.output.name)
+        ],
     }
     return fill("tests/run.c", words)
 
@@ -204,24 +197,15 @@ _RANDOM = {
 def vectors_source(contents: Contents, vectors: Sequence[Vectors]) -> str:
     """Header with the vectors as hexadecimal floating literals, which are exact."""
     real = contents.subject.real
-    tables = "\n".join(_tables(v, contents.subject.prefix, real) for v in vectors)
-    return contents.fill("tests/vectors.h", tables=tables, width=str(real.width))
+    return contents.fill("tests/vectors.h", tables=[_table(v, real) for v in vectors], width=str(real.width))
 
 
 def check_source(contents: Contents, vectors: Sequence[Vectors]) -> str:
     """C that runs the vectors without a library but memcpy."""
     real = contents.subject.real
-    table = ",\n".join(
-        f'  {{"{v.name}", run_{v.name}, {v.name}_inputs, {v.name}_outputs, {v.name}_codes, '
-        f"{v.name}_bad, "
-        f"{v.name}_spoilt,\n   {len(v.inputs)}, {v.inputs.shape[1]}, {v.outputs.shape[1]}, {v.close}, {len(v.bad)}, "
-        f"{v.pointers}, {int(v.stateful)}}}"
-        for v in vectors
-    )
     return contents.fill(
         "tests/check.c",
-        runners="\n".join(v.runner for v in vectors),
-        table=table,
+        vectors=[(v, *v.inputs.shape, v.outputs.shape[1], len(v.bad)) for v in vectors],
         count=len(vectors),
         most_inputs=max(v.inputs.shape[1] for v in vectors),
         most_outputs=max(v.outputs.shape[1] for v in vectors),
@@ -231,28 +215,20 @@ def check_source(contents: Contents, vectors: Sequence[Vectors]) -> str:
     )
 
 
-def _tables(vectors: Vectors, prefix: str, real: Real) -> str:
+def _table(vectors: Vectors, real: Real) -> dict[str, object]:
     given, good = vectors.inputs, np.isfinite(vectors.inputs)
-    bad = [(b.row, b.entry, _bits(b.value, real), int(b.code)) for b in vectors.bad]
     spoilt = [(int(k), int(j), _bits(given[k, j], real), 0) for k, j in np.argwhere(~good)]
-    words = {
-        "p": prefix,
-        "name": vectors.name,
-        "inputs": _rows(np.where(good, given, 0), real),
-        "outputs": _rows(np.where((vectors.codes < 0)[:, None], 0, vectors.outputs), real),
-        "codes": ", ".join(str(int(code)) for code in vectors.codes),
-        "bad": _entries(bad),
-        "spoilt": _entries([*spoilt, (-1, 0, _bits(0.0, real), 0)]),
+    numbers = {
+        "inputs": np.where(good, given, 0),
+        "outputs": np.where((vectors.codes < 0)[:, None], 0, vectors.outputs),
     }
-    return fill("tests/table.h", words)
-
-
-def _entries(rows: Sequence[tuple[int, int, str, int]]) -> str:
-    return ",\n".join(f"  {{{', '.join(map(str, row))}}}" for row in rows)
-
-
-def _rows(rows: np.ndarray, real: Real) -> str:
-    return ",\n".join("  " + ", ".join(real.hexadecimal(v) for v in row) for row in rows)
+    return {
+        "name": vectors.name,
+        **{name: [map(real.hexadecimal, row) for row in rows] for name, rows in numbers.items()},
+        "codes": vectors.codes,
+        "bad": [(b.row, b.entry, _bits(b.value, real), int(b.code)) for b in vectors.bad],
+        "spoilt": [*spoilt, (-1, 0, _bits(0.0, real), 0)],
+    }
 
 
 def _bits(value: float, real: Real) -> str:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from continuum_grasp import interrupt
-from continuum_grasp.arguments import check_arguments, choice
+from continuum_grasp.arguments import check_arguments, choice, whole
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted, SolverError
 from continuum_grasp.results import begin_run
 from continuum_grasp.scene.assembly import Overrides
@@ -25,7 +25,7 @@ from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, locked, rows_o
 from continuum_grasp.sweeps.plan import Plan, Point, plan_of
 from continuum_grasp.sweeps.table import SweepTable, sweep_table, write_csv
 from continuum_grasp.sweeps.worker import Job, Keep, Outcome, dask_pool, row_of_crash, run_chunk, solve
-from continuum_grasp.workers import ExecutorPool, ProcessPool, WorkerPool, checked_count, cores
+from continuum_grasp.workers import ExecutorPool, ProcessPool, WorkerPool, cores
 
 _CHUNK_SECONDS = 0.5
 """Work per submitted chunk [s]: long against handing it over, short against the end of a sweep."""
@@ -151,7 +151,7 @@ def sweep(
     """
     choice("keep", keep, ("all", "failed", "none"))
     _ANYWHERE.check(None, of={"executor": executor is not None and scheduler is not None})
-    count = None if workers is None else checked_count(workers)
+    count = None if workers is None else whole("workers", workers, 1, 4096)
     plan = plan_of(config, overrides)
     if plan.variation.kind != "grasp":
         raise InputError(

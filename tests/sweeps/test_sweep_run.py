@@ -270,7 +270,7 @@ def test_an_executor_that_is_spent_stops_the_sweep(tmp_path):
     ("more", "words"),
     [
         ({"keep": "some"}, "keep: expected one of all, failed, none"),
-        ({"workers": 0}, "workers: expected a number of workers"),
+        ({"workers": 0}, "workers: expected a whole number from 1 to 4096"),
         ({"scheduler": "tcp://127.0.0.1:1", "executor": ThreadPoolExecutor(1)}, "not both"),
         ({"folder": __file__}, "expected a folder, got a file"),
         ({"folder": None}, "needs a folder"),

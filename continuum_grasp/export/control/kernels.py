@@ -9,6 +9,7 @@ import casadi as ca
 
 from continuum_grasp.core.calls import straight_function, straight_functions
 from continuum_grasp.export.kernel import Kernel
+from continuum_grasp.export.template import fill
 
 _TEXTS = {
     "slope": "Rate of change with its Jacobian.",
@@ -49,16 +50,14 @@ class Adapter:
 
     def c_source(self, prefix: str) -> str:
         """C with the names of ``control/c``."""
-        lines = [f"  real unused[{self.unused}];"] if self.unused else []
-        if self.kernel is None:
-            lines.append("  (void)arg; (void)res;")
-        else:
-            if "behind" in {self.given[name] for name in self.kernel.outputs}:
-                lines += ["  real *behind = 0;", f"  if (res[1]) behind = res[1] + {self.behind};"]
-            lines += [] if self.kernel.inputs else ["  (void)arg;"]
-            lines.append(f"  {self.kernel.call(prefix, **self.given)}")
-        head = f"static int {self.function.name()}(const real *const arg[], real *const res[])"
-        return "\n".join([head, "{", *lines, "  return 0;", "}", ""])
+        kernel = self.kernel
+        words = {
+            "name": self.function.name(),
+            "adapter": self,
+            "behind": kernel is not None and "behind" in {self.given[name] for name in kernel.outputs},
+            "call": "" if kernel is None else kernel.call(prefix, **self.given),
+        }
+        return fill("control/adapter.c", words)
 
 
 def adapters_of(functions: Sequence[ca.Function]) -> list[Adapter]:

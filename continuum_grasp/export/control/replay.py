@@ -50,17 +50,12 @@ class _Host:
         compiler = find_compiler()
         if compiler is None:
             raise InputError(f"the vectors of estimator and controller need a C compiler: {why_no_compiler()}")
-        prefix, self._dtype = contents.subject.prefix, contents.subject.real.dtype
+        self._dtype = contents.subject.real.dtype
         owners = list(dict.fromkeys(name for function in contents.stateful for name in function.types))
         source = contents.fill(
             "tests/host.c",
-            runners="\n".join(function.runner for function in contents.stateful),
-            exported="".join(
-                f"int host_{f.name}(check_memory *memory, const {prefix}_real *row, {prefix}_real *out)\n"
-                f"{{\n  return run_{f.name}(memory, row, out, 0, 0, 1);\n}}\n"
-                for f in contents.stateful
-            ),
-            sizes=", ".join(f"sizeof({prefix}_{name})" for name in owners),
+            functions=contents.stateful,
+            owners=owners,
         )
         with tempfile.TemporaryDirectory() as work:
             write_files(Path(work), {**files, "host.c": source})

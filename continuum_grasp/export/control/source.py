@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable
 from dataclasses import replace
 
@@ -32,12 +33,6 @@ ANOMALIES = {
     for anomaly in Anomaly
 }
 """What each bit of anomalies means, by its name, from the lowest one on."""
-
-
-_TOUCH_MEMORY = """
-  {p}_contact_state contact;
-  {p}_contact_report felt;"""
-"""What an estimator keeps of a contact detector."""
 
 
 class _Writer:
@@ -98,7 +93,6 @@ class _Writer:
             "types": types,
             "mpc": self.mpc,
             "estimator": "estimator" in self.loop.parts,
-            "touch_memory": _TOUCH_MEMORY.format(p=self.prefix) if self.loop.touch else "",
         }
         return fill("control/memory.h", {**words, **more})
 
@@ -158,56 +152,30 @@ class _Writer:
         return f"{{{inside or self.real.literal(0.0)}}}"  # C99 takes no empty braces
 
     def words(self, common: dict[str, object]) -> dict[str, object]:
-        loop, p, big = self.loop, self.prefix, self.prefix.upper()
+        loop, p = self.loop, self.prefix
         known = loop.known.size if loop.known is not None else 0
-        nx, nz = loop.stages.nd, loop.start.size
-        taken, at = [], 0
-        for member in CHANGEABLE:
-            count = np.size(getattr(loop.stages, member))
-            if count:
-                taken.append(f"  memcpy(to->rti.{member}, numbers + {at}, {count} * sizeof *numbers);")
-            at += count
-        estimated = [f"  memcpy(z, controller->memory.last.x, {nx} * sizeof *z);"]
-        if nz > nx:
-            estimated.append(f"  memcpy(z + {nx}, controller->memory.state.ekf.z + {nx}, {nz - nx} * sizeof *z);")
-        names, last = [field.name for field in loop.reference.fields], len(ANOMALIES) - 1
+        counts = [np.size(getattr(loop.stages, member)) for member in CHANGEABLE]
+        taken = zip(CHANGEABLE, itertools.accumulate(counts, initial=0), counts, strict=False)
+        last = len(ANOMALIES) - 1
         quiet_nan = self.real.exponent_mask | 1 << (self.real.mantissa_bits - 1)
         return {
             **common,
             "loop": loop,
             "np_size": max(loop.stages.np, 1),
-            "take": "\n".join(taken),
-            "read_reference": "\n".join(
-                f"    work->reference[k][{j}] = reference->{name}[k];" for j, name in enumerate(names)
-            ),
-            "first_reference": "\n".join(
-                f"    reference->{name}[k] = first_setpoints[{j}];" for j, name in enumerate(names)
-            ),
-            "diagnosis": "\n".join(
-                f"  {f'{p}_real' if kind == 'real' else kind} {name}; /* {text} */" for kind, name, text in DIAGNOSIS
-            ),
-            "applied_range": ", ".join(
-                f"{f.name} {f.limits or 'any finite number of'} {f.unit}" for f in loop.applied.fields
-            ),
+            "taken": [row for row in taken if row[2]],
+            "setpoints": [*enumerate(loop.reference.fields)],
+            "disturbances": loop.start.size - loop.stages.nd,
+            "diagnosis": [(f"{p}_real" if kind == "real" else kind, name, text) for kind, name, text in DIAGNOSIS],
             "width": self.real.width,
             "missing": self.real.bit_pattern(quiet_nan),
-            "estimated": "\n".join(estimated),
-            "what_is_measured": "a measurement" if self.filter else "the state",
-            "sensors": ",\n".join(
-                f"  {big}_SENSOR_{name.upper().replace(' ', '_')} = {k}" for k, name in enumerate(loop.watched)
-            ),
+            "sensors": [(name.upper().replace(" ", "_"), k) for k, name in enumerate(loop.watched)],
             "indent_mpc": " " * len(f"int {p}_mpc("),
             "indent_step": " " * len(f"int {p}_estimator_step("),
             "estimator_settings": "loop_settings.ekf" if self.mpc else "ekf_settings",
             "contact_settings": "loop_settings.contact" if self.mpc else "contact_settings",
             "known": known,
-            "known_nominal": "known_nominal" if known else "0",
-            "known_or_null": "p" if known else "0",
             **{name: f"<<{name}>>" for name in SIZES},
-            "anomalies": "\n".join(
-                f"  {big}_ANOMALY_{name} = {2**k}{',' if k < last else ' '} /* {text} */"
-                for k, (name, text) in enumerate(ANOMALIES.items())
-            ),
+            "anomalies": [(n, 2**k, "," if k < last else " ", text) for k, (n, text) in enumerate(ANOMALIES.items())],
         }
 
     def source(self, words: dict[str, object]) -> str:
@@ -227,8 +195,7 @@ class _Writer:
             "adapters": self.adapters(),
             "bodies": self.bodies(),
             "numbers": self.numbers(),
-            "readers": "\n".join(s.reader(p) for s in each_once(inputs)),
-            "writers": "\n".join(s.writer(p) for s in each_once(outputs)),
+            "structs": fill("structs.c", {"p": p, "read": each_once(inputs), "written": each_once(outputs)}),
             "check": fill("check_numbers.c", words),
             "functions": "\n".join(fill(f"control/{name}.c", words) for name in files),
         }

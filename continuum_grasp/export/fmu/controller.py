@@ -36,13 +36,6 @@ def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> U
         "FMU_ESTIMATE": variables_of("estimate", "output", structs[start]),
         "FMU_DIAGNOSIS": tuple(Variable(f"diagnosis.{k}", "1", _TEXTS[k], "output") for k in _REALS),
     }
-    names = [entry["name"] for entry in structs["reference"]]
-    lines = [
-        f"    f->scratch.reference.{name}[k] = values[FMU_REFERENCE + {f'{j * nodes} + k' if preview else j}];"
-        for j, name in enumerate(names)
-    ]
-    diagnosed = [f"  values[FMU_DIAGNOSIS + {k}] = diagnosis.{name};" for k, name in enumerate(_REALS)]
-    diagnosed += [f"  f->data.counts[FMU_{name.upper()}] = (int)diagnosis.{name};" for name in _COUNTS]
     return Unit(
         identifier=identifier,
         title=names_of(scene)[0],
@@ -61,8 +54,12 @@ def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> U
         words={
             "start": start,
             "known": bool(known),
-            "fill_reference": "\n".join([f"  for (k = 0; k < {nodes}; ++k) {{", *lines, "  }"]),
-            "diagnosed": "\n".join(diagnosed),
+            "nodes": nodes,
+            "reference": [
+                (entry["name"], f"{j * nodes} + k" if preview else j) for j, entry in enumerate(structs["reference"])
+            ],
+            "diagnosed": [*enumerate(_REALS)],
+            "counted": [(name, name.upper()) for name in _COUNTS],
         },
         sources=sources,
         flags=STRICT,

@@ -1,10 +1,10 @@
-"""modelDescription.xml and buildDescription.xml of both versions of the standard."""
+"""modelDescription.xml of both versions of the standard."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
@@ -16,6 +16,7 @@ from continuum_grasp.export.template import fill
 def model_description(unit: Unit, fmi: str, token: str) -> str:
     """XML of a version, ``"2"`` or ``"3"``."""
     old, reals = fmi == "2", unit.variables
+    units = {name: base_unit(name) for name in sorted({variable.unit for variable in reals} | {"s"})}
     given = {"title": unit.title, "what": unit.what, "hash": unit.manifest["configuration_hash"], "token": token}
     words = {name: escape(str(text), {'"': "&quot;"}) for name, text in given.items()} | {
         "fmi": fmi,
@@ -26,18 +27,11 @@ def model_description(unit: Unit, fmi: str, token: str) -> str:
         "linear": str(unit.linear).lower(),
         "step": _number(unit.step),
         "stop": _number(unit.stop),
+        "sources": sorted([*(name for name in unit.sources if name.endswith(".c")), "fmi2.c"]),
+        "units": [(n, base is not None, (base or {}).items()) for n, base in units.items()],
     }
     root = ElementTree.fromstring(fill("fmu/description.xml", words))
-    simulates, definitions, _, _, listed, structure = root
-    if old:
-        files = ElementTree.SubElement(simulates, "SourceFiles")
-        for name in sorted([*(n for n in unit.sources if n.endswith(".c")), "fmi2.c"]):
-            ElementTree.SubElement(files, "File", name=name)
-    for name in sorted({v.unit for v in reals} | {"s"}):
-        of = ElementTree.SubElement(definitions, "Unit", name=name)
-        base = base_unit(name)
-        if base is not None:
-            ElementTree.SubElement(of, "BaseUnit", {key: str(power) for key, power in base.items()})
+    *_, listed, structure = root
     # In FMI 2.0 variables are numbered from one, in their order; in FMI 3.0 they are named by their references.
     offset = 1 if old else 0
 
@@ -74,21 +68,6 @@ def model_description(unit: Unit, fmi: str, token: str) -> str:
             if k not in counts and kind != "InitialUnknown":
                 entry["dependencies"] = " ".join(str(j + offset) for j in _depends(unit, reals[k]))
             ElementTree.SubElement(parent, "Unknown" if old else kind, entry)
-    return _xml(root)
-
-
-def build_description(unit: Unit, sources: Iterable[str]) -> str:
-    """XML of FMI 3.0 that tells how the sources are compiled."""
-    root = ElementTree.Element("fmiBuildDescription", fmiVersion="3.0")
-    build = ElementTree.SubElement(root, "BuildConfiguration", modelIdentifier=unit.identifier)
-    files = ElementTree.SubElement(build, "SourceFileSet", language="C99", compilerOptions=" ".join(unit.flags))
-    for name in sources:
-        ElementTree.SubElement(files, "SourceFile", name=name)
-    ElementTree.SubElement(build, "Library", name="m", external="true")
-    return _xml(root)
-
-
-def _xml(root: ElementTree.Element) -> str:
     ElementTree.indent(root, "  ")
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 

@@ -66,9 +66,6 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
     ]
     source, header = generated_c(f"{identifier}_plant", named)
     seen = (*TIP, *contact_variables(model.system.touch_names))
-    big = identifier.upper()
-    texts = "".join(f'    case {big}_{c.name}: return "{c.text}";\n' for c in _CODES)
-    codes = ", ".join(f"{big}_{c.name} = {int(c)}" for c in _CODES)
     return Unit(
         identifier=identifier,
         title=names_of(scene)[0],
@@ -100,10 +97,10 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
             "part": repr(late - whole if abs(late - round(late)) >= 1e-6 else 0.0),
             "ny": len(measured),
             "rest": ", ".join(repr(float(each)) for each in rest),
-            "noise": " + values[FMU_NOISE + k]" if noisy else "",
+            "noisy": noisy,
         },
         sources={
-            f"{identifier}.h": fill("fmu/plant.h", {"p": identifier, "codes": codes, "texts": texts}),
+            f"{identifier}.h": fill("fmu/plant.h", {"p": identifier, "codes": _CODES}),
             f"{identifier}_plant.h": header,
             f"{identifier}_plant.c": source,
         },

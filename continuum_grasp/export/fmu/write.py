@@ -11,7 +11,7 @@ import sys
 import tempfile
 import uuid
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -25,7 +25,7 @@ from continuum_grasp.core.source import filled
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.destination import check_file, is_unit
 from continuum_grasp.export.fmu.controller import controller_unit
-from continuum_grasp.export.fmu.description import build_description, model_description
+from continuum_grasp.export.fmu.description import model_description
 from continuum_grasp.export.fmu.finger import finger_unit
 from continuum_grasp.export.fmu.loop_plant import loop_plant_unit
 from continuum_grasp.export.fmu.variable import Unit
@@ -51,6 +51,7 @@ _UNITS = (
 _LONG = 20_000
 """Lines of a source from which it is compiled with less optimization, as plants of many elements are."""
 _DECLARED = re.compile(r"^(\w+)\(([^)]*)\)$", re.MULTILINE)
+_ARGUMENT = re.compile(r"(?!instance\b)\b(\w+)(?:\[\])?(?:,|$)")
 _FUNCTION = re.compile(r"^(FMI[23]\([^)]*\)\([^{;]*?\))\s*\{", re.MULTILINE)
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 """Time of every file in an archive, so that equal scenes give equal archives."""
@@ -147,11 +148,21 @@ def export_fmu(
     scene = scene_of(given, (Scene, ControlScene))
     own = prefix_of(name) if name is not None else identifier_of(given, scene)
     versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
-    makers = _makers(scene, own, what, step, substeps, ranges, preview)
-    files = {(kind, fmi): Path(folder) / f"{own}_{kind}_fmi{fmi}.fmu" for kind in makers for fmi in versions}
+    alone = isinstance(scene, Scene)
+    asked = WHAT[: 1 if alone else 2] if what is None else [what] if isinstance(what, str) else what
+    kinds = chosen(asked, WHAT, "part", "what")
+    given_options: dict[str, Any] = {f"what={kind}": "what" for kind in kinds}
+    given_options |= {"step": bool(step), "ranges": bool(ranges), "substeps": bool(substeps), "preview": preview}
+    for one in _UNITS:
+        one.check((scene, kinds), of=given_options)
+    files = {(k, fmi): Path(folder) / f"{own}_{k}_fmi{fmi}.fmu" for k in WHAT if k in kinds for fmi in versions}
     for file in files.values():
         check_file(file, is_unit)
-    units = {kind: make() for kind, make in makers.items()}
+    makers = {
+        "plant": partial(finger_unit, step=step, substeps=substeps, ranges=ranges) if alone else loop_plant_unit,
+        "controller": partial(controller_unit, preview=preview),
+    }
+    units = {kind: makers[kind](scene, f"{own}_{kind}") for kind in kinds}
     with tempfile.TemporaryDirectory() as work:
         return tuple(
             _written(units[kind], kind, version, file, binary, Path(work)) for (kind, version), file in files.items()
@@ -163,31 +174,6 @@ def identifier_of(given: Any, scene: Any) -> str:
     title = Path(given).stem if isinstance(given, (str, os.PathLike)) else names_of(scene)[0]
     text = re.sub(r"[^a-z0-9]+", "_", title.lower()).strip("_")
     return text if re.match(r"[a-z]", text) else f"finger_{text}".strip("_")
-
-
-def _makers(
-    scene: Any,
-    name: str,
-    what: Sequence[str] | None,
-    step: float | None,
-    substeps: int | None,
-    ranges: Mapping[str, Sequence[float]] | None,
-    preview: bool,
-) -> dict[str, Callable[[], Unit]]:
-    """Builders of the units that are asked for, by their kinds."""
-    there = ["plant"] if isinstance(scene, Scene) else [*WHAT]
-    names = chosen(there if what is None else [what] if isinstance(what, str) else what, WHAT, "part", "what")
-    given: dict[str, Any] = {f"what={name}": "what" for name in names}
-    given |= {"step": bool(step), "ranges": bool(ranges), "substeps": bool(substeps), "preview": preview}
-    for one in _UNITS:
-        one.check((scene, names), of=given)
-    if isinstance(scene, Scene):
-        return {"plant": partial(finger_unit, scene, f"{name}_plant", step=step, substeps=substeps, ranges=ranges)}
-    made = {
-        "plant": partial(loop_plant_unit, scene, f"{name}_plant"),
-        "controller": partial(controller_unit, scene, f"{name}_controller", preview=preview),
-    }
-    return {kind: made[kind] for kind in WHAT if kind in names}
 
 
 def _written(unit: Unit, kind: str, fmi: str, file: Path, binary: bool, work: Path) -> FunctionalMockupUnit:
@@ -232,7 +218,7 @@ def _files(unit: Unit, fmi: str) -> dict[str, str]:
     found["resources/MANIFEST.json"] = manifest_text(unit.manifest)
     if fmi == "3":
         names = sorted(name for name in sources if name.endswith(".c"))
-        found["sources/buildDescription.xml"] = build_description(unit, names)
+        found["sources/buildDescription.xml"] = fill("fmu/build.xml", {"unit": unit, "sources": names})
     return found
 
 
@@ -253,13 +239,11 @@ def _source(unit: Unit, fmi: str) -> str:
         "version": __version__,
         "step": repr(float(unit.step)),
         "token": _NO_TOKEN,
-        "places": "\n".join(f"  {name} = {at}," for name, at in unit.places.items()),
-        "counts": "\n".join(f"  FMU_{count.name.rpartition('.')[2].upper()}," for count in unit.counts),
-        "variables": ",\n".join(v.c_source for v in unit.variables),
+        "places": unit.places.items(),
+        "reals": len(unit.variables),
+        "counts": [count.name.rpartition(".")[2].upper() for count in unit.counts],
         **unit.words,
     }
-    # Where the last group is empty, the count of all is not one more than where it begins.
-    words["places"] = f"{words['places']}\n  FMU_REALS = {len(unit.variables)}"
     types, *glue = (fill(f"fmu/{name}", words) for name in unit.glue)
     own = {"v": fmi, **_SPELLED[fmi]}
     parts = {name: fill(f"fmu/{name}.c", own) for name in ("names", "shared")}
@@ -275,17 +259,10 @@ def _rest(fmi: str) -> str:
     anything else is refused.
     """
     of = f"{_SPELLED[fmi]['handle']} instance, const fmi{fmi}ValueReference vr[], size_t n"
-    found = []
-    for name, given in _DECLARED.findall(fill(f"fmu/rest{fmi}.txt", {}).replace("OF", of)):
-        arguments = " ".join(given.split())
-        names = re.findall(r"(\w+)(?:\[\])?(?:,|$)", arguments)
-        unused = "".join(f"  (void){one};\n" for one in names if one != "instance")
-        done = f"  if (instance && n == 0) return fmi{fmi}OK;\n" if arguments.startswith(of) else ""
-        found.append(
-            f"FMI{fmi}(fmi{fmi}Status, fmi{fmi}{name})({arguments})\n{{\n{unused}{done}"
-            f'  return fmi{fmi}_refused(instance, "{name}: this FMU has nothing of the kind");\n}}\n'
-        )
-    return "\n".join(found)
+    declared = _DECLARED.findall(fill(f"fmu/rest{fmi}.txt", {}).replace("OF", of))
+    heads = [(name, " ".join(given.split())) for name, given in declared]
+    rows = [(name, head, _ARGUMENT.findall(head), head.startswith(of)) for name, head in heads]
+    return fill("fmu/rest.c", {"v": fmi, "functions": rows})
 
 
 def _platform(fmi: str) -> tuple[str, str]:
@@ -329,7 +306,6 @@ def _page(unit: Unit) -> str:
     for v in (*unit.variables, *unit.counts):
         span = [f"{end:g}" for end in (v.low, v.high) if abs(end) < 1e300]
         taken = " to ".join(span) if v.kind in ("input", "tunable", "fixed", "state") else ""
-        cells = (v.name, v.kind, v.unit, taken, v.text)
-        rows.append(f"<tr>{''.join(f'<td>{html.escape(cell)}</td>' for cell in cells)}</tr>")
+        rows.append(map(html.escape, (v.name, v.kind, v.unit, taken, v.text)))
     words = {"title": html.escape(unit.title), "what": html.escape(unit.what), "step": f"{unit.step:g}"}
-    return fill("fmu/page.html", {**words, "version": __version__, "rows": "\n".join(rows)})
+    return fill("fmu/page.html", {**words, "version": __version__, "rows": rows})

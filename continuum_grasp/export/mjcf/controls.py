@@ -65,6 +65,11 @@ class Control:
         return self.arm * self.channel.gain * self.channel.shape(at, tip_side=True)
 
     @property
+    def site(self) -> str:
+        """Where a force or moment acts."""
+        return f"at_{self.at:.12g}"
+
+    @property
     def varies(self) -> bool:
         """Whether it varies in time."""
         return isinstance(self.value, Samples | VectorSamples)
@@ -102,46 +107,32 @@ def _inputs(scene: Scene) -> list[Control]:
     tendons = len(finger.tendon_list)
     given = {} if actuation is None else actuation.given
     pressures = given.get("pressures", (0.0,) * len(finger.chambers))
-    found = _wound(scene) if finger.winches else _pulled(scene)
+    found = _tendons(scene)
     for k, (own, pressure) in enumerate(zip(finger.pulls[tendons:], pressures, strict=True)):
         found.append(Control.of(f"chamber_{k + 1}", pressure, own, limits=(own.least, own.most)))
     return found
 
 
-def _pulled(scene: Scene) -> list[Control]:
-    """Tendons whose tensions are commanded."""
-    finger = scene.finger
-    tensions = None if scene.actuation is None else scene.actuation.tensions
-    found = []
+def _tendons(scene: Scene) -> list[Control]:
+    """Tendons whose tensions are commanded, or those of winches that follow lengths."""
+    finger, actuation, found = scene.finger, scene.actuation, list[Control]()
+    pulley = len(finger.winches) < len(finger.tendon_list)
+    lengths = (0.0,) * len(finger.winches) if actuation is None else actuation.values
+    tensions = None if actuation is None else actuation.tensions
     for j, tendon in enumerate(finger.tendon_list):
-        # Slack tendons, of a scene without input, have no tension at all.
-        limits = (0.0 if tensions is None else tendon.min_tension, tendon.max_tension)
-        tension = 0.0 if tensions is None else tensions[j]
-        found.append(Control.of(f"tendon_{j + 1}", tension, finger.pulls[j], limits=limits))
-    return found
-
-
-def _wound(scene: Scene) -> list[Control]:
-    """Tendons of winches that follow lengths."""
-    finger, found = scene.finger, list[Control]()
-    given = (0.0,) * len(finger.winches) if scene.actuation is None else scene.actuation.values
-    for j, tendon in enumerate(finger.tendon_list):
-        drive, pulley = tendon.drive, len(finger.winches) < len(finger.tendon_list)
+        name, pull, drive = f"tendon_{j + 1}", finger.pulls[j], tendon.drive
+        if not finger.winches:
+            # Slack tendons, of a scene without input, have no tension at all.
+            limits = (0.0 if tensions is None else tendon.min_tension, tendon.max_tension)
+            found.append(Control.of(name, 0.0 if tensions is None else tensions[j], pull, limits=limits))
+            continue
         if not isinstance(drive, LengthDrive):
             raise TypeError("motors are refused")
         to = tendon.end(finger.profile.length)
         compliance = 1.0 / (tendon.series_stiffness or 1.0) + to / (tendon.axial_stiffness or 1.0)
-        found.append(
-            Control.of(
-                f"tendon_{j + 1}",
-                given[0 if pulley else j],
-                finger.pulls[j],
-                lag=2.0 * drive.time_constant,
-                cable=1.0 / compliance,
-                sense=-1.0 if pulley and j == 1 else 1.0,
-                start=drive.pretension * compliance - drive.slack,
-            )
-        )
+        own = {"lag": 2.0 * drive.time_constant, "cable": 1.0 / compliance, "sense": -1.0 if pulley and j == 1 else 1.0}
+        own["start"] = drive.pretension * compliance - drive.slack
+        found.append(Control.of(name, lengths[0 if pulley else j], pull, **own))
     return found
 
 

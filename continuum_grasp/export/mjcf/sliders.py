@@ -10,13 +10,11 @@ should stick: by a rate of (1 - d) / d per step, d being the impedance, times th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.links import Links
-from continuum_grasp.export.mjcf.surroundings import numbers
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import Finger
 
@@ -27,10 +25,8 @@ _FASTER = 30.0
 load give bends within 0.8 % of their range at 20, 0.3 % at 40; the rate of creep grows with the square."""
 _DAMPING = 0.05
 """Damping ratio of a slider on its spring: 0.2 adds 0.4 % to these errors, since it damps branches that stick."""
-_IMPEDANCE = 0.9999
+IMPEDANCE = 0.9999
 """Of the friction, the greatest that MuJoCo takes (mjMAXIMP of its sources)."""
-_NOTHING = 1e-12
-"""Mass [kg] and inertia [kg m2] of a slider's body, above the least that MuJoCo accepts."""
 
 
 @dataclass(frozen=True)
@@ -78,30 +74,20 @@ class Sliders:
 
     def creep_time(self, step: float) -> float:
         """Time [s] in which a branch that should stick loses its moment."""
-        return _IMPEDANCE / (1.0 - _IMPEDANCE) / (step * self.pulsation**2)
+        return IMPEDANCE / (1.0 - IMPEDANCE) / (step * self.pulsation**2)
 
-    def add_bodies(self, parent: ET.Element, k: int, place: str, step: float) -> None:
-        """Add the sliders of hinge ``k`` to the body on which it turns, where it is."""
-        for j in range(len(self.stiffness)):
-            body = ET.SubElement(parent, "body", name=f"slider_{k + 1}_{j + 1}", pos=place)
-            joint = ET.SubElement(body, "joint", name=f"slider_{k + 1}_{j + 1}", type="hinge", axis="0 0 1")
-            joint.set("armature", numbers(self.stiffness[j, k] / self.pulsation**2))
-            joint.attrib |= {"frictionloss": numbers(self.moment[j, k]), "solreffriction": f"{numbers(2.0 * step)} 1"}
-            joint.set("solimpfriction", f"{_IMPEDANCE} {_IMPEDANCE} 0.001 0.5 2")
-            own = numbers(_NOTHING)
-            ET.SubElement(body, "inertial", pos="0 0 0", mass=own, diaginertia=" ".join([own] * 3))
+    def bodies(self, k: int) -> list[tuple[int, float, float]]:
+        """Number, inertia [kg m2] and friction [N m] of the sliders of a hinge."""
+        columns = self.stiffness[:, k] / self.pulsation**2, self.moment[:, k]
+        return [(j, *row) for j, row in enumerate(zip(*columns, strict=True), 1)]
 
-    def add_springs(self, tendons: ET.Element, rest: Array) -> None:
-        """Add the springs, of the hinges' bends beyond those at rest (N,) less the angles of the sliders."""
-        for k, bend in enumerate(rest):
-            for j, stiffness in enumerate(self.stiffness[:, k]):
-                spring = ET.SubElement(tendons, "fixed", name=f"branch_{k + 1}_{j + 1}", stiffness=numbers(stiffness))
-                spring.attrib |= {
-                    "damping": numbers(2.0 * _DAMPING * stiffness / self.pulsation),
-                    "springlength": numbers(bend),
-                }
-                ET.SubElement(spring, "joint", joint=f"hinge_{k + 1}", coef="1")
-                ET.SubElement(spring, "joint", joint=f"slider_{k + 1}_{j + 1}", coef="-1")
+    def springs(self, rest: Array) -> list[tuple[int, int, float, float, float]]:
+        """Hinge, number, stiffness and damping of springs of the hinges' bends, and the bends at rest (N,) beyond which
+        they pull, less the angles of the sliders.
+        """
+        damping = 2.0 * _DAMPING * self.stiffness / self.pulsation
+        places = [(k, j) for k in range(len(rest)) for j in range(len(self.stiffness))]
+        return [(k + 1, j + 1, self.stiffness[j, k], damping[j, k], rest[k]) for k, j in places]
 
 
 def states_at(model: FingerModel, x: Array, places: Array) -> Array:

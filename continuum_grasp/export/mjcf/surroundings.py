@@ -28,9 +28,9 @@ def touching(scene: Scene) -> dict[str, str]:
     return _FINGER | _friction(scene, None) if scene.object is not None else _NOTHING
 
 
-def add_surroundings(root: ET.Element, world: ET.Element, scene: Scene) -> None:
+def add_surroundings(root: ET.Element, scene: Scene) -> None:
     """Add the object and its supports, where there are any."""
-    body = scene.object
+    body, (world,) = scene.object, root.iter("worldbody")
     if body is None:
         return
     cos, sin = math.cos(body.angle), math.sin(body.angle)
@@ -48,13 +48,13 @@ def add_surroundings(root: ET.Element, world: ET.Element, scene: Scene) -> None:
                 joint.set("frictionloss", numbers(most * table.friction_radius))
         inertia = numbers(*[scene.inertia] * 3)
         ET.SubElement(one, "inertial", pos="0 0 0", mass=numbers(body.mass), diaginertia=inertia)
-    asset = ET.SubElement(root, "asset")
+    asset = ET.Element("asset")
     width = _WIDTH * scene.finger.profile.length
     for k, part in enumerate(body.parts):
         placed = part.placed((body.position[0] - x, body.position[1] - y), body.angle)
         one.append(_geometry(asset, f"part_{k + 1}", placed, width))
-    if not len(asset):
-        root.remove(asset)
+    if len(asset):
+        root.insert([*root].index(world) + 1, asset)
     in_plane = None if scene.table is None else scene.table.wall
     for wall in (*scene.walls, *(() if in_plane is None else (in_plane,))):
         world.append(_wall(wall, width, _friction(scene, wall.friction)))

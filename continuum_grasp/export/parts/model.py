@@ -319,14 +319,12 @@ def _batch(subject: Subject, kernel: Kernel, words: dict[str, object]) -> str:
         "strict": c_source(kernel.calls, subject.real, subject.prefix),
         "helpers": kernel.lane_helpers(subject.real),
         "kernel": kernel.lane_source(subject.real),
-        "arrays": ", ".join(f"{name}[{size}] = {{0}}" for name, size in held.items()),
-        "lanes": ", ".join(f"v{name}[{size}]" for name, size in held.items() if name in kernel.inputs or name == "x"),
-        "gather": "\n      ".join(
-            f"for (i = 0; i < {held[name]}; ++i) v{name}[i][k] = {name}[i];" for name in dict.fromkeys(["x", *narrow])
-        ),
-        "spread": f"\n    for (i = 0; i < {held['p']}; ++i) vp[i] = same(p[i]);" if "p" in kernel.inputs else "",
-        "passed": "".join(f", {name}" for name in ("p", "x", "u", "w") if name in held),
-        "again": "\n      read_input(&inputs[first + k], u);" if subject.guard and "u" in subject.guard.inputs else "",
+        "arrays": held.items(),
+        "lanes": [(name, size) for name, size in held.items() if name in kernel.inputs or name == "x"],
+        "gathered": [(name, held[name]) for name in dict.fromkeys(["x", *narrow])],
+        "spread": held["p"] if "p" in kernel.inputs else 0,
+        "passed": [name for name in "pxuw" if name in held],
+        "again": subject.guard and "u" in subject.guard.inputs,
         "call": ", ".join([*("point" if name == "x" else f"v{name}" for name in kernel.inputs), "rate"]),
     }
     return fill("batch.c", {**words, **more})

@@ -129,15 +129,11 @@ def metadata(subject: Subject) -> Part:
     def table(structs: Sequence[Struct]) -> str:
         # Texts of one width and no pointers: tables of those are no constants in shared libraries.
         entries = [(struct.name, field.name, field) for struct in structs for field in struct.fields]
-        rows = [
-            f'  {{"{of}", "{name}", "{f.unit}", {f.size}, {real.finite_literal(f.low)}, {real.finite_literal(f.high)}}}'
-            for of, name, f in entries
-        ]
         words = {
             "of": max(len(of) for of, _, _ in entries) + 1,
             "name": max(len(name) for _, name, _ in entries) + 1,
             "unit": max(len(f.unit) for _, _, f in entries) + 1,
-            "rows": ",\n".join(rows),
+            "rows": [(of, f, real.finite_literal(f.low), real.finite_literal(f.high)) for of, _, f in entries],
             "count": f"{len(entries)}u",
             "version": __version__,
         }

@@ -25,8 +25,8 @@ static inline lanes same(<<p>>_real value)
 long <<p>>_step_batch(const <<p>>_model *model, const <<p>>_state *states, const <<p>>_input *inputs,
                       <<if forces>>const <<p>>_forces *forces, <<end>><<p>>_real h, <<p>>_state *next, int *codes, long count)
 {
-  <<p>>_real <<arrays>>, result[<<P>>_NX];
-  lanes <<lanes>>, rate[<<P>>_NX], point[<<P>>_NX], total[<<P>>_NX];
+  <<p>>_real <<for name, size in arrays|, >><<name>>[<<size>>] = {0}<<end>>, result[<<P>>_NX];
+  lanes <<for name, size in lanes|, >>v<<name>>[<<size>>]<<end>>, rate[<<P>>_NX], point[<<P>>_NX], total[<<P>>_NX];
   const <<p>>_real part = h / <<substeps>>, half = <<half>> * part, sixth = part / <<six>>;
   long first, refused = 0;
   if (!model || !states || !inputs<<if forces>> || !forces<<end>> || !next || !codes) return <<P>>_ERR_NULL;
@@ -35,9 +35,10 @@ long <<p>>_step_batch(const <<p>>_model *model, const <<p>>_state *states, const
     int i, k, stage, substep;
     for (k = 0; k < LANES; ++k) { /* the last state fills up the lanes; lanes do not touch each other */
       const long at = first + (k < held ? k : held - 1);
-      codes[at] = accept_step(model, &states[at], &inputs[at], <<if forces>>&forces[at], <<end>>h<<passed>>);
-      <<gather>>
-    }<<spread>>
+      codes[at] = accept_step(model, &states[at], &inputs[at], <<if forces>>&forces[at], <<end>>h<<for name in passed>>, <<name>><<end>>);
+      <<for name, size in gathered|\n      >>for (i = 0; i < <<size>>; ++i) v<<name>>[i][k] = <<name>>[i];<<end>>
+    }<<if spread>>
+    for (i = 0; i < <<spread>>; ++i) vp[i] = same(p[i]);<<end>>
     for (substep = 0; substep < <<P>>_SUBSTEPS; ++substep) {
       for (i = 0; i < <<P>>_NX; ++i) { point[i] = vx[i]; total[i] = same(<<zero>>); }
       for (stage = 0; stage < 4; ++stage) {
@@ -58,7 +59,8 @@ long <<p>>_step_batch(const <<p>>_model *model, const <<p>>_state *states, const
       if (*code < 0) {
         ++refused;
         continue;
-      }<<again>>
+      }<<if again>>
+      read_input(&inputs[first + k], u);<<end>>
       if (h > <<accurate>>) *code = <<P>>_WARN_COARSE_STEP;
       if (<<left_range>>) *code = <<P>>_WARN_LEFT_RANGE;
       write_state(result, &next[first + k]);

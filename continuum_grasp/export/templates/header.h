@@ -6,7 +6,7 @@
 <<if calls>> *   <<p>>_model model;
  *   <<p>>_init(&model);                     once; then change model.parameters, where there are any, as you like
  *   code = <<p>>_...(&model, ..., &output);
-<<end>><<if not calls>> *   static <<p>>_<<owner>> <<owner>>;
+<<else>> *   static <<p>>_<<owner>> <<owner>>;
  *   static <<p>>_<<owner>>_work work;
  *   <<p>>_<<owner>>_init(&<<owner>>);             once
  *   code = <<p>>_<<step>>(&<<owner>>, &work, ...);      every period
@@ -37,17 +37,18 @@ extern "C" {
 
 typedef <<real>> <<p>>_real;
 
-<<dimensions>>
+<<for name, value in constants|\n>>#define <<P>>_<<name>> <<value>><<end>>
 
 /* What the functions return. */
 typedef enum {
-<<codes>>
+<<for name, code, comma in codes|\n>>  <<P>>_<<name>> = <<code.value:2d>><<comma>> /* <<code.text>> */<<end>>
 } <<p>>_code;
 
 <<structs>>
 <<if calls>>/* The finger, as every function takes it. */
 typedef struct {
-  uint32_t abi; /* set by <<p>>_init, read by every function */<<parameters>>
+  uint32_t abi; /* set by <<p>>_init, read by every function */<<if subject.parameters>>
+  <<p>>_parameters parameters;<<end>>
 } <<p>>_model;
 
 /* Make a model ready, with the parameters that it was made from. */

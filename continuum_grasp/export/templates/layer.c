@@ -9,14 +9,12 @@
 #endif
 
 /* Structs are their numbers (an array of negative size is an error). */
-<<sizes>>
+<<for struct in contents.structs|\n>>typedef char <<p>>_<<struct.name>>_has_no_padding[sizeof(<<p>>_<<struct.name>>) == <<struct.size>> * sizeof(<<p>>_real) ? 1 : -1];<<end>>
 
 <<if calls>>/* Ranges; the greatest finite number where any will do. */
 <<bounds>>
 
-<<readers>>
-<<writers>>
-<<check>>
+<<structs>><<check>>
 <<P>>_API static int all_finite(const <<p>>_real *numbers, int count)
 {
   int k;
@@ -29,7 +27,8 @@
 {
   if (!model) return <<P>>_ERR_NULL;
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-  model->abi = abi;<<nominal>>
+  model->abi = abi;<<for name, value in nominal>>
+  model->parameters.<<name>> = <<value>>;<<end>>
   return <<P>>_OK;
 }
 
@@ -37,7 +36,7 @@
 <<end>><<P>>_API const char *<<p>>_strerror(int code)
 {
   switch (code) {
-<<codes>>
+<<for code in contents.codes|\n>>    case <<P>>_<<code.name>>: return "<<code.text>>";<<end>>
     default: return "no code of this library";
   }
 }

@@ -6,7 +6,7 @@
   uint32_t size;
   <<p>>_real low, high;
 } fields[] = {
-<<rows>>
+<<for of, f, low, high in rows|,\n>>  {"<<of>>", "<<f.name>>", "<<f.unit>>", <<f.size>>, <<low>>, <<high>>}<<end>>
 };
 
 <<P>>_API uint32_t <<p>>_fields(void) { return <<count>>; }

@@ -23,6 +23,7 @@ from continuum_grasp.closed_loop.plant import Sensors
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.core.compiler import check_tools
 from continuum_grasp.export.bindings import wasm_exports, wasm_files
 from continuum_grasp.export.control.loop import Loop, identifiers
 from continuum_grasp.export.destination import check_file
@@ -32,7 +33,7 @@ from continuum_grasp.export.ranges import input_fields, parameter_fields
 from continuum_grasp.export.template import fill
 from continuum_grasp.export.web.plant import PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.export.web.record import Record, loop_record, rounded, trajectory_record
-from continuum_grasp.export.web.wasm import add_sizes, check_tools, compiled
+from continuum_grasp.export.web.wasm import add_sizes, compiled
 from continuum_grasp.results import write_text
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
@@ -139,7 +140,7 @@ def page_of(
 
     ``plant_model`` is the plant of a closed loop where it is not the scene's.
     """
-    check_tools()
+    check_tools(("clang", "wasm-ld"), "a page needs {} to make WebAssembly", "clang, lld")
     modules: dict[str, Future[bytes]] = {}
     loop, controller, wrapper = None, None, ""
     with ThreadPoolExecutor() as pool:

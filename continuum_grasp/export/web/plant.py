@@ -176,11 +176,10 @@ class WebPlant:
             "few": _FEW,
             "gamma": real.literal(GAMMA),
             "settled": real.literal(SETTLED),
-            "memory": ", ".join(f"{name}[{max(size, 1)}]" for name, size in self.arrays.items()),
+            "arrays": [(name, max(size, 1)) for name, size in self.arrays.items()],
             "rate": self._rates.call("plant", x="at"),
             "look": "\n  ".join(kernel.call("plant") for kernel in self.look),
             "sense": "" if self.sense is None else self.sense.call("plant"),
-            "addresses": "\n".join(f"plant_real *at_{name}(void) {{ return {name}; }}" for name in self.arrays),
         }
         return fill("web/plant.c", words)
 

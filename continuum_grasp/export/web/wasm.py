@@ -9,28 +9,19 @@ import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
 from pathlib import Path
 
 from continuum_grasp.core.cache import entry_for
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.core.compiler import version_of
+from continuum_grasp.errors import SolverError
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.manifest import write_files
 from continuum_grasp.export.template import fill
 
-TOOLS = ("clang", "wasm-ld")
-"""Programs that make WebAssembly."""
 # Those of templates/wasm/build.sh, so that pages have the bits of packages.
 _FLAGS = ("--target=wasm32", "-nostdlib", "-std=c99", "-O2", "-ffp-contract=off", "-fno-builtin", "-mbulk-memory")
 _LINKED = ("-Wl,--no-entry", "-Wl,--strip-all")
 _INTEGER = re.compile(r"^\s*\.int32\s+(\d+)", re.MULTILINE)
-
-
-def check_tools() -> None:
-    """InputError where a program is missing."""
-    missing = [tool for tool in TOOLS if shutil.which(tool) is None]
-    if missing:
-        raise InputError(f"a page needs {' and '.join(missing)} to make WebAssembly (Debian: clang, lld)")
 
 
 def compiled(files: Mapping[str, str], exports: Sequence[str]) -> bytes:
@@ -40,7 +31,7 @@ def compiled(files: Mapping[str, str], exports: Sequence[str]) -> bytes:
     """
     files = {**files, **{name: fill(f"wasm/{name}", {}) for name in ("string.h", "string.c")}}
     linked = [*_FLAGS, *_LINKED, *(f"-Wl,--export={name}" for name in exports)]
-    version = _version(shutil.which("clang") or "clang")
+    version = f"{shutil.which('clang')} {version_of('clang')}"
 
     def build(work: Path) -> Path:
         write_files(work, files)
@@ -74,9 +65,3 @@ def _run(folder: Path, *arguments: str) -> str:
     if done.returncode != 0:
         raise SolverError("clang could not make WebAssembly", status="failed", advice=done.stderr[-2000:])
     return done.stdout
-
-
-@cache
-def _version(path: str) -> str:
-    done = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
-    return f"{path} {done.stdout.splitlines()[0] if done.stdout else ''}"

@@ -1,4 +1,4 @@
 /* What was noticed: bits that are added up. */
 enum {
-<<anomalies>>
+<<for name, bit, comma, text in anomalies|\n>>  <<P>>_ANOMALY_<<name>> = <<bit>><<comma>> /* <<text>> */<<end>>
 };

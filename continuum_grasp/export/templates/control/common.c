@@ -24,7 +24,5 @@
 
 <<numbers>>
 
-<<readers>>
-<<writers>>
-<<check>>
+<<structs>><<check>>
 <<functions>>

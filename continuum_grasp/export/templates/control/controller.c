@@ -10,7 +10,7 @@ int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi)
   controller->memory.elapsed = -1; /* unknown: the call rate is not judged */
   write_settings(settings_nominal, &controller->settings);<<if known>>
   write_known(known_nominal, &controller->known);<<end>>
-  <<p>>_loop_start(&controller->memory.state, &loop_settings, first_state, first_command, <<known_nominal>>);
+  <<p>>_loop_start(&controller->memory.state, &loop_settings, first_state, first_command, <<if known>>known_nominal<<else>>0<<end>>);
   return <<P>>_OK;
 }
 
@@ -20,8 +20,8 @@ int <<p>>_reference_init_abi(<<p>>_reference *reference, uint32_t abi)
   if (!reference) return <<P>>_ERR_NULL;
   if (abi != <<P>>_ABI) return <<P>>_ERR_ABI;
   for (k = 0; k < <<P>>_NODES; ++k) {
-<<first_reference>>
-  }
+<<for j, field in setpoints>>    reference-><<field.name>>[k] = first_setpoints[<<j>>];
+<<end>>  }
   return <<P>>_OK;
 }
 
@@ -37,7 +37,7 @@ int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<loop.star
   if ((code = check(u, applied_low, applied_high, <<loop.command.size>>)) < 0) return code;
   memset(&controller->memory, 0, sizeof controller->memory);
   controller->memory.elapsed = -1;
-  <<p>>_loop_start(&controller->memory.state, &loop_settings, z, u, <<known_nominal>>);<<if loop.touch>>
+  <<p>>_loop_start(&controller->memory.state, &loop_settings, z, u, <<if known>>known_nominal<<else>>0<<end>>);<<if loop.touch>>
   <<p>>_contact_start(&controller->memory.state.contact, &loop_settings.contact, z);<<end>>
   return <<P>>_OK;
 }
@@ -86,8 +86,8 @@ static int take_settings(const <<p>>_controller *controller, <<p>>_loop_settings
   read_settings(&controller->settings, numbers);
   if ((code = check(numbers, settings_low, settings_high, <<loop.settings.size>>)) < 0) return code;
   memcpy(to, &loop_settings, sizeof *to);
-<<take>>
-  return <<p>>_rti_settings_valid(&to->rti) ? <<P>>_OK : <<P>>_ERR_RANGE;
+<<for member, at, count in taken>>  memcpy(to->rti.<<member>>, numbers + <<at>>, <<count>> * sizeof *numbers);
+<<end>>  return <<p>>_rti_settings_valid(&to->rti) ? <<P>>_OK : <<P>>_ERR_RANGE;
 }
 
 int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <<p>>_measurement *measurement,
@@ -104,11 +104,11 @@ int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <
   read_measurement(measurement, y);<<if known>>
   read_known(&controller->known, p);<<end>>
   for (k = 0; k <= <<P>>_RTI_N; ++k) {
-<<read_reference>>
-  }
+<<for j, field in setpoints>>    work->reference[k][<<j>>] = reference-><<field.name>>[k];
+<<end>>  }
   input.measurement = y;
   input.setpoints = &work->reference[0][0];
-  input.p = <<known_or_null>>;
+  input.p = <<if known>>p<<else>>0<<end>>;
   input.applied = 0;
   input.late = controller->memory.late;
   input.elapsed = controller->memory.elapsed;
@@ -128,8 +128,9 @@ int <<p>>_controller_estimate(const <<p>>_controller *controller, <<p>>_<<loop.s
   <<p>>_real z[<<loop.start.size>>];
   if (!controller || !estimate) return <<P>>_ERR_NULL;
   if (controller->abi != <<P>>_ABI) return <<P>>_ERR_ABI;
-<<estimated>>
-  write_<<loop.start.name>>(z, estimate);
+  memcpy(z, controller->memory.last.x, <<loop.stages.nd>> * sizeof *z);
+<<if disturbances>>  memcpy(z + <<loop.stages.nd>>, controller->memory.state.ekf.z + <<loop.stages.nd>>, <<disturbances>> * sizeof *z);
+<<end>>  write_<<loop.start.name>>(z, estimate);
   return <<P>>_OK;
 }
 

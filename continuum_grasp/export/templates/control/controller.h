@@ -29,7 +29,7 @@ enum {
 };
 /* What contradicts the model. */
 enum {
-<<sensors>>
+<<for name, k in sensors|,\n>>  <<P>>_SENSOR_<<name>> = <<k>><<end>>
 };
 /* Why a controller is tripped. */
 enum {
@@ -44,7 +44,7 @@ enum {
 
 /* What is known of the last call. */
 typedef struct {
-<<diagnosis>>
+<<for kind, name, text in diagnosis|\n>>  <<kind>> <<name>>; /* <<text>> */<<end>>
 } <<p>>_diagnosis;
 
 /* Make a controller ready, with the settings and the first state of the scene that it was made from. */
@@ -55,7 +55,7 @@ int <<p>>_controller_init_abi(<<p>>_controller *controller, uint32_t abi);
 int <<p>>_reference_init_abi(<<p>>_reference *reference, uint32_t abi);
 /* Begin anew at a state, with the command that was applied before; settings stay. */
 int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<loop.start.name>> *state, const <<p>>_command *before);
-/* The command for <<what_is_measured>> and setpoints.
+/* The command for <<if loop.estimation>>a measurement<<else>>the state<<end>> and setpoints.
    Zero: of a new plan. <<P>>_WARN_ITERATION_LIMIT, <<P>>_WARN_BOUND_LEFT: of a new plan all the same.
    <<P>>_WARN_PREVIOUS_PLAN, <<P>>_WARN_SAFE_RAMP: there is none; of the last plan as long as it lasts, then en route to
    <<loop.safe>>, at a bounded rate; <<p>>_controller_diagnosis tells why.
@@ -66,7 +66,7 @@ int <<p>>_controller_start(<<p>>_controller *controller, const <<p>>_<<loop.star
 int <<p>>_mpc(<<p>>_controller *controller, <<p>>_controller_work *work, const <<p>>_measurement *measurement,
 <<indent_mpc>>const <<p>>_reference *reference, <<p>>_command *command);
 /* Before the next call: what was really applied since the last one; the last command by default. Drives that
-   are off or overshoot are no error: <<applied_range>>. */
+   are off or overshoot are no error: <<for f in loop.applied.fields|, >><<f.name>> <<f.limits>><<if not f.limits>>any finite number of<<end>> <<f.unit>><<end>>. */
 int <<p>>_controller_applied(<<p>>_controller *controller, const <<p>>_command *applied);
 /* Before the next call: that the last command came late, so that the next is of the previous plan. */
 int <<p>>_controller_late(<<p>>_controller *controller);

@@ -20,7 +20,7 @@ int <<p>>_estimator_init_abi(<<p>>_estimator *estimator, uint32_t abi);
 /* Begin anew at a state, with the command that was applied before. */
 int <<p>>_estimator_start(<<p>>_estimator *estimator, const <<p>>_estimate *state, const <<p>>_command *before);
 /* Take a measurement, NaN where there was none, and the command that was applied since the last call: state and
-   disturbances now. Drives that are off or overshoot are no error: <<applied_range>>.
+   disturbances now. Drives that are off or overshoot are no error: <<for f in loop.applied.fields|, >><<f.name>> <<f.limits>><<if not f.limits>>any finite number of<<end>> <<f.unit>><<end>>.
    Beyond the codes of every function: <<P>>_WARN_ESTIMATE_RESTARTED. */
 int <<p>>_estimator_step(<<p>>_estimator *estimator, <<p>>_estimator_work *work, const <<p>>_measurement *measurement,
 <<indent_step>>const <<p>>_command *applied, <<p>>_estimate *estimate);

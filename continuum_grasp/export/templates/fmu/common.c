@@ -13,11 +13,12 @@
 
 /* Where the groups of real variables begin, which are value references too. */
 enum {
-<<places>>
+<<for name, at in places>>  <<name>> = <<at>>,
+<<end>>  FMU_REALS = <<reals>>
 };
 /* Whole numbers; their value references go on behind those of the real ones, and that of time behind them. */
 enum {
-<<counts>>
+<<for name in counts|\n>>  FMU_<<name>>,<<end>>
   FMU_COUNTS
 };
 
@@ -28,7 +29,7 @@ typedef struct {
   int kind, may_be_missing;
 } fmu_variable;
 static const fmu_variable fmu_variables[FMU_REALS] = {
-<<variables>>
+<<for v in unit.variables|,\n>><<v.c_source>><<end>>
 };
 
 typedef enum { FMU_OK, FMU_WARNING, FMU_DISCARD, FMU_ERROR } fmu_level;

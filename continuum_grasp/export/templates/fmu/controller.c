@@ -17,14 +17,17 @@ static fmu_level fmu_computed(fmu_instance *f)
   memcpy(&m->next.settings, values + FMU_SETTINGS, sizeof m->next.settings);<<if known>>
   memcpy(&m->next.known, values + FMU_KNOWN, sizeof m->next.known);<<end>>
   memcpy(&measurement, values + FMU_MEASUREMENT, sizeof measurement);
-<<fill_reference>>
+  for (k = 0; k < <<nodes>>; ++k) {
+<<for name, at in reference>>    f->scratch.reference.<<name>>[k] = values[FMU_REFERENCE + <<at>>];
+<<end>>  }
   code = <<p>>_mpc(&m->next, &f->scratch.work, &measurement, &f->scratch.reference, &command);
   if ((level = fmu_judged(f, "mpc", code)) > FMU_WARNING) return level;
   <<p>>_controller_estimate(&m->next, &estimate);
   <<p>>_controller_diagnosis(&m->next, &diagnosis);
   memcpy(values + FMU_COMMAND, &command, sizeof command);
   memcpy(values + FMU_ESTIMATE, &estimate, sizeof estimate);
-<<diagnosed>>
+<<for k, name in diagnosed>>  values[FMU_DIAGNOSIS + <<k>>] = diagnosis.<<name>>;
+<<end>><<for name, place in counted|\n>>  f->data.counts[FMU_<<place>>] = (int)diagnosis.<<name>>;<<end>>
   m->computed = f->data.shown = 1;
   return level;
 }

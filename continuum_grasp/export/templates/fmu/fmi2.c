@@ -85,7 +85,7 @@ FMI2(fmi2Status, fmi2GetDirectionalDerivative)(fmi2Component c, const fmi2ValueR
                                                const fmi2ValueReference knowns[], size_t m, const fmi2Real seed[],
                                                fmi2Real sensitivity[])
 {<<if unit.linear>>
-  return (fmi2Status)fmu_directional((fmu_instance *)c, unknowns, n, knowns, m, seed, sensitivity);<<end>><<if not unit.linear>>
+  return (fmi2Status)fmu_directional((fmu_instance *)c, unknowns, n, knowns, m, seed, sensitivity);<<else>>
   (void)unknowns;
   (void)n;
   (void)knowns;

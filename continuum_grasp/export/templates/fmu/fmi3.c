@@ -147,7 +147,7 @@ FMI3(fmi3Status, fmi3GetDirectionalDerivative)(fmi3Instance instance, const fmi3
 {
   if (n_seed != m || n_sensitivity != n)
     return fmi3_refused(instance, "GetDirectionalDerivative: expected a seed per known and a place per unknown");<<if unit.linear>>
-  return (fmi3Status)fmu_directional((fmu_instance *)instance, unknowns, n, knowns, m, seed, sensitivity);<<end>><<if not unit.linear>>
+  return (fmi3Status)fmu_directional((fmu_instance *)instance, unknowns, n, knowns, m, seed, sensitivity);<<else>>
   (void)unknowns;
   (void)knowns;
   (void)seed;

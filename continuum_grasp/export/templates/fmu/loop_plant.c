@@ -63,7 +63,7 @@ static int fmu_measured(fmu_instance *f)
     seen[k] = part > 0 ? m->past[<<past>> - 2][k] + part * (m->past[<<past>> - 1][k] - m->past[<<past>> - 2][k])
                        : m->past[<<past>> - 2][k];
   fmu_call(f, <<p>>_measured, seen, m->past[<<past>> - 2] + <<model.nx>>, measured);
-  for (k = 0; k < <<ny>>; ++k) values[FMU_MEASUREMENT + k] = measured[k]<<noise>>;
+  for (k = 0; k < <<ny>>; ++k) values[FMU_MEASUREMENT + k] = measured[k]<<if noisy>> + values[FMU_NOISE + k]<<end>>;
   return fmu_finite(measured, <<ny>>);
 }
 

@@ -17,7 +17,8 @@ static void fill(<<p>>_state *states, <<p>>_input *inputs, long count)
   memset(states, 0, (size_t)count * sizeof *states);
   memset(inputs, 0, (size_t)count * sizeof *inputs);
   for (k = 0; k < count; ++k) {
-    const <<p>>_real part = (<<p>>_real)(k % MOST) / MOST;<<begin_each>>
+    const <<p>>_real part = (<<p>>_real)(k % MOST) / MOST;<<if start>>
+    <<p>>_state_init(&states[k]);<<end>>
     states[k].<<first_state>> = <<reach>> * (2 * part - 1);
     inputs[k].<<first_input>> = <<level>> * part;
   }

@@ -5,7 +5,7 @@
 
 #include "vectors.h"
 
-<<runners>>
+<<for v, rows, width, outputs, bad in vectors|\n>><<v.runner>><<end>>
 static const struct {
   const char *name;
   int (*run)(check_memory *memory, const <<p>>_real *row, <<p>>_real *out, uint32_t other_abi, int null, int repeat);
@@ -14,7 +14,8 @@ static const struct {
   const bad_input *bad, *spoilt;
   int rows, input_count, output_count, close, bad_count, pointers, stateful;
 } functions[CHECK_FUNCTIONS] = {
-<<table>>
+<<for v, rows, width, outputs, bad in vectors|,\n>>  {"<<v.name>>", run_<<v.name>>, <<v.name>>_inputs, <<v.name>>_outputs, <<v.name>>_codes, <<v.name>>_bad, <<v.name>>_spoilt,
+   <<rows>>, <<width>>, <<outputs>>, <<v.close>>, <<bad>>, <<v.pointers>>, <<v.stateful:d>>}<<end>>
 };
 
 /* A row, with the numbers that are not finite. */

@@ -9,7 +9,9 @@
 enum { CHECK_USUAL, CHECK_START, CHECK_HARD, CHECK_KINDS };
 
 /* What functions keep and work in; to be zero at first. */
-typedef struct {<<check_memory>>
+typedef struct {<<for f in contents.stateful>><<for name in f.types>>
+  <<p>>_<<name>> <<name>>;<<end>><<end>><<if not contents.stateful>>
+  int nothing;<<end>>
 } check_memory;
 
 /* Name of a function, and how many rows it has; check_run calls it on a row so many times, and returns its code. Rows of a

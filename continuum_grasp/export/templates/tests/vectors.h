@@ -13,5 +13,18 @@ typedef struct {
   int code;
 } bad_input;
 
-<<tables>>
+<<for table in tables|\n>>static const <<p>>_real <<table.name>>_inputs[] = {
+<<for row in table.inputs|,\n>>  <<for value in row|, >><<value>><<end>><<end>>
+};
+static const <<p>>_real <<table.name>>_outputs[] = {
+<<for row in table.outputs|,\n>>  <<for value in row|, >><<value>><<end>><<end>>
+};
+static const signed char <<table.name>>_codes[] = {<<for code in table.codes|, >><<code>><<end>>};
+static const bad_input <<table.name>>_bad[] = {
+<<for row in table.bad|,\n>>  {<<for value in row|, >><<value>><<end>>}<<end>>
+};
+static const bad_input <<table.name>>_spoilt[] = {
+<<for row in table.spoilt|,\n>>  {<<for value in row|, >><<value>><<end>>}<<end>>
+};
+<<end>>
 #endif

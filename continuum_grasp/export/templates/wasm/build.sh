@@ -11,7 +11,7 @@ sources=
 for source in <<sources>>; do sources="$sources $root/src/$source.c"; done
 flags="--target=wasm32 -nostdlib -std=c99 -O2 -ffp-contract=off -fno-builtin -mbulk-memory -Wl,--no-entry -Wl,--strip-all
   -Wl,--export=__heap_base"
-$clang $flags <<exports>> -I"$here" -I"$root/include" \
+$clang $flags <<for name in exports| >>-Wl,--export=<<name>><<end>> -I"$here" -I"$root/include" \
   $sources "$here/string.c" -o "$out/<<p>>.wasm"
 [ "${2:-}" = library ] && exit
 $clang $flags -Wl,--export=vectors_failures -Wl,--export=check_cases -I"$here" -I"$root/include" -I"$root/tests" \

@@ -13,9 +13,9 @@ static int plant_is_finite(const plant_real *value)
 }
 
 <<kernels>>
-static plant_real <<memory>>;
+static plant_real <<for name, size in arrays|, >><<name>>[<<size>>]<<end>>;
 
-<<addresses>>
+<<for name, size in arrays|\n>>plant_real *at_<<name>>(void) { return <<name>>; }<<end>>
 
 static plant_real matrix[<<nx>>][<<nx>>], factored;
 static int pivots[<<nx>>];

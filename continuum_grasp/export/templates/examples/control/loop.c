@@ -1,6 +1,6 @@
 /* Commands for measurements that come line by line: control_loop < measurements.csv > commands.csv
  *
- * A line is a period of <<loop.period:.12g>> s: <<measured>>.
+ * A line is a period of <<loop.period:.12g>> s: <<for name in loop.measurement_names|, >><<name>><<end>>.
  * What is no number was not measured. Setpoints stay those with which the scene begins. */
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,7 +13,7 @@
 #define NODES <<loop.nodes>>
 #define COMMANDED <<loop.command.size>>
 
-static const <<p>>_real wanted[WANTED] = {<<wanted>>}; /* <<wanted_names>> */
+static const <<p>>_real wanted[WANTED] = {<<wanted>>}; /* <<for name in loop.stages.r_names|, >><<name>><<end>> */
 static <<p>>_controller controller;
 static <<p>>_controller_work work;
 
@@ -49,7 +49,7 @@ int main(void)
   long period = 0;
   int code = <<p>>_controller_init(&controller);
   hold(&reference);
-  printf("time [s],<<command_head>>,code,anomalies\n");
+  printf("time [s],<<for name in loop.stages.u_names|,>><<name>><<end>>,code,anomalies\n");
   while (code >= 0 && fgets(line, sizeof line, stdin)) {
     <<p>>_measurement measurement;
     <<p>>_command command;

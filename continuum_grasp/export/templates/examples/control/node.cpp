@@ -23,7 +23,8 @@ class Node : public rclcpp::Node {
   {
     must(<<p>>_check());
     must(<<p>>_controller_init(&controller_));
-    measured_.fill(NAN);<<node_declares>>
+    measured_.fill(NAN);<<for struct, f in members>>
+    declare_parameter("<<f.name>>", static_cast<double>(<<struct>>.<<f.name>>));<<end>>
     published_ = create_publisher<Numbers>("~/command", 10);
     measurements_ = create_subscription<Numbers>("~/measurement", 10, [this](const Numbers &message) {
       take(message, measured_, "measurement");
@@ -70,7 +71,9 @@ class Node : public rclcpp::Node {
     std::memcpy(&reference, rows, sizeof reference);
     std::memcpy(&measurement, measured_.data(), sizeof measurement);
     measured_.fill(NAN);
-<<node_reads>>    const int code = <<p>>_mpc(&controller_, &work_, &measurement, &reference, &command);
+<<if members>>    double value = 0;
+<<for struct, f in members>>    if (get_parameter("<<f.name>>", value)) <<struct>>.<<f.name>> = static_cast<<<p>>_real>(value);
+<<end>><<end>>    const int code = <<p>>_mpc(&controller_, &work_, &measurement, &reference, &command);
     if (code != said_) {
       if (code < 0) RCLCPP_ERROR(get_logger(), "%s", <<p>>_strerror(code));
       if (code > 0) RCLCPP_WARN(get_logger(), "%s", <<p>>_strerror(code));

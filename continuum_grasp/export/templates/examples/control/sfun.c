@@ -34,7 +34,7 @@ static int read_parameter(SimStruct *S, int_T which, size_t count, <<p>>_real *t
 
 static void mdlInitializeSizes(SimStruct *S)
 {
-  ssSetNumSFcnParams(S, <<block_parameters>>);
+  ssSetNumSFcnParams(S, <<if known>>2<<else>>1<<end>>);
   if (ssGetNumSFcnParams(S) != ssGetSFcnParamsCount(S)) return;
   if (!ssSetNumInputPorts(S, 2)) return;
   ssSetInputPortWidth(S, 0, MEASURED);
@@ -76,7 +76,16 @@ static void mdlOutputs(SimStruct *S, int_T tid)
   int_T j, k;
   int code;
   (void)tid;
-<<sfun_reads>>  for (k = 0; k < MEASURED; ++k) numbers[k] = (<<p>>_real)*measured[k];
+<<for k, struct in structs>>  {
+    <<p>>_real values[<<struct.size>>];
+    memcpy(values, &controller-><<struct.name>>, sizeof values);
+    if (!read_parameter(S, <<k>>, <<struct.size>>, values)) {
+      ssSetErrorStatus(S, "<<struct.name>>: <<struct.size>> numbers, or []");
+      return;
+    }
+    memcpy(&controller-><<struct.name>>, values, sizeof values);
+  }
+<<end>>  for (k = 0; k < MEASURED; ++k) numbers[k] = (<<p>>_real)*measured[k];
   for (j = 0; j < WANTED; ++j)
     for (k = 0; k < NODES; ++k) rows[j][k] = (<<p>>_real)*wanted[j];
   memcpy(&measurement, numbers, sizeof measurement);

@@ -36,7 +36,7 @@ static void mdlInitializeSizes(SimStruct *S)
     return;
   }
   ssSetNumDiscStates(S, <<P>>_NX);
-  if (!ssSetNumInputPorts(S, <<ports>>)) return;
+  if (!ssSetNumInputPorts(S, <<if subject.forces>>2<<else>>1<<end>>)) return;
   ssSetInputPortWidth(S, 0, <<P>>_NU);<<if subject.forces>>
   ssSetInputPortWidth(S, 1, <<P>>_NW);<<end>>
   if (!ssSetNumOutputPorts(S, 1)) return;

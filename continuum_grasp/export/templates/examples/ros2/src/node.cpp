@@ -15,10 +15,11 @@ class Node : public rclcpp::Node {
  public:
   using Numbers = std_msgs::msg::Float64MultiArray;
 
-  Node() : rclcpp::Node("<<p>>"), h_(static_cast<<<p>>_real>(declare_parameter("step", <<h_plain>>)))
+  Node() : rclcpp::Node("<<p>>"), h_(static_cast<<<p>>_real>(declare_parameter("step", <<subject.accurate_step>>)))
   {
     must(<<p>>_check());
-    must(<<p>>_init(&model_));<<node_declares>>
+    must(<<p>>_init(&model_));<<for struct, f in members>>
+    declare_parameter("<<f.name>>", static_cast<double>(<<struct>>.<<f.name>>));<<end>>
     published_ = create_publisher<Numbers>("~/state", 10);
     taken_ = create_subscription<Numbers>("~/input", 10, [this](const Numbers &message) { take(message); });
     timer_ = create_wall_timer(std::chrono::duration<double>(h_), [this] { step(); });
@@ -43,7 +44,9 @@ class Node : public rclcpp::Node {
 
   void step()
   {
-<<node_reads>>    const int code = <<p>>_step(&model_, &state_, &input_<<if subject.forces>>, &forces_<<end>>, h_, &state_);
+<<if members>>    double value = 0;
+<<for struct, f in members>>    if (get_parameter("<<f.name>>", value)) <<struct>>.<<f.name>> = static_cast<<<p>>_real>(value);
+<<end>><<end>>    const int code = <<p>>_step(&model_, &state_, &input_<<if subject.forces>>, &forces_<<end>>, h_, &state_);
     if (code < 0) {
       RCLCPP_ERROR(get_logger(), "%s", <<p>>_strerror(code));
       timer_->cancel();
@@ -59,7 +62,7 @@ class Node : public rclcpp::Node {
   }
 
   <<p>>_model model_{};
-  <<p>>_state state_<<begin_node>>;
+  <<p>>_state state_{<<for value in start|, >><<value>><<end>>};
   <<p>>_input input_{};<<if subject.forces>>
   <<p>>_forces forces_{};<<end>>
   <<p>>_real h_;

@@ -1,0 +1,10 @@
+static int <<name>>(const real *const arg[], real *const res[])
+{
+<<if adapter.unused>>  real unused[<<adapter.unused>>];
+<<end>><<if behind>>  real *behind = 0;
+  if (res[1]) behind = res[1] + <<adapter.behind>>;
+<<end>><<if adapter.kernel>><<if not adapter.kernel.inputs>>  (void)arg;
+<<end>>  <<call>>
+<<else>>  (void)arg; (void)res;
+<<end>>  return 0;
+}
