@@ -44,14 +44,7 @@ class Outcome:
         found = self.error.partition("\n")[0]
         if self.verdict is not None:
             found = f"{self.verdict.word}, sunk {1e3 * self.verdict.sunk:.3g} mm"
-            if self.verdict.refused is not None:
-                found += f": {self.verdict.refused.text}"
-            if self.verdict.drop is not None:
-                found += f": {self.verdict.drop.text}"
-            if self.verdict.turned is not None:
-                found += f"; turned {self.verdict.turned.text}"
-                if self.verdict.turned.reason:
-                    found += f": {self.verdict.turned.reason}"
+            found = "; ".join([found, *(f"{name}: {text}" for name, text in self.verdict.texts.items())])
         return f"{plant}, shifted by ({x:+.2f}, {y:+.2f}) mm: {found}"
 
 
@@ -227,12 +220,10 @@ def _row(outcome: Outcome) -> dict[str, Any]:
     own = asdict(outcome.variation)
     x, y = own.pop("shift")
     judged: dict[str, Any] = {}
-    if outcome.verdict is not None:
-        drop, refused = outcome.verdict.drop, outcome.verdict.refused
-        judged = {**asdict(outcome.verdict), "drop": "" if drop is None else drop.text}
-        judged["refused"] = "" if refused is None else refused.text
-        turned = outcome.verdict.turned
+    if (verdict := outcome.verdict) is not None:
+        judged, texts, turned = asdict(verdict), verdict.texts, verdict.turned
         del judged["turned"]
+        judged |= {"drop": texts.get("dropped", ""), "refused": texts.get("not lifted", "")}
         if turned is not None:
             judged |= {"turn_error": turned.error, "turn_end_error": turned.end_error, "turn_reason": turned.reason}
     return {**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")}
