@@ -328,11 +328,6 @@ def sensed(
     return found
 
 
-def position_name(winch: Winch, number: int) -> str:
-    """Name and unit of a measured position of a winch."""
-    return winch.names(number)[0]
-
-
 def torque_name(asked: Measured, number: int) -> tuple[str, str]:
     """Key, and name and unit, of a measured torque or current of a motor."""
     if asked.current is not None:
