@@ -165,14 +165,11 @@ class TrialsResult(Result, Sequence[Outcome]):
     def stored_arrays(self) -> dict[str, Any]:
         """Of every plant what differs and the verdict; NaN, and false, where there is none."""
         rows = [_row(one) | {"succeeded": one.succeeded} for one in self.outcomes]
-        flags, texts = ("succeeded", "held", "released"), ("turn_reason", "refused", "drop", "error")
-        columns = {
-            one.name: [row.get(one.name, "" if one.name in texts else None) for row in rows] for one in self.stored
-        }
-        return {
-            name: np.array(values, dtype=str if name in texts else bool if name in flags else float)
-            for name, values in columns.items()
-        }
+        found = {}
+        for one in self.stored:
+            kind: type = str if one.unit == "text" else bool if one.name in ("succeeded", "held", "released") else float
+            found[one.name] = np.array([row.get(one.name, "" if kind is str else None) for row in rows], dtype=kind)
+        return found
 
     @cached_property
     def summary(self) -> Summary:
