@@ -178,7 +178,7 @@ def find_drop(
     end = int(fallen[0])
     friction = plant_friction(assignments[0].mission, variation, contacts.names)
     lift, slips = timetable.span("lift").start, []
-    for name, rows in _bodies(contacts.names, [one.name for one in assignments]).items():
+    for name, rows in bodies(contacts.names, [one.name for one in assignments]).items():
         normal, shear = contacts.normal_force[:, rows], contacts.shear[:, rows]
         gone = np.all(shear >= ON_CONE * friction[rows] * normal, axis=1)  # also where nothing presses
         gone[1:-1] |= gone[:-2] & gone[2:]  # friction that turns is within the cone for an instant
@@ -210,7 +210,7 @@ def find_drop(
     return Drop(float(t[end]), phase, tuple(slips), sinks)
 
 
-def _bodies(names: Sequence[str], fingers: Sequence[str]) -> dict[str, list[int]]:
+def bodies(names: Sequence[str], fingers: Sequence[str]) -> dict[str, list[int]]:
     """Contacts by what holds there: each of a finger's for itself, those of a support together; not the table."""
     found: dict[str, list[int]] = {}
     for k, name in enumerate(names):

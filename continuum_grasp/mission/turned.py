@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.certified import is_table, plant_friction
-from continuum_grasp.mission.drop import ON_CONE
+from continuum_grasp.mission.certified import plant_friction
+from continuum_grasp.mission.drop import ON_CONE, bodies
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.simulation.contacts import ContactForces
 
@@ -143,11 +143,8 @@ def _short(
     use = contacts.shear[during, tip][pushing] / (friction * normal[pushing])
     if float(np.mean(use >= ON_CONE)) > _MOSTLY:
         return f"{name} slides on it with friction of {friction:.2f}: {pressed}"
-    held = dict.fromkeys(dict.fromkeys(one.partition(".")[0] for one in contacts.names), 0.0)
-    for k, one in enumerate(contacts.names):
-        if not contacts.on_finger(one) and not is_table(one):
-            body = one.partition(".")[0]
-            held[body] = max(held[body], float(contacts.normal_force[during, k].max(initial=0.0)))
+    found = {body: contacts.normal_force[during][:, rows] for body, rows in bodies(contacts.names, [of.name]).items()}
+    held = {body: float(force.max(initial=0.0)) for body, force in found.items() if not contacts.on_finger(body)}
     bears = "".join(f", {body} bears {force:.2f} N" for body, force in held.items() if force > 0.0)
     return f"it stood still, or needs more time: {pressed}{bears}"
 
