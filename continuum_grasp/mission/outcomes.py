@@ -165,7 +165,7 @@ class TrialsResult(Result, Sequence[Outcome]):
     def stored_arrays(self) -> dict[str, Any]:
         """Of every plant what differs and the verdict; NaN, and false, where there is none."""
         rows = [_row(one) | {"succeeded": one.succeeded} for one in self.outcomes]
-        found = {}
+        found: dict[str, Any] = {}
         for one in self.stored:
             kind: type = str if one.unit == "text" else bool if one.name in ("succeeded", "held", "released") else float
             found[one.name] = np.array([row.get(one.name, "" if kind is str else None) for row in rows], dtype=kind)
