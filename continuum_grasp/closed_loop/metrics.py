@@ -91,8 +91,3 @@ def violation_of(bound: Bound) -> Violation:
     worst = float(bound.excess.max())
     rounding = 1e-9 * max(1.0, float(np.abs(bound.excess).max()))
     return Violation(bound.name, bound.unit, worst, float(np.mean(bound.excess > rounding)))
-
-
-def times_of(name: str, column: Array) -> Times:
-    """Evaluate the durations of a phase (K) [s]."""
-    return Times(name, float(np.median(column)), float(np.quantile(column, 0.99)), float(column.max()))

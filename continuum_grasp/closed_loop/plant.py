@@ -16,7 +16,7 @@ from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.integration import GUIDES, Integration, integration_of
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
-from continuum_grasp.control.estimation.model import OBJECT_POSE, torque_name, torque_per_reading
+from continuum_grasp.control.estimation.model import sensed
 from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
@@ -259,32 +259,15 @@ def sensor_expressions(scene: ControlScene, plant: PlantModel) -> dict[str, dict
     """Expression of each number that the estimator of a scene measures, by its name and unit, by sensor."""
     if scene.estimator is None:
         return {}
-    measured, found = scene.estimator.measured, dict[str, dict[str, ca.SX]]()
-    if measured.tip is not None:
-        found["tip"] = dict(zip(("tip_x [m]", "tip_y [m]"), ca.vertsplit(plant.tip), strict=True))
+    measured, tensions = scene.estimator.measured, dict[str, ca.SX]()
     if measured.tension is not None:
         wound = plant.scene.finger.winches
         count = plant.nu - len(plant.scene.finger.chambers)
         names = [f"tension_{k + 1} [N]" for k in range(plant.tensions.numel())] if wound else plant.u_names[:count]
-        tensions = ca.vertsplit(plant.tensions if wound else plant.drive[:count])
-        found["tension"] = dict(zip(names, tensions, strict=True))
-    states = plant.named_states
-    for sensor, word in (("length", "length_"), ("angle", "motor_angle_"), ("pressure", "pressure_")):
-        if getattr(measured, sensor) is not None:
-            own = {name: x for name, x in states.items() if name.startswith(word) and "_rate" not in name}
-            found[sensor] = own
-    if measured.torque is not None or measured.current is not None:
-        felt = found["torque" if measured.current is None else "current"] = {}
-        for k, motor in enumerate(plant.system.finger_model.structure.motors):
-            position, rate = (states[name] for name in motor.names(k + 1)[:2])
-            torque = ca.SX(motor.torque(plant.command[k], position, rate))
-            felt[torque_name(measured, k + 1)[1]] = torque / torque_per_reading(measured, motor)
-    if measured.bending is not None:
-        angles = ca.vertsplit(ca.vec(plant.sections(measured.bending.at)[1]))
-        found["bending"] = {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}
-    if measured.object is not None:
-        found["object"] = dict(zip(OBJECT_POSE, ca.vertsplit(plant.object_pose[:3]), strict=True))
-    return found
+        values = ca.vertsplit(plant.tensions if wound else plant.drive[:count])
+        tensions = dict(zip(names, values, strict=True))
+    motors = plant.system.finger_model.structure.motors
+    return sensed(measured, plant, motors, plant.named_states, plant.command, tensions)
 
 
 def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:

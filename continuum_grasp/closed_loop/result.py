@@ -11,12 +11,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.closed_loop.metrics import Metrics, times_of, violation_of
+from continuum_grasp.closed_loop.metrics import Metrics, Times, violation_of
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.control.estimation.adaptation import Adapted
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.control.ocp.cost_terms import Tracked, tracked_groups
 from continuum_grasp.control.ocp.setpoints import missed_setpoints, rms, tracking_of
+from continuum_grasp.control.status import spread
 from continuum_grasp.results.declared import POSE, TIME, XY, Dimension, File, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.control import ControlScene
@@ -214,6 +215,7 @@ class ControlRun(MotionResult):
         away = error[:-1, inputs] if inputs else u - np.array(self.scene.rest_input)
         held = np.vstack([u[:1], u[:-1]])
         steps = self.phase_times.sum(axis=1)
+        durations = dict(zip((*self.phase_names, "step"), (*self.phase_times.T, steps), strict=True))
         return Metrics(
             tracking=tuple(tracking_of(group, error) for group in self.tracked_groups),
             cost=float(0.5 * self.period * np.sum(self.weights * error[:-1] ** 2)),
@@ -221,7 +223,7 @@ class ControlRun(MotionResult):
             rate_rms=rms(np.linalg.norm(u - held, axis=1) / self.period),
             input_unit=self.u_names[0].split("[")[1][:-1],
             violations=tuple(map(violation_of, self.bounds)),
-            times=tuple(map(times_of, (*self.phase_names, "step"), (*self.phase_times.T, steps))) if steps.size else (),
+            times=tuple(Times(name, **spread(column)) for name, column in durations.items()) if steps.size else (),
             late=int(np.sum(steps > self.deadline)),
             statuses=dict(Counter(self.status)),
             anomalies=dict(Counter(word for words in self.anomalies for word in words)),

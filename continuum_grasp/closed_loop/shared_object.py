@@ -15,7 +15,7 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 
 Array = NDArray[np.float64]
 
-_WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
+WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
 _RISE = "object_z_rate [m/s]"
 
 
@@ -186,7 +186,7 @@ class SharedModel:
             center = _center_of_mass(lead, first[states][pose.start - before : pose.stop - before])
             arms = point - ca.repmat(center, 1, point.size2())
             moments = arms[0, :] * force[1, :] - arms[1, :] * force[0, :]
-            for name, total in zip(_WRENCH, (*ca.vertsplit(ca.sum2(force)), ca.sum2(moments)), strict=True):
+            for name, total in zip(WRENCH, (*ca.vertsplit(ca.sum2(force)), ca.sum2(moments)), strict=True):
                 more[lead.w_names.index(name)] += total
             lifts += ca.sum1(lift)
         rate, *of_lead = functions[0].call([*(first | {"w": first["w"] + more}).values()])

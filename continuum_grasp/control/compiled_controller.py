@@ -30,7 +30,8 @@ from continuum_grasp.summary import Summarized
 Array = NDArray[np.float64]
 
 _STATUS = tuple(Status)
-_CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
+CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
+"""Members of ``rti_settings`` that may be changed between calls, in the order of exported C."""
 _CHUNK = 128
 """Periods for which setpoints are evaluated at once [1]: enough that numpy's overhead per call does not show, and
 little to hold (30 stages of 6 setpoints: 190 kB)."""
@@ -204,8 +205,8 @@ class CompiledController(Remade, Summarized):
         """
         fields = dict(self._fields)
         for name, given in settings.items():
-            if name not in _CHANGEABLE:
-                raise InputError(f"expected some of {', '.join(_CHANGEABLE)}, got {name!r:.60}", key=name)
+            if name not in CHANGEABLE:
+                raise InputError(f"expected some of {', '.join(CHANGEABLE)}, got {name!r:.60}", key=name)
             nominal = getattr(self.stages, name)
             value = vector(name, given, nominal.size)
             if name[:2] not in ("u_", "c_") and np.any(value < 0.0):

@@ -19,7 +19,7 @@ from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.setpoints import Function, Setpoints, setpoints
-from continuum_grasp.control.prediction import Prediction, first_state, rest_input
+from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.control.settings import controller_fields, delay_periods
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.scene.control import ControlScene
@@ -160,7 +160,7 @@ class Controller(CompiledController):
             If something has another size or is not finite.
         """
         x = vector("state", self.first if state is None else state, self.prediction.nx)
-        before = vector("u", rest_input(self.scene) if u is None else u, self.stages.nu)
+        before = vector("u", self.scene.rest_input if u is None else u, self.stages.nu)
         self._start(x, before, given=state is not None)
 
     def step(

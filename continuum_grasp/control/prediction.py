@@ -396,13 +396,8 @@ def _greatest(arms: tuple[float, ...], limits: tuple[Sequence[float], Sequence[f
     return float(max(found.max(axis=0).sum(), -found.min(axis=0).sum()))
 
 
-def rest_input(scene: ControlScene) -> Array:
-    """Return the input (nu) that leaves the finger alone: no moment, least tensions, or drives at their pretension."""
-    return np.array(scene.rest_input)
-
-
 def first_state(scene: ControlScene, model: Prediction) -> Array:
-    """Compute the state (nx) of the scene's initial pose at rest, under ``rest_input``.
+    """Compute the state (nx) of the scene's initial pose at rest, under the scene's ``rest_input``.
 
     Coordinates and friction states of ``initial`` belong to the plant's model. They are used where the controller's
     model has as many; otherwise the state is that of the unloaded shape, and tendons have not slid.

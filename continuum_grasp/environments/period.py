@@ -8,9 +8,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.core.cache import library_for
+from continuum_grasp.control.rti.source import load_library
 from continuum_grasp.core.call import pointer
-from continuum_grasp.core.compiler import find_compiler, why_no_compiler
 from continuum_grasp.core.source import filled, in_lanes, template
 from continuum_grasp.errors import InputError
 
@@ -33,9 +32,6 @@ class Periods:
     """
 
     def __init__(self, slope: ca.Function, cost: ca.Function, readings: ca.Function, use: int) -> None:
-        compiler = find_compiler()
-        if compiler is None:
-            raise InputError(f"environments run in compiled C: {why_no_compiler()}")
         self.sizes = {"x": slope.numel_in(0), "u": slope.numel_in(1), "w": slope.numel_in(2), "p": slope.numel_in(3)}
         self.sizes |= {"r": cost.numel_in(5), "y": readings.numel_out(0)}
         functions = _lane_functions(slope, cost, readings)
@@ -43,7 +39,7 @@ class Periods:
         words |= {f"n{name}1": max(size, 1) for name, size in self.sizes.items()}  # C has no empty arrays
         text = filled(template("environments", "period.c"), words)
         source = f"{functions}\n{template('core', 'gather.c')}\n{text}"
-        self._code = ctypes.CDLL(str(library_for(source, compiler, "the environments"))).environment_period
+        self._code = load_library(source, "an environment").environment_period
         self._code.restype = None
 
     def __call__(

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 FALLEN = 0.005
 """Height that an object loses before it counts as dropped [m]."""
-_ON_CONE = 0.99
+ON_CONE = 0.99
 """Share of the friction cone from which a contact slips: friction is smooth, and reaches the cone in the limit only."""
 
 
@@ -178,9 +178,9 @@ def find_drop(
     end = int(fallen[0])
     friction = plant_friction(assignments[0].mission, variation, contacts.names)
     lift, slips = timetable.span("lift").start, []
-    for name, rows in _bodies(contacts.names, [one.name for one in assignments]).items():
+    for name, rows in bodies(contacts.names, [one.name for one in assignments]).items():
         normal, shear = contacts.normal_force[:, rows], contacts.shear[:, rows]
-        gone = np.all(shear >= _ON_CONE * friction[rows] * normal, axis=1)  # also where nothing presses
+        gone = np.all(shear >= ON_CONE * friction[rows] * normal, axis=1)  # also where nothing presses
         gone[1:-1] |= gone[:-2] & gone[2:]  # friction that turns is within the cone for an instant
         firm = np.flatnonzero(~gone[: end + 1])
         begin = int(firm[-1]) + 1 if firm.size else 0
@@ -210,7 +210,7 @@ def find_drop(
     return Drop(float(t[end]), phase, tuple(slips), sinks)
 
 
-def _bodies(names: Sequence[str], fingers: Sequence[str]) -> dict[str, list[int]]:
+def bodies(names: Sequence[str], fingers: Sequence[str]) -> dict[str, list[int]]:
     """Contacts by what holds there: each of a finger's for itself, those of a support together; not the table."""
     found: dict[str, list[int]] = {}
     for k, name in enumerate(names):

@@ -15,7 +15,7 @@ from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.errors import SolverError
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.lift import Shortfall, shortfalls
-from continuum_grasp.mission.plant import mission_plant_model
+from continuum_grasp.mission.plant import MOVES, mission_plant_model
 from continuum_grasp.scene.controller import Plant
 
 Array = NDArray[np.float64]
@@ -23,8 +23,6 @@ Array = NDArray[np.float64]
 _STEP = 0.004
 """Step of the linearly implicit Euler method [s]. It has the equilibria of the equations; the forces that
 configs/mission/mug.yaml ends with differ by 2 % from those with a quarter of the step."""
-_MOVES = 0.75
-"""Share of a phase in which inputs grow; in the rest the fingers come to rest under them."""
 _STIFFER = 10.0
 """Stiffness of the pads, per that of the mission, with which a refusal is compared [1]: they give way by a tenth."""
 
@@ -77,7 +75,7 @@ def closed(assignments: Sequence[Assignment], stiffer: float = 1.0) -> Iterator[
         low, high = (np.concatenate([getattr(one, name) for one in known]) for name in (begin, end))
         count = math.ceil(duration / _STEP)
         for k in range(1, count + 1):
-            share = min(k / (_MOVES * count), 1.0)
+            share = min(k / (MOVES * count), 1.0)
             f, a = slope(x, low + share * (high - low), w, whole.p)
             x = x + np.linalg.solve(unit - np.array(a), np.array(f).ravel())
             if end == "tight" or (end == "held" and k == count):

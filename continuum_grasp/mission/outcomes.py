@@ -44,14 +44,7 @@ class Outcome:
         found = self.error.partition("\n")[0]
         if self.verdict is not None:
             found = f"{self.verdict.word}, sunk {1e3 * self.verdict.sunk:.3g} mm"
-            if self.verdict.refused is not None:
-                found += f": {self.verdict.refused.text}"
-            if self.verdict.drop is not None:
-                found += f": {self.verdict.drop.text}"
-            if self.verdict.turned is not None:
-                found += f"; turned {self.verdict.turned.text}"
-                if self.verdict.turned.reason:
-                    found += f": {self.verdict.turned.reason}"
+            found = "; ".join([found, *(f"{name}: {text}" for name, text in self.verdict.texts.items())])
         return f"{plant}, shifted by ({x:+.2f}, {y:+.2f}) mm: {found}"
 
 
@@ -172,14 +165,11 @@ class TrialsResult(Result, Sequence[Outcome]):
     def stored_arrays(self) -> dict[str, Any]:
         """Of every plant what differs and the verdict; NaN, and false, where there is none."""
         rows = [_row(one) | {"succeeded": one.succeeded} for one in self.outcomes]
-        flags, texts = ("succeeded", "held", "released"), ("turn_reason", "refused", "drop", "error")
-        columns = {
-            one.name: [row.get(one.name, "" if one.name in texts else None) for row in rows] for one in self.stored
-        }
-        return {
-            name: np.array(values, dtype=str if name in texts else bool if name in flags else float)
-            for name, values in columns.items()
-        }
+        found: dict[str, Any] = {}
+        for one in self.stored:
+            kind: type = str if one.unit == "text" else bool if one.name in ("succeeded", "held", "released") else float
+            found[one.name] = np.array([row.get(one.name, "" if kind is str else None) for row in rows], dtype=kind)
+        return found
 
     @cached_property
     def summary(self) -> Summary:
@@ -227,12 +217,10 @@ def _row(outcome: Outcome) -> dict[str, Any]:
     own = asdict(outcome.variation)
     x, y = own.pop("shift")
     judged: dict[str, Any] = {}
-    if outcome.verdict is not None:
-        drop, refused = outcome.verdict.drop, outcome.verdict.refused
-        judged = {**asdict(outcome.verdict), "drop": "" if drop is None else drop.text}
-        judged["refused"] = "" if refused is None else refused.text
-        turned = outcome.verdict.turned
+    if (verdict := outcome.verdict) is not None:
+        judged, texts, turned = asdict(verdict), verdict.texts, verdict.turned
         del judged["turned"]
+        judged |= {"drop": texts.get("dropped", ""), "refused": texts.get("not lifted", "")}
         if turned is not None:
             judged |= {"turn_error": turned.error, "turn_end_error": turned.end_error, "turn_reason": turned.reason}
     return {**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")}

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.closed_loop.schedule import Phase
+from continuum_grasp.closed_loop.shared_object import WRENCH
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.mission.assignment import Assignment, object_of
@@ -35,9 +36,9 @@ _CLEAR = 1e-9
 """Depth in a support that is none [m]: 20 uN at 20 kN/m."""
 _FOLLOWED = {"posture": ("bending_",), "force": ("contact_force",), "gap": ("gap_",), "angle": ("gap_", "object_angle")}
 """What the controller may follow in a phase, and how the names of its setpoints begin."""
-_MOVES = 0.75
-"""Share of a stroke in which the setpoint of the angle moves; in the rest the object comes to rest there."""
-_WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
+MOVES = 0.75
+"""Share of a stroke in which the setpoint of the angle moves, and of a squeeze in which inputs grow; in the rest object
+and fingers come to rest."""
 
 
 @dataclass(frozen=True)
@@ -252,7 +253,7 @@ class Timetable:
             touched, turned = np.zeros_like(t), np.zeros_like(t)
             for k in self.strokes:
                 touched += self._risen(t, f"touch {k}") - self._risen(t, f"leave {k}")
-                turned += self._risen(t, f"turn {k}", _MOVES) / turn.strokes
+                turned += self._risen(t, f"turn {k}", MOVES) / turn.strokes
             columns["gap_finger.tip [m]"] = turn.clearance * (1.0 - touched)
             columns["object_angle [rad]"] = of.object_pose[2] - turn.angle * (1.0 - turned)
         return np.stack([columns.get(name, np.zeros_like(t)) for name in names], axis=1)
@@ -322,7 +323,7 @@ class Timetable:
 
     def outside(self) -> dict[str, Callable[[Array], Array]]:
         """Height of the table, and what pulls at the object, as functions of instants."""
-        return {"table_height [m]": self._table, **{name: partial(self._pull, k) for k, name in enumerate(_WRENCH)}}
+        return {"table_height [m]": self._table, **{name: partial(self._pull, k) for k, name in enumerate(WRENCH)}}
 
     def _table(self, t: Array) -> Array:
         t = self.planned(t)

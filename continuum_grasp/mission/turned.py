@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.certified import is_table, plant_friction
+from continuum_grasp.mission.certified import plant_friction
+from continuum_grasp.mission.drop import ON_CONE, bodies
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.simulation.contacts import ContactForces
 
@@ -19,8 +20,6 @@ Array = NDArray[np.float64]
 
 _AT_LIMIT = 0.98
 """Share of the drive's limit from which on it has no more to give: an estimate of the tension ripples by as much."""
-_ON_CONE = 0.99
-"""Share of the friction cone from which on the fingertip slides: friction reaches the whole of it in the limit only."""
 _MOSTLY = 0.5
 """Share of the time that it pushes in which the fingertip slides, where sliding is called the reason."""
 _TIP = ".tip"
@@ -142,13 +141,10 @@ def _short(
         return f"the drive is at its limit: {pressed}"
     friction = float(plant_friction(of.mission, variation, [name])[0])
     use = contacts.shear[during, tip][pushing] / (friction * normal[pushing])
-    if float(np.mean(use >= _ON_CONE)) > _MOSTLY:
+    if float(np.mean(use >= ON_CONE)) > _MOSTLY:
         return f"{name} slides on it with friction of {friction:.2f}: {pressed}"
-    held = dict.fromkeys(dict.fromkeys(one.partition(".")[0] for one in contacts.names), 0.0)
-    for k, one in enumerate(contacts.names):
-        if not contacts.on_finger(one) and not is_table(one):
-            body = one.partition(".")[0]
-            held[body] = max(held[body], float(contacts.normal_force[during, k].max(initial=0.0)))
+    found = {body: contacts.normal_force[during][:, rows] for body, rows in bodies(contacts.names, [of.name]).items()}
+    held = {body: float(force.max(initial=0.0)) for body, force in found.items() if not contacts.on_finger(body)}
     bears = "".join(f", {body} bears {force:.2f} N" for body, force in held.items() if force > 0.0)
     return f"it stood still, or needs more time: {pressed}{bears}"
 

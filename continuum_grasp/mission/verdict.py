@@ -79,14 +79,19 @@ class Verdict:
             return found
         return f"turned, {found}" if self.turned.achieved else f"not turned, {found}"
 
+    @property
+    def texts(self) -> dict[str, str]:
+        """Sentences on a refused lift, a drop and a turn, by name; without those that there are not."""
+        parts = {"not lifted": self.refused, "dropped": self.drop, "turned": self.turned}
+        found = {name: part.text for name, part in parts.items() if part is not None}
+        why = "" if self.turned is None else self.turned.reason
+        return found | ({"not turned": why} if why else {})
+
     def pairs(self) -> dict[str, str]:
         """Values with their units, by name."""
         return {
             "object": self.word,
-            **({} if self.refused is None else {"not lifted": self.refused.text}),
-            **({} if self.drop is None else {"dropped": self.drop.text}),
-            **({} if self.turned is None else {"turned": self.turned.text}),
-            **({} if self.turned is None or not self.turned.reason else {"not turned": self.turned.reason}),
+            **self.texts,
             "sunk": f"{1e3 * self.sunk:.3g} mm from lift to lowering (dropped: {1e3 * FALLEN:g} mm)",
             "moved": f"{1e3 * self.moved:.3g} mm in the plane, pulls included",
             "held force": f"{_percent(self.force_error)} off its setpoint at most, "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -199,13 +199,7 @@ class Motion:
     @cached_property
     def flow_of_given_friction(self) -> Term:
         """The same with friction states of tendons that stay as they are, whatever slides."""
-        rows = np.ones(self.flow.size)
-        rows[self.friction_states] = 0.0
-        z, d = (ca.MX.sym(name, self.flow.value.size_in(k)) for k, name in enumerate("zd"))
-        value = ca.DM(rows) * self.flow.value(z, d)
-        return Term(
-            ca.Function("flow_value", [z, d], [value], ["z", "d"], ["o"]), self.flow.jacobian, self.flow.hessian
-        )
+        return replace(self.flow, value=_without_rows("flow_value", self.flow.value, self.friction_states))
 
     @cached_property
     def tendon_friction(self) -> list[int]:
@@ -272,13 +266,17 @@ def _with_given_friction(flow: Term, names: Sequence[str]) -> Term:
     Where it sticks, its own slopes hold for micrometers only: a finger looks locked. Measured on two winches with a
     friction of 0.15: with them, 40 steps of some 40 micrometers and no plan.
     """
-    stay = np.ones(flow.size)
-    stay[[k for k, name in enumerate(names) if "friction_" in name]] = 0.0
-    if stay.all():
-        return flow
-    z, d = (ca.MX.sym(name, flow.value.size_in(k)) for k, name in enumerate("zd"))
-    slope = ca.mtimes(ca.diag(ca.DM(stay)), flow.jacobian(z, d))
-    return Term(flow.value, ca.Function("flow_slope", [z, d], [slope], ["z", "d"], ["J"]), flow.hessian)
+    rows = [k for k, name in enumerate(names) if "friction_" in name]
+    return replace(flow, jacobian=_without_rows("flow_slope", flow.jacobian, rows)) if rows else flow
+
+
+def _without_rows(name: str, function: ca.Function, rows: list[int]) -> ca.Function:
+    """A function (z, d) some rows of which are zero."""
+    stay = np.ones(function.size1_out(0))
+    stay[rows] = 0.0
+    z, d = (ca.MX.sym(argument, function.size_in(k)) for k, argument in enumerate("zd"))
+    value = ca.mtimes(ca.diag(ca.DM(stay)), function(z, d))
+    return ca.Function(name, [z, d], [value], ["z", "d"], function.name_out())
 
 
 def parameters_over_time(scene: PlanScene, model: Prediction, times: ArrayLike) -> Array:

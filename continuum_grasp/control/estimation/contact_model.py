@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.estimation.free_finger import FreeFinger, steps_per_period
-from continuum_grasp.control.estimation.model import position_name, torque_name, torque_per_reading
+from continuum_grasp.control.estimation.model import torque_name, torque_per_reading
 from continuum_grasp.control.estimation.noise import measurement_range
 from continuum_grasp.control.field import Field
 from continuum_grasp.control.prediction import Prediction, first_state
@@ -156,7 +156,7 @@ def contact_model_of(scene: ControlScene) -> ContactModel:
 
 def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) -> tuple[ca.Function, tuple[str, ...]]:
     count = len(winches)
-    names = [position_name(winch, k + 1) for k, winch in enumerate(winches)]
+    names = [winch.names(k + 1)[0] for k, winch in enumerate(winches)]
     if not isinstance(winches[0], Motor):
         names += [f"tension_{k + 1} [N]" for k in range(len(scene.finger.tendon_list))]
     elif asked.torque is not None or asked.current is not None:

@@ -15,7 +15,7 @@ from continuum_grasp.control.estimation.contact_detector import ContactDetector,
 from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.estimation.noise import ranges_of
 from continuum_grasp.control.ocp.scene_problem import stages_of
-from continuum_grasp.control.prediction import Prediction, first_state, rest_input
+from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.control.settings import delay_periods, estimator_fields
 from continuum_grasp.control.status import Anomaly, Verdict, texts
 from continuum_grasp.core.precision import precision_of
@@ -202,7 +202,7 @@ class Estimator(Remade, Summarized):
         """
         z = np.zeros(len(self.names))
         z[: self.prediction.nx] = vector("state", self.first if state is None else state, self.prediction.nx)
-        before = vector("u", rest_input(self.scene) if u is None else u, self.prediction.nu)
+        before = vector("u", self.scene.rest_input if u is None else u, self.prediction.nu)
         self._c.start(z, before)
         if self.detector is not None:
             if state is None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.estimation.model import Estimation
 from continuum_grasp.control.estimation.noise import noise_of
-from continuum_grasp.control.prediction import Prediction, rest_input, start_state
+from continuum_grasp.control.prediction import Prediction, start_state
 from continuum_grasp.errors import SolverError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.simulate import Initial
@@ -65,7 +65,7 @@ def quiet_sensitivities(scene: ControlScene, model: Prediction, estimation: Esti
 
 def _rests(scene: ControlScene, model: Prediction) -> list[tuple[Array, Array]]:
     """Find states at rest with their inputs: that of no input, and bent ones."""
-    u = rest_input(scene)
+    u = np.array(scene.rest_input)
     friction = bool(model.system.finger_model.friction_names)
     equilibrium = Initial(pose="equilibrium", reached_by="pulling" if friction else None)
     found = [(start_state(scene, model, Initial(pose="rest"), u.tolist()), u)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.estimation.adaptation import AdaptedState
+from continuum_grasp.control.ocp.cost_terms import Predicted, Shape
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.calls import call, straight_function
 from continuum_grasp.core.integrators import differentiated_step
@@ -259,16 +261,20 @@ class _Compared(NamedTuple):
 
 
 def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX) -> list[_Compared]:
-    """List what the filter compares."""
-    found = []
-    if asked.tip is not None:
-        names = ("tip_x [m]", "tip_y [m]")
-        values = ca.vertsplit(model.tip(model.x, model.u, p))
-        found += [_Compared("tip", name, value, {name: 1.0}) for name, value in zip(names, values, strict=True)]
-    winches = model.system.finger_model.structure.winches
-    if winches:
-        found += _of_drives(asked, model, winches, p)
-    elif asked.tension is not None:
+    """List what the filter compares: readings, but of tensions without winches what of them bends the finger."""
+    own = model.system.finger_model.structure
+    tensions = dict[str, ca.SX]()
+    if own.winches and asked.tension is not None:
+        pulled = ca.vertsplit(model.tensions(model.x, model.u, p))
+        tensions = {f"tension_{k + 1} [N]": tension for k, tension in enumerate(pulled)}
+    states = dict(zip(model.x_names, ca.vertsplit(model.x), strict=True))
+    shape = Predicted(scene.controller.cost, model, p)
+    read = sensed(asked, shape, own.motors, states, model.u, tensions)
+    found = list[_Compared]()
+    for sensor, values in read.items():
+        found += [_Compared(sensor, name, value, {name: 1.0}) for name, value in values.items()]
+        if sensor != "tension" or own.winches:
+            continue
         unit = model.u_names[0].split("[")[1][:-1]
         for k, moment in enumerate(one for one in model.driven if one.rate):
             # Of tendons that run alike, the difference alone bends the finger; their mean is no state of the model.
@@ -278,48 +284,48 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
             inputs = model.u_names[: model.nu - len(scene.finger.chambers)]
             parts = {name: of / first for name, of in zip(inputs, moment.arms, strict=False)}
             found.append(_Compared("tension", f"net_input_{k + 1} [{unit}]", model.x[moment.state] / arm, parts))
-    if asked.pressure is not None:
-        for k, name in enumerate(model.x_names):
-            if name.startswith("pressure_"):
-                found.append(_Compared("pressure", name, model.x[k], {name: 1.0}))
-    if asked.bending is not None:
-        angles = ca.vertsplit(ca.vec(model.sections(asked.bending.at)(model.x, model.u, p)[1]))
-        for k, angle in enumerate(angles):
-            name = f"angle_{k + 1} [rad]"
-            found.append(_Compared("bending", name, angle, {name: 1.0}))
-    if asked.object is not None:
-        pose = ca.vertsplit(model.x[model.system.object_states][:3])
-        found += [_Compared("object", name, x, {name: 1.0}) for name, x in zip(OBJECT_POSE, pose, strict=True)]
     return found
 
 
-def _of_drives(asked: Measured, model: Prediction, winches: tuple[Winch, ...], p: ca.SX) -> list[_Compared]:
-    """List what sensors of winches and motors show."""
-    found: list[_Compared] = []
+def sensed(
+    asked: Measured,
+    shape: Shape,
+    motors: Sequence[Motor],
+    states: Mapping[str, ca.SX],
+    u: ca.SX,
+    tensions: Mapping[str, ca.SX],
+) -> dict[str, dict[str, ca.SX]]:
+    """Express what sensors read, by sensor: each number by its name and unit, in the order of a measurement.
 
-    def add(sensor: str, name: str, value: ca.SX) -> None:
-        found.append(_Compared(sensor, name, value, {name: 1.0}))
-
+    The finger is that of a controller or of a plant: its ``shape``, states by name, commands u (nu), and the tensions
+    [N] that are read.
+    """
+    found = dict[str, dict[str, ca.SX]]()
+    if asked.tip is not None:
+        found["tip"] = dict(zip(("tip_x [m]", "tip_y [m]"), ca.vertsplit(shape.tip), strict=True))
     if asked.tension is not None:
-        tensions = model.tensions(model.x, model.u, p)
-        for k in range(tensions.numel()):
-            add("tension", f"tension_{k + 1} [N]", tensions[k])
-    moving = list(enumerate(zip(winches, model.driven, strict=False)))
-    sensor = "angle" if isinstance(winches[0], Motor) else "length"
-    if getattr(asked, sensor) is not None:
-        for k, (winch, driven) in moving:
-            add(sensor, position_name(winch, k + 1), model.x[driven.state])
+        found["tension"] = dict(tensions)
+
+    def read_states(sensor: str, word: str) -> None:
+        if getattr(asked, sensor) is not None:
+            own = {name: x for name, x in states.items() if name.startswith(word) and "_rate" not in name}
+            found[sensor] = own
+
+    read_states("length", "length_")
+    read_states("angle", "motor_angle_")
     if asked.torque is not None or asked.current is not None:
-        motors = [(k, winch, driven) for k, (winch, driven) in moving if isinstance(winch, Motor)]
-        for k, winch, driven in motors:
-            torque = winch.torque(model.u[k], model.x[driven.state], model.x[driven.state + 1])
-            add(*torque_name(asked, k + 1), ca.SX(torque) / torque_per_reading(asked, winch))
+        for k, motor in enumerate(motors):
+            position, rate = (states[name] for name in motor.names(k + 1)[:2])
+            sensor, name = torque_name(asked, k + 1)
+            torque = ca.SX(motor.torque(u[k], position, rate)) / torque_per_reading(asked, motor)
+            found.setdefault(sensor, {})[name] = torque
+    read_states("pressure", "pressure_")
+    if asked.bending is not None:
+        angles = ca.vertsplit(ca.vec(shape.sections(asked.bending.at)[1]))
+        found["bending"] = {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}
+    if asked.object is not None:
+        found["object"] = dict(zip(OBJECT_POSE, ca.vertsplit(shape.object_pose[:3]), strict=True))
     return found
-
-
-def position_name(winch: Winch, number: int) -> str:
-    """Name and unit of a measured position of a winch."""
-    return winch.names(number)[0]
 
 
 def torque_name(asked: Measured, number: int) -> tuple[str, str]:

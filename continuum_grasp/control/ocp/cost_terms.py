@@ -47,20 +47,30 @@ class Residual(NamedTuple):
     names: tuple[str, ...] = ()
 
 
-class Quantities(Protocol):
+class Shape(Protocol):
+    """Expressions of a controller's model, or of a plant, that depend on where the finger and the object are.
+
+    World position of the tip (2) [m]; pose of an object that moves, x, y [m] and angle [rad]; of sections at positions
+    along the finger [m] the world positions (2, K) [m] and angles (K) [rad].
+    """
+
+    @property
+    def tip(self) -> Any: ...
+    @property
+    def object_pose(self) -> Any: ...
+    def sections(self, at: Sequence[float]) -> tuple[Any, Any]: ...
+
+
+class Quantities(Shape, Protocol):
     """What terms are computed from: expressions of a controller's model, or of a plant.
 
-    Length of the finger [m]; world position of the tip (2) [m]; bending angle of each element of the controller's model
-    [rad] and its rate [rad/s]; normal force at each tracked contact [N], distance from the object [m] where that is
-    tracked; pose of an object that moves, x, y [m] and angle [rad]; tip moment [N m] or tensions [N] (nu) and
-    their change per time; of sections at positions along the finger [m] the world positions (2, K) [m] and angles (K)
-    [rad].
+    Beside those of the shape: length of the finger [m]; bending angle of each element of the controller's model [rad]
+    and its rate [rad/s]; normal force at each tracked contact [N], distance from the object [m] where that is tracked;
+    tip moment [N m] or tensions [N] (nu) and their change per time.
     """
 
     @property
     def length(self) -> float: ...
-    @property
-    def tip(self) -> Any: ...
     @property
     def bending(self) -> Any: ...
     @property
@@ -70,12 +80,9 @@ class Quantities(Protocol):
     @property
     def gap(self) -> Any: ...
     @property
-    def object_pose(self) -> Any: ...
-    @property
     def input(self) -> Any: ...
     @property
     def input_rate(self) -> Any: ...
-    def sections(self, at: Sequence[float]) -> tuple[Any, Any]: ...
 
 
 def _near_base(finger: Finger) -> Limits:
@@ -226,12 +233,13 @@ def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
     return tuple(found)
 
 
-class _Predicted(NamedTuple):
-    """Quantities of a controller's model."""
+class Predicted(NamedTuple):
+    """Quantities of a controller's model with parameters p (np)."""
 
     cost: Cost
     model: Prediction
-    input_rate: ca.SX | None
+    p: ca.SX
+    input_rate: ca.SX | None = None
 
     @property
     def length(self) -> float:
@@ -239,7 +247,7 @@ class _Predicted(NamedTuple):
 
     @property
     def _given(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        return self.model.x, self.model.u, self.model.p
+        return self.model.x, self.model.u, self.p
 
     @property
     def tip(self) -> ca.SX:
@@ -309,7 +317,7 @@ class Outputs:
 
     def residuals(self, input_rate: ca.SX | None = None) -> dict[str, Residual]:
         """Terms by the names of their setpoints, or of their weights where they have none."""
-        quantities = _Predicted(self.cost, self.model, input_rate)
+        quantities = Predicted(self.cost, self.model, self.model.p, input_rate)
         return {
             term.reference or term.key: Residual(
                 term.value(quantities, self.cost),
@@ -321,5 +329,5 @@ class Outputs:
 
     def value(self, input_rate: ca.SX | None = None) -> ca.SX:
         """Expression of all entries; ``input_rate`` where the state knows the input before."""
-        quantities = _Predicted(self.cost, self.model, input_rate)
+        quantities = Predicted(self.cost, self.model, self.model.p, input_rate)
         return ca.SX(ca.vertcat(*[term.value(quantities, self.cost) for term in self.terms]))

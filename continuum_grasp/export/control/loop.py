@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.control.compiled_controller import CHANGEABLE
 from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
 from continuum_grasp.control.estimation.model import Estimation, estimation_of
 from continuum_grasp.control.estimation.noise import Ranges, ranges_of
@@ -20,7 +21,7 @@ from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
 from continuum_grasp.control.ocp.stages import Stages
-from continuum_grasp.control.prediction import Prediction, first_state, rest_input
+from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.control.rti_solver import RtiSolver
 from continuum_grasp.control.settings import (
     Calls,
@@ -37,8 +38,6 @@ from continuum_grasp.scene.control import ControlScene
 
 Array = NDArray[np.float64]
 
-CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")
-"""Members of ``rti_settings`` that the public settings have, in their order."""
 DIAGNOSIS = (
     ("uint32_t", "anomalies", "what was noticed, bits of ..._ANOMALY_... in the header"),
     ("int", "iterations", "factorizations beyond the first"),
@@ -127,7 +126,7 @@ class Loop:
             periods=delay_periods(scene),
             members=tuple(controller_fields(scene, model, stages, estimation, real.name, contact)),
             first=z,
-            before=rest_input(scene),
+            before=np.array(scene.rest_input),
             calls=calls_of(scene),
             setpoints=setpoints(Outputs.of(scene.controller.cost, model), scene.reference),
             duration=scene.duration or 1.0,

@@ -10,12 +10,13 @@ import numpy as np
 
 from continuum_grasp import __version__
 from continuum_grasp.control.compiled import estimator_sizes
+from continuum_grasp.control.compiled_controller import CHANGEABLE
 from continuum_grasp.control.field import Field as Member
 from continuum_grasp.control.rti.source import dimensions, iteration_bodies, template
 from continuum_grasp.control.status import ANOMALY_TEXTS, MEASUREMENT_TEXTS, Anomaly, Verdict
 from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.export.control.kernels import adapters_of
-from continuum_grasp.export.control.loop import CHANGEABLE, DIAGNOSIS, Loop
+from continuum_grasp.export.control.loop import DIAGNOSIS, Loop
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
 from continuum_grasp.export.fields import Real, each_once
 from continuum_grasp.export.strict_math import c_source
