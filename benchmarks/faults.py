@@ -69,7 +69,7 @@ FAULTS: tuple[Fault, ...] = (
         tests="scene simulation/test_winches.py",
     ),
     *_in(
-        "scene/simulate.py",
+        "scene/value.py",
         ("if abs(count - round(count)) > 1e-6 * count:", "if abs(count - round(count)) > 1e-2 * count:"),
         tests="scene simulation/test_simulation.py",
     ),

@@ -45,7 +45,7 @@ class Example:
     @property
     def verb(self) -> str:
         """The command that runs it; a finger alone can only be checked."""
-        from continuum_grasp.scene.load import KINDS
+        from continuum_grasp.scene.kinds import KINDS
 
         return KINDS[self.kind].command or "validate"
 
@@ -103,7 +103,7 @@ def examples() -> dict[str, Example]:
     >>> mug.kind, mug.arguments
     ('grasp', ('grasp', 'configs/grasp/mug.yaml'))
     """
-    from continuum_grasp.scene.load import KINDS
+    from continuum_grasp.scene.kinds import KINDS
 
     found = [_example(path) for path in sorted((shipped_folder() / "configs").glob("*/*.yaml"))]
     return {one.name: one for one in sorted(found, key=lambda one: list(KINDS).index(one.kind))}

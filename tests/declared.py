@@ -27,7 +27,7 @@ def assert_declared(result: Result, arrays: Mapping[str, Any] | None = None) -> 
         for dimension, size in zip(declared[name].dimensions, shape, strict=True):
             assert sizes.setdefault(dimension, size) == size, (name, dimension)
     for one in result.dimensions:
-        if not one.labels or one.name not in sizes:
+        if not one.labels or isinstance(one.labels, int) or one.name not in sizes:
             continue
         labels = one.labels if isinstance(one.labels, tuple) else attribute(result, one.labels)
         first = one.name in ("pose", "model_state")  # of which there may be the first alone

@@ -363,7 +363,8 @@ WALKS = (
     Walk("export-c, operators", Scene, package),
     Walk("export-web", Scene, page),
     Walk("export-fmu", Scene, unit),
-    Walk("export-c, operators", Scene, model, ("time", "name", *_AROUND, *_OF_TOUCH)),
+    # Ranges are those of the package; the model takes every pressure.
+    Walk("export-c, operators", Scene, model, ("time", "name", "finger.pressure.max_pressure", *_AROUND, *_OF_TOUCH)),
     Walk("accuracy by the exact rod", Scene, measured_choices, _AROUND),
     Walk("identify", Scene, fitted, _AROUND),
     Walk("environments", ControlScene, lanes),

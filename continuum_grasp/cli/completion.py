@@ -29,14 +29,14 @@ def complete_example(incomplete: str) -> list[tuple[str, str]]:
 
 def complete_kind(incomplete: str) -> list[str]:
     """Kinds of configuration."""
-    from continuum_grasp.scene.load import KINDS
+    from continuum_grasp.scene.kinds import KINDS
 
     return [kind for kind in KINDS if kind.startswith(incomplete)]
 
 
 def complete_config(ctx: typer.Context, incomplete: str) -> list[str]:
     """Configurations in and below the folder that is typed, of the kinds that the verb takes."""
-    from continuum_grasp.scene.load import KINDS
+    from continuum_grasp.scene.kinds import KINDS
 
     verb = ctx.info_name or ""
     wanted = _ALSO.get(verb) or {name for name, kind in KINDS.items() if kind.command == verb} or set(KINDS)

@@ -70,7 +70,8 @@ def _words(made: Kernels, symbols: Mapping[str, str]) -> dict[str, object]:
     head, carry, last, outward, _, _, inward, root, _ = made.functions
     sizes = {
         "drive": head.size1_out("drive"),
-        "end": last.size1_out("end"),
+        "section_end": last.size1_out("end"),
+        "lagging": head.size1_out("lagging"),
         "start": root.size1_out("start"),
         "spin": carry.size1_in("spin"),
         "p": outward.size1_in("p"),
@@ -101,7 +102,7 @@ def _words(made: Kernels, symbols: Mapping[str, str]) -> dict[str, object]:
         "lag": 2 * made.unknowns,
         "full": made.unknowns + tip,
         "tip": tip,
-        "lagged": head.size1_out("lagging"),
+        "lagged": sizes["lagging"],
         "implicit": implicit,
         "row_of": "rows[k]" if made.rows.size else "0",
         "force_of": "force[k]" if made.loaded else "0",

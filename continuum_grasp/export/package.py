@@ -35,7 +35,7 @@ from continuum_grasp.export.source import (
 from continuum_grasp.export.subject import MOST_SUBSTEPS, Subject
 from continuum_grasp.export.targets import example_files, measure, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
+from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
 
 _ASKED_ERROR = 1e-2
@@ -49,7 +49,7 @@ _PACKAGE = Consumer(
         **LIMITS_OF_BENDING,
         **dict.fromkeys(("actuation", "initial", "loads.force", "loads.moment"), _ARGUMENT),
         **{f"time.{key}": "steps are the caller's" for key in ("duration", "method", "tolerance", "space_error")},
-        "finger.tendons.min_tension": "a limit of commands: tensions from zero on are taken",
+        **LEAST_COMMANDS,
     },
 )
 _LOOP = Consumer(

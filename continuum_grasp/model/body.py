@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, rotated
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.surroundings import Surroundings
-
-if TYPE_CHECKING:
-    from continuum_grasp.model.touching import Pair
 
 _POSE = ("object_x [m]", "object_y [m]", "object_angle [rad]", "object_z [m]")
 _WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]", "table_height [m]")
@@ -77,19 +73,22 @@ class Body:
         """Out of the plane [N]."""
         return self.mass * self._around.out_of_plane_gravity
 
-    def state_rate(self, gravity: Vec, pairs: Sequence[Pair]) -> list[Scalar]:
-        """Rates of pose and rates under gravity in the plane [m/s2] and all contacts."""
+    def state_rate(
+        self, gravity: Vec, forces: Sequence[tuple[Vec, Vec]], moments: Sequence[Scalar], lifts: Sequence[Scalar]
+    ) -> list[Scalar]:
+        """Rates of pose and rates under gravity in the plane [m/s2], world forces [N] at points [m], moments [N m] and
+        forces out of the plane [N].
+        """
         if not self.moves:
             return []
         mass, center = self.mass, self.position + self.arm
         total = Vec(self.wrench[0], self.wrench[1])
         moment: Scalar = self.wrench[2]
-        for pair in pairs:
-            force = pair.force.scaled(-1.0)
+        for point, force in forces:
             total += force
-            moment += (pair.point - center).cross(force)
-        for pair in pairs:
-            moment += pair.moment if pair.arm else 0.0
+            moment += (point - center).cross(force)
+        for own in moments:
+            moment += own
         # Newton and Euler about the center of mass; the pose is that of the frame's origin, which its arm carries.
         spin = moment / self.inertia
         back = self.arm.perp().scaled(spin) - self.arm.scaled(self.omega * self.omega)
@@ -97,7 +96,7 @@ class Body:
         rates = [self.rates[k] for k in range(self.rates.numel())]
         found = [*rates, acceleration.x, acceleration.y, spin]
         if self.sinks:
-            found.append(1.0 / mass * sum(pair.lift for pair in pairs) - self._around.out_of_plane_gravity)
+            found.append(1.0 / mass * sum(lifts) - self._around.out_of_plane_gravity)
         return found
 
     def energy(self, gravity: Vec) -> tuple[Scalar, Scalar]:

@@ -71,7 +71,10 @@ class Contacts:
         """Rates of the states, under gravity in the plane [m/s2]."""
         if self._body is None:
             return []
-        return self._body.state_rate(gravity, self.pairs) + [rate for pair in self.pairs for rate in pair.z_rate]
+        forces = [(pair.point, pair.force.scaled(-1.0)) for pair in self.pairs]
+        moments = [pair.moment for pair in self.pairs if pair.arm]
+        rates = self._body.state_rate(gravity, forces, moments, [pair.lift for pair in self.pairs])
+        return rates + [rate for pair in self.pairs for rate in pair.z_rate]
 
     def energy(self, gravity: Vec) -> tuple[Scalar, Scalar]:
         """Kinetic energy, and potential of weight and springs [J], of a table at height zero, whose height is in w."""

@@ -204,7 +204,7 @@ class Family(ABC):
         Without a moment it is the derivative of the element's bending angle.
         """
 
-    def stretches(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
+    def length_factors(self, element: int, lengths: Sequence[Scalar]) -> list[Scalar]:
         """Factors of the integrals of the shapes of an element that has another length than the mesh at run time."""
         local = self.local(element)
         if isinstance(lengths[element], float):

@@ -308,9 +308,9 @@ class Structure:
     def _tendon_sets(self) -> tuple[CellSet, ...]:
         if not self.own_tendons:
             return ()
-        rubs, unit_rest = map(self.parameters.is_runtime, ("tendon_friction", "rest_curvature"))
+        frictional, unit_rest = map(self.parameters.is_runtime, ("tendon_friction", "rest_curvature"))
         tendons = self.finger.tendon_list
-        return tendon_sets(self.family, self.channels, tendons, frictional=rubs, unit_rest=unit_rest)
+        return tendon_sets(self.family, self.channels, tendons, frictional=frictional, unit_rest=unit_rest)
 
     @property
     def cell_sets(self) -> list[CellSet]:

@@ -72,7 +72,7 @@ class TendonForces:
     # -- geometry -------------------------------------------------------------------------------------------------
 
     def _scale(self, element: int) -> list[Scalar]:
-        return self._made.family.stretches(element, self._lengths)
+        return self._made.family.length_factors(element, self._lengths)
 
     def _rest(self, cell: Cell, bent: Scalar) -> Scalar:
         """An integral of the rest curvature, which may be a run-time argument, as may the lengths."""

@@ -81,8 +81,8 @@ def tendon_sets(
     groups: dict[tuple[Curve, float, object], list[int]] = {}
     for k, (channel, tendon) in enumerate(zip(channels, tendons, strict=True)):
         own = tendon.friction, tendon.friction_cells, tendon.presliding, tendon.conduit_bend
-        rubs = frictional or tendon.friction > 0.0
-        groups.setdefault((channel.shape, abs(channel.arms[k]), own if rubs else None), []).append(k)
+        has_friction = frictional or tendon.friction > 0.0
+        groups.setdefault((channel.shape, abs(channel.arms[k]), own if has_friction else None), []).append(k)
     found = []
     for (*_, laws), group in groups.items():
         first, has_friction = tendons[group[0]], laws is not None

@@ -20,6 +20,14 @@ LIMITS_OF_BENDING = {
     "supports.touch": "of grasps",
 }
 """What motions do not need, by key, and why."""
+LEAST_COMMANDS = dict.fromkeys(
+    ("finger.tendons.min_tension", "finger.pressure.min_pressure"), "a limit of commands: from zero on all are taken"
+)
+LIMITS_OF_COMMANDS = {
+    **LEAST_COMMANDS,
+    **dict.fromkeys(("finger.tendons.max_tension", "finger.pressure.max_pressure"), "a limit of commands"),
+}
+"""What is of commands alone, which a scene keeps to; above, what ranges from zero on do not need."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value
@@ -248,7 +248,7 @@ _FIT = Consumer(
     unneeded={
         **LIMITS_OF_BENDING,
         **dict.fromkeys(("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts"),
-        **dict.fromkeys(("finger.tendons.min_tension", "finger.tendons.max_tension"), "limits of commands"),
+        **LIMITS_OF_COMMANDS,
         "time": "rows have times of their own",
         "name": "of reports",
     },

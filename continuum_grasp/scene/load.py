@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar, overload
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, overload
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import (
@@ -21,11 +20,10 @@ from continuum_grasp.scene.assembly import (
 )
 from continuum_grasp.scene.document import Document, Place
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.kinds import KINDS, model_of
 from continuum_grasp.scene.simulate import Scene
 
 if TYPE_CHECKING:
-    from pydantic import BaseModel
-
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.design import Design
     from continuum_grasp.scene.grasp import GraspScene
@@ -36,35 +34,6 @@ if TYPE_CHECKING:
     Loaded: TypeAlias = Scene | GraspScene | ControlScene | MissionScene | PlanScene | Finger | Sweep | Design
 
 Kind = TypeVar("Kind")
-
-
-class _Kind(NamedTuple):
-    module: str
-    model: str
-    words: str
-    keys: str
-    """Some by which the kind is recognized."""
-    command: str | None
-    """That runs it; None: a finger alone is not run."""
-
-    @property
-    def expected(self) -> str:
-        """What errors say that is expected."""
-        return f"{self.words} ({self.keys}, ...)"
-
-
-KINDS = {
-    "simulate": _Kind("simulate", "Scene", "a scene", "finger, gravity", "simulate"),
-    "identify": _Kind("identify", "IdentifyScene", "an identification", "finger, estimate", "identify"),
-    "grasp": _Kind("grasp", "GraspScene", "a grasp", "finger, object", "grasp"),
-    "mpc": _Kind("control", "ControlScene", "a closed loop", "finger, controller", "mpc"),
-    "mission": _Kind("mission", "MissionScene", "a mission", "grasp, controller", "mpc"),
-    "plan": _Kind("plan", "PlanScene", "a plan", "finger, goal", "plan"),
-    "sweep": _Kind("sweep", "Sweep", "a sweep", "scene, vary", "sweep"),
-    "design": _Kind("design", "Design", "a design", "scene, variables, minimize", "design"),
-    "finger": _Kind("finger", "Finger", "a finger alone", "rod", None),
-}
-"""Of configurations, by name."""
 
 
 def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
@@ -174,13 +143,3 @@ def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], lo
 def kind_of_scene(loaded: Loaded) -> str:
     """What kind of configuration a loaded one is."""
     return next(name for name, kind in KINDS.items() if kind.model == type(loaded).__name__)
-
-
-def model_of(kind: str) -> type[BaseModel]:
-    """The model of a kind of configuration."""
-    if kind not in KINDS:
-        raise InputError(f"no such kind of configuration: expected one of {', '.join(KINDS)}, got {kind!r}")
-    # A kind's module is loaded with its first file: a simulation needs none of those of control.
-    module = import_module(f"continuum_grasp.scene.{KINDS[kind].module}")
-    found: type[BaseModel] = getattr(module, KINDS[kind].model)
-    return found

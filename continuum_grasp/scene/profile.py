@@ -54,8 +54,8 @@ class Curve:
     def of_pieces(cls, length: float, starts: Sequence[float], coefficients: Sequence[tuple[float, ...]]) -> Curve:
         """Polynomials from places on [m], each up to the next place, without those of no length."""
         spans = zip(starts, (*starts[1:], length), coefficients, strict=True)
-        kept = [(start, own) for start, end, own in spans if end - start > _SAME * length]
-        return cls((*(start for start, _ in kept), length), tuple(own for _, own in kept))
+        pieces = [(start, own) for start, end, own in spans if end - start > _SAME * length]
+        return cls((*(start for start, _ in pieces), length), tuple(own for _, own in pieces))
 
     @classmethod
     def through(cls, spline: PPoly, *, exponential: bool = False) -> Curve:

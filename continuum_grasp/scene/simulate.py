@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside, needs
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside, needs
 from continuum_grasp.scene.drives import COMMANDS, MotorDrive, of_drives
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
@@ -48,8 +48,7 @@ EXACT_ROD = Consumer(
         **LIMITS_OF_BENDING,
         **{f"fidelity.{key}": "accuracy compares them" for key in ("family", "elements", "accuracy")},
         "finger.damping.friction_cells": "there is no dry friction",
-        "finger.tendons.min_tension": "limits of commands",
-        "finger.tendons.max_tension": "limits of commands",
+        **LIMITS_OF_COMMANDS,
         "time": "motions are compared over a second at most, in steps of their own",
     },
 )

@@ -15,7 +15,6 @@ from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Friction, Length, NonNegative, Positive, TimeConstant, Value, check_shorter
 
 if TYPE_CHECKING:
-    from continuum_grasp.scene.finger import Finger
     from continuum_grasp.scene.profile import Channel, Curve
 
 MOST_SLOPE = 0.3
@@ -148,41 +147,48 @@ def check_tendon(key: str, tendon: Tendon, length: float) -> None:
         )
 
 
-def _two_lags(finger: Finger) -> bool:
+def _two_lags(tendons: tuple[Tendon, ...], length: float) -> bool:
     """Whether tendons whose moments add up lag by different times."""
-    groups = alike(finger.tendon_list, finger.rod.length)
-    return any(len({finger.tendon_list[k].time_constant for k in group}) > 1 for group in groups)
+    groups = alike(tendons, length)
+    return any(len({tendons[k].time_constant for k in group}) > 1 for group in groups)
 
 
-def _two_kinds(finger: Finger) -> bool:
-    drives = (tendon.drive for tendon in finger.tendon_list)
-    return len({drive and (drive.key, drive.arrangement) for drive in drives}) > 1
+def _two_kinds(tendons: tuple[Tendon, ...]) -> bool:
+    return len({tendon.drive and (tendon.drive.key, tendon.drive.arrangement) for tendon in tendons}) > 1
 
 
-def _one_sided(finger: Finger) -> bool:
+def _one_sided(tendons: tuple[Tendon, ...]) -> bool:
     """Whether two tendons are not at equal distances on both sides."""
-    pairs = zip(*(ends(tendon.offset) for tendon in finger.tendon_list), strict=True)
-    return len(finger.tendon_list) == 2 and any(abs(a + b) > _SAME * abs(a) for a, b in pairs)
+    pairs = zip(*(ends(tendon.offset) for tendon in tendons), strict=True)
+    return len(tendons) == 2 and any(abs(a + b) > _SAME * abs(a) for a, b in pairs)
 
 
-def _on_pulley(name: str, where: Callable[[Finger], bool], why: str) -> Consumer:
+def _on_pulley(name: str, where: Callable[[tuple[Tendon, ...]], bool], why: str) -> Consumer:
     key = "tendons.drive.arrangement=one_pulley"
-    return beside(f"finger of tendons {name}", where, key, f"one_pulley needs {why}", "finger")
+    return beside(
+        f"finger of tendons {name}", lambda finger: where(finger.tendon_list), key, f"one_pulley needs {why}", "finger"
+    )
 
 
 def _unlike(name: str) -> Consumer:
     """Refuse two tendons on one pulley that differ."""
     alike = f"tendons with the same {name}"
-    return _on_pulley(f"unlike in {name}", lambda f: len({getattr(one, name) for one in f.tendon_list}) > 1, alike)
+    return _on_pulley(f"unlike in {name}", lambda given: len({getattr(one, name) for one in given}) > 1, alike)
 
 
 _SIDES = "tendons at equal distances on both sides: it winds up the one by as much as it pays out the other"
 _LAGS = "must be that of tendons that run alike: their moments add up before they lag"
 _KINDS = "all tendons of a finger need the same kind of drive, input and arrangement"
 ALIKE = (
-    beside("finger of two kinds of drives", _two_kinds, "tendons.drive", _KINDS, "finger"),
-    beside("finger of two lags", _two_lags, "tendons.time_constant", _LAGS, "finger"),
-    _on_pulley("that are no two", lambda finger: len(finger.tendon_list) != 2, "two tendons"),
+    beside("finger of two kinds of drives", lambda f: _two_kinds(f.tendon_list), "tendons.drive", _KINDS, "finger"),
+    beside(
+        "finger of two lags",
+        lambda f: _two_lags(f.tendon_list, f.rod.length),
+        "tendons.time_constant",
+        _LAGS,
+        "finger",
+    ),
+    _on_pulley("that are no two", lambda tendons: len(tendons) != 2, "two tendons"),
     *map(_unlike, ("friction", "axial_stiffness", "series_stiffness", "to", "drive")),
     _on_pulley("on one side", _one_sided, _SIDES),
 )

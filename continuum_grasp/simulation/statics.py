@@ -14,7 +14,7 @@ from continuum_grasp.arguments import check_arguments, choice, real_array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer
 from continuum_grasp.scene.drives import LengthDrive
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import Actuation, Load
@@ -211,10 +211,15 @@ _STATICS = Consumer(
         "finger.damping.quadratic": "of rates alone, and smaller than small motions",
         "finger.damping.relaxation.time": "what is at rest has relaxed; of small motions all or nothing has",
         "finger.rod.spirob.units": "the taper is the same, however it is cut",
-        **{f"finger.tendons.{key}": "of commands, which actuation satisfies" for key in ("min_tension", "max_tension")},
+        **LIMITS_OF_COMMANDS,
         **{
-            f"finger.tendons.{key}": "commands are reached"
-            for key in ("time_constant", "drive.time_constant", "drive.rate_max")
+            f"finger.{key}": "commands are reached"
+            for key in (
+                "tendons.time_constant",
+                "tendons.drive.time_constant",
+                "tendons.drive.rate_max",
+                "pressure.time_constant",
+            )
         },
         **{
             f"finger.tendons.drive.{key}": "of initial.motor_angles: other motors are where commands lead, or free"

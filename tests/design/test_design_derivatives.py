@@ -345,7 +345,7 @@ def test_unknowns_follow_the_bounds_and_rows_that_hold_them(monkeypatch):
     row_bounds = np.array([0.0, -np.inf, 0.0, -np.inf]), np.array([0.0, 0.0, np.inf, 0.0])
     value = np.array(problem.functions["jac_g"](x, numbers(0.0))[0]).ravel()
     attempt = SimpleNamespace(x=x, g=value, numbers=numbers(0.0), multipliers=Multipliers(bound_forces, forces))
-    solver = SimpleNamespace(derivatives=problem.functions, row_bounds=row_bounds)
+    solver = SimpleNamespace(nlp=problem, row_bounds=row_bounds)
     monkeypatch.setattr(HeldGrasp, "_bounds", lambda _, t: bounds(t))
     near = Stencil.of(lambda t: t)
     low, high = (near.difference([bounds(t)[k] for t in near.scenes]) for k in (0, 1))

@@ -179,6 +179,22 @@ def test_the_loop_in_c_is_that_of_the_virtual_machine(family, name):
     assert many[0] == pytest.approx(core.forward_dynamics(*arguments), abs=0)
 
 
+def test_all_lags_are_in_the_loop():
+    """Of tendons of two shapes and of three chambers: seven states."""
+    tendons = [{"offset": 0.004, "max_tension": 9.0, "time_constant": 0.05}] * 2
+    chambers = [{"area": 1e-4, "offset": 0.004 * k, "max_pressure": 1e5, "time_constant": 0.05 * k} for k in (1, 2, 3)]
+    finger = Finger.model_validate(FULL | {"tendons": [tendons[0], {**tendons[1], "to": 0.4}], "pressure": chambers})
+    model = FingerModel(finger, family="arc", elements=COUNT)
+    assert model.sweeps
+    assert model.nx == 2 * model.n + 7
+    x, u, w, p = state_of(model)
+    expected = np.array(model.forward_dynamics(x, u, w, p)).ravel()
+    assert expected[-3:] == pytest.approx([(u[2 + k] - x[k - 3]) / (0.05 * (k + 1)) for k in range(3)])
+    core = cg.compile(model)
+    assert core.forward_dynamics(x, u, w, p) == pytest.approx(expected, rel=1e-9)
+    assert core.batch("forward_dynamics", np.array([x]), u, w, p)[0] == pytest.approx(expected, rel=1e-9)
+
+
 @pytest.mark.parametrize("why", ["few", "lengths", "mass", "moment", "kinds"])
 def test_what_sweeps_do_not_have_is_solved_densely(why):
     options = {"elements": COUNT - 1 if why == "few" else COUNT, "family": "matched_clothoid"}

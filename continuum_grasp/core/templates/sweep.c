@@ -1,8 +1,8 @@
 {
   enum { N = <<links>>, LAST = N - 1 };<<if rows>>
   static const casadi_real rows[N][<<row>>] = {<<rows>>};<<end>>
-  casadi_real drive[<<drive>>], tip[1], tip_rate[1], lagging[2], base[2];
-  casadi_real q[<<full>>], qd[<<full>>], ends[2][<<end>>], starts[2][<<start>>], rates[<<full>>];
+  casadi_real drive[<<drive>>], tip[1], tip_rate[1], lagging[<<lagging>>], base[2];
+  casadi_real q[<<full>>], qd[<<full>>], ends[2][<<section_end>>], starts[2][<<start>>], rates[<<full>>];
   casadi_real shape[N][<<shape>>], body[N][<<body>>], gain[N][<<gain>>], spins[N + 1][<<spin>>];<<if implicit>>
   casadi_real r[<<full>>];<<end>><<if loads>>
   static const int loaded[<<loads>>] = {<<loaded>>};
@@ -90,6 +90,6 @@
   if (res[0])
     for (i = 0; i < <<n>>; ++i) res[0][i] = rates[i];<<if lagged>>
   if (res[1])
-    for (i = 0; i < 2; ++i) res[1][i] = lagging[i];<<end>>
+    for (i = 0; i < <<lagged>>; ++i) res[1][i] = lagging[i];<<end>>
   return 0;
 }

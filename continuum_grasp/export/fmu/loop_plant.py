@@ -21,7 +21,7 @@ from continuum_grasp.export.part import Code
 from continuum_grasp.export.parts.seen import by_component
 from continuum_grasp.export.source import names_of
 from continuum_grasp.export.template import fill
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
+from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
 
 _CODES = (Code.OK, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT)
@@ -34,7 +34,7 @@ _UNIT = Consumer(
         **{f"actuation.tensions.{key}": _START for key in ("times", "interpolation")},
         **dict.fromkeys(("loads.force.times", "reference", "plant.seed"), _START),
         **dict.fromkeys(("time.space_error", "time.method", "time.tolerance"), "of simulate"),
-        "finger.tendons.min_tension": "a limit of commands: tensions from zero on are taken",
+        **LEAST_COMMANDS,
         "controller.deadline": "the caller has the clock, and says whether the last command was late",
     },
 )

@@ -28,7 +28,7 @@ from continuum_grasp.export.parts.seen import contact_kernel, sections_kernel
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 from continuum_grasp.model import FingerModel, System
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer
+from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.loads import ForceLoad
@@ -237,7 +237,7 @@ _PAGE = Consumer(
         "name": "the title of the page alone",
         "time.duration": "the page goes on until it is closed; a table of inputs ends with it",
         **{f"time.{key}": "a page has its own steps" for key in ("step", "method", "tolerance", "space_error")},
-        "finger.tendons.min_tension": "a limit of commands: sliders begin at zero",
+        **LEAST_COMMANDS,
     },
 )
 

@@ -190,8 +190,8 @@ class SectionForces:
 
     def _weights(self, port: Port) -> tuple[Scalar, list[Scalar]]:
         """Measure of a port, and that times its shapes; its element may have another length at run time."""
-        stretches = self._family.stretches(port.element, self._at.lengths)
-        weights = [port.measure * shape * factor for shape, factor in zip(port.shapes, stretches, strict=True)]
+        length_factors = self._family.length_factors(port.element, self._at.lengths)
+        weights = [port.measure * shape * factor for shape, factor in zip(port.shapes, length_factors, strict=True)]
         h, nominal = self._at.lengths[port.element], self._family.mesh.lengths[port.element]
         return port.measure if isinstance(h, float) else port.measure * (h / nominal), weights
 
