@@ -278,8 +278,9 @@ def solve_clear(
         # A solution to the acceptable tolerance gets one more round from its own multipliers.
         settled = last.status is nlp.Status.SOLVED or acceptable
         acceptable = last.status is nlp.Status.ACCEPTABLE
-        # What guarded places are too deep, others may be.
-        if settled and deepest < depth + last.violation and change < STEADY * max(1.0, abs(last.objective)):
+        # What guarded places are too deep, others may be; what holds to less than the tolerance gives no more depth.
+        deep = deepest > depth + min(last.violation, CONSTRAINT_TOLERANCE)
+        if settled and not deep and change < STEADY * max(1.0, abs(last.objective)):
             break
         start = replace(start, x=last.x, p=near, multipliers=last.multipliers)
     return replace(last, iterations=iterations), numbers
