@@ -97,7 +97,7 @@ class _Record:
         )
 
 
-class _Finger:
+class Finger:
     """The prediction as a plant, with what is measured of it."""
 
     def __init__(self, loop: Loop, rng: np.random.Generator) -> None:
@@ -197,7 +197,7 @@ def _controller_vectors(contents: Contents, loop: Loop, host: _Host, function: S
     nu = loop.command.size
     record = _Record(host, function, nu + loop.start.size + 5 + _felt(loop), real.dtype)
     for episode in range(_EPISODES):
-        finger, u, planned = _Finger(loop, rng), loop.before.copy(), False
+        finger, u, planned = Finger(loop, rng), loop.before.copy(), False
         later = _target(loop, rng)
         for k in range(_EPISODE):
             if k % _HELD == 0:
@@ -226,7 +226,7 @@ def _estimator_vectors(contents: Contents, loop: Loop, host: _Host, function: St
     nz, low, high = loop.estimate.size, loop.stages.u_min, loop.stages.u_max
     record = _Record(host, function, 2 * nz + 1 + _felt(loop), real.dtype)
     for episode in range(_EPISODES):
-        finger, u = _Finger(loop, rng), loop.before.copy()
+        finger, u = Finger(loop, rng), loop.before.copy()
         for k in range(_EPISODE):
             if k % 10 == 0:
                 target = low + (high - low) * rng.uniform(0.0, 0.3, len(low))
