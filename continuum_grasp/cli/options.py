@@ -76,7 +76,7 @@ _SHARED: dict[str, tuple[Any, Any, Any]] = {
 }
 """Arguments and options of several verbs: type, how they are given, and default."""
 _LAST = ("pictures", "as_json", "quiet", "verbose")
-"""Those that stand behind a verb's own."""
+"""Shared options that `--help` lists after those of the verb alone."""
 
 
 def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[..., None]]:

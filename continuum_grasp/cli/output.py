@@ -67,7 +67,7 @@ class Output:
             )
 
     def named(self, suffix: str) -> Path:
-        """What is written: as asked, or named after verb and configuration, with a suffix."""
+        """The destination: as asked, or named after verb and configuration, with a suffix."""
         return self.out if self.out is not None else Path("runs") / self.verb / f"{self.config.stem}{suffix}"
 
     def scene(self, *kinds: type) -> Any:

@@ -45,9 +45,9 @@ class Control:
     start: float = 0.0
     """What is added to them: cable that is wound up of the straight finger [m]."""
     channel: Channel | None = None
-    """What a tendon or a chamber bends hinges by; None: a force or moment at a site."""
+    """Bending moments of a tendon or a chamber; None: a force or moment at a site."""
     arm: float = 0.0
-    """Its arm there."""
+    """Amplitude of the channel per tension [m], or per pressure."""
 
     @classmethod
     def of(cls, name: str, value: Any, pull: Pull, **others: Any) -> Control:
