@@ -66,7 +66,7 @@ COSTLY = [
     for name in (
         *("accuracy_report", "run_closed_loop", "plan", "grasp.closing_path", "mission.check_mission"),
         *("identification.ResidualFit", "identification.learn_residual", "plotting.plot_accuracy"),
-        *("plotting.plot_closing", "plotting.plot_grasp", "plotting.plot_robustness"),
+        *("operators.TorchOperators", "plotting.plot_closing", "plotting.plot_grasp", "plotting.plot_robustness"),
     )
 ]
 

@@ -129,7 +129,7 @@ def test_motion_is_no_gap():
     control.reset(u=HELD)
     x, stage = np.array([*STATE, *HELD]), control.stages.stage
     rows = np.tile(SETPOINTS, (control.stages.stages + 1, 1))
-    for k in range(80):
+    for k in range(40):  # a period
         rows[:, 4] = 4.9 + 0.4 * np.sin(2.0 * np.pi * stage * (k + np.arange(len(rows))) / 0.4)
         command = control.step(x[:10], rows, p=KNOWN)
         assert Anomaly.PLAN_GAPS not in command.anomaly

@@ -179,6 +179,7 @@ def test_area_and_lag_are_found_from_a_motion():
     assert found.values == pytest.approx([1.3 * 4e-5, 1.4 * 0.05], rel=1e-4)
 
 
+@pytest.mark.deep
 def test_a_controller_reaches_the_tip_of_a_pressure():
     # Constant curvature: the tip is on the circle of that angle.
     angle = 0.8
