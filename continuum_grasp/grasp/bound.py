@@ -158,7 +158,7 @@ def _contacts(scene: GraspScene) -> list[_Places]:
         moves = greatest_shift(setup.finger.base_free, (x, y)) + greatest_shift(body.free, body.position)
         along = (*((m, setup.middle_bounds[1]) for m in setup.middles), (setup.tip, setup.finger.rod.length))
         found += [
-            anywhere(setup.friction, center, (1.0 + _SHORT) * s + farther + moves, half)
+            anywhere(setup.held_friction, center, (1.0 + _SHORT) * s + farther + moves, half)
             for switch, s in along
             if switch != "off"
         ]
@@ -168,7 +168,7 @@ def _contacts(scene: GraspScene) -> list[_Places]:
     for support in scene.places:
         if support.name not in wanted:
             continue
-        friction = scene.friction(support.name)
+        friction = scene.held_friction(support.name)
         fixed = isinstance(support, Wall) and (body.free is None or math.isinf(support.half_length))
         if body.free is None or (fixed and not _turns(scene)):
             touched = support_contacts(scene, pose, (support.name,)).values()

@@ -109,6 +109,8 @@ class FingerSetup:
     are middle contacts.
     """
     friction: float
+    held_friction: float
+    """``friction`` less the reserve: what grasps are sought and certified with."""
     normal_force_max: float
     """[N]"""
 
@@ -316,6 +318,10 @@ class GraspScene(Configuration, Supported):
                 return body.friction
         return self.contacts.friction
 
+    def held_friction(self, contact: str) -> float:
+        """The same less ``contacts.reserve``: what grasps are sought and certified with [1]."""
+        return (1.0 - self.contacts.reserve) * self.friction(contact)
+
     def normal_force_max(self, contact: str) -> float:
         """Greatest normal force of a contact by its name [N]."""
         own = self._finger_of(contact)
@@ -376,6 +382,7 @@ class GraspScene(Configuration, Supported):
             middle_bounds=(low, high),
             stations=stations,
             friction=contacts["friction"],
+            held_friction=(1.0 - self.contacts.reserve) * contacts["friction"],
             normal_force_max=contacts["normal_force_max"],
         )
 

@@ -67,6 +67,9 @@ class GraspContacts(FingerContacts):
     where that is better; a list: several such contacts, from base to tip."""
     tip: Switch = "on"
     """on: the rounded end of the finger touches the object; auto: where that is better."""
+    reserve: Annotated[Ratio, Field(lt=1.0, examples=[0.2])] = 0.0
+    """Part of every friction cone that stays free [1]: 0.2 holds with friction coefficients that are 20 % less. What
+    the grasp resists is counted with the whole cones."""
 
 
 class GraspFinger(Finger):

@@ -40,7 +40,8 @@ def test_the_page_has_two_blocks_of_commands():
     assert [len(block) for block in COMMANDS] == [2, 13]
 
 
-@pytest.mark.parametrize("block", [COMMANDS[0], *(pytest.param(one, marks=pytest.mark.deep) for one in COMMANDS[1:])])
+@pytest.mark.deep
+@pytest.mark.parametrize("block", COMMANDS)
 def test_commands_run(block, checkout):
     for line in block:
         done = run(checkout, "-m", "continuum_grasp", *words(line))

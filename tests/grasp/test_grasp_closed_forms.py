@@ -48,13 +48,15 @@ def finger(tip, towards, half=HALF, stiffness=0.05, loose=LOOSE):
     )
 
 
-def solve(fingers, body, gravity, supports=None, friction=FRICTION, objective="least_normal_force", **more):
+def solve(
+    fingers, body, gravity, supports=None, friction=FRICTION, objective="least_normal_force", reserve=0.0, **more
+):
     """The grasp by the tips of these fingers."""
     scene = GraspScene(
         fingers=dict(zip(("one", "two", "three"), fingers, strict=False)),
         object=body,
         supports=supports or {},
-        contacts=GraspContacts(friction=friction, normal_force_max=100.0, middle="off", tip="on"),
+        contacts=GraspContacts(friction=friction, normal_force_max=100.0, middle="off", tip="on", reserve=reserve),
         gravity=gravity,
         fidelity=Fidelity(family="matched_clothoid", elements=2),
         objective=objective,
@@ -84,11 +86,16 @@ CEILING = {"palm": Palm(point=(0.0, 0.04), normal_angle=-0.5 * math.pi)}
 # -- squeezes ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("body", [disc(), BLOCK], ids=["disc", "block"])
-def test_squeeze_against_a_palm_out_of_the_plane(body):
-    """Tip below, palm above, weight across: N is the same at both, mu N + mu N = m g, so N = m g / (2 mu)."""
-    result = solve([finger((0.0, -0.04 - HALF), 0.5 * math.pi)], body, OUT, CEILING)
-    assert normal_forces(result)["one.tip"] == pytest.approx(WEIGHT / (2 * FRICTION), rel=1e-6)
+@pytest.mark.parametrize(
+    ("body", "reserve"), [(disc(), 0.0), (BLOCK, 0.0), (disc(), 0.2)], ids=["disc", "block", "reserve"]
+)
+def test_squeeze_against_a_palm_out_of_the_plane(body, reserve):
+    """Tip below, palm above, weight across: N is the same at both, mu N + mu N = m g, so N = m g / (2 mu), where no
+    part of the cones stays free.
+    """
+    result = solve([finger((0.0, -0.04 - HALF), 0.5 * math.pi)], body, OUT, CEILING, reserve=reserve)
+    assert normal_forces(result)["one.tip"] == pytest.approx(WEIGHT / (2 * FRICTION * (1 - reserve)), rel=1e-6)
+    assert result.quality.friction_margin == pytest.approx(reserve, abs=1e-6)
 
 
 def test_squeeze_against_a_palm_in_the_plane():
@@ -114,13 +121,14 @@ def test_squeeze_between_two_tips(gravity, friction):
 
 
 @pytest.mark.deep
-def test_too_slippery_a_squeeze_names_the_coefficient():
-    """With N <= N_max the coefficient must be m g / (2 N_max) at least."""
+@pytest.mark.parametrize("reserve", [0.0, 0.2])
+def test_too_slippery_a_squeeze_names_the_coefficient(reserve):
+    """With N <= N_max the coefficient, less the reserve, must be m g / (2 N_max) at least."""
     most = 100.0
-    needed = 50 * G / (2 * most)
+    needed = 50 * G / (2 * most) / (1 - reserve)
     box = Box(shape="box", width=0.08, height=0.08, mass=50.0, position=(0.0, 0.0))
     tips = [finger((-0.04 - HALF, 0.0), 0.0), finger((0.04 + HALF, 0.0), math.pi)]
-    result = solve(tips, box, OUT, friction=0.9 * needed)
+    result = solve(tips, box, OUT, friction=0.9 * needed, reserve=reserve)
     assert result.status is Status.INFEASIBLE
     found = {r.name: r.needed for r in result.reasons}
     assert found["friction"] == pytest.approx(needed, rel=1e-4)

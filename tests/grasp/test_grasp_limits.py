@@ -89,6 +89,12 @@ def touched_by_stiffer():
     return scene.changed({"fingers.b.rod.bending_stiffness": 10 * EI}), arrays
 
 
+def with_reserve():
+    """A fifth of the cones stays free: 1.6 N of the 2 N that the friction at the tip would bear."""
+    scene, arrays = disc()()
+    return scene.changed({"contacts.reserve": 0.2}), arrays
+
+
 def palm_at(amount):
     """The palm alone is moved: the object stays where it is."""
 
@@ -130,6 +136,7 @@ def touched_beside(part):
 CONTACTS = [
     *(("friction cone, finger.tip", disc(), put("contact_forces", 0, (PRESS, *(2.0 * d)), (0, *(PRESS * 1e-6 * d))))
       for d in map(np.array, ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (0.6, -0.8)))),
+    ("friction cone, finger.tip", with_reserve, put("contact_forces", 0, (PRESS, 1.6, 0.0), (0, PRESS * 1e-6, 0))),
     ("friction cone, palm", HEAVY, put("contact_forces", 1, (PRESS, 2.0, 0.0), (0, 39.24e-6, 0))),
     ("friction cone, palm", WEIGHTLESS_TOUCH, put("contact_forces", 1, (0, 0, 0), (0, 1e-6 * TRACE, 0))),
     ("friction cone, finger.tip", disc(friction=2.0),

@@ -100,7 +100,7 @@ def contact_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
     friction_only = not isinstance(grasp.scene.gravity, OutOfPlaneGravity)
     for c in grasp.contacts:
         n, f, lift = c.normal_force, c.friction_force, c.lift
-        over = float(np.hypot(f, lift)) - c.friction * n
+        over = float(np.hypot(f, lift)) - c.held_friction * n
         yield Check(f"friction cone, {c.name}", over / scale, LIMIT, "1", f"{scale:.4g} N")
         most = c.normal_force_max  # pulls count against the forces in play, however high the limit is
         yield Check(f"normal force, {c.name}", worst(-n / scale, n / most - 1), LIMIT, "1", f"{most:.4g} N")

@@ -335,7 +335,7 @@ class _Linear:
         self._rows = np.zeros((len(names), 3, x.size))
         for k, places in enumerate(forces):
             self._rows[k, range(len(places)), places] = 1.0
-        self._rows[:, 0] *= np.array([[equations.scene.friction(name)] for name in names])
+        self._rows[:, 0] *= np.array([[equations.scene.held_friction(name)] for name in names])
         slacks, cones = spare + second @ least, self._rows @ (x + least)
         self.limits = Limits(slacks[None], second @ directions, cones[None], self._rows @ directions)
         self.found = greatest_reserve(self.limits, rho)

@@ -231,7 +231,8 @@ class RecomputedContact:
     normal_force: float  # these three [N]
     friction_force: float
     lift: float
-    friction: float  # coefficient [1] and greatest normal force [N] in the scene
+    friction: float  # coefficient, that less the reserve [1], and greatest normal force [N] in the scene
+    held_friction: float
     normal_force_max: float
     normal: Array = field(init=False)  # outward normal of the object (2,)
     point: Array = field(init=False)  # where its surface is touched (2,) [m]
@@ -299,7 +300,7 @@ class RecomputedGrasp:
             place = name, kind, k, finger, joint, support, int(parts[k]), radius, length
             stored = positions[k], normals[k], float(stations[k])
             n, f, lift = (float(value) for value in self.forces[k])
-            limits = self.scene.friction(name), self.scene.normal_force_max(name)
+            limits = self.scene.friction(name), self.scene.held_friction(name), self.scene.normal_force_max(name)
             found.append(RecomputedContact(*place, *stored, n, f, lift, *limits))
         self._touch(found)
         return found

@@ -180,7 +180,7 @@ class _Search:
     def _reserve(self, arrays: Arrays) -> float:
         """Of the cones of a posture as it is stored."""
         forces = np.asarray(arrays["contact_forces"], dtype=float)
-        friction = np.array([self.grasp.scene.friction(str(name)) for name in arrays["contact_names"]])
+        friction = np.array([self.grasp.scene.held_friction(str(name)) for name in arrays["contact_names"]])
         spare = friction * forces[:, 0] - np.hypot(forces[:, 1], forces[:, 2])
         return float(spare.min(initial=np.inf)) / self.grasp.force_scale
 

@@ -104,6 +104,7 @@ def problem_values(problem: GraspProblem, scene: GraspScene, start: Start, featu
         "tolerance": scene.solver.penetration_tolerance,
         "effort weight": 1.0,
         "relaxation weights": np.zeros(len(RELAXATIONS)),
+        "cone share": 1.0 - scene.contacts.reserve,
         "force reference": max(scene.weight, units.force) / units.force,
         # Without a weight, contacts press by what bends the fingers.
         "cone rounding": APEX * (scene.weight or units.force) / units.force,

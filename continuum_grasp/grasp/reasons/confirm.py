@@ -102,7 +102,7 @@ class _PostureProblem:
             highest[relaxed] = np.inf
         cost = np.zeros(size + 1)
         cost[-1] = 1.0
-        cones = self._cones(s.friction + added, tilted)
+        cones = self._cones(s.share * (s.friction + added), tilted)
         bounds = np.append(s.least, 0.0), highest
         return solve_socp(cost, np.concatenate(blocks), np.concatenate(lower), np.concatenate(upper), *bounds, cones)
 

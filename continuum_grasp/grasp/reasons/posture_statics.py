@@ -42,6 +42,7 @@ class PostureStatics:
     most: Array  # (n,)
     tensions: int  # number of tensions
     friction: Array  # (C,) coefficients
+    share: float  # of each cone, which the reserve leaves
     force: float  # [N]
     moment: float  # [N m]
     own: Array  # (n,) the stored tensions and forces
@@ -66,7 +67,8 @@ class PostureStatics:
         least, most = _bounds(grasp, size, force)
         own = np.concatenate([*(f.tensions for f in grasp.fingers), *(grasp.forces[c.index] for c in grasp.contacts)])
         friction = np.array([contact.friction for contact in grasp.contacts], dtype=float)
-        return cls(rows, weight, right, tilt, least, most, first, friction, force, moment, own / force)
+        share = 1.0 - scene.contacts.reserve
+        return cls(rows, weight, right, tilt, least, most, first, friction, share, force, moment, own / force)
 
     @property
     def balances_tilt(self) -> bool:

@@ -52,7 +52,7 @@ def matched_sets(
         outside += np.maximum(normal - setup.normal_force_max / loads.force, 0.0)
         alone = outside / (1.0 + np.abs(edges).sum(axis=1)) + np.sqrt((borne.own**2).sum(axis=1))
         alone += np.minimum(10.0 * candidates.violation, 1.0)
-        lift = 2.0 * setup.friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
+        lift = 2.0 * setup.held_friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
         cost = np.abs(pull) / high
         if len(candidates) > most:
             pick = np.array(
@@ -89,7 +89,7 @@ def _supported(
     """What is left of imbalances (S, 3) under the best forces of supports, and how much these may lift (S,)."""
     if not touched:
         return off, np.zeros(len(off))
-    friction = np.array([scene.friction(name) for name in touched])
+    friction = np.array([scene.held_friction(name) for name in touched])
     columns = [loads.edges * k + edge for k, mu in enumerate(friction) for edge in cone_edges(loads, mu)]
     effects = block.onto[0][:3, columns]
     force = pressed(effects, off)

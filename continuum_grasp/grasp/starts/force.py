@@ -136,7 +136,7 @@ def support_block(scene: GraspScene, loads: Loads, touched: dict[str, ContactSta
     parts: list[Array] = [np.zeros((1, loads.rows, 0))]
     high: list[float] = []
     for name, contact in touched.items():
-        slopes, lifts = _slopes(loads, scene.friction(name))
+        slopes, lifts = _slopes(loads, scene.held_friction(name))
         edges = np.array([[turn * cmath.exp(1j * contact.normal_angle)]])[..., None] * (1.0 + 1j * slopes)
         parts.append(_onto(loads, np.array([[turn * (complex(*contact.point) - com)]]), edges, lifts))
         high.extend([_cap(loads, scene.normal_force_max(name))] * len(lifts))
@@ -167,7 +167,7 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Can
     scale = np.maximum(np.abs(needed).max(axis=1), 0.3 * setup.stiffness / length)[:, None]
     if loads.gravity:
         needed = needed - _own_weight(setup, world, at, loads.gravity)
-    slopes, lifts = _slopes(loads, setup.friction)
+    slopes, lifts = _slopes(loads, setup.held_friction)
     edges = normals[..., None] * (1.0 + 1j * slopes)
     arms = points[:, None, :] - world[:, :, None]
     # A section bears what acts beyond it, up to the tip.
@@ -270,7 +270,7 @@ def contact_forces(
     """Normal, friction and lift [N] at contacts, from the forces along the edges of their cones."""
     out = {}
     for k, name in enumerate(names):
-        friction = scene.friction(name)
+        friction = scene.held_friction(name)
         slopes, lifts = _slopes(loads, friction)
         own = found[k * len(slopes) : (k + 1) * len(slopes)]
         out[name] = (float(own.sum()), float(own @ slopes), float(own @ lifts))

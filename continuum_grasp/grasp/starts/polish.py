@@ -52,7 +52,7 @@ class Borne:
 
 def shape_forces(loads: Loads, setup: FingerSetup, found: Candidates, block: Block, com: complex) -> Borne:
     """Forces that shapes of a finger that touches with its tip alone fix; ``com`` in the object's frame [m]."""
-    columns = [*cone_edges(loads, setup.friction), -2]
+    columns = [*cone_edges(loads, setup.held_friction), -2]
     moments, onto = block.moments[:, :, columns], block.onto[:, :3, columns]
     square = np.einsum("pri,prj->pij", moments, moments)
     # Normal equations scaled to a unit diagonal, 1e-9 on it where the forces are not unique.
@@ -130,14 +130,16 @@ class _Balance:
 
     def __init__(self, scene: GraspScene, loads: Loads, supports: Block, touched: dict[str, ContactStart]) -> None:
         self.loads, self._setups = loads, scene.setups
-        self._friction = np.array([s.friction for s in scene.setups] + [scene.friction(name) for name in touched])
+        self._friction = np.array(
+            [s.held_friction for s in scene.setups] + [scene.held_friction(name) for name in touched]
+        )
         caps = [s.normal_force_max for s in scene.setups] + [scene.normal_force_max(name) for name in touched]
         self._caps = np.array(caps) / loads.force
         self._count, self._held = len(scene.setups), len(touched)
         com = complex(*scene.object.com)
         # Effects of the edges of the supports' cones in the plane, and their arms.
         edges = [
-            [loads.edges * k + edge for edge in cone_edges(loads, scene.friction(name))]
+            [loads.edges * k + edge for edge in cone_edges(loads, scene.held_friction(name))]
             for k, name in enumerate(touched)
         ]
         self._onto = supports.onto[0][:3][:, np.array(edges, int).reshape(-1)]

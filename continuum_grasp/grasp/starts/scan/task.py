@@ -206,7 +206,7 @@ def make_task(
         rest=side * float(profile.rest_curvature(places).mean()) / scale,
         counts=tuple(b - a for a, b in pairwise(marks)),
         nodes=tuple(k / few for k in range(few + 1)),
-        friction=setup.friction,
+        friction=setup.held_friction,
         arcs=family_class(setup.family).degree == 0,
         bending_range=setup.bending_range,
         bounds=(setup.middle_bounds[0] * scale, setup.middle_bounds[1] * scale),
