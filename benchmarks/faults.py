@@ -246,11 +246,6 @@ FAULTS: tuple[Fault, ...] = (
         "grasp/bound.py", ("(1.0 + mu**2)) / size)", "(1.0 + 1.02 * mu**2)) / size)"), tests="grasp/test_grasp_bound.py"
     ),
     *_in(
-        "grasp/quality/mag_like.py",
-        ("center[0] * wrench[1] - center[1] * wrench[0]", "center[0] * wrench[1] + center[1] * wrench[0]"),
-        tests="grasp/test_grasp_quality.py",
-    ),
-    *_in(
         "grasp/quality/resistance.py",
         ("high = float(min(2.0 * spare[0][0]", "high = float(min(1.0 * spare[0][0]"),
         tests="grasp/test_grasp_quality.py grasp/test_grasp_response.py",

@@ -126,17 +126,6 @@ class BentFinger:
         along = np.einsum("gi,gi->g", beyond, self._tangents) * self.rod.weights
         return np.asarray(self._spins.T @ (along[:, None] * self._spins))
 
-    def inertia(self) -> Array:
-        """Mass matrix (n, n) of rod and point masses, in motions of the unknowns [kg m2 m2]."""
-        # The rod's mass is lumped at the ends of its cells.
-        share = np.zeros(self.rod.edges.size)
-        cells = np.diff(self.rod.mesh.to_edges(self._density))
-        share[:-1] += 0.5 * cells
-        share[1:] += 0.5 * cells
-        for mass in self.finger.masses:
-            share[self.rod.edge_index(mass.at)] += mass.mass
-        return np.asarray(np.einsum("e,ein,eim->nm", share, self._shifts, self._shifts))
-
     def _hats(self, inner: Sequence[float]) -> Array:
         """Change of curvature (G, n) at the nodes by each unknown: hat functions, cut in two at inner contacts."""
         mesh = self.rod.mesh
