@@ -214,8 +214,7 @@ class CaseGrasps:
                 arrays = dict(found.arrays)
                 if scene.state_columns:
                     arrays |= held_arrays(scene, arrays["contact_names"].tolist(), held)
-                # Its own search would take as long as all else, for each design.
-                return replace(found, arrays=arrays) if certify(scene, arrays, search=False).passed else None
+                return replace(found, arrays=arrays) if certify(scene, arrays).passed else None
             worse = sorted(worse, key=lambda one: one.reserve)[:MOST]
             errors = np.concatenate([errors, [one.error for one in worse]])
             touching = [*touching, *(one.begin.contacts for one in worse)]
