@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -19,7 +18,6 @@ from continuum_grasp.grasp.closing.result import ClosingStatus
 from continuum_grasp.grasp.closing.verdict import Ending
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import solver_run
-from continuum_grasp.grasp.problem.near import NearSolver
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.reasons import diagnosis, pairs, reach
 from continuum_grasp.grasp.reasons.diagnosis import Repair, Repairs, is_clear, is_rare
@@ -36,7 +34,7 @@ from continuum_grasp.grasp.starts.starts import make_starts
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.grasp.values import Reason
-from continuum_grasp.nlp import NLP, Attempt, Budget, Start, Status
+from continuum_grasp.nlp import Attempt, Budget, Status
 from continuum_grasp.scene.grasp_options import Robust
 from tests import certificate_cases as cases
 from tests.grasp_scenes import make_scene
@@ -224,23 +222,6 @@ def acts(force):
     return len(JointSolverRun.acting(whole, links)) == 2
 
 
-def near(objective, x, off=0.0):
-    """From a point next to where the objective of one unknown is least, beside an equation that is off."""
-    at = ca.SX.sym("x", 2)
-    solver = NearSolver(NLP("near", at, objective(at[0]), at[1], ca.SX.sym("p", 0)))
-    free, none = np.full(2, np.inf), np.zeros(1)
-    start = Start(np.array([x, off]), -free, free, none, none, np.zeros(0), None)
-    return solver.restored(start) if off else solver.solve(start, Budget())
-
-
-def steps_once(slope):
-    """Whether one step is enough that leaves a slope, of an objective whose curvature changes."""
-    bend = 25.0
-    after = (math.sqrt(1.0 + 2.0 * bend * slope) - 1.0) / bend
-    begin = after + math.sqrt(after**2 + 2.0 * after / bend)
-    return near(lambda x: x**2 / 2.0 + bend * x**3 / 6.0, begin).iterations == 1
-
-
 def near_object(gap):
     """Whether a contact that is clear by so much of the length may be what is missing."""
     scene, arrays = cases.squeezed_disc()
@@ -253,15 +234,6 @@ def near_object(gap):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(responses, "nearest_contact", lambda *_: at)
         return bool(list(Responder._near_object(None, response, ["finger.tip"])))
-
-
-def bends_over(violation, step=5e-4):
-    """Steps to a curved limit, of which the first leaves a violation."""
-    at, free = ca.SX.sym("x", 2), np.full(2, np.inf)
-    limit = at[0] + violation * (at[0] / step) ** 2 - step
-    solver = NearSolver(NLP("bent", at, -1e-3 * at[0], ca.vertcat(at[1], limit), ca.SX.sym("p", 0)))
-    start = Start(np.zeros(2), -free, free, np.array([0.0, -np.inf]), np.zeros(2), np.zeros(0), None)
-    return solver.solve(start, Budget()).iterations
 
 
 def goes_on(worse):
@@ -357,10 +329,6 @@ LIMITS = [
     ("gap of a contact that is missing", 1e-3, near_object),
     ("reserve that is lost by rounding", 1e-4, lambda x: holds(-x)),
     ("force of an error that acts", 1e-4, lambda x: not acts(x)),
-    ("way to a solution that is near", 0.999 * 30.0, lambda x: near(lambda y: (y - x) ** 2, 0.0).converged),
-    ("step that is the last", 1e-3, lambda x: near(lambda y: y**2, x).iterations == 1),
-    ("slope of a solution", 1e-5, steps_once),
-    ("violation of an equation that holds", 1e-8, lambda x: near(lambda y: y**2, 0.0, off=x).x[1] == x),
     ("part above what no grasp is below", 0.02, says_nothing),
     ("pull of tendons that are slack", 1e-3, slack),
     ("distance beyond reach", 1e-9, reached),
@@ -585,8 +553,6 @@ COUNTS = [
     ("parts of a step", [1.0, 1.0, 0.1, 0.1, 0.3], moves_by),
     ("touches that are named", "a, b, c, d, e, f", named),
     ("weight of postures in error", [1e-6], effort_in_error),
-    ("steps to limits that hold and that do not", [1, 2], lambda: [bends_over(1e-6 * x) for x in (0.999, 1.001)]),
-    ("steps to a solution that is not near", 12, lambda: near(lambda y: y**4, 1.0).iterations),
     ("starts of a limit that gives no grasp", [0, 1, 2, 3], lambda: [k for k, _ in starts_per_limit(False)]),
     ("starts of a limit that gives one", [*range(8)], lambda: sorted({k for k, _ in starts_per_limit(True)})),
     ("iterations of each", {80}, lambda: {most for _, most in starts_per_limit(True)}),
