@@ -21,9 +21,8 @@ from continuum_grasp.grasp.robust.search import Found, find_robust
 from continuum_grasp.grasp.robust.states import (
     OBJECT,
     extremes,
-    held_arrays,
-    tried_states,
     with_drawn_states,
+    with_postures,
     with_states,
 )
 from continuum_grasp.grasp.search import NEAR, Search, Tried
@@ -83,8 +82,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     trials = Budget(until=budget.until)
     arrays, certificate = found.arrays, found.certificate
     if found.holds and scene.state_columns:
-        tried = tried_states(scene, found.arrays, trials) if scene.robust else found.responses
-        arrays = {**found.arrays, **held_arrays(scene, found.arrays["contact_names"].tolist(), tried)}
+        arrays = with_postures(scene, found.arrays, found.responses, trials)
         certificate = certify(scene, arrays)
     errors = with_drawn_states(scene, drawn(bounds, scene.solver.random_seed))
     nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, first.first)

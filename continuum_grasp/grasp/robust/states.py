@@ -121,18 +121,24 @@ def tried_states(scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -
     return found + list(descended(responder, found))
 
 
-def held_arrays(scene: GraspScene, first: Sequence[str], responses: Sequence[Response]) -> dict[str, Array]:
-    """Postures of a grasp with friction states that its certificate is to verify, as `tried_states` gives them; each
-    array of a grasp with the states as first axis, ``held.`` before its name.
+def with_postures(
+    scene: GraspScene, arrays: Mapping[str, Array], responses: Sequence[Response], budget: Budget
+) -> dict[str, Array]:
+    """The arrays of a grasp, and of its postures with the friction states of its ``responses`` for the certificate to
+    verify: arrays of a grasp with the states as first axis, ``held.`` before their names.
 
-    Each contact has one row in all of them, those of the grasp, named ``first``, before others; where one is clear, its
-    name is empty and its numbers are NaN.
+    Each contact has one row in all of them, those of the grasp before others; where one is clear, its name is empty and
+    its numbers are NaN.
     """
+    if not scene.state_columns:
+        return dict(arrays)
+    if scene.robust:  # whose responses are to errors of the object, too
+        responses = tried_states(scene, arrays, budget)
     each = [response.arrays for response in responses]
-    names = list(dict.fromkeys([*first, *(str(name) for one in each for name in one["contact_names"])]))
+    names = list(dict.fromkeys(str(name) for one in (arrays, *each) for name in one["contact_names"]))
     each = [_with_all(one, names) for one in each]
     same = {f"{name}.family" for name in scene.named_fingers}
-    return {f"held.{key}": np.stack([one[key] for one in each]) for key in each[0] if key not in same}
+    return {**arrays, **{f"held.{key}": np.stack([one[key] for one in each]) for key in each[0] if key not in same}}
 
 
 def _with_all(arrays: Mapping[str, Array], names: Sequence[str]) -> dict[str, Array]:
