@@ -246,6 +246,11 @@ FAULTS: tuple[Fault, ...] = (
         "grasp/bound.py", ("(1.0 + mu**2)) / size)", "(1.0 + 1.02 * mu**2)) / size)"), tests="grasp/test_grasp_bound.py"
     ),
     *_in(
+        "grasp/certificate/held.py",
+        ("return min(sum(not (states", "return max(sum(not (states"),
+        tests="grasp/test_grasp_tampering.py",
+    ),
+    *_in(
         "grasp/quality/resistance.py",
         ("high = float(min(2.0 * spare[0][0]", "high = float(min(1.0 * spare[0][0]"),
         tests="grasp/test_grasp_quality.py grasp/test_grasp_response.py",
