@@ -104,10 +104,11 @@ def test_what_the_weight_takes_of_the_cone_out_of_the_plane(tendons):
     assert held.factors[1] == pytest.approx(2 * math.sqrt((mu * push) ** 2 - lift**2), rel=1e-6)
 
 
-def test_the_give_limits_what_the_first_order_may_say():
-    scene, arrays = axial_pinch(0.08)
-    held = resistance(GraspResponse(scene, arrays), wrenches=WRENCHES, tendons="locked", displacement_limit=1e-3)
-    assert held.motions[1, 1] == pytest.approx(1e-3 * RADIUS, rel=1e-9)
+@pytest.mark.parametrize(("friction", "given", "limit"), [(0.5, {"displacement_limit": 1e-3}, 1e-3), (50.0, {}, 0.1)])
+def test_the_give_limits_what_the_first_order_may_say(friction, given, limit):
+    response = GraspResponse(*axial_pinch(0.08, friction))
+    held = resistance(response, wrenches=WRENCHES, tendons="locked", **given)
+    assert held.motions[1, 1] == pytest.approx(limit * RADIUS, rel=1e-9)
     assert held.limiting[1] == ("the object moves",)
 
 

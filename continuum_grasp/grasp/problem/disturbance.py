@@ -93,8 +93,8 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
             on[spec.joint] = rotation(-finger.base[2]) @ load / finger.number("force share")
             couples[spec.joint] = (contact.force[0] * lever - half * own[1]) / _moment(finger)
         gaps.append((f"sticking contact, {spec.name}", gap, "m", "disturbances"))
-    for finger, (q, u), load, pull in zip(fingers, states, loads, pulls, strict=True):
-        missing = _moment(finger) * finger.missing_force(q, u, finger.loads(*load))
+    for finger, (q, u), borne, pull in zip(fingers, states, loads, pulls, strict=True):
+        missing = _moment(finger) * finger.missing_force(q, u, finger.loads(*borne))
         yield f"disturbed finger, {finger.spec.name}", missing, "N m", "disturbances"
         if problem.spec.locked:
             retained = _retained(finger, finger.drawn(q, u), pull)
