@@ -246,9 +246,9 @@ FAULTS: tuple[Fault, ...] = (
         "grasp/bound.py", ("(1.0 + mu**2)) / size)", "(1.0 + 1.02 * mu**2)) / size)"), tests="grasp/test_grasp_bound.py"
     ),
     *_in(
-        "grasp/quality/mag_like.py",
-        ("center[0] * wrench[1] - center[1] * wrench[0]", "center[0] * wrench[1] + center[1] * wrench[0]"),
-        tests="grasp/test_grasp_quality.py",
+        "grasp/certificate/held.py",
+        ("return min(sum(not (states", "return max(sum(not (states"),
+        tests="grasp/test_grasp_tampering.py",
     ),
     *_in(
         "grasp/quality/resistance.py",

@@ -20,7 +20,7 @@ from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.joint import JointSolverRun
 from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.grasp.robust.search import EXCHANGES, MOST, tried_errors
-from continuum_grasp.grasp.robust.states import descended, held_arrays, tried_states
+from continuum_grasp.grasp.robust.states import descended, with_postures
 from continuum_grasp.grasp.solve import optimize_grasp
 from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from
 from continuum_grasp.grasp.values import Status
@@ -210,12 +210,8 @@ class CaseGrasps:
             known = {error.tobytes() for error in errors}
             worse = [one for one in responses if not one.holds and one.error.tobytes() not in known]
             if not worse:
-                held = tried_states(scene, found.arrays, budget) if scene.robust else responses
-                arrays = dict(found.arrays)
-                if scene.state_columns:
-                    arrays |= held_arrays(scene, arrays["contact_names"].tolist(), held)
-                # Its own search would take as long as all else, for each design.
-                return replace(found, arrays=arrays) if certify(scene, arrays, search=False).passed else None
+                arrays = with_postures(scene, found.arrays, responses, budget)
+                return replace(found, arrays=arrays) if certify(scene, arrays).passed else None
             worse = sorted(worse, key=lambda one: one.reserve)[:MOST]
             errors = np.concatenate([errors, [one.error for one in worse]])
             touching = [*touching, *(one.begin.contacts for one in worse)]

@@ -283,13 +283,10 @@ def test_certificate_shares_nothing_with_the_optimizer():
         "friction",
         "held",
         "model_error",
-        "postures",
         "recomputed",
-        "reserve",
         "shape",
         "skin",
         "stability",
-        "state_search",
         "surfaces",
         "tendons",
     }

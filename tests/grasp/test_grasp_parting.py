@@ -9,7 +9,7 @@ from benchmarks.grasp_oracle.check import LIMITS, residuals
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.grasp.robust.search import find_robust
-from continuum_grasp.grasp.robust.states import OBJECT, held_arrays
+from continuum_grasp.grasp.robust.states import OBJECT, with_postures
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.stations import _on_nearest, without_stations
 from continuum_grasp.nlp import Budget
@@ -38,8 +38,7 @@ def for_any_friction(scene):
     search = Search(scene, Budget.of(scene.solver))
     search.attempt(_on_nearest(scene, before.scene, before.best.arrays), rung=0)
     found = find_robust(scene, ANY, search.best.arrays, Budget.of(scene.solver))
-    first = found.arrays["contact_names"].tolist()
-    return found, {**found.arrays, **held_arrays(scene, first, found.responses)}
+    return found, with_postures(scene, found.arrays, found.responses, Budget())
 
 
 @pytest.fixture(scope="module")

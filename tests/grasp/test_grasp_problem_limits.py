@@ -108,7 +108,7 @@ def runs_along(both):
     number = SimpleNamespace(numbers=lambda name: ca.SX(0.05))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(disturbance, "_curvatures", lambda *_: (ca.SX(both / 0.05), ca.SX(0.0)))
-        step = float(disturbance._rolled(number, None, ca.SX(1.0), ca.SX(0.0)).step)
+        step = float(disturbance._rolled(number, None, ca.SX(1.0), ca.SX(0.0))[1])
     return math.isclose(step, 0.05 / both, rel_tol=1e-9)
 
 

@@ -1,4 +1,4 @@
-"""Wrench spaces, the multi-aspect index and the linear problems below them."""
+"""Wrench spaces, the indices and the linear problems below them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from scipy.spatial import ConvexHull
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.quality.contact_set import epsilon_l1, epsilon_linf, min_weight
 from continuum_grasp.grasp.quality.lp import Cones, solve_lp, solve_socp
-from continuum_grasp.grasp.quality.mag_like import mag_like
 from continuum_grasp.grasp.quality.quality import Quality
 from continuum_grasp.results.plain import plain
 from continuum_grasp.scene.grasp_options import GraspContacts
@@ -161,18 +160,17 @@ def distance_to_hull(points, steps=20000):
     return float(np.linalg.norm(weights @ points))
 
 
-# -- multi-aspect index and all indices in one place ---------------------------------------------------------------
+# -- all indices in one place --------------------------------------------------------------------------------------
 
 
-def bent_pinch(shift=(0.0, 0.0), friction=0.5):
-    """Two bent fingers that hold a disc from both sides; its center of mass may be off its center."""
+def bent_pinch():
+    """Two bent fingers that hold a disc from both sides."""
     curvatures = (4.0, 3.0, 2.0)
     left, right = (-0.15, -0.1, -0.4), (0.15, -0.1, 0.4)
     scene = make_scene(
         fingers={"a": make_finger(left, weight=0.03), "b": make_finger(right, weight=0.03)},
-        contacts=GraspContacts(friction=friction, normal_force_max=30.0, middle="off"),
+        contacts=GraspContacts(friction=0.5, normal_force_max=30.0, middle="off"),
     )
-    scene = scene.model_copy(update={"object": scene.object.model_copy(update={"center_of_mass": tuple(shift)})})
     fingers = {
         "a": straight_finger(left, (3.0, 0.0), curvatures),
         "b": straight_finger(right, (0.0, 6.0), [-c for c in curvatures]),
@@ -182,42 +180,6 @@ def bent_pinch(shift=(0.0, 0.0), friction=0.5):
         ("b.tip", (0.04, 0.0), (1.0, 0.0), (3.0, -0.5, 0.0), LENGTH),
     ]
     return scene, arrays_of(contacts, fingers=fingers)
-
-
-def test_mag_like_is_greatest_at_the_center_of_mass_for_translation():
-    best = mag_like(*bent_pinch())
-    assert best.object_aspect == pytest.approx(1.0)
-    assert 0.0 < best.value < 1.0
-    previous = {}
-    for part in (0.1, 0.3, 0.6, 0.9):
-        for angle in np.arange(8) * math.pi / 4:
-            off = mag_like(*bent_pinch((0.04 * part * math.cos(angle), 0.04 * part * math.sin(angle))))
-            assert off.value < previous.get(angle, best.value) - 1e-4
-            previous[angle] = off.value
-            assert off.configuration_aspect == pytest.approx(best.configuration_aspect)
-            assert off.kinetic_aspect == pytest.approx(best.kinetic_aspect)
-
-
-@pytest.mark.parametrize("task", [(1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (0.0, 0.0, 1.0)])
-@pytest.mark.parametrize("shift", [(0.02, 0.02), (-0.01, 0.03)])
-def test_the_object_aspect_is_that_of_forces_of_least_squares(shift, task):
-    """By the pseudoinverse of the grasp matrix: with arms from the center of mass, and from the contacts' center."""
-    scene, arrays = bent_pinch(shift)
-    squares = []
-    for center in (shift, (0.0, 0.0)):
-        arms = arrays["contact_positions"] - center
-        matrix = np.hstack([[[1.0, 0.0], [0.0, 1.0], [-y, x]] for x, y in arms])
-        squares.append(float(((np.linalg.pinv(matrix) @ task) ** 2).sum()))
-    found = mag_like(scene, arrays, [task]).object_aspect
-    assert found == pytest.approx(squares[1] / squares[0], rel=1e-9)
-
-
-def test_mag_like_knows_which_ways_a_finger_goes():
-    finger = {"finger": straight_finger((0.0, 0.0, 0.0))}
-    scene = make_scene(finger=make_finger((0.5, 0.5, 0.0), 0.0, weight=0.03))
-    arrays = arrays_of([("finger.tip", (-0.04, 0.0), (-1.0, 0.0), (1.0, 0.0, 0.0), LENGTH)], fingers=finger)
-    assert mag_like(scene, arrays, [(0.0, 1.0, 0.0)]).configuration_aspect < 1e-8  # along the rod: it is inextensible
-    assert mag_like(scene, arrays, [(1.0, 0.0, 0.0)]).configuration_aspect == pytest.approx(1.0)
 
 
 def test_quality_gathers_the_indices():
@@ -230,7 +192,7 @@ def test_quality_gathers_the_indices():
     assert quality.epsilon_l1 == pytest.approx(0.5 / math.sqrt(2.25))
     names = [row[0] for row in quality.rows()]
     assert names[0] == "disturbance_margin"
-    assert len(set(names)) == len(names) == 8
+    assert len(set(names)) == len(names) == 7
     data = json.loads(json.dumps(plain(quality.data()), allow_nan=False))
     assert data["epsilon_linf"] == quality.epsilon_linf
     assert len(data["resistance"]["factors"]) == 6

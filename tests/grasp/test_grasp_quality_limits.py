@@ -71,12 +71,20 @@ def test_a_point_that_never_gets_into_the_cones_is_no_answer(monkeypatch):
     assert 100 < len(solved) < 400
 
 
+def disc():
+    return Cones.made(np.eye(2)[None], np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
+
+
+@pytest.mark.parametrize(("cost", "place"), [(0.8e-7, 0.0), (1.25e-7, 1.0)])
+def test_being_well_inside_a_cone_is_worth_a_little(cost, place):
+    found = solve_socp([-cost, 0.0], np.zeros((0, 2)), [], [], [-9.0] * 2, [9.0] * 2, disc())
+    assert found.x[0] == pytest.approx(place, abs=1e-6)
+
+
 @pytest.mark.parametrize("cost", [1.0, 1e-6])
 def test_being_well_inside_a_cone_is_worth_less_than_the_cost(cost):
     """The point of a disc that is farthest in one direction."""
-    matrix = np.eye(2)[None]
-    cones = Cones.made(matrix, np.zeros((1, 2)), np.zeros((1, 2)), np.ones(1))
-    found = solve_socp([-0.6 * cost, -0.8 * cost], np.zeros((0, 2)), [], [], [-9.0] * 2, [9.0] * 2, cones)
+    found = solve_socp([-0.6 * cost, -0.8 * cost], np.zeros((0, 2)), [], [], [-9.0] * 2, [9.0] * 2, disc())
     assert found.x == pytest.approx([0.6, 0.8], abs=2e-4)
     assert math.isclose(found.objective, -cost, rel_tol=1e-6)
 
@@ -137,6 +145,7 @@ LIMITS = [
      lambda x: not names_a_limit(ranges=np.array([[-1.0, x / (1.0 - x)]]))),
     ("multiple of a contact's force that counts as unlimited", 1e4, lambda x: not is_limited(x)),
     ("distance from a corner", 1e-6, is_no_corner),
+    ("violation of a cone", 1e-8, lambda x: disc().cut(np.array([1.0 + x, 0.0]))),
 ]  # fmt: skip
 
 

@@ -30,7 +30,7 @@ from continuum_grasp.grasp.certificate.check import (
     overlap,
     worst,
 )
-from continuum_grasp.grasp.certificate.held import held_checks, searched
+from continuum_grasp.grasp.certificate.held import held_checks
 from continuum_grasp.grasp.certificate.model_error import ModelError, model_error
 from continuum_grasp.grasp.certificate.recomputed import (
     OF_CONTACTS,
@@ -40,7 +40,6 @@ from continuum_grasp.grasp.certificate.recomputed import (
     gravity_vector,
 )
 from continuum_grasp.grasp.certificate.stability import Stability, contact_stability
-from continuum_grasp.grasp.certificate.state_search import StateSearch
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
@@ -65,8 +64,6 @@ class Certificate(Summarized):
         What was recomputed; None where the stored numbers are no grasp.
     states : int
         Number of sets of friction states with which it was verified.
-    search : StateSearch or None
-        The certificate's own search for worse friction states; None where none matter.
 
     Examples
     --------
@@ -82,7 +79,6 @@ class Certificate(Summarized):
     friction_margins: dict[str, float] = field(default_factory=dict)
     grasp: RecomputedGrasp | None = field(default=None, repr=False, compare=False)
     states: int = 0
-    search: StateSearch | None = None
 
     @cached_property
     def passed(self) -> bool:
@@ -109,7 +105,6 @@ class Certificate(Summarized):
             "checks": [{**asdict(check), "passed": check.passed} for check in self.checks],
             "friction_margin": self.friction_margin,
             "friction_states": self.states,
-            "friction_state_search": None if self.search is None else self.search.data(),
             "model_error": {**asdict(error), "found": error.found, "small": error.small, "limit": error.limit},
             "stability": asdict(self.stability),
         }
@@ -160,7 +155,7 @@ class Certificate(Summarized):
 
 
 @check_arguments
-def certify(scene: GraspScene, arrays: Mapping[str, Any], *, search: bool = True) -> Certificate:
+def certify(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:
     """Verify a grasp from its stored numbers.
 
     Parameters
@@ -171,8 +166,6 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any], *, search: bool = True
         ``F.q``, ``F.lengths``, ``F.curvature_shapes``, ``F.tip_curvature``, ``F.tensions``, ``F.base``,
         ``F.backbone``; ``object.pose``; and for the contacts ``contact_names``, ``contact_positions``,
         ``contact_normals``, ``contact_forces`` (normal, friction, lift), ``contact_stations``, ``contact_parts``.
-    search : bool, optional
-        Seek friction states that are worse than those whose postures are stored, where some are.
 
     Returns
     -------
@@ -197,14 +190,9 @@ def certify(scene: GraspScene, arrays: Mapping[str, Any], *, search: bool = True
     if grasp is None:
         return reached
     with np.errstate(all="ignore"):
-        recompute = partial(_recomputed, scene, reached=False)
-        states = tuple(held_checks(grasp, arrays, recompute))
-        # Where what is stored does not hold, nothing need be searched.
-        ok = search and all(check.passed for check in (*reached.checks, *states))
-        own = searched(grasp, arrays, recompute) if ok else None
-    found = () if own is None else (own.check(),)
-    # The first three are of all states together.
-    return replace(reached, checks=(*reached.checks, *states, *found), states=max(len(states) - 3, 0), search=own)
+        states = tuple(held_checks(grasp, arrays, partial(_recomputed, scene, reached=False)))
+    # The first four are of all states together.
+    return replace(reached, checks=(*reached.checks, *states), states=max(len(states) - 4, 0))
 
 
 def certify_reached(scene: GraspScene, arrays: Mapping[str, Any]) -> Certificate:

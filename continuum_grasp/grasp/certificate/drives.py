@@ -6,7 +6,6 @@ of cable and tendon per tension at the drive, the latter by the share of the ten
 
 from __future__ import annotations
 
-from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -73,14 +72,6 @@ class WoundTendons:
         s, w, _ = cell_nodes(self._shape.joints, profile.breaks, channel.shape.breaks)
         return float(abs(channel.arms[0]) * (self._shape.curvature(s) * channel.shape(s)) @ w)
 
-    def pulled_by(self, tensions: Array, friction: TendonFriction | None) -> WoundTendons:
-        """The same finger's at other tensions (2,) [N], with the friction of the same shape."""
-        other = copy(self)
-        other.tensions, other._friction = tensions, friction
-        for name in ("compliances", "wound"):
-            other.__dict__.pop(name, None)
-        return other
-
     @property
     def paths(self) -> Array:
         """Of both tendons (2,) [m]."""
@@ -129,21 +120,18 @@ class WoundTendons:
         """By how much the tensions are not those of the drives where they hold, greatest of the tendons [N]; None: only
         whether the two tendons of a pulley go together.
         """
-        return float(np.abs(self.misfits(held)).max())
-
-    def misfits(self, held: Array | None = None) -> Array:
-        """The same with signs, of each tendon and, of a motor on a pulley under a torque, of their difference."""
         law, (left, right) = self.law, self.tensions
         held = self.held if held is None else held
         if law.pulley:
             wound = held[0] - law.servo * (left - right) if law.locks else self._wound_by_pulley
             given = law.start + wound * np.array([1.0, -1.0])
         elif not law.locks:
-            return np.asarray(self.tensions - held)
+            return float(np.abs(self.tensions - held).max())
         else:
             given = held - law.servo * self.tensions
-        off = np.asarray(_softened(given - self.paths) / self.compliances - self.tensions)
-        return np.append(off, left - right - held[0]) if law.pulley and not law.locks else off
+        off = np.abs(_softened(given - self.paths) / self.compliances - self.tensions).max()
+        # Of a motor on a pulley under a torque also the difference of the tensions.
+        return float(max(off, abs(left - right - held[0])) if law.pulley and not law.locks else off)
 
     @property
     def over_torque(self) -> tuple[float, float] | None:

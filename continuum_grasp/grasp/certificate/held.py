@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any
 
@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.check import CONES, LIMIT, Check, worst
-from continuum_grasp.grasp.certificate.friction import pulled_states
-from continuum_grasp.grasp.certificate.postures import YIELDS
+from continuum_grasp.grasp.certificate.friction import pulled_states, state_cells
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp
-from continuum_grasp.grasp.certificate.state_search import StateSearch, search_states
 
 Array = NDArray[Any]
 Recompute = Callable[[Mapping[str, Any]], tuple[list[Check], RecomputedGrasp | None]]
+
+YIELDS = 0.1
+"""How far an object that fingers alone hold may move as friction or its errors change: part of its size, and rad."""
 
 
 def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Recompute) -> Iterator[Check]:
@@ -37,20 +38,41 @@ def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Re
     )
     missing = sum(not (states == way).all(axis=1).any() for way in ways)
     yield Check("pulled and released fingers that are not among the friction states", float(missing), 0.0)
-    for k, (_, own) in enumerate(held_postures(grasp, arrays)):
+    postures = held_postures(grasp, arrays)
+    yield Check("friction states next to the worst that are missing", float(_untried(grasp, states, postures)), 0.0)
+    for k, own in enumerate(postures):
         value = worst(*_parts(grasp, own, recompute).values())
         yield Check(f"held with friction states, {k + 1}", value, 1.0, "1", "limits")
 
 
-def held_postures(grasp: RecomputedGrasp, arrays: Mapping[str, Any]) -> Iterator[tuple[Array, Mapping[str, Any]]]:
-    """Sets of friction states (K,) that are stored, and the arrays of their postures."""
-    given = _given(grasp, arrays)
+def _untried(grasp: RecomputedGrasp, states: Array, postures: Sequence[Mapping[str, Any]]) -> int:
+    """Count the missing sets of states that differ in one cell from the one whose cones have the least reserve.
+
+    To first order the reserve is concave in the states, so that it is least where turning no cell makes it less: that
+    these were tried, whoever sought them, can be seen from what is stored. Of several with the least the best counts.
+    """
+    reserves = np.array([_reserve(grasp, own) for own in postures])
+    worst = states[reserves <= reserves.min() + CONES * grasp.force_scale]
+    turned = [[np.where(cell, -one, one) for cell in state_cells(grasp.scene)] for one in worst]
+    return min(sum(not (states == one).all(axis=1).any() for one in each) for each in turned)
+
+
+def _reserve(grasp: RecomputedGrasp, own: Mapping[str, Any]) -> float:
+    """By how much all friction cones of a posture could be narrower [N]."""
+    normal, *sideways = np.asarray(own["contact_forces"], dtype=float).T
+    friction = np.array([grasp.scene.held_friction(str(name)) for name in own["contact_names"]])
+    return float((friction * normal - np.hypot(*sideways)).min(initial=np.inf))
+
+
+def held_postures(grasp: RecomputedGrasp, arrays: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Arrays of the postures that are stored, one for each set of friction states."""
+    given, found = _given(grasp, arrays), []
     for k in range(len(given["object.pose"]) if given else 0):
         own = {**arrays, **{key: value[k] for key, value in given.items()}}
         # Contacts without a name are clear here, as the penetrations show.
         on = own["contact_names"] != ""
-        own |= {key: own[key][on] for key in OF_CONTACTS}
-        yield np.concatenate([own[f"{finger.name}.friction_states"] for finger in _frictional(grasp)]), own
+        found.append(own | {key: own[key][on] for key in OF_CONTACTS})
+    return found
 
 
 def _given(grasp: RecomputedGrasp, arrays: Mapping[str, Any]) -> dict[str, Array]:
@@ -74,12 +96,6 @@ def _misfits(grasp: RecomputedGrasp, given: Mapping[str, Array]) -> int:
         shared = names.shape if key in OF_CONTACTS else (*names.shape[:1], *([count[key]] if key in count else ()))
         wrong += value.shape[: len(shared)] != shared or (key != "contact_names" and value.dtype.kind not in "fiub")
     return wrong
-
-
-def searched(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Recompute) -> StateSearch | None:
-    """The certificate's own search for worse friction states than those that are stored; None where none are."""
-    held = list(held_postures(grasp, arrays))
-    return search_states(grasp, held, lambda own: _parts(grasp, own, recompute)) if held else None
 
 
 def _parts(grasp: RecomputedGrasp, own: Mapping[str, Any], recompute: Recompute) -> dict[str, float]:

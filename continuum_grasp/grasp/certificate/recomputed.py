@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from copy import copy
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -51,18 +49,9 @@ class FingerLoad:
 
 
 class RecomputedFinger:
-    """Shape, loads and potential of one finger of a grasp; ``arrays`` as `continuum_grasp.grasp.certify` takes them.
+    """Shape, loads and potential of one finger of a grasp; ``arrays`` as `continuum_grasp.grasp.certify` takes them."""
 
-    What depends on the lengths of the elements alone is that of the finger ``like``, where it has the same.
-    """
-
-    def __init__(
-        self,
-        setup: FingerSetup,
-        gravity: GraspGravity,
-        arrays: Mapping[str, Any],
-        like: RecomputedFinger | None = None,
-    ) -> None:
+    def __init__(self, setup: FingerSetup, gravity: GraspGravity, arrays: Mapping[str, Any]) -> None:
         self.setup, self.name, self.finger = setup, setup.name, setup.finger
 
         def stored(key: str) -> Array:
@@ -78,19 +67,13 @@ class RecomputedFinger:
         self.stored_tip_curvature, self.stored_backbone = float(stored("tip_curvature")), stored("backbone")
         self.profile, self.length, self.stiffness = self.finger.profile, self.finger.profile.length, setup.stiffness
         self.gravity = gravity_vector(gravity)
-        self.rod: DenseRod
-        self._coarse: DenseRod
-        self.thickness: Array
-        like = like if like is not None and np.array_equal(like.lengths, self.lengths) else None
-        # 400 panels at least
-        self.rod = DenseRod(self.finger, self.shape.joints, base=self.base) if like is None else like.rod
-        self._coarse = self._coarse_rod() if like is None else like._coarse
+        self.rod = DenseRod(self.finger, self.shape.joints, base=self.base)  # 400 panels at least
         self.curvature = self.shape.curvature(self.rod.nodes)  # at the Gauss points
         self.angles = self.rod.edge_angle(self.curvature)  # (P + 1,) [rad] and (P + 1, 2) [m] at the ends of panels
         self.points = self.rod.edge_points(self.curvature)
         self.skin = skin(self.profile.half_thickness)
         # Half the thickness (P + 1,) at the ends of panels [m].
-        self.thickness = self.skin(self.rod.edges) if like is None else like.thickness
+        self.thickness = self.skin(self.rod.edges)
         self.joint_edges = np.searchsorted(self.rod.edges, self.rod.joints)
         self.loads: list[FingerLoad] = []
 
@@ -149,50 +132,24 @@ class RecomputedFinger:
         """Virtual work of all moments and forces in each bending coordinate, per greatest turn of a section (n,) [N m]:
         in equilibrium the potential of bending, weight, tendons and contact forces is stationary.
         """
-        work, motions = self.work_and_motions([load.joint for load in self.loads])
-        for load, motion in zip(self.loads, motions, strict=True):
-            work = work - motion @ [*load.force, load.couple]
-        return work
-
-    def work_and_motions(self, joints: Sequence[int]) -> tuple[Array, Array]:
-        """The virtual work without contacts (n,) [N m], and how joints move and turn with each coordinate
-        (J, n, 3) [m, m, 1], both per greatest turn of a section.
-        """
-        elastic, edge_angles, angle, points = self._stepped
-        turns = np.abs(edge_angles.imag).max(axis=-1) / _STEP
-        work = self._potential(elastic, angle, points).imag / _STEP / turns
-        edges = [self._coarse.edge_index(self._coarse.joints[joint]) for joint in joints]
-        moved = np.stack([*np.moveaxis(points.imag, -1, 0), edge_angles.imag])[..., edges] / _STEP
-        return np.asarray(work), np.asarray(moved.T / turns[:, None])
-
-    def pulled_by(self, tensions: Array, states: Array | None) -> RecomputedFinger:
-        """The finger in the same shape with other tensions (2,) [N] and friction states; not of a matched tip."""
-        other = copy(self)
-        other.tensions, other.friction, other.dry = tensions, *friction_of(self.setup, self.shape, states)
-        if other.wound is not None:
-            other.wound = other.wound.pulled_by(tensions, other.friction)
-        return other
-
-    def _coarse_rod(self) -> DenseRod:
-        """The rod for the equilibrium."""
         # The tension falls at another rate in each friction cell, and dry friction has another moment in each.
         cells = [one.edges[1:-1].tolist() for one in (self.friction, self.dry) if one is not None]
         marks = [*(mass.at for mass in self.finger.masses), *(edge for edges in cells for edge in edges)]
-        return DenseRod(self.finger, self.shape.joints, _COARSE, self.base, marks=marks)
-
-    @cached_property
-    def _stepped(self) -> tuple[Array, Array, Array, Array]:
-        """Elastic curvature, angles at edges and at nodes, and points, with a complex step of each coordinate."""
+        rod = DenseRod(self.finger, self.shape.joints, _COARSE, self.base, marks=marks)
         # A complex step subtracts nothing, so the derivative is exact to rounding (Squire and Trapp 1998).
-        rod = self._coarse
         elastic = self.shape.elastic(rod.nodes, self.q + 1j * _STEP * np.eye(self.q.size))
         curvature = self.profile.rest_curvature(rod.nodes) + elastic
-        angle = rod.angle(curvature)
-        return elastic, rod.edge_angle(curvature), angle, rod.edge_points(curvature, angle)
+        angle, turns = rod.angle(curvature), rod.edge_angle(curvature)
+        points = rod.edge_points(curvature, angle)
+        work = self._potential(rod, elastic, angle, points)
+        for load in self.loads:
+            edge = rod.edge_index(rod.joints[load.joint])
+            work = work - points[..., edge, :] @ load.force - load.couple * turns[..., edge]
+        return np.asarray(work.imag / np.abs(turns.imag).max(axis=-1))
 
-    def _potential(self, elastic: Array, angle: Array, points: Array) -> Array:
+    def _potential(self, rod: DenseRod, elastic: Array, angle: Array, points: Array) -> Array:
         """Energy of bending and of all loads but those of contacts (...,) [J]."""
-        rod, s = self._coarse, self._coarse.nodes
+        s = rod.nodes
         energy = 0.5 * (elastic**2 @ (rod.weights * self.profile.bending_stiffness(s)))
         # What bends the finger at rest does no work here.
         energy = energy - elastic @ (rod.weights * self._tendon_moment(s))

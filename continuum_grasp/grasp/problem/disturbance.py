@@ -1,7 +1,8 @@
 """Disturbances as part of the problem: the elastic answer of fingers and object to a wrench, to first order.
 
 Under a small wrench the fingers bend, the object moves, the contacts roll without slipping (surface points of finger
-and object move together, supports stay), and forces and tensions change. With the changes d( ) per wrench as unknowns:
+and object move together, supports stay), and forces and tensions change. What must then hold is written for a grasp
+that has yielded; its derivative at the grasp, times the changes d( ) per wrench, which are unknowns, gives
 
     finger    d(inverse dynamics at rest) = 0
     object    d(sum of forces and moments about the center of mass) + rho * wrench = 0
@@ -16,11 +17,11 @@ tension reacts, shared equally where both tendons are there.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.blocks import rotation
+from continuum_grasp.grasp.problem.blocks import Columns, rotation
 from continuum_grasp.grasp.problem.limits import friction_cone
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Touch, Unknowns
@@ -29,68 +30,92 @@ LEAST = 0.02
 """Least sum of the curvatures of two surfaces that touch, per size of the object: below it the contact
 point would run along the finger without bound as it rolls; a finger that fits the object counts as wrapped."""
 
-
-@dataclass(frozen=True)
-class _Change:
-    """Changes of the unknowns under one wrench."""
-
-    q: list[ca.SX]  # per finger
-    pulls: list[ca.SX]  # per finger
-    forces: list[ca.SX]  # per contact, of N and f in the axes of the contact
-    pose: ca.SX
-
-
-@dataclass(frozen=True)
-class _Roll:
-    """How a contact moves on where finger (or support) and object turn."""
-
-    turn: ca.SX  # of the normal
-    step: ca.SX  # along the surface
-
-
-@dataclass(frozen=True)
-class _Moved:
-    """A finger after the changes."""
-
-    missing: ca.SX  # generalized force, in units of the finger
-    ends: ca.SX  # elements' ends (2, N), in units and axes of the finger
-    angles: ca.SX  # angles there (N,)
-    drawn: ca.SX  # what is drawn in of the tendons, per offset
-    rolls: dict[str, _Roll]  # of its contacts, by name
+_Row = tuple[str, ca.SX, str, str]
+"""Name, expression, unit and key of what must stay zero."""
 
 
 def add_disturbances(problem: Unknowns) -> ca.SX:
     """Add unknowns and constraints for all wrenches; returns the factor by which each of them is resisted."""
-    spec, add = problem.spec, problem.x
-    factor = add("resisted disturbance")
-    wrenches = ca.reshape(problem.numbers("wrenches", 3 * spec.wrenches), 3, spec.wrenches)
-    slopes = [_slope(finger, problem.loads(index)) for index, finger in enumerate(problem.fingers)]
-    for k in range(spec.wrenches):
-        change = _Change(
-            [add(f"{f.spec.name}.change of q, {k}", f.q.numel()) for f in problem.fingers],
-            [add(f"{f.spec.name}.change of pulls, {k}", 2) for f in problem.fingers],
-            [add(f"change of force, {c.spec.name}, {k}", 2) for c in problem.contacts],
-            add(f"change of pose, {k}", 3),
-        )
-        moved = [_moved(problem, change, index, slope) for index, slope in enumerate(slopes)]
-        _balance_fingers(problem, change, moved, k)
-        _balance_object(problem, change, moved, factor * wrenches[:, k], k)
-        _stick(problem, change, moved, k)
+    factor, count = problem.x("resisted disturbance"), problem.spec.wrenches
+    wrenches = ca.reshape(problem.numbers("wrenches", 3 * count), 3, count)
+    changes = Columns()
+    rows = list(_yielded(problem, changes))
+    z = changes.symbol
+    slopes = [ca.substitute(ca.jacobian(row, z), z, ca.DM.zeros(z.numel())) for _, row, _, _ in rows]
+    for k in range(count):
+        change = {name: problem.x(f"{name}, {k}", at.stop - at.start) for name, at in changes.at.items() if at.start}
+        column = ca.vertcat(factor * wrenches[:, k], *change.values())
+        for (name, _, unit, key), slope in zip(rows, slopes, strict=True):
+            problem.rows.require(f"{name}, {k}", slope @ column, unit, key)
         _keep_limits(problem, change, k)
     return factor
 
 
-def _spin(turn: ca.SX, arm: ca.SX) -> ca.SX:
-    """Change of an arm that turns."""
-    return turn * ca.vertcat(-arm[1], arm[0])
+def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
+    """What stays zero as a grasp yields, right to first order, in ``changes``: the wrench (3,), then those of
+    coordinates, tensions, contact forces along axes that turn with the contact, and the object's pose.
+    """
+    wrench, size = changes("wrench", 3), problem.numbers("size")
+    fingers, contacts = problem.fingers, problem.contacts
+    bends = [changes(f"{finger.spec.name}.change of q", finger.q.numel()) for finger in fingers]
+    pulls = [changes(f"{finger.spec.name}.change of pulls", 2) for finger in fingers]
+    forces = [contact.force[:2] + changes(f"change of force, {contact.spec.name}", 2) for contact in contacts]
+    pose = changes("change of pose", 3)
+    spun = rotation(pose[2])
+    states = []
+    for index, (finger, bend, pull) in enumerate(zip(fingers, bends, pulls, strict=True)):
+        # A round tip rolls about its own center.
+        couple = sum(
+            -finger.half(c.spec) * (force[1] - c.force[1]) / _moment(finger)
+            for c, force in zip(contacts, forces, strict=True)
+            if c.spec.finger == index and c.spec.joint < 0
+        )
+        states.append((finger.q + bend, finger.u + finger.input(pull, ca.SX(couple))))
+    ends = [finger.joints_at(*state) for finger, state in zip(fingers, states, strict=True)]
+    loads: list[tuple[dict[int, ca.SX], dict[int, ca.SX]]] = [({}, {}) for _ in fingers]
+    force, moment, gaps = wrench[:2], wrench[2], list[_Row]()
+    for contact, own in zip(contacts, forces, strict=True):
+        spec, half, turned = contact.spec, ca.SX(0), ca.SX(0)
+        gap = pose[:2] + spun @ (contact.point - problem.pose[:2])
+        if spec.finger >= 0:
+            finger, (places, angles), end = fingers[spec.finger], ends[spec.finger], fingers[spec.finger].end_of(spec)
+            half, turned = finger.half(spec), angles[end] + finger.base[2] - finger.angles[end]
+            gap += half * rotation(turned) @ contact.normal - finger.world(places[:, end])
+        turn, step = _rolled(problem, contact, turned, pose[2])
+        load = rotation(turn) @ (own[0] * contact.normal + own[1] * contact.across)
+        arm = spun @ (contact.point - problem.center_of_mass) + step * contact.across
+        force -= load
+        moment -= arm[0] * load[1] - arm[1] * load[0]
+        if spec.finger >= 0:
+            # The force moves on with the contact, by the step along the skin less what the section turns ahead of it.
+            lever = half * (turned - turn) - step
+            on, couples = loads[spec.finger]
+            on[spec.joint] = rotation(-finger.base[2]) @ load / finger.number("force share")
+            couples[spec.joint] = (contact.force[0] * lever - half * own[1]) / _moment(finger)
+        gaps.append((f"sticking contact, {spec.name}", gap, "m", "disturbances"))
+    for finger, (q, u), borne, pull in zip(fingers, states, loads, pulls, strict=True):
+        missing = _moment(finger) * finger.missing_force(q, u, finger.loads(*borne))
+        yield f"disturbed finger, {finger.spec.name}", missing, "N m", "disturbances"
+        if problem.spec.locked:
+            retained = _retained(finger, finger.drawn(q, u), pull)
+            yield f"locked tendons, {finger.spec.name}", retained, "rad", "disturbances.tendons"
+    yield "disturbed object, forces", force, "N", "disturbances"
+    yield "disturbed object, moment", moment / size, "N", "disturbances"
+    yield from gaps
 
 
-def _rolled(problem: Unknowns, contact: Touch, finger_turn: ca.SX, object_turn: ca.SX) -> _Roll:
-    """Rolling without slipping: the arc lengths traveled on both surfaces are equal."""
+def _moment(finger: UnitFinger) -> ca.SX:
+    """Unit of moments of a finger, in units of the problem."""
+    return finger.number("force share") * finger.number("length")
+
+
+def _rolled(problem: Unknowns, contact: Touch, finger_turn: ca.SX, object_turn: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Turn of the normal and step along the surface, rolling without slipping: the arc lengths traveled on both
+    surfaces are equal.
+    """
     ours, theirs = _curvatures(problem, contact)
     both = ca.fmax(ours + theirs, LEAST / problem.numbers("size"))
-    turn = (theirs * object_turn + ours * finger_turn) / both
-    return _Roll(turn, (finger_turn - object_turn) / both)
+    return (theirs * object_turn + ours * finger_turn) / both, (finger_turn - object_turn) / both
 
 
 def _curvatures(problem: Unknowns, contact: Touch) -> tuple[ca.SX, ca.SX]:
@@ -114,60 +139,6 @@ def _curvatures(problem: Unknowns, contact: Touch) -> tuple[ca.SX, ca.SX]:
     return ours, -bent / (ca.sqrt(1.0 - finger.lean(spec) ** 2) - finger.half(spec) * bent)
 
 
-def _force_change(contact: Touch, change: ca.SX, turn: ca.SX) -> ca.SX:
-    """Change of the world force of a contact whose axes turn."""
-    return change[0] * contact.normal + change[1] * contact.across + _spin(turn, contact.world)
-
-
-def _slope(finger: UnitFinger, loads: ca.SX) -> ca.SX:
-    """Derivative of (missing force, ends, angles, what is drawn in of the tendons) with respect to (q, u, w), in units
-    and axes of the finger.
-    """
-    sizes = (("q", finger.q.numel()), ("u", 3), ("w", finger.model.nw))
-    q, u, w = (ca.SX.sym(name, size) for name, size in sizes)
-    missing = finger.missing_force(q, u, w)
-    ends, angles = finger.joints_at(q, u)
-    slope = ca.jacobian(ca.vertcat(missing, ca.vec(ends), angles, finger.drawn(q, u)), ca.vertcat(q, u, w))
-    return ca.substitute(slope, ca.vertcat(q, u, w), ca.vertcat(finger.q, finger.u, loads))
-
-
-def _moved(problem: Unknowns, change: _Change, index: int, slope: ca.SX) -> _Moved:
-    """A finger after the changes."""
-    finger = problem.fingers[index]
-    share, size = finger.number("force share"), finger.spec.elements
-    back = rotation(-finger.base[2])
-    touching = [(c, own) for c, own in zip(problem.contacts, change.forces, strict=True) if c.spec.finger == index]
-    n, rows = finger.q.numel(), slope.shape[0] - 1 - size
-    angles, du = slope[rows:-1, :], finger.input(change.pulls[index], ca.SX(0))
-    moments = share * finger.number("length")
-    for contact, own in touching:  # a round tip rolls about its own center
-        if contact.spec.joint < 0:
-            du[2] = -finger.half(contact.spec) * own[1] / moments
-    turns = angles[:, : n + 3] @ ca.vertcat(change.q[index], du)
-    rolls, couples, moved = {}, {}, {}
-    for contact, own in touching:
-        turn = turns[finger.end_of(contact.spec)]
-        roll = rolls[contact.spec.name] = _rolled(problem, contact, turn, change.pose[2])
-        h = finger.half(contact.spec)
-        # The force moves on with the contact, by the step along the skin less what the section turns ahead of it.
-        lever = h * (turn - roll.turn) - roll.step
-        couples[contact.spec.joint] = (-h * own[1] + contact.force[0] * lever) / moments
-        moved[contact.spec.joint] = back @ _force_change(contact, own, roll.turn) / share
-    values = slope @ ca.vertcat(change.q[index], du, finger.loads(moved, couples))
-    return _Moved(values[:n], ca.reshape(values[n:rows], 2, size), values[rows:-1], values[-1], rolls)
-
-
-def _balance_fingers(problem: Unknowns, change: _Change, moved: list[_Moved], k: int) -> None:
-    require = problem.rows.require
-    for index, finger in enumerate(problem.fingers):
-        name = finger.spec.name
-        scale = finger.number("force share") * finger.number("length")
-        require(f"disturbed finger, {name}, {k}", scale * moved[index].missing, "N m", "disturbances")
-        if problem.spec.locked:
-            retained = _retained(finger, moved[index].drawn, change.pulls[index])
-            require(f"locked tendons, {name}, {k}", retained, "rad", "disturbances.tendons")
-
-
 def _retained(finger: UnitFinger, drawn: ca.SX, pulls: ca.SX) -> ca.SX:
     """What is zero where the drives hold still while the bend draws in and the pulls change."""
     if not finger.spec.wound:
@@ -185,45 +156,17 @@ def _retained(finger: UnitFinger, drawn: ca.SX, pulls: ca.SX) -> ca.SX:
     return ca.vertcat(*rows)
 
 
-def _balance_object(problem: Unknowns, change: _Change, moved: list[_Moved], wrench: ca.SX, k: int) -> None:
-    force, moment = wrench[:2], wrench[2]
-    turn = change.pose[2]
-    rolls = {name: roll for finger in moved for name, roll in finger.rolls.items()}
-    for contact, own in zip(problem.contacts, change.forces, strict=True):
-        arm = contact.point - problem.center_of_mass
-        roll = rolls.get(contact.spec.name) or _rolled(problem, contact, ca.SX(0), turn)
-        added = _force_change(contact, own, roll.turn)
-        force -= added
-        swung = _spin(turn, arm) + roll.step * contact.across
-        load = contact.world
-        moment -= arm[0] * added[1] - arm[1] * added[0] + swung[0] * load[1] - swung[1] * load[0]
-    require = problem.rows.require
-    require(f"disturbed object, forces, {k}", force, "N", "disturbances")
-    require(f"disturbed object, moment, {k}", moment / problem.numbers("size"), "N", "disturbances")
-
-
-def _stick(problem: Unknowns, change: _Change, moved: list[_Moved], k: int) -> None:
-    for contact in problem.contacts:
-        gap = change.pose[:2] + _spin(change.pose[2], contact.point - problem.pose[:2])
-        if contact.spec.finger >= 0:
-            finger = problem.fingers[contact.spec.finger]
-            own, end = moved[contact.spec.finger], finger.end_of(contact.spec)
-            gap -= finger.number("length") * rotation(finger.base[2]) @ own.ends[:, end]
-            gap += _spin(own.angles[end], finger.half(contact.spec) * contact.normal)
-        problem.rows.require(f"sticking contact, {contact.spec.name}, {k}", gap, "m", "disturbances")
-
-
-def _keep_limits(problem: Unknowns, change: _Change, k: int) -> None:
+def _keep_limits(problem: Unknowns, change: dict[str, ca.SX], k: int) -> None:
     require, number = problem.rows.require, problem.numbers
-    for contact, own in zip(problem.contacts, change.forces, strict=True):
+    for contact in problem.contacts:
         name = contact.spec.name
         # Wrenches act in the plane: the lift stays.
-        n, f, lift = contact.force[0] + own[0], contact.force[1] + own[1], contact.force[2]
-        cone = friction_cone(problem, number(f"{name}.friction"), n, f, lift)
+        n, f = ca.vertsplit(contact.force[:2] + change[f"change of force, {name}"])
+        cone = friction_cone(problem, number(f"{name}.friction"), n, f, contact.force[2])
         require(f"disturbed friction cone, {name}, {k}", cone, "N", "contacts.friction", upper=ca.inf)
         spare = ca.vertcat(n, number(f"{name}.normal_force_max") - n)
         require(f"disturbed normal force, {name}, {k}", spare, "N", "contacts.normal_force_max", upper=ca.inf)
-    for finger, own in zip(problem.fingers, change.pulls, strict=True):
-        pulls = finger.pulls + own
+    for finger in problem.fingers:
+        pulls = finger.pulls + change[f"{finger.spec.name}.change of pulls"]
         spare = ca.vertcat(pulls - finger.number("pull_min", 2), finger.number("pull_most", 2) - pulls)
         require(f"disturbed tension, {finger.spec.name}, {k}", spare, "1", "tendons", upper=ca.inf)

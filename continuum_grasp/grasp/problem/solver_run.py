@@ -5,14 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp import nlp
-from continuum_grasp.grasp.problem.near import NearSolver
 from continuum_grasp.grasp.problem.points import point_reader, starting_point, stored_arrays
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
@@ -99,7 +98,6 @@ class GraspSolverRun:
         relaxed: Sequence[tuple[Relaxation, float]] = (),
         features: dict[str, Feature] | None = None,
         x0: Array | None = None,
-        near: nlp.Attempt | None = None,
         numbers: Mapping[str, Any] | None = None,
         pinned: Mapping[str, ArrayLike] | None = None,
         most: Mapping[str, float] | None = None,
@@ -110,9 +108,8 @@ class GraspSolverRun:
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. Limits may be
         ``relaxed``; their amounts are minimized then, beginning with those given (SI), of several the sum of their
         parts of a usual amount. Contacts sit on ``features`` and the unknowns begin with ``x0``, by default those of
-        the start, or with those of an attempt ``near`` which `NearSolver` seeks the solution. Further run-time
-        ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for NaN, and others are bounded by
-        ``most`` (units of the problem).
+        the start. Further run-time ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for
+        NaN, and others are bounded by ``most`` (units of the problem).
 
         Raises
         ------
@@ -123,7 +120,6 @@ class GraspSolverRun:
         features = features or contact_features(scene, start.contacts)
         values = problem_values(problem, scene, start, features) | dict(numbers or {})
         low, high = problem_bounds(problem, scene, features)
-        x0 = x0 if near is None else near.x
         x = starting_point(problem, scene, start, features) if x0 is None else x0.copy()
         for relaxation, amount in relaxed:
             at, scale = self._relaxed(relaxation, units)
@@ -142,12 +138,12 @@ class GraspSolverRun:
         for name, bound in (most or {}).items():
             high[problem.x.at[name]] = bound
         options, cap = RUNGS[rung]
-        solve = partial(self.prepare(scene).solve, self.nlp) if near is None else self._near_solver.solve
+        solve = partial(self.prepare(scene).solve, self.nlp)
         began = time.perf_counter()
         x = np.clip(x, low, high)
         look = self._look(scene, values)
-        known = nlp.Start(x, low, high, *problem.rows.bounds(), look(x, problem.numbers.pack(values, 0.0))[1])
-        known = replace(known, option_set=options, multipliers=None if near is None else near.multipliers)
+        begin = look(x, problem.numbers.pack(values, 0.0))[1]
+        known = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options)
         with budget.share(iterations) as part:
             last, last_numbers = solve_clear(solve, self.nlp, known, look, allowed_depth(scene), part, cap)
         last = replace(last, seconds=time.perf_counter() - began)
@@ -208,10 +204,6 @@ class GraspSolverRun:
         values |= self._near.look(scene, attempt.x, numbers.pack(values, 0.0), probes).numbers
         stay = [name for name in at if name.endswith((".strain probes", "effort weight", "relaxation weights"))]
         return numbers.pack({**values, **{name: attempt.numbers[at[name]] for name in stay}})
-
-    @cached_property
-    def _near_solver(self) -> NearSolver:
-        return NearSolver(self.nlp)
 
 
 _IPOPT = {

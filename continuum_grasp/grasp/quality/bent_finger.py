@@ -26,8 +26,6 @@ CELLS = 32
 CONFORMING = 1e-3
 """Least relative curvature of two surfaces that touch in a point, over the object's size: below it they count
 as lying against each other and do not turn."""
-_SAME = 1e-9
-"""Distance from an end, as a part of the finger's length, that is rounding."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +55,8 @@ class BentFinger:
         base = np.asarray(arrays[f"{setup.name}.base"], dtype=float)
         self.touching = contacts.of(setup.name)  # the contacts of this finger
         self.length, self.stiffness = float(self._shape.joints[-1]), setup.stiffness
-        stations = [float(contacts.stations[k]) for k in self.touching]
-        inner = [s for s in stations if _SAME < s / self.length < 1.0 - _SAME]
+        self._tip = setup.tip_name
+        inner = [float(contacts.stations[k]) for k in self.touching if contacts.names[k] != self._tip]
         friction, dry = friction_of(setup, self._shape)
         marks = [*inner, *(mass.at for mass in self.finger.masses)]
         marks += [] if dry is None else dry.edges[1:-1].tolist()
@@ -101,10 +99,10 @@ class BentFinger:
         """The section at a contact, which is met exactly."""
         station = float(self._contacts.stations[contact])
         edge = self.rod.edge_index(station)
-        at_tip = station >= self.length * (1.0 - _SAME)
         thickness = skin(self.finger.profile.half_thickness)
         half, lean = float(thickness(np.array(station))), thickness.slope(station)
         moved = self._shifts[edge], self._turns[edge]
+        at_tip = self._contacts.names[contact] == self._tip
         return Section(self._angles[edge], self._curvature(edge), *moved, at_tip, half, lean)
 
     def load_stiffness(self) -> Array:
@@ -125,17 +123,6 @@ class BentFinger:
             beyond[s < at] += force
         along = np.einsum("gi,gi->g", beyond, self._tangents) * self.rod.weights
         return np.asarray(self._spins.T @ (along[:, None] * self._spins))
-
-    def inertia(self) -> Array:
-        """Mass matrix (n, n) of rod and point masses, in motions of the unknowns [kg m2 m2]."""
-        # The rod's mass is lumped at the ends of its cells.
-        share = np.zeros(self.rod.edges.size)
-        cells = np.diff(self.rod.mesh.to_edges(self._density))
-        share[:-1] += 0.5 * cells
-        share[1:] += 0.5 * cells
-        for mass in self.finger.masses:
-            share[self.rod.edge_index(mass.at)] += mass.mass
-        return np.asarray(np.einsum("e,ein,eim->nm", share, self._shifts, self._shifts))
 
     def _hats(self, inner: Sequence[float]) -> Array:
         """Change of curvature (G, n) at the nodes by each unknown: hat functions, cut in two at inner contacts."""

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arguments import instance
 from continuum_grasp.grasp.quality.contact_set import ContactSet, cone_edges, epsilon_l1, epsilon_linf, min_weight
-from continuum_grasp.grasp.quality.mag_like import MagLike, mag_like
 from continuum_grasp.grasp.quality.resistance import Resistance, resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.scene.grasp import GraspScene
@@ -108,11 +107,6 @@ class Quality:
         most = float(normal.max(initial=0.0))
         return 0.0 if most <= 0.0 else float(1.0 - normal.min() / most)
 
-    @cached_property
-    def mag_like(self) -> MagLike:
-        """Multi-aspect index, of this toolkit's own definition, for carrying the object without turning it."""
-        return mag_like(self.scene, self.arrays)
-
     def rows(self) -> tuple[tuple[str, float, str], ...]:
         """Name, value [1] and description of every index, for tables."""
         held, per = self.resistance, f"moments per {self.torque_scale:.3g} m"
@@ -125,12 +119,11 @@ class Quality:
             ("epsilon_l1", self.epsilon_l1, f"Ferrari-Canny, normal forces add up to one; {per}; < 0: no closure"),
             ("epsilon_linf", self.epsilon_linf, f"Ferrari-Canny, normal forces up to one each; {per}"),
             ("min_weight", self.min_weight, "least weight of a cone edge in the best balance of all; 0: no closure"),
-            ("mag_like", self.mag_like.value, "multi-aspect index, own definition; object, configuration, kinetics"),
         )
 
     def data(self) -> dict[str, Any]:
         """Everything as plain numbers, strings, lists and mappings; factors without a limit are infinite."""
-        held, mag = self.resistance, self.mag_like
+        held = self.resistance
         return {
             **{name: value for name, value, _ in self.rows()},
             "torque_scale": self.torque_scale,
@@ -141,10 +134,5 @@ class Quality:
                 "wrenches": held.wrenches.tolist(),
                 "factors": held.factors.tolist(),
                 "limiting": [list(words) for words in held.limiting],
-            },
-            "mag_like_aspects": {
-                "object": mag.object_aspect,
-                "configuration": mag.configuration_aspect,
-                "kinetic": mag.kinetic_aspect,
             },
         }

@@ -258,7 +258,6 @@ def _certificate(certificate: Certificate) -> str:
         f"<p>Failed:</p>{items(failed_checks(certificate))}" if certificate.failed else "",
         f"<p><b>Stability:</b> {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L "
         f'<span class="quiet">({escaped(stability.assumptions)})</span>.</p>',
-        "" if certificate.search is None else f"<p><b>Friction states:</b> {escaped(certificate.search.words)}.</p>",
         f"<p><b>Model error:</b> {escaped(str(certificate.model_error))}.</p>",
         f"<p><b>Fingers overlap</b> by {1e3 * certificate.overlap:.2f} mm in the plane: they must lie at different "
         "heights.</p>"

@@ -130,7 +130,6 @@ def _certificate_lines(certificate: Certificate) -> list[str]:
     widths = [max(len(row[k]) for row in rows) for k in range(4)]
     lines += [f"  {a:<{widths[0]}}  {b:>{widths[1]}} {c:<{widths[2]}}  {d:<{widths[3]}}  {e}" for a, b, c, d, e in rows]
     lines += [f"  FAILED: {text}" for text in failed_checks(certificate)]
-    lines += [] if certificate.search is None else _wrapped(certificate.search.words)
     stability, error, overlap = certificate.stability, certificate.model_error, certificate.overlap
     word = "stable" if stability.stable else "UNSTABLE"
     mark = "ok" if error.small else "WARNING: raise fidelity.elements"
@@ -290,8 +289,8 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
             "model_error_m": certificate.model_error.greatest,
             "overlap_of_fingers_m": certificate.overlap,
         }
-        if certificate.search is not None:
-            found["certificate"]["friction_state_search"] = certificate.search.data()
+        if certificate.states:
+            found["certificate"]["friction_states"] = certificate.states
     return _HEAD + yaml_text(found)
 
 

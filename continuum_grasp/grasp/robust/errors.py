@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.certificate.held import YIELDS
 from continuum_grasp.grasp.robust.result import ERRORS
 from continuum_grasp.grasp.starts.supports import object_outlines, pinned_by, settle
 from continuum_grasp.scene.grasp import GraspScene
@@ -24,8 +25,6 @@ from continuum_grasp.scene.shape import Shape
 
 Array = NDArray[Any]
 
-YIELD = 0.1
-"""How far an object yields to the fingers: part of its size, and rad; the limit of the first order elsewhere."""
 _SHAPE = Shape(GraspScene)
 
 
@@ -111,8 +110,8 @@ class InError:
         """The scene with an error; its object ``yields`` to the fingers, or stays where it lies."""
         friction, mass = 1.0 + float(error[4]), 1.0 + float(error[5])
         x, y, angle = self.pose_in_error(error)
-        scene, reach = self._sized(error), YIELD * self.scene.object.size
-        ranges = {"x": (x - reach, x + reach), "y": (y - reach, y + reach), "angle": (angle - YIELD, angle + YIELD)}
+        scene, reach = self._sized(error), YIELDS * self.scene.object.size
+        ranges = {"x": (x - reach, x + reach), "y": (y - reach, y + reach), "angle": (angle - YIELDS, angle + YIELDS)}
         # Where it does not yield, the response pins its pose.
         free = Freedom(**ranges) if yields or self.scene.object.free is not None else None
         pose = {"position": (x, y), "angle": angle, "free": free}

@@ -31,7 +31,7 @@ Array = NDArray[Any]
 MOST = 4
 """Corners that enter the problem at once."""
 EXCHANGES = 6
-"""How often corners that fail, or states that the certificate finds, enter the problem."""
+"""How often corners that fail enter the problem."""
 
 
 def tried_errors(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any]) -> Array:
@@ -78,13 +78,9 @@ class Found:
         return self.certificate.passed and all(response.holds for response in self.responses)
 
 
-def find_robust(
-    scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget, also: Sequence[Array] = ()
-) -> Found:
-    """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds, and for the errors
-    (6 + S,) that are given ``also``.
-    """
-    every = [*tried_errors(scene, bounds, arrays), *also]
+def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget) -> Found:
+    """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds."""
+    every = list(tried_errors(scene, bounds, arrays))
     chosen: list[int] = []
     touching: Sequence[Mapping[str, ContactStart]] = ()
     iterations, optimal = 0, True

@@ -11,20 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.certificate import certify
-from continuum_grasp.grasp.certificate.state_search import StateSearch, signs
 from continuum_grasp.grasp.problem.solver_run import solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.errors import alone, drawn
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.result import Robustness, Trials
-from continuum_grasp.grasp.robust.search import EXCHANGES, Found, find_robust
+from continuum_grasp.grasp.robust.search import Found, find_robust
 from continuum_grasp.grasp.robust.states import (
     OBJECT,
     extremes,
-    held_arrays,
-    tried_states,
     with_drawn_states,
+    with_postures,
     with_states,
 )
 from continuum_grasp.grasp.search import NEAR, Search, Tried
@@ -83,20 +81,9 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     # Trials are no part of the search: only the clock stops them.
     trials = Budget(until=budget.until)
     arrays, certificate = found.arrays, found.certificate
-    also: list[Array] = []
-    while found.holds and scene.state_columns:
-        tried = tried_states(scene, found.arrays, trials, also) if scene.robust else found.responses
-        arrays = {**found.arrays, **held_arrays(scene, found.arrays["contact_names"].tolist(), tried)}
+    if found.holds and scene.state_columns:
+        arrays = with_postures(scene, found.arrays, found.responses, trials)
         certificate = certify(scene, arrays)
-        own = certificate.search
-        if own is None or own.holds or len(also) >= EXCHANGES or budget.over:
-            break
-        # States that the certificate found become part of the problem.
-        also.append(np.concatenate([np.zeros(OBJECT), own.states]))
-        again = find_robust(scene, bounds, found.arrays, budget, also)
-        if not again.holds:
-            break
-        found = again
     errors = with_drawn_states(scene, drawn(bounds, scene.solver.random_seed))
     nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, first.first)
     if not found.holds:
@@ -112,7 +99,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         robust = _trials(scene, bounds, found.arrays, errors, trials, found.responses)
     held = f"held with {robust.tension:.4g} N of tension in all whatever {_whatever(scene)}"
     effort = {"corners": len(found.responses), "corners_in_problem": len(found.errors), "iterations": found.iterations}
-    effort |= {"branches": branches, "corners_of_the_certificate": len(also)}
+    effort |= {"branches": branches}
     changed = GraspResult(
         scene,
         result.status if found.optimal else Status.FEASIBLE,
@@ -123,31 +110,16 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         statistics={**result.statistics, "robust": effort},
         robustness=Robustness(errors, nominal, robust, found.errors, result.arrays, found.touching),
     )
-    own = certificate.search
-    if own is not None and not own.holds:
-        return _refuted(changed, own)
     if not certificate.passed:
         rejected = ", ".join(check.name for check in certificate.failed)
         message = f"found for {_whatever(scene)}, but the independent check rejects: {rejected}"
         return replace(changed, status=Status.NOT_SOLVED, message=message)
-    if own is not None and own.unsettled:
-        message = f"{changed.message}; the certificate's own search has no answer for {own.unsettled} of the "
-        changed = replace(changed, status=Status.FEASIBLE, message=f"{message}{own.tried} friction states it tried")
     if robust.holds:
         return changed if certificate.acceptable else flawed(changed, UNSTABLE)
     failed = robust.margins.size - robust.held
     corners = "corners of robust" if scene.robust else "friction states sought"
     message = f"held at all {corners}, but NOT robust: {failed} of {robust.margins.size} draws do not hold"
     return replace(changed, status=Status.FEASIBLE, message=message)
-
-
-def _refuted(result: GraspResult, search: StateSearch) -> GraspResult:
-    """The verdict on a grasp for which the certificate found friction states with which it does not hold."""
-    where = _written(result.scene, np.concatenate([np.zeros(OBJECT), search.states]))
-    message = f"held at all friction states that were sought, but not at one that the certificate found: {where}"
-    advice = f"{_less(result.scene)} solver.effort: thorough, or another fidelity, begins with other grasps."
-    violated = (f"{where}: {search.violated}, {search.part:.3g} times its limit",)
-    return replace(result, status=Status.NOT_SOLVED, message=message, violated=violated, advice=advice)
 
 
 def _whatever(scene: GraspScene) -> str:
@@ -295,8 +267,15 @@ def _written(scene: GraspScene, error: Array) -> str:
         count = setup.tendon_friction_states
         parts = ("of the tendons", own[:count]), ("in bending", own[count:])
         of = f" of {setup.name}" * (len(scene.setups) > 1)
-        words += [f"friction states {part}{of} {signs(each)}" for part, each in parts if each]
+        words += [f"friction states {part}{of} {_signs(each)}" for part, each in parts if each]
     return ", ".join(words)
+
+
+def _signs(states: Sequence[float]) -> str:
+    """Friction states from base to tip, by sign alone where all are at their limits."""
+    if all(abs(z) == 1.0 for z in states):
+        return "".join("+" if z > 0.0 else "-" for z in states)
+    return " ".join(f"{z:+.3g}" for z in states)
 
 
 def _trials(

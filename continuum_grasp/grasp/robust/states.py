@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.friction import pulled_states
+from continuum_grasp.grasp.certificate.friction import pulled_states, state_cells
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.nlp import Budget
@@ -80,7 +80,8 @@ def worst_vertex(response: Response) -> Array:
 
 def descended(responder: Responder, responses: Sequence[Response]) -> Iterator[Response]:
     """From each response on to the friction states that lower its reserve, until none does; last from the worst of all
-    by turning one cell at a time, since a concave function has several such vertices.
+    by turning one cell at a time, since a concave function has several such vertices. All that were turned are given:
+    the certificate asks for those beside the worst.
     """
     if not responder.scene.state_columns:
         return
@@ -99,65 +100,45 @@ def descended(responder: Responder, responses: Sequence[Response]) -> Iterator[R
 
     for response in responses:
         yield from down(response)
-    cells = list(_cells(responder.scene))
+    cells = [np.append(np.zeros(OBJECT, dtype=bool), cell) for cell in state_cells(responder.scene)]
     while True:
         worst = min(found, key=lambda response: response.reserve)
-        turned = [_turned(worst.error, cell) for cell in cells] if np.isfinite(worst.reserve) else []
-        new = min(
-            (responder.to(error) for error in turned if error.tobytes() not in known),
-            key=lambda response: response.reserve,
-            default=worst,
-        )
+        errors = [np.where(cell, -worst.error, worst.error) for cell in cells] if np.isfinite(worst.reserve) else []
+        turned = [responder.to(error) for error in errors if error.tobytes() not in known]
+        known |= {response.error.tobytes() for response in turned}
+        found += turned
+        yield from turned
+        new = min(turned, key=lambda response: response.reserve, default=worst)
         if not new.reserve < worst.reserve - SAME:
             break
-        known.add(new.error.tobytes())
-        found.append(new)
-        yield new
         yield from down(new)
 
 
-def _cells(scene: GraspScene) -> Iterator[NDArray[np.int64]]:
-    """Columns of errors of the states that turn together: of one cell of the tendons, or all branches of one cell."""
-    for setup in scene.setups:
-        if setup.name not in scene.state_columns:
-            continue
-        first = OBJECT + scene.state_columns[setup.name].start
-        last = OBJECT + scene.state_columns[setup.name].stop
-        yield from (np.array([k]) for k in range(first, first + setup.tendon_friction_states))
-        branches = max(len(setup.finger.damping.dry_friction), 1)
-        yield from (np.arange(k, k + branches) for k in range(first + setup.tendon_friction_states, last, branches))
-
-
-def _turned(error: Array, cell: NDArray[np.int64]) -> Array:
-    turned = error.copy()
-    turned[cell] *= -1.0
-    return turned
-
-
-def tried_states(
-    scene: GraspScene, arrays: Mapping[str, Any], budget: Budget, also: Sequence[Array] = ()
-) -> list[Response]:
-    """Responses of a grasp to the friction states of `extremes` and those (6 + S,) given ``also``, and to the worst
-    ones from there.
-    """
+def tried_states(scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> list[Response]:
+    """Responses of a grasp to the friction states of `extremes`, and to the worst ones from there."""
     responder = Responder(scene, arrays, budget)
-    errors = [*with_states(np.zeros((1, OBJECT)), extremes(scene, arrays)), *also]
-    found = [responder.to(error) for error in errors]
+    found = [responder.to(error) for error in with_states(np.zeros((1, OBJECT)), extremes(scene, arrays))]
     return found + list(descended(responder, found))
 
 
-def held_arrays(scene: GraspScene, first: Sequence[str], responses: Sequence[Response]) -> dict[str, Array]:
-    """Postures of a grasp with friction states that its certificate is to verify, as `tried_states` gives them; each
-    array of a grasp with the states as first axis, ``held.`` before its name.
+def with_postures(
+    scene: GraspScene, arrays: Mapping[str, Array], responses: Sequence[Response], budget: Budget
+) -> dict[str, Array]:
+    """The arrays of a grasp, and of its postures with the friction states of its ``responses`` for the certificate to
+    verify: arrays of a grasp with the states as first axis, ``held.`` before their names.
 
-    Each contact has one row in all of them, those of the grasp, named ``first``, before others; where one is clear, its
-    name is empty and its numbers are NaN.
+    Each contact has one row in all of them, those of the grasp before others; where one is clear, its name is empty and
+    its numbers are NaN.
     """
+    if not scene.state_columns:
+        return dict(arrays)
+    if scene.robust:  # whose responses are to errors of the object, too
+        responses = tried_states(scene, arrays, budget)
     each = [response.arrays for response in responses]
-    names = list(dict.fromkeys([*first, *(str(name) for one in each for name in one["contact_names"])]))
+    names = list(dict.fromkeys(str(name) for one in (arrays, *each) for name in one["contact_names"]))
     each = [_with_all(one, names) for one in each]
     same = {f"{name}.family" for name in scene.named_fingers}
-    return {f"held.{key}": np.stack([one[key] for one in each]) for key in each[0] if key not in same}
+    return {**arrays, **{f"held.{key}": np.stack([one[key] for one in each]) for key in each[0] if key not in same}}
 
 
 def _with_all(arrays: Mapping[str, Array], names: Sequence[str]) -> dict[str, Array]:
