@@ -11,7 +11,8 @@ from typing import Any
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
-from continuum_grasp.grasp.fine import FIRST, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
+from continuum_grasp.grasp.fine import FIRST, NONE, asked_tolerance, resolve_elements, with_fine
+from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, is_clear, is_rare
 from continuum_grasp.grasp.reasons.pairs import find_pairs

@@ -13,8 +13,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import simpson
 
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.grasp.fine import with_elements
-from continuum_grasp.grasp.modes import contact_modes
+from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.solver_run import RUNGS
 from continuum_grasp.grasp.quality.resistance import resistance
 from continuum_grasp.grasp.quality.response import GraspResponse

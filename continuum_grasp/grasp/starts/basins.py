@@ -29,8 +29,8 @@ Array = NDArray[Any]
 
 STRICT = 2e-4
 """Penetration that a posture may have, per length of the finger, where postures are judged."""
-_PLACES = 1024
-"""Places of the middle contact on each part's outline: short feasible pieces may lie between two places."""
+_PLACES = 256
+"""Places of the middle contact on each part's outline; where postures change fast, there are more between."""
 _WINDOW = 0.125 * np.array([*range(-8, 0), *range(1, 9)])
 """Neighbors that are tried where a basin is refined, in windows, of which the first is a spacing of the scan."""
 _ROUNDS, _SHRINK = 2, 0.125

@@ -30,8 +30,16 @@ _NEAR_FOLD = 0.05
 between: the error of the parabola."""
 
 
+_EVEN, _MOST = 0.12, 24
+"""Difference of first curves at neighboring places, in the turn [rad] and the shift [L] of what follows, from which on
+there are places between, and into how many parts the way is cut at most: folds have no end."""
+_FOLD = (1.2, 0.6)
+"""Differences of bend and turn of neighbors [rad] that are beyond a fold."""
+
+
 class Ring:
-    """Even places on the outlines of an object's parts, by a number in [0, count) each.
+    """Even places on the outlines of an object's parts, by a number in [0, count) each, from the point on that is
+    farthest from the base, so that they turn and mirror with the object.
 
     Parameters
     ----------
@@ -49,14 +57,19 @@ class Ring:
             # Even in length and in the turn of the normal.
             share = np.diff(fine) * (np.abs(at.dpoint) / (shape.extent + task.half) + np.abs(at.dangle))
             passed = np.concatenate([[0.0], np.cumsum(share)])
-            self._walks.append((passed * (count / passed[-1]), fine))
+            passed *= count / passed[-1]
+            away = np.abs(at.point)
+            k = int(np.argmax(away))
+            before, here, after = away[k - 1], away[k], away[(k + 1) % len(away)]
+            top = k + 0.5 + 0.5 * (before - after) / min(before - 2.0 * here + after, -1e-300)
+            self._walks.append((passed, fine, float(np.interp(top, np.arange(len(fine)), passed))))
 
     def at(self, parts: Array, places: Array) -> tuple[Array, Array]:
         """Points on the grown outlines and angles of the outward normals (B,)."""
         point, angle = np.zeros(len(parts), complex), np.zeros(len(parts))
-        for part, (shape, (passed, fine)) in enumerate(zip(self.task.shapes, self._walks, strict=True)):
+        for part, (shape, (passed, fine, first)) in enumerate(zip(self.task.shapes, self._walks, strict=True)):
             mine = parts == part
-            found = shape.walk(np.interp(np.mod(places[mine], self.count), passed, fine))
+            found = shape.walk(np.interp(np.mod(places[mine] + first, self.count), passed, fine))
             point[mine], angle[mine] = found.point, found.angle
         return point, angle
 
@@ -85,7 +98,7 @@ class Branch(Rows):
 
 
 def scanned(task: FingerTask, ring: Ring) -> Branch:
-    """All postures with a middle contact at the places of a ring."""
+    """All postures with a middle contact at the places of a ring, and between those where they change fast."""
     parts = np.repeat(np.arange(len(task.shapes)), ring.count)
     places = np.tile(np.arange(float(ring.count)), len(task.shapes))
     point, normal = ring.at(parts, places)
@@ -93,6 +106,8 @@ def scanned(task: FingerTask, ring: Ring) -> Branch:
         first = _arcs(task, ring, parts, places, point, normal)
     else:
         first = _clothoids(task, parts, places, point, normal)
+        first = first.followed_by([_between(task, ring, first)])
+        first = first.take(_within(task, first))
     return _onwards(task, first)
 
 
@@ -100,14 +115,7 @@ def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[B
     """The postures next to some at places shifted along the ring by shifts (P, S), and the row that each is from."""
     rows = np.repeat(np.arange(len(some)), shifts.shape[1])
     old = some.take(rows)
-    places = old.place + shifts.ravel()
-    point, normal = ring.at(old.part, places)
-    turn = _next_to(np.where(old.side > 0, normal, normal + math.pi), old.turn)
-    guess = old.ends[:, 0] * old.joint
-    bend, length, good = exact_bends(point, turn, guess)
-    ends = np.stack([bend / length, (2.0 * turn - bend) / length], axis=1)
-    new = replace(old, place=places, point=point, normal=normal, turn=turn, joint=length)
-    new = replace(new, ends=np.concatenate([ends, old.ends[:, 2:]], axis=1))
+    new, good = _moved(ring, old, old.place + shifts.ravel(), old.turn, old.ends[:, 0] * old.joint)
     good &= _within(task, new)
     new, rows = new.take(good), rows[good]
     if not task.tip:
@@ -123,12 +131,45 @@ def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[B
     return found.take(order[unique]), rows[index[order[unique]]]
 
 
+def _moved(ring: Ring, old: Branch, places: Array, turn: Array, bend: Array) -> tuple[Branch, Array]:
+    """First curves like some at other places, next to guesses of turn and bend, and which were found."""
+    point, normal = ring.at(old.part, places)
+    turn = turn + wrapped(np.where(old.side > 0, normal, normal + math.pi) - turn)
+    bend, length, good = exact_bends(point, turn, bend)
+    ends = np.stack([bend / length, (2.0 * turn - bend) / length], axis=1)
+    new = replace(old, place=places, point=point, normal=normal, turn=turn, joint=length)
+    return replace(new, ends=np.concatenate([ends, old.ends[:, 2:]], axis=1)), good
+
+
+def _between(task: FingerTask, ring: Ring, first: Branch) -> Branch:
+    """First curves at places between those of neighbors that differ much, as what follows would, too."""
+    bend = first.ends[:, 0] * first.joint
+    one, two = np.nonzero(np.abs(np.remainder(first.place - first.place[:, None], ring.count) - 1.0) < 1e-9)
+    alike = (first.part[one] == first.part[two]) & (first.side[one] == first.side[two])
+    off = np.abs(bend[two] - bend[one]), np.abs(first.turn[two] - first.turn[one])
+    alike &= (off[0] < _FOLD[0]) & (off[1] < _FOLD[1])
+    one, two, off = one[alike], two[alike], (off[0] + off[1])[alike]
+    # Of several that follow one the nearest.
+    order = np.lexsort((off, one))
+    one, index = np.unique(one[order], return_index=True)
+    two = two[order][index]
+    late = first.ends[:, 1]
+    change = np.abs(late[two] - late[one]) * (1.0 - np.minimum(first.joint[one], 1.0))
+    change += np.abs(first.turn[two] - first.turn[one]) + np.abs(first.joint[two] - first.joint[one])
+    parts = np.minimum(np.ceil(change / _EVEN), _MOST).astype(int)
+    rows = np.repeat(np.arange(len(one)), np.maximum(parts - 1, 0))
+    step = np.arange(len(rows)) - np.searchsorted(rows, rows) + 1.0
+    share = step / np.maximum(parts[rows], 1)
+    one, two = one[rows], two[rows]
+    turn = first.turn[one] + share * (first.turn[two] - first.turn[one])
+    found, good = _moved(
+        ring, first.take(one), first.place[one] + share, turn, bend[one] + share * (bend[two] - bend[one])
+    )
+    return found.take(good)
+
+
 _NEARBY = 2.5
 """Greatest change of an end curvature, in spacings of the scan."""
-
-
-def _next_to(angle: Array, old: Array) -> Array:
-    return old + wrapped(angle - old)
 
 
 def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, normal: Array) -> Branch:
@@ -155,7 +196,7 @@ def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, norm
     bend, length, good = exact_bends(point[row], turn, guess)
     ends = np.stack([bend, 2.0 * turn - bend], axis=1) / length[:, None]
     found = _started(parts[row], side, places[row], point[row], normal[row], turn, length, ends)
-    return found.take(good & _within(task, found))
+    return found.take(good)
 
 
 def _started(
