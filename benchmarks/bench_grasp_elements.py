@@ -58,8 +58,6 @@ def _searched(scene: GraspScene) -> tuple[str, float | None, float, int]:
     """The search alone, without reasons why there is no grasp."""
     search = Search(scene, budget := Budget.of(scene.solver))
     search.run()
-    if search.doubtful:
-        search.exhaust()
     used = scene.solver.max_total_iterations - budget.left
     if search.best is None:
         return "none", None, search.build_seconds, used

@@ -48,6 +48,8 @@ found, 99 % less than 7 %; with four they are 6 times too high in the median, so
 COARSE = 4
 """Elements with which grasps of fingers with more are found first. From there 20 of 22 scenes with eight needed 5
 iterations in the median, and none was worse than from a scan of postures."""
+NEAREST = 3
+"""Starts tried with all elements where none led to a grasp with few, those with the least violation there."""
 SAME_BASIN = 5e-3
 """Relative difference of the estimates up to which two basins are one."""
 UNBALANCED, CLOSEST = 0.01, 2
@@ -67,7 +69,7 @@ class _Limits:
     basins: int  # per set of contacts, that are solved
     starts: int  # rough ones per set of contacts
     iterations: float  # after the first grasp, from which on no start is tried
-    always_rough: bool  # whether rough starts are tried where basins were solved
+    always_rough: bool  # whether rough starts are tried where postures are scanned, too
 
 
 _EFFORTS: dict[Effort, _Limits] = {
@@ -106,11 +108,13 @@ class Search:
         self._effort = _EFFORTS[scene.solver.effort]
         self._first_left: float | None = None  # iterations when the first grasp was found
         self._modes = self._alike = 0
-        self._unscanned: list[frozenset[str]] = []
         # Whether postures of a scan, of two linear curvatures, are those of the fingers, and estimates tell.
         self._tells = all(setup.elements <= 2 for setup in scene.setups)
         self._scans: dict[frozenset[str], Basins] = {}  # of each mode
         self.basins: list[Basin] = []
+        # Contacts and objectives of grasps with few elements, and starts that led to none, with their violations.
+        self._coarsely: list[tuple[Any, float]] = []
+        self._missed: list[tuple[float, Start]] = []
 
     @property
     def best(self) -> Tried | None:
@@ -123,8 +127,8 @@ class Search:
         return _least([t for t in self.good if not t.acceptable])
 
     def run(self) -> None:
-        """Solve from the basins of all modes in order of their estimates, then `exhaust` other starts, unless that is
-        `doubtful`.
+        """Solve from the basins of all modes in order of their estimates, then from rough starts of modes that are not
+        scanned (by the effort, of all), then on from the best grasp where its solver was stopped.
         """
         if self.scene.objective != "least_tension":
             self._from_least_tension()
@@ -132,14 +136,15 @@ class Search:
         # since a contact without force is as good as one that is off.
         modes = contact_modes(self.scene)
         self._modes = len(modes)
-        self._unscanned = [mode for mode in modes if not self._from_basins(mode)]
-        if not self.doubtful:
-            self.exhaust()
-
-    @property
-    def doubtful(self) -> bool:
-        """Whether all postures are known, and none led to a grasp."""
-        return self.knows_postures and not self.good
+        unscanned = [mode for mode in modes if not self._from_basins(mode)]
+        for mode in modes if self._effort.always_rough else unscanned:
+            if not self.proven:
+                self._from_rough(mode)
+        # What few elements cannot hold, many may.
+        for _, start in sorted(self._missed, key=lambda one: one[0])[:NEAREST] if self.best is None else ():
+            self.attempt(start, rung=0)
+        if not self.proven:
+            self._converge()
 
     @property
     def knows_postures(self) -> bool:
@@ -153,19 +158,6 @@ class Search:
     def _is_scanned(self) -> bool:
         return self._scans.keys() == set(contact_modes(self.scene))
 
-    def exhaust(self) -> None:
-        """Solve from rough starts, of sets of contacts that are scanned only where nothing else led to a grasp; then on
-        from the best grasp where its solver was stopped.
-        """
-        if self.proven:
-            return
-        for mode in self._unscanned:
-            self._from_rough(mode)
-        for mode in self._scans if self.best is None or self._effort.always_rough else ():
-            self._from_rough(mode)
-        if not self.proven:
-            self._converge()
-
     @property
     def exploration(self) -> Exploration:
         """What was looked at so far."""
@@ -175,6 +167,7 @@ class Search:
         )
         pruned = {f"estimated to take more than {SKIP_FACTOR:g} times the tension found": skipped}
         pruned["like one that was solved before"] = self._alike
+        pruned[f"without a grasp of {COARSE} elements"] = len(self._missed)
         return Exploration(
             modes=self._modes or len({frozenset(tried.attempt.start.contacts) for tried in self.tried}),
             places=sum(scan.places for scan in self._scans.values()),
@@ -207,15 +200,23 @@ class Search:
         basin.solved = found is not None and found.attempt.converged and self._keeps_promise(found, basin)
 
     def _continued(self, start: Start, rung: int, iterations: int | None = None) -> Tried | None:
-        """Solve from a start, with many elements by way of few, and verify."""
+        """Solve from a start and verify; many elements from what it leads to with few, unless that is known."""
         few = self._coarse
-        if few is not None:
-            solver = few.solver(start)
-            held = solver.run(few.scene, start, self.budget, rung=rung, iterations=iterations)
-            self.build_seconds, few.build_seconds = self.build_seconds + few.build_seconds, 0.0
-            if held.converged:
-                start, rung = start_from(few.scene, solver.arrays(few.scene, held)), 0
-        return self.attempt(start, rung=rung, iterations=iterations)
+        if few is None:
+            return self.attempt(start, rung=rung, iterations=iterations)
+        solver = few.solver(start)
+        held = solver.run(few.scene, start, self.budget, rung=rung, iterations=iterations)
+        self.build_seconds, few.build_seconds = self.build_seconds + few.build_seconds, 0.0
+        found, known = None, (start.contacts.keys(), round(held.objective, 6))
+        if held.converged and known in self._coarsely:
+            self._alike += 1
+            return None
+        if held.converged:
+            self._coarsely.append(known)
+            found = self.attempt(start_from(few.scene, solver.arrays(few.scene, held)), rung=0)
+        if found is None or found not in self.good:
+            self._missed.append((held.badness, start))
+        return found
 
     @cached_property
     def _coarse(self) -> Search | None:

@@ -14,7 +14,7 @@ from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import FIRST, NONE, asked_tolerance, resolve_elements, with_fine
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.solver_run import Attempt
-from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, is_clear, is_rare
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, is_rare
 from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.reasons.reach import out_of_reach
 from continuum_grasp.grasp.result import GraspResult
@@ -186,11 +186,7 @@ class _Verdict:
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
-        doubtful, reasons = self._plain.doubtful, self._reasons()
-        clear = bool(reasons) and all(is_clear(reason, self.scene) for reason in reasons)
-        if doubtful and not (clear and self._best() is None):
-            self._plain.exhaust()
-            self._to_stations()
+        reasons = self._reasons()
         if not any(not is_rare(reason) for reason in reasons) and self._best() is None:
             reasons = self._reasons(further=True)
         best = self._best()
