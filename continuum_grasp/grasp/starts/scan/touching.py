@@ -108,7 +108,7 @@ def scanned(task: FingerTask, ring: Ring) -> Branch:
         first = _clothoids(task, parts, places, point, normal)
         first = first.followed_by([_between(task, ring, first)])
         first = first.take(_within(task, first))
-    return _onwards(task, first)
+    return onwards(task, first)[0]
 
 
 def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[Branch, Array]:
@@ -195,13 +195,14 @@ def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, norm
     row, side, turn, guess = row[some], side[some], turn[some], guess[some]
     bend, length, good = exact_bends(point[row], turn, guess)
     ends = np.stack([bend, 2.0 * turn - bend], axis=1) / length[:, None]
-    found = _started(parts[row], side, places[row], point[row], normal[row], turn, length, ends)
+    found = started(parts[row], side, places[row], point[row], normal[row], turn, length, ends)
     return found.take(good)
 
 
-def _started(
+def started(
     part: Array, side: Array, place: Array, point: Array, normal: Array, turn: Array, joint: Array, ends: Array
 ) -> Branch:
+    """Curves to a contact, by curvatures at both ends (P, 2)."""
     none = np.zeros(len(part))
     ends = np.concatenate([ends, ends[:, 1:], ends[:, 1:]], axis=1)
     return Branch(part, side, place, point, normal, turn, joint, ends, none.astype(int), none + 0j, none)
@@ -236,7 +237,7 @@ def _arcs(task: FingerTask, ring: Ring, parts: Array, places: Array, point: Arra
     half = np.where(np.abs(turn) < 1e-9, 1e-9, 0.5 * turn)
     length = np.abs(points) * half / np.sin(half)
     ends = (2.0 * half / length)[:, None] * np.ones(2)
-    found = _started(parts, sides, start + share, points, normals, turn, length, ends)
+    found = started(parts, sides, start + share, points, normals, turn, length, ends)
     return found.take((np.abs(gap(share)) < 1e-6) & _within(task, found))
 
 
@@ -264,18 +265,19 @@ def _free(task: FingerTask, found: Branch) -> Branch:
     return replace(found, ends=ends)
 
 
-def _onwards(task: FingerTask, first: Branch) -> Branch:
+def onwards(task: FingerTask, first: Branch) -> tuple[Branch, Array]:
+    """On from the last contact to the tip, and the row that each goes on from."""
     if not len(first) or not task.tip:
-        return _free(task, first)
+        return _free(task, first), np.arange(len(first))
     rest = 1.0 - first.joint
     most = np.minimum(np.minimum(TIP_REACH, _range_after(task)) / rest, TIP_MOST)
     most = np.minimum(most, np.max(task.limits) * (1.0 + _ABOVE))
-    return _tips(task, first, most[:, None] * np.linspace(-1.0, 1.0, TIPS))[0]
+    return _tips(task, first, most[:, None] * np.linspace(-1.0, 1.0, TIPS))
 
 
 def _range_after(task: FingerTask) -> float:
-    """Greatest product of length and curvature of the second curve [rad]."""
-    return task.bending_range * sum(task.counts[task.middles.index(True) + 1 :])
+    """Greatest product of length and curvature of the last curve [rad]."""
+    return task.bending_range * sum(task.counts[len(task.middles) - task.middles[::-1].index(True) :])
 
 
 def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
