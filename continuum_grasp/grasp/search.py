@@ -35,7 +35,7 @@ SECTOR = 0.8
 contacts face alike to within it end in the same grasp as a rule."""
 HELD = 3
 """Grasps with least tension from which other aims start: of nearby branches another may be best for them."""
-ITERATION_CAP = 60
+ITERATION_CAP = 40
 """Iterations of a start once there is a grasp: from good starts IPOPT needs a median of 12 and
 17 at the 95th percentile (400 random scenes)."""
 PRUNE_FACTOR = 1.5
@@ -224,7 +224,7 @@ class Search:
         if all(setup.elements <= COARSE for setup in self.scene.setups):
             return None
         segments = max(len(setup.middles) for setup in self.scene.setups) + 1
-        return Search(with_elements(self.scene, max(COARSE // segments, 1)), self.budget)
+        return Search(with_elements(self.scene, max(COARSE // segments, 1), as_curved=True), self.budget)
 
     def _keeps_promise(self, found: Tried, basin: Basin) -> bool:
         """Whether a start led to a grasp that takes no more than was estimated, where that tells: otherwise it is

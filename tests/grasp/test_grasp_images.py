@@ -25,30 +25,38 @@ NONE = 1e-6
 
 HEXAGON = {
     "finger": {
-        "rod": {"length": 0.119323, "linear_density": 0.00315439, "bending_stiffness": 0.00237668},
-        "half_thickness": 0.00441857,
-        "tendons": {"offset": 0.00419088, "max_tension": 104.383, "min_tension": 0.0},
+        "rod": {
+            "length": 0.11932284160351045,
+            "linear_density": 0.0031543944730146214,
+            "bending_stiffness": 0.0023766751810183093,
+        },
+        "half_thickness": 0.004418572044625068,
+        "tendons": {"offset": 0.004190820878198073, "max_tension": 104.38260150679578, "min_tension": 0.0},
         "tendons_used": "left",
-        "base": {"position": (0.00454938, -0.0233858), "angle": -1.21952},
+        "base": {"position": [0.0045493821945984565, -0.023385844245115743], "angle": -1.219522387064357},
     },
     "object": {
         "shape": "polygon",
         "vertices": [
-            (0.0166555, -0.0040525), (0.00707243, 0.0156143), (-0.00976008, 0.0140914),
-            (-0.0167221, -0.00376784), (-0.00463638, -0.0165024), (0.0118857, -0.0123514),
+            [0.016655450579472084, -0.004052498029296169],
+            [0.007072427331219942, 0.015614337831855035],
+            [-0.00976008071797336, 0.014091401586120909],
+            [-0.016722145957028717, -0.0037678387537837046],
+            [-0.004636384595865063, -0.016502445641840828],
+            [0.011885701859888114, -0.012351391240687765],
         ],
-        "position": (0.0165051, 0.0),
-        "angle": -1.57022,
-        "mass": 0.0416692,
+        "position": [0.01650510614061406, 0.0],
+        "angle": -1.5702219090772405,
+        "mass": 0.041669230108076896,
     },
     "supports": {"palm": {"type": "palm", "point": (0.0, 0.0), "normal_angle": 0.0}},
-    "contacts": {"friction": 1.1265, "normal_force_max": 460.018, "middle": "on", "tip": "on"},
-    "gravity": {"mode": "planar", "vector": (4.24301, -8.84495)},
+    "contacts": {"friction": 1.1265019631337605, "normal_force_max": 460.0180088633679, "middle": "on", "tip": "on"},
+    "gravity": {"mode": "planar", "vector": [4.243009249191035, -8.84494050354661]},
     "fidelity": {"family": "matched_clothoid", "elements": 4, "bending_range": 3.4},
     "stability": "ignore",
-}  # fmt: skip
-"""A short first segment: the tip sweeps over the object within a thousandth of its outline, and the finger bends less
-than the curves of the scan, which would exceed the bending range.
+}
+"""A short first segment: the tip sweeps over the object within a thousandth of its outline, so that all digits count,
+and the finger bends less than the curves of the scan, which exceed the bending range.
 """
 
 
@@ -90,8 +98,7 @@ def test_a_short_piece_is_found_whichever_vertex_comes_first(bending_range):
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("elements", [4, 8])
-def test_a_short_piece_leads_to_the_grasp(elements):
-    """32.58 N with four elements, of many starts at random."""
-    tension = least(scene_of(HEXAGON, elements))
-    assert tension == pytest.approx(32.58, rel=1e-3 if elements == 4 else 0.05)
+def test_a_short_piece_leads_to_the_grasp():
+    """32.58 N with four elements, of many starts at random; with eight, which bend as far each, it takes less."""
+    assert least(scene_of(HEXAGON, 4)) == pytest.approx(32.58, rel=1e-3)
+    assert least(scene_of(HEXAGON, 8)) < 32.58

@@ -201,7 +201,7 @@ def test_with_a_grasp_rough_starts_get_few_iterations(monkeypatch):
     monkeypatch.setattr(search, "rough_starts_of", lambda _: [start(angle=3.0)])
     monkeypatch.setattr(search, "attempt", lambda start, **options: seen.append(options["iterations"]))
     search._from_rough(frozenset({"finger.tip"}))
-    assert seen == [60]
+    assert seen == [40]
 
 
 @pytest.mark.parametrize(("pegs", "count"), [(5, 32), (6, 64), (7, 64)])

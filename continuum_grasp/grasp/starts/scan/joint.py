@@ -14,13 +14,10 @@ from continuum_grasp.grasp.starts.scan.touching import Ring, scanned
 
 Array = NDArray[Any]
 
-_PLACES = 64
-"""Places of the first contact on each part's outline; where postures change fast, there are more between."""
-
 
 def first_joint(task: FingerTask) -> Postures | None:
     """Curves from the base to the first contact, tangent there, with the object on their left."""
-    some = scanned(replace(task, tip=False), Ring(task, _PLACES))
+    some = scanned(replace(task, tip=False), Ring(task))
     some = some.take(some.side > 0)
     if not len(some):
         return None

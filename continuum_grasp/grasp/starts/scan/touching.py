@@ -30,6 +30,8 @@ _NEAR_FOLD = 0.05
 between: the error of the parabola."""
 
 
+PLACES = 256
+"""Places of a contact on each part's outline."""
 _EVEN, _MOST = 0.12, 24
 """Difference of first curves at neighboring places, in the turn [rad] and the shift [L] of what follows, from which on
 there are places between, and into how many parts the way is cut at most: folds have no end."""
@@ -44,12 +46,12 @@ class Ring:
     Parameters
     ----------
     task : FingerTask
-    count : int
-        Places per part.
+    count : int, optional
+        Places per part; 0: `PLACES`.
     """
 
-    def __init__(self, task: FingerTask, count: int) -> None:
-        self.task, self.count = task, count
+    def __init__(self, task: FingerTask, count: int = 0) -> None:
+        self.task, self.count = task, (count := count or PLACES)
         self._walks = []
         for shape in task.shapes:
             fine = np.linspace(0.0, shape.period, 4 * count + 1)
@@ -143,8 +145,12 @@ def _moved(ring: Ring, old: Branch, places: Array, turn: Array, bend: Array) -> 
 
 def _between(task: FingerTask, ring: Ring, first: Branch) -> Branch:
     """First curves at places between those of neighbors that differ much, as what follows would, too."""
+    first = first.take(np.argsort(first.place, kind="stable"))
     bend = first.ends[:, 0] * first.joint
-    one, two = np.nonzero(np.abs(np.remainder(first.place - first.place[:, None], ring.count) - 1.0) < 1e-9)
+    after = np.mod(first.place + 1.0, ring.count)
+    low, high = (np.searchsorted(first.place, after + d) for d in (-0.5, 0.5))
+    one = np.repeat(np.arange(len(first)), high - low)
+    two = low[one] + np.arange(len(one)) - np.searchsorted(one, one)
     alike = (first.part[one] == first.part[two]) & (first.side[one] == first.side[two])
     off = np.abs(bend[two] - bend[one]), np.abs(first.turn[two] - first.turn[one])
     alike &= (off[0] < _FOLD[0]) & (off[1] < _FOLD[1])
