@@ -107,7 +107,7 @@ class Search:
         self.build_seconds = self.start_seconds = 0.0
         self._effort = _EFFORTS[scene.solver.effort]
         self._first_left: float | None = None  # iterations when the first grasp was found
-        self._modes = self._alike = 0
+        self._modes = self._sampled = self._alike = 0
         # Whether postures of a scan, of two linear curvatures, are those of the fingers, and estimates tell.
         self._tells = all(setup.elements <= 2 for setup in scene.setups)
         self._scans: dict[frozenset[str], Basins] = {}  # of each mode
@@ -137,6 +137,7 @@ class Search:
         modes = contact_modes(self.scene)
         self._modes = len(modes)
         unscanned = [mode for mode in modes if not self._from_basins(mode)]
+        self._sampled = len(unscanned)
         for mode in modes if self._effort.always_rough else unscanned:
             if not self.proven:
                 self._from_rough(mode)
@@ -170,6 +171,7 @@ class Search:
         pruned[f"without a grasp of {COARSE} elements"] = len(self._missed)
         return Exploration(
             modes=self._modes or len({frozenset(tried.attempt.start.contacts) for tried in self.tried}),
+            sampled=self._sampled,
             places=sum(scan.places for scan in self._scans.values()),
             postures=sum(scan.postures for scan in self._scans.values()),
             basins=len(self.basins),

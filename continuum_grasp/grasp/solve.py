@@ -61,8 +61,9 @@ def optimize_grasp(
     Returns
     -------
     GraspResult
-        The best verified grasp that was found; its ``exploration`` says where it was looked for. ``optimal`` is a local
-        optimum, and no basin that the exploration found is estimated to take 2 % less tension.
+        The best verified grasp that was found; its ``exploration`` says where it was looked for. ``optimal`` is the
+        best local optimum from all basins of a scan of all postures, but for those that are estimated to take more
+        tension where estimates tell, which is with up to two elements; or it is proven to be the least by a bound.
 
     Raises
     ------
@@ -255,6 +256,8 @@ class _Verdict:
                 f"the greatest normal force is {search.excess:.0%} above what no grasp is below, and {search.left_out} "
                 "starts were left out or led to no grasp"
             )
+        if explored.sampled and not search.proven:
+            yield f"of {explored.sampled} of {explored.modes} sets of contacts samples of postures were tried, not all"
         if explored.open and search.best is not None:
             more = explored.best_open / sum(self._tensions(best)) - 1.0
             yield (

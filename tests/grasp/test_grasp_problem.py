@@ -374,7 +374,7 @@ def test_every_rung_leads_back_from_next_to_a_grasp(rung):
 def test_an_object_that_slides_along_its_support_alone_is_no_dependent_equation():
     """Free along the palm, the egg cannot leave it: equations for its contact would be one too many."""
     result = optimize_grasp(load(CONFIGS / "egg.yaml"))
-    assert result.status == "optimal"
+    assert result.status == "feasible"
     assert result.statistics["interrupted"] is False
 
 
