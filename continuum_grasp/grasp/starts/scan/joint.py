@@ -21,8 +21,9 @@ def first_joint(task: FingerTask) -> Postures | None:
     some = some.take(some.side > 0)
     if not len(some):
         return None
-    on = [each[:, None] for each in (some.joint, some.part, some.point, some.normal)]
-    return _clear(task, Postures(some.knots[:, :2], some.ends[:, :2], *on, np.zeros(len(some))))
+    joints, parts, points, angles = (each[:, None] for each in (some.joint, some.part, some.point, some.normal))
+    bent = some.ends[:, :2]
+    return _clear(task, Postures(some.knots[:, :2], bent, joints, parts, points, angles, np.zeros(len(some))))
 
 
 def next_joint(task: FingerTask, family: Postures) -> Postures | None:
