@@ -23,8 +23,8 @@ class Exploration:
 
     Attributes
     ----------
-    modes : int
-        Sets of contacts.
+    modes, sampled : int
+        Sets of contacts, and those of whose postures samples were tried: the others are scanned.
     places, postures : int
         Places of contacts on the object that were scanned, and touching postures there whose forces were balanced.
     basins : int
@@ -32,7 +32,8 @@ class Exploration:
     starts_solved, starts_failed : int
         Starts of the solver that led to a verified grasp, and the others. A failure proves nothing.
     open : int
-        Basins without a verified grasp that are estimated to take at least 2 % less tension than the result.
+        Basins without a verified grasp that are estimated to take at least 2 % less tension than the result; of fingers
+        with more than two elements, whose tension the estimates do not tell, those that were not tried.
     best_open : float
         Least of their estimates [N]; NaN where there is none.
     pruned : dict of str to int
@@ -40,6 +41,7 @@ class Exploration:
     """
 
     modes: int = 0
+    sampled: int = 0
     places: int = 0
     postures: int = 0
     basins: int = 0

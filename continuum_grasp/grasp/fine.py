@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.values import start_from
@@ -16,9 +17,7 @@ from continuum_grasp.grasp.values import Change, tension_of
 from continuum_grasp.grasp.verdict import REFUTED, flawed
 from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.scene.families import default_family
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-from continuum_grasp.scene.grasp_options import GraspFinger
-from continuum_grasp.scene.simulate import Fidelity
+from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
 
@@ -31,23 +30,6 @@ FIRST = 3
 (spirob_cup)."""
 NONE = "no grasp next to this one"
 """What the fine model says where it refutes a grasp."""
-
-
-def with_elements(scene: GraspScene, per_segment: int, family: str | None = None) -> GraspScene:
-    """The scene with this many elements per segment between base, middle contacts and tip, of each finger's own family
-    or of another.
-    """
-
-    def changed(setup: FingerSetup) -> GraspFinger:
-        count = per_segment * (len(setup.middles) + 1)
-        own = setup.finger.fidelity or scene.fidelity
-        fidelity = own.replaced(tolerance=None, elements=count, family=family or setup.family, bending_range=None)
-        after = tuple(per_segment * (k + 1) for k in range(len(setup.middles)))
-        contacts = setup.finger.contacts.replaced(middle_after=after)
-        return setup.finger.replaced(fidelity=fidelity, contacts=contacts)
-
-    fingers = {setup.name: changed(setup) for setup in scene.setups}
-    return scene.with_fingers(fingers).replaced(fidelity=Fidelity())
 
 
 def with_fine(result: GraspResult, budget: Budget) -> GraspResult:

@@ -1,4 +1,4 @@
-"""Which contacts are on: every choice that the switches of a scene leave."""
+"""What a search chooses: which contacts are on, as the switches of a scene allow, and the elements of fingers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from collections.abc import Iterable
 from itertools import product
 
 from continuum_grasp.grasp.starts.supports import touching_supports
-from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.families import ONE_TURN
+from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp_options import GraspFinger
+from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Switch
 
 MOST = 64
@@ -32,6 +35,26 @@ def contact_modes(scene: GraspScene) -> list[frozenset[str]]:
         choices.append(_chosen(supports))
     modes = [frozenset[str]().union(*sets) for sets in product(*choices)]
     return sorted(modes, key=lambda mode: (-len(mode), sorted(mode)))[:MOST]
+
+
+def with_elements(
+    scene: GraspScene, per_segment: int, family: str | None = None, *, as_curved: bool = False
+) -> GraspScene:
+    """The scene with this many elements per segment between base, middle contacts and tip, of each finger's own family
+    or of another; they may bend as usual, or be ``as_curved`` as the finger's own, up to a turn.
+    """
+
+    def changed(setup: FingerSetup) -> GraspFinger:
+        count = per_segment * (len(setup.middles) + 1)
+        own = setup.finger.fidelity or scene.fidelity
+        bends = min(setup.bending_range * setup.elements / count, ONE_TURN) if as_curved else None
+        fidelity = own.replaced(tolerance=None, elements=count, family=family or setup.family, bending_range=bends)
+        after = tuple(per_segment * (k + 1) for k in range(len(setup.middles)))
+        contacts = setup.finger.contacts.replaced(middle_after=after)
+        return setup.finger.replaced(fidelity=fidelity, contacts=contacts)
+
+    fingers = {setup.name: changed(setup) for setup in scene.setups}
+    return scene.with_fingers(fingers).replaced(fidelity=Fidelity())
 
 
 def _chosen(switches: Iterable[tuple[str, Switch]]) -> list[frozenset[str]]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.exploration import Basin, Exploration
-from continuum_grasp.grasp.modes import contact_modes
+from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
@@ -35,23 +35,29 @@ SECTOR = 0.8
 contacts face alike to within it end in the same grasp as a rule."""
 HELD = 3
 """Grasps with least tension from which other aims start: of nearby branches another may be best for them."""
-ITERATION_CAP = 60
+ITERATION_CAP = 40
 """Iterations of a start once there is a grasp: from good starts IPOPT needs a median of 12 and
 17 at the 95th percentile (400 random scenes)."""
 PRUNE_FACTOR = 1.5
 """Estimated tension, per that of the best grasp, up to which a start is worth trying: the estimates are no
 bounds, and those of rough starts are off by tens of percent."""
-SKIP_FACTOR, RETRY_FACTOR, OPEN_FACTOR = 1.1, 1.05, 0.98
-"""Estimated tension of a basin, per that of the best grasp, up to which it is solved at all, again with other options,
-and up to which the search is not complete without it. Of 300 scenes 95 % of the estimates were less than 4 % above the
-tension found, 99 % less than 7 %."""
+SKIP_FACTOR, OPEN_FACTOR = 1.1, 0.98
+"""Estimated tension of a basin, per that of the best grasp, up to which it is solved at all, and up to which the search
+is not complete without it. Of 300 scenes of two elements 95 % of the estimates were less than 4 % above the tension
+found, 99 % less than 7 %; with four they are 6 times too high in the median, so that all basins are solved."""
+COARSE = 4
+"""Elements with which grasps of fingers with more are found first. From there 20 of 22 scenes with eight needed 5
+iterations in the median, and none was worse than from a scan of postures."""
+NEAREST = 3
+"""Starts tried with all elements where none led to a grasp with few, those with the least violation there."""
 SAME_BASIN = 5e-3
 """Relative difference of the estimates up to which two basins are one."""
 UNBALANCED, CLOSEST = 0.01, 2
-"""Imbalance of a basin from which on it most likely has no grasp, and how many such basins are tried first."""
+"""Imbalance of a basin of two elements from which on it most likely has no grasp, and how many such basins are tried
+first."""
 BENT = 0.06
-"""The same of fingers with more than two elements, which bend away from the postures of a scan: a scene that a greater
-tension repairs had 0.031 there."""
+"""Imbalance of a posture of more elements, which bend away from those of a scan, up to which a greater limit may repair
+it: a scene that a greater tension repairs had 0.031."""
 LEAST_DIFFERENCE = 1e-4
 """Tension that is none, per the greatest."""
 
@@ -61,16 +67,15 @@ class _Limits:
     """What an effort means."""
 
     basins: int  # per set of contacts, that are solved
-    rungs: int  # sets of options from a basin
     starts: int  # rough ones per set of contacts
-    iterations: float  # from which on no start is tried, once there is a grasp
-    always_rough: bool  # whether rough starts are tried where basins were solved
+    iterations: float  # after the first grasp, from which on no start is tried
+    always_rough: bool  # whether rough starts are tried where postures are scanned, too
 
 
 _EFFORTS: dict[Effort, _Limits] = {
-    "quick": _Limits(basins=3, rungs=1, starts=2, iterations=150, always_rough=False),
-    "normal": _Limits(basins=12, rungs=3, starts=8, iterations=600, always_rough=False),
-    "thorough": _Limits(basins=12, rungs=3, starts=24, iterations=math.inf, always_rough=True),
+    "quick": _Limits(basins=3, starts=2, iterations=150, always_rough=False),
+    "normal": _Limits(basins=12, starts=8, iterations=600, always_rough=False),
+    "thorough": _Limits(basins=12, starts=24, iterations=math.inf, always_rough=True),
 }
 """What each effort means. Of 1,000 scenes of one finger 95 % take less than 140 iterations."""
 
@@ -100,12 +105,16 @@ class Search:
         self.fallback: Tried | None = None  # a grasp with least tension, where something else is sought
         # Spent on building solvers, and on starts.
         self.build_seconds = self.start_seconds = 0.0
-        self._effort, self._first_left = _EFFORTS[scene.solver.effort], budget.left
-        self._modes = self._alike = 0
-        self._unscanned: list[frozenset[str]] = []
-        self._far = UNBALANCED if all(setup.elements <= 2 for setup in scene.setups) else BENT
+        self._effort = _EFFORTS[scene.solver.effort]
+        self._first_left: float | None = None  # iterations when the first grasp was found
+        self._modes = self._sampled = self._alike = 0
+        # Whether postures of a scan, of two linear curvatures, are those of the fingers, and estimates tell.
+        self._tells = all(setup.elements <= 2 for setup in scene.setups)
         self._scans: dict[frozenset[str], Basins] = {}  # of each mode
         self.basins: list[Basin] = []
+        # Contacts and objectives of grasps with few elements, and starts that led to none, with their violations.
+        self._coarsely: list[tuple[Any, float]] = []
+        self._missed: list[tuple[float, Start]] = []
 
     @property
     def best(self) -> Tried | None:
@@ -118,27 +127,25 @@ class Search:
         return _least([t for t in self.good if not t.acceptable])
 
     def run(self) -> None:
-        """Solve from the basins of all modes in order of their estimates, then `exhaust` other starts, unless that is
-        `doubtful`.
+        """Solve from the basins of all modes in order of their estimates, then from rough starts of modes that are not
+        scanned (by the effort, of all), then on from the best grasp where its solver was stopped.
         """
         if self.scene.objective != "least_tension":
             self._from_least_tension()
-            self._first_left = self.budget.left  # that search has iterations of its own
         # Modes come with the most contacts first: a branch that holds with all of them needs no try with fewer,
         # since a contact without force is as good as one that is off.
         modes = contact_modes(self.scene)
         self._modes = len(modes)
-        self._unscanned = [mode for mode in modes if not self._from_basins(mode)]
-        # Bolder options, and rough starts, only where something better is to be expected.
-        for rung in range(1, self._effort.rungs):
-            self._retry(rung)
-        if not self.doubtful:
-            self.exhaust()
-
-    @property
-    def doubtful(self) -> bool:
-        """Whether all postures are known, and none led to a grasp."""
-        return self.knows_postures and not self.good
+        unscanned = [mode for mode in modes if not self._from_basins(mode)]
+        self._sampled = len(unscanned)
+        for mode in modes if self._effort.always_rough else unscanned:
+            if not self.proven:
+                self._from_rough(mode)
+        # What few elements cannot hold, many may.
+        for _, start in sorted(self._missed, key=lambda one: one[0])[:NEAREST] if self.best is None else ():
+            self.attempt(start, rung=0)
+        if not self.proven:
+            self._converge()
 
     @property
     def knows_postures(self) -> bool:
@@ -152,17 +159,6 @@ class Search:
     def _is_scanned(self) -> bool:
         return self._scans.keys() == set(contact_modes(self.scene))
 
-    def exhaust(self) -> None:
-        """Solve from rough starts, then on from the best grasp where its solver was stopped."""
-        if self.proven:
-            return
-        modes = contact_modes(self.scene)
-        everywhere = self.best is None or self._effort.always_rough or self.exploration.open
-        for mode in modes if everywhere else self._unscanned:
-            self._from_rough(mode)
-        if not self.proven:
-            self._converge()
-
     @property
     def exploration(self) -> Exploration:
         """What was looked at so far."""
@@ -172,8 +168,10 @@ class Search:
         )
         pruned = {f"estimated to take more than {SKIP_FACTOR:g} times the tension found": skipped}
         pruned["like one that was solved before"] = self._alike
+        pruned[f"without a grasp of {COARSE} elements"] = len(self._missed)
         return Exploration(
             modes=self._modes or len({frozenset(tried.attempt.start.contacts) for tried in self.tried}),
+            sampled=self._sampled,
             places=sum(scan.places for scan in self._scans.values()),
             postures=sum(scan.postures for scan in self._scans.values()),
             basins=len(self.basins),
@@ -190,44 +188,71 @@ class Search:
         for start in (starts or [])[: self._effort.basins]:
             if not any(_same(start, basin.start) for basin in self.basins):
                 self.basins.append(Basin(start))
-                self._solve(self.basins[-1], 0)
+                self._solve(self.basins[-1])
         return starts is not None
 
-    def _retry(self, rung: int) -> None:
-        """Solve once more, with other options, from basins that may be better than what there is."""
-        for basin in self.basins:
-            if self._is_worth(basin.start, RETRY_FACTOR) and not basin.solved:
-                self._solve(basin, rung)
-
-    def _solve(self, basin: Basin, rung: int) -> None:
+    def _solve(self, basin: Basin) -> None:
         """Solve from a basin, unless it cannot be better than what there is or the budget is used up."""
         if not self._is_worth(basin.start, SKIP_FACTOR) or self._is_over:
             return
-        if basin.start.imbalance > self._far and (rung > 0 or len(self.tried) >= CLOSEST):
+        if self._tells and basin.start.imbalance > UNBALANCED and len(self.tried) >= CLOSEST:
             return
-        found = self.attempt(basin.start, rung=rung)
+        found = self._continued(basin.start, 0)
         basin.tried = True
         basin.solved = found is not None and found.attempt.converged and self._keeps_promise(found, basin)
 
+    def _continued(self, start: Start, rung: int, iterations: int | None = None) -> Tried | None:
+        """Solve from a start and verify; many elements from what it leads to with few, unless that is known."""
+        few = self._coarse
+        if few is None:
+            return self.attempt(start, rung=rung, iterations=iterations)
+        solver = few.solver(start)
+        held = solver.run(few.scene, start, self.budget, rung=rung, iterations=iterations)
+        self.build_seconds, few.build_seconds = self.build_seconds + few.build_seconds, 0.0
+        found, known = None, (start.contacts.keys(), round(held.objective, 6))
+        if held.converged and known in self._coarsely:
+            self._alike += 1
+            return None
+        if held.converged:
+            self._coarsely.append(known)
+            found = self.attempt(start_from(few.scene, solver.arrays(few.scene, held)), rung=0)
+        if found is None or found not in self.good:
+            self._missed.append((held.badness, start))
+        return found
+
+    @cached_property
+    def _coarse(self) -> Search | None:
+        """The search with few elements; None where the scene has no more."""
+        if all(setup.elements <= COARSE for setup in self.scene.setups):
+            return None
+        segments = max(len(setup.middles) for setup in self.scene.setups) + 1
+        return Search(with_elements(self.scene, max(COARSE // segments, 1), as_curved=True), self.budget)
+
     def _keeps_promise(self, found: Tried, basin: Basin) -> bool:
-        """Whether a start led to a grasp that takes no more than was estimated: otherwise it is another basin's."""
+        """Whether a start led to a grasp that takes no more than was estimated, where that tells: otherwise it is
+        another basin's.
+        """
         most = basin.start.estimate + self._least_difference
-        return found in self.good and not OPEN_FACTOR * self._tension(found) > most
+        return found in self.good and not (self._tells and OPEN_FACTOR * self._tension(found) > most)
 
     @property
     def _is_over(self) -> bool:
-        """Whether no more starts are tried: those of the effort are used up and there is a grasp, or all are."""
-        enough = self.best is not None and self._first_left - self.budget.left > self._effort.iterations
+        """Whether no more starts are tried: the iterations of the effort are used up since there is a grasp, or all."""
+        first = self._first_left
+        enough = first is not None and first - self.budget.left > self._effort.iterations
         return enough or (bool(self.tried) and self.budget.over)
 
     def is_open(self, basin: Basin) -> bool:
-        """Whether a basin may be better than what there is: not solved, and estimated to be."""
-        return not basin.solved and self.best is not None and self._is_worth(basin.start, OPEN_FACTOR)
+        """Whether a basin may be better than what there is: not solved and estimated to be, or not tried where
+        estimates do not tell.
+        """
+        open_ = not basin.solved if self._tells else not basin.tried
+        return open_ and self.best is not None and self._is_worth(basin.start, OPEN_FACTOR)
 
     def _is_worth(self, start: Start, factor: float) -> bool:
         """Whether the estimate of a start is at most a factor times what there is."""
         best = self.best
-        if best is None or math.isnan(start.estimate):
+        if best is None or math.isnan(start.estimate) or not self._tells:
             return True
         if self.scene.objective != "least_tension":
             # Beyond the limits of the tensions, the estimate counts what is left of the balance.
@@ -263,11 +288,7 @@ class Search:
             basin = Basin(start, tried=True)
             if not math.isnan(start.estimate):
                 self.basins.append(basin)
-            found = self.attempt(
-                start,
-                rung=len(RUNGS) - 1,
-                iterations=ITERATION_CAP if self.best and not self.exploration.open else None,
-            )
+            found = self._continued(start, len(RUNGS) - 1, ITERATION_CAP if self.best else None)
             if found is not None and found in self.good:
                 held.add(branch)
                 basin.solved = self._keeps_promise(found, basin)
@@ -334,7 +355,7 @@ class Search:
         best = self.best
         if start.label == "near" or best is None:
             return start.label != "near"
-        if self.scene.objective != "least_tension" or not start.tensions or self._tries_all:
+        if self.scene.objective != "least_tension" or not start.tensions or self._tries_all or not self._tells:
             return True
         wanted = sum(sum(tensions) for tensions in start.tensions.values())
         return wanted <= PRUNE_FACTOR * self._tension(best)
@@ -397,6 +418,8 @@ class Search:
         self.tried.append(found)
         if found.certificate.passed:
             self.good.append(found)
+            if found.acceptable and self._first_left is None:
+                self._first_left = self.budget.left
         return found
 
     def solver(self, start: Start) -> GraspSolverRun:

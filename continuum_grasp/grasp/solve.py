@@ -11,9 +11,10 @@ from typing import Any
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
-from continuum_grasp.grasp.fine import FIRST, NONE, asked_tolerance, resolve_elements, with_elements, with_fine
+from continuum_grasp.grasp.fine import FIRST, NONE, asked_tolerance, resolve_elements, with_fine
+from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.solver_run import Attempt
-from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, is_clear, is_rare
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, is_rare
 from continuum_grasp.grasp.reasons.pairs import find_pairs
 from continuum_grasp.grasp.reasons.reach import out_of_reach
 from continuum_grasp.grasp.result import GraspResult
@@ -60,8 +61,9 @@ def optimize_grasp(
     Returns
     -------
     GraspResult
-        The best verified grasp that was found; its ``exploration`` says where it was looked for. ``optimal`` is a local
-        optimum, and no basin that the exploration found is estimated to take 2 % less tension.
+        The best verified grasp that was found; its ``exploration`` says where it was looked for. ``optimal`` is the
+        best local optimum from all basins of a scan of all postures, but for those that are estimated to take more
+        tension where estimates tell, which is with up to two elements; or it is proven to be the least by a bound.
 
     Raises
     ------
@@ -185,11 +187,7 @@ class _Verdict:
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
-        doubtful, reasons = self._plain.doubtful, self._reasons()
-        clear = bool(reasons) and all(is_clear(reason, self.scene) for reason in reasons)
-        if doubtful and not (clear and self._best() is None):
-            self._plain.exhaust()
-            self._to_stations()
+        reasons = self._reasons()
         if not any(not is_rare(reason) for reason in reasons) and self._best() is None:
             reasons = self._reasons(further=True)
         best = self._best()
@@ -258,6 +256,8 @@ class _Verdict:
                 f"the greatest normal force is {search.excess:.0%} above what no grasp is below, and {search.left_out} "
                 "starts were left out or led to no grasp"
             )
+        if explored.sampled and not search.proven:
+            yield f"of {explored.sampled} of {explored.modes} sets of contacts samples of postures were tried, not all"
         if explored.open and search.best is not None:
             more = explored.best_open / sum(self._tensions(best)) - 1.0
             yield (

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.fine import FIRST, with_elements
+from continuum_grasp.grasp.fine import FIRST
+from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, rank
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import ITERATION_CAP, NEAR, Search

@@ -55,7 +55,7 @@ def test_every_end_curvature_whose_tip_touches_is_found(diameter, base_y):
     rest = 1.0 - first.joint
     # What follows begins with the curvature so far, and bends by a turn at most.
     first = first.take(np.abs(first.ends[:, 1]) * rest < 6.28)
-    rest, found = 1.0 - first.joint, touching._onwards(task, first)
+    rest, found = 1.0 - first.joint, touching.onwards(task, first)[0]
     # Up to the curvatures that the scan states: a turn over what is left, at most 25 per length.
     most = np.minimum(6.283 / rest, 25.0)
     dense = np.linspace(-1.0, 1.0, 1601) * most[:, None]

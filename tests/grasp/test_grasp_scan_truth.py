@@ -14,8 +14,8 @@ from scipy.integrate import solve_ivp
 from benchmarks.grasp_oracle.scenes import scene_of
 from benchmarks.grasp_oracle.truth import answers
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.starts import basins
 from continuum_grasp.grasp.starts.candidates import find_candidates
+from continuum_grasp.grasp.starts.scan import touching as scan
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts
 from continuum_grasp.grasp.starts.supports import object_poses
@@ -80,7 +80,7 @@ def test_a_set_of_tips_takes_nearly_the_tension_of_the_oracle(kind, seed):
 @pytest.mark.parametrize("seed", WITH_SEVERAL)
 def test_a_scan_with_four_times_the_places_has_no_other_basins(seed, monkeypatch):
     known = estimates(seed)
-    monkeypatch.setattr(basins, "_PLACES", 4 * basins._PLACES)
+    monkeypatch.setattr(scan, "PLACES", 4 * scan.PLACES)
     assert known == pytest.approx(estimates(seed), rel=0.01)
 
 

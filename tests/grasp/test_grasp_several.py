@@ -48,6 +48,5 @@ def test_fingers_may_wrap_from_either_side():
     body = {"shape": "ellipse", "width": 0.1332, "height": 0.1295, "position": (0.0, 0.0), "mass": 0.01782}
     result = optimize_grasp(scene_of(fingers, body, 0.5409, 78.72))
     assert result.tension <= 1.005 * 181.2
-    # A start was estimated to take less, and led elsewhere: what it stands for is open.
     assert result.status is Status.FEASIBLE
-    assert result.exploration.best_open < 0.98 * result.tension
+    assert result.exploration.sampled == 1

@@ -36,7 +36,9 @@ def test_a_disc_on_two_upright_fingers_is_steady_below_their_euler_load(load):
     result = solved(scene)
     assert result.solved
     assert result.certificate.stability.stable is (load < 1.0)
-    assert result.status is (Status.OPTIMAL if load < 1.0 else Status.FEASIBLE)
+    # Of two fingers samples are tried, of which none is the best for sure.
+    assert result.status is Status.FEASIBLE
+    assert result.exploration.sampled == result.exploration.modes
     assert result.message.startswith("held with" if load < 1.0 else "held but unstable: ")
     assert any("unstable" in warning for warning in result.warnings) is (load > 1.0)
 

@@ -29,8 +29,6 @@ Array = NDArray[Any]
 
 STRICT = 2e-4
 """Penetration that a posture may have, per length of the finger, where postures are judged."""
-_PLACES = 1024
-"""Places of the middle contact on each part's outline: short feasible pieces may lie between two places."""
 _WINDOW = 0.125 * np.array([*range(-8, 0), *range(1, 9)])
 """Neighbors that are tried where a basin is refined, in windows, of which the first is a spacing of the scan."""
 _ROUNDS, _SHRINK = 2, 0.125
@@ -76,7 +74,7 @@ class Basins:
         self.base = (*base.position, base.angle)
         self.pose = scene.object.pose
         self.task = make_task(scene, scene.setups[0], self.base, self.pose, 1, on)
-        self._ring = Ring(self.task, _PLACES)
+        self._ring = Ring(self.task)
         self.places = self.postures = 0
         # Arcs to a middle contact have no free parameter.
         self._isolated = any(self.task.middles) and self.task.one_arc_to_joint

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -30,17 +31,23 @@ _STEP = 1e-9
 def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[Start]:
     """Starting points with the contacts wanted, ``on`` by name: those of fingers, and walls and pegs.
 
-    There are ``count`` of them at most, the most promising first, then such that differ from those before; none where
-    a finger reaches nothing. Those labeled "scan" touch everywhere they should without penetration; "near" ones do so
+    There are ``count`` of them at most, the most promising first, then such that differ from those before; where all
+    fingers touch with their tips alone, so many of sets that are bent into balance, and so many of others; none where a
+    finger reaches nothing. Those labeled "scan" touch everywhere they should without penetration; "near" ones do so
     as nearly as was found.
     """
     weighing = Weighing(scene, on)
-    found = [at for k, pose in enumerate(object_poses(scene, on)) if (at := weighing.at_pose(pose, k)) is not None]
-    if not found:
-        return []
-    rows = [(at, row) for at in found for row in range(len(at.score))]
-    score, features = (np.concatenate(part) for part in zip(*((at.score, at.features) for at in found), strict=True))
-    return [_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)]
+    kinds = zip(
+        *(at for k, pose in enumerate(object_poses(scene, on)) if (at := weighing.at_pose(pose, k))), strict=True
+    )
+    chosen = []
+    for found in kinds:
+        rows = [(at, row) for at in found for row in range(len(at.score))]
+        score, features = (
+            np.concatenate(part) for part in zip(*((at.score, at.features) for at in found), strict=True)
+        )
+        chosen.append([_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)])
+    return [start for rank in zip_longest(*chosen) for start in rank if start is not None]
 
 
 def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Basins] | None:

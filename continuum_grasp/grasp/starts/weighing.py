@@ -59,20 +59,21 @@ class Weighing:
         ]
         self._tips_alone = len(alone) > 1 and all(alone)
 
-    def at_pose(self, pose: Pose, number: int) -> Weighed | None:
-        """What is found at the ``number``-th pose of the object; None where a finger does not reach it."""
+    def at_pose(self, pose: Pose, number: int) -> list[Weighed]:
+        """What is found at the ``number``-th pose of the object; nothing where a finger does not reach it."""
         found: list[Candidates] = []
         for setup in self.setups:
             candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, self.on)
             if candidates is None:
-                return None
+                return []
             found.append(candidates)
+        plain = self._weigh(pose, found)
         if not self._tips_alone:
-            return self._weigh(pose, found)
+            return [plain]
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
         sets = matched_sets(self.scene, self.loads, found, pose, supports, _SETS[len(self.setups)])
-        return self._weigh(pose, polished(self.scene, self.loads, sets, pose, supports), paired=True)
+        return [self._weigh(pose, polished(self.scene, self.loads, sets, pose, supports), paired=True), plain]
 
     def _weigh(self, pose: Pose, found: list[Candidates], paired: bool = False) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)

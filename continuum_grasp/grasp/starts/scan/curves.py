@@ -201,26 +201,6 @@ def touch(
     return out, found[:, 1], good
 
 
-def arc_tangent(shape: Outline, length: Array, curvature: Array, walk: Array) -> tuple[Array, Array, Array, Array]:
-    """Circular arcs from the base, tangent to the grown outline at their ends: lengths, curvatures, walks, good."""
-
-    def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
-        bent = u[:, 1]
-        end, turn, dend, _ = segment_end(u[:, :1], np.stack([bent, bent], axis=1))
-        at = shape.walk(u[:, 2])
-        off = end - at.point
-        move, on = dend.sum(axis=1), 1j * np.exp(1j * turn)
-        return [off.real, off.imag, wrapped(turn - at.angle)], [
-            [on.real, move.real, -at.dpoint.real],
-            [on.imag, move.imag, -at.dpoint.imag],
-            [bent, u[:, 0], -at.dangle],
-        ]
-
-    first = np.stack([length, curvature, walk], axis=1)
-    found, good = _newton(equations, first, (0.2, math.inf, 0.15 * shape.period))
-    return found[:, 0], found[:, 1], found[:, 2], good & (found[:, 0] > 0.0)
-
-
 def wrapped(angle: Array) -> Array:
     """Angles [rad] as they are within half a turn."""
     return np.asarray(np.remainder(angle + math.pi, math.tau) - math.pi)

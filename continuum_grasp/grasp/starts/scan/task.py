@@ -41,6 +41,9 @@ _STATIONS = 65
 _EVEN = np.linspace(0.0, 1.0, _STATIONS)
 _TOUCHES = 0.75
 """Place along the finger whose thickness a posture is found with [1]: between middle contacts and the tip."""
+LOOSER = 1.25
+"""Curvature of a posture in the scan per its limits, of fingers with more elements than linear curvatures there, which
+bend otherwise: a hexagon is held within a range of 3.4 rad that its posture exceeds by 14 %."""
 FINE = 6
 """Most elements of a posture in the scan and in its balance: of more, IPOPT starts from the shape of fewer."""
 
@@ -56,13 +59,13 @@ class FingerTask:
     shapes: tuple[Outline, ...]
     half: float  # half the finger's thickness, where it is likely to touch
     halves: Array  # the same at the places whose clearance is looked at
-    limits: Array  # greatest curvature there
+    limits: Array  # greatest curvature there, `LOOSER` where the scan's curves are coarser than the finger's
     rest: float  # mean rest curvature
     counts: tuple[int, ...]  # elements between base, joints and tip
     nodes: tuple[float, ...]  # ends of its elements, or fewer positions where it has many
     friction: float
     arcs: bool  # whether its elements are circular arcs
-    bending_range: float
+    bending_range: float  # likewise
     bounds: tuple[float, float]  # of the positions of middle contacts
     walls: tuple[tuple[complex, complex, float], ...]  # point, normal and half length
     pegs: tuple[tuple[complex, float], ...]  # center and radius
@@ -194,6 +197,7 @@ def make_task(
     half = float(halves[int(_TOUCHES * (_STATIONS - 1))])
     marks = (0, *setup.before, setup.elements)
     few = min(setup.elements, FINE)
+    looser = LOOSER if setup.elements > len(setup.middles) + 1 else 1.0
     return FingerTask(
         base=base,
         side=side,
@@ -202,13 +206,13 @@ def make_task(
         shapes=tuple(surface_of(part).outline(part, frame, half) for part in scene.object.parts),
         half=half,
         halves=halves,
-        limits=finger.curvature_limit_at(places) / scale,
+        limits=looser * finger.curvature_limit_at(places) / scale,
         rest=side * float(profile.rest_curvature(places).mean()) / scale,
         counts=tuple(b - a for a, b in pairwise(marks)),
         nodes=tuple(k / few for k in range(few + 1)),
         friction=setup.held_friction,
         arcs=family_class(setup.family).degree == 0,
-        bending_range=setup.bending_range,
+        bending_range=looser * setup.bending_range,
         bounds=(setup.middle_bounds[0] * scale, setup.middle_bounds[1] * scale),
         walls=tuple(
             (

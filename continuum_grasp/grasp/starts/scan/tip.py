@@ -13,7 +13,6 @@ from continuum_grasp.grasp.starts.scan.curves import guess_table, segment_end, t
 from continuum_grasp.grasp.starts.scan.joint import ends_of
 from continuum_grasp.grasp.starts.scan.task import (
     FRONT,
-    TIP_MOST,
     TIP_REACH,
     TIPS,
     FingerTask,
@@ -22,6 +21,7 @@ from continuum_grasp.grasp.starts.scan.task import (
     touching_family,
     unique,
 )
+from continuum_grasp.grasp.starts.scan.touching import onwards, started
 from continuum_grasp.model.surfaces.outline import Outline
 
 Array = NDArray[Any]
@@ -30,36 +30,25 @@ Array = NDArray[Any]
 def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     """The postures on to the tip, which touches."""
     point, angle = ends_of(family)
-    rest = 1.0 - family.knots[:, -1]
-    count, tries = len(family), TIPS
-    one_arc = task.arcs and task.counts[-1] == 1
-    begin = family.curvatures[:, -1]
-    grid = np.clip(np.linspace(-TIP_REACH, TIP_REACH, tries)[None, :] / rest[:, None], -TIP_MOST, TIP_MOST)
-    first = grid if one_arc else np.broadcast_to(begin[:, None], grid.shape)
-    pairs = np.stack([first, grid], axis=2).reshape(-1, 2)
-    end, _, _, _ = segment_end(np.repeat(rest, tries)[:, None], pairs)
-    tips = point[:, None] + np.exp(1j * angle)[:, None] * end.reshape(count, tries)
-    groups = []
-    for part, shape in enumerate(task.shapes):
-        gap = shape.distance(tips) - task.half
-        row, column, share, walk = crossings(shape, gap, tips)
-        if not len(row):
-            continue
-        guess = grid[row, column] + share * (grid[row, column + 1] - grid[row, column])
-        curve = np.stack([guess if one_arc else begin[row], guess], axis=1)
-        columns = (0, 1) if one_arc else (1,)
-        bent, walk, good = touch(shape, (point[row], angle[row]), rest[row, None], curve, columns, walk)
-        good &= _in_front(shape, walk, angle[row] + 0.5 * rest[row] * (bent[:, 0] + bent[:, 1]))
-        retained, bent = family.take(row[good]), bent[good]
-        if not np.array_equal(retained.curvatures[:, -1], bent[:, 0]):  # the curvature steps at the last contact
-            retained = replace(
-                retained,
-                knots=np.concatenate([retained.knots, retained.knots[:, -1:]], axis=1),
-                curvatures=np.concatenate([retained.curvatures, bent[:, :1]], axis=1),
-            )
-        groups.append(retained.on_to(np.ones((len(bent), 1)), bent[:, 1:], part, shape.walk(walk[good])))
-    found = join(groups)
-    return None if found is None else unique(found)
+    none, bent = np.zeros(len(family)), np.repeat(family.curvatures[:, -1:], 2, axis=1)
+    last = started(none.astype(int), none, none, point, none, angle, family.knots[:, -1], bent)
+    found, rows = onwards(task, last)
+    old = family.take(rows)
+    # The curvature may step at the last contact.
+    added = zip(
+        (old.knots, old.curvatures, old.parts, old.points, old.angles),
+        (
+            found.knots[:, 2:],
+            found.ends[:, 2:],
+            found.tip[:, None],
+            found.tip_point[:, None],
+            found.tip_normal[:, None],
+        ),
+        strict=True,
+    )
+    knots, curvatures, parts, points, angles = (np.concatenate(pair, axis=1) for pair in added)
+    longer = replace(old, knots=knots, curvatures=curvatures, parts=parts, points=points, angles=angles)
+    return longer if len(longer) else None
 
 
 def crossings(shape: Outline, gap: Array, tips: Array, *, axis: int = 1) -> tuple[Array, Array, Array, Array]:

@@ -30,18 +30,28 @@ _NEAR_FOLD = 0.05
 between: the error of the parabola."""
 
 
+PLACES = 256
+"""Places of a contact on each part's outline."""
+_EVEN, _MOST = 0.12, 24
+"""Difference of first curves at neighboring places, in the turn [rad] and the shift [L] of what follows, from which on
+there are places between, and into how many parts the way is cut at most: folds have no end."""
+_FOLD = (1.2, 0.6)
+"""Differences of bend and turn of neighbors [rad] that are beyond a fold."""
+
+
 class Ring:
-    """Even places on the outlines of an object's parts, by a number in [0, count) each.
+    """Even places on the outlines of an object's parts, by a number in [0, count) each, from the point on that is
+    farthest from the base, so that they turn and mirror with the object.
 
     Parameters
     ----------
     task : FingerTask
-    count : int
-        Places per part.
+    count : int, optional
+        Places per part; 0: `PLACES`.
     """
 
-    def __init__(self, task: FingerTask, count: int) -> None:
-        self.task, self.count = task, count
+    def __init__(self, task: FingerTask, count: int = 0) -> None:
+        self.task, self.count = task, (count := count or PLACES)
         self._walks = []
         for shape in task.shapes:
             fine = np.linspace(0.0, shape.period, 4 * count + 1)
@@ -49,14 +59,19 @@ class Ring:
             # Even in length and in the turn of the normal.
             share = np.diff(fine) * (np.abs(at.dpoint) / (shape.extent + task.half) + np.abs(at.dangle))
             passed = np.concatenate([[0.0], np.cumsum(share)])
-            self._walks.append((passed * (count / passed[-1]), fine))
+            passed *= count / passed[-1]
+            away = np.abs(at.point)
+            k = int(np.argmax(away))
+            before, here, after = away[k - 1], away[k], away[(k + 1) % len(away)]
+            top = k + 0.5 + 0.5 * (before - after) / min(before - 2.0 * here + after, -1e-300)
+            self._walks.append((passed, fine, float(np.interp(top, np.arange(len(fine)), passed))))
 
     def at(self, parts: Array, places: Array) -> tuple[Array, Array]:
         """Points on the grown outlines and angles of the outward normals (B,)."""
         point, angle = np.zeros(len(parts), complex), np.zeros(len(parts))
-        for part, (shape, (passed, fine)) in enumerate(zip(self.task.shapes, self._walks, strict=True)):
+        for part, (shape, (passed, fine, first)) in enumerate(zip(self.task.shapes, self._walks, strict=True)):
             mine = parts == part
-            found = shape.walk(np.interp(np.mod(places[mine], self.count), passed, fine))
+            found = shape.walk(np.interp(np.mod(places[mine] + first, self.count), passed, fine))
             point[mine], angle[mine] = found.point, found.angle
         return point, angle
 
@@ -85,7 +100,7 @@ class Branch(Rows):
 
 
 def scanned(task: FingerTask, ring: Ring) -> Branch:
-    """All postures with a middle contact at the places of a ring."""
+    """All postures with a middle contact at the places of a ring, and between those where they change fast."""
     parts = np.repeat(np.arange(len(task.shapes)), ring.count)
     places = np.tile(np.arange(float(ring.count)), len(task.shapes))
     point, normal = ring.at(parts, places)
@@ -93,21 +108,16 @@ def scanned(task: FingerTask, ring: Ring) -> Branch:
         first = _arcs(task, ring, parts, places, point, normal)
     else:
         first = _clothoids(task, parts, places, point, normal)
-    return _onwards(task, first)
+        first = first.followed_by([_between(task, ring, first)])
+        first = first.take(_within(task, first))
+    return onwards(task, first)[0]
 
 
 def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[Branch, Array]:
     """The postures next to some at places shifted along the ring by shifts (P, S), and the row that each is from."""
     rows = np.repeat(np.arange(len(some)), shifts.shape[1])
     old = some.take(rows)
-    places = old.place + shifts.ravel()
-    point, normal = ring.at(old.part, places)
-    turn = _next_to(np.where(old.side > 0, normal, normal + math.pi), old.turn)
-    guess = old.ends[:, 0] * old.joint
-    bend, length, good = exact_bends(point, turn, guess)
-    ends = np.stack([bend / length, (2.0 * turn - bend) / length], axis=1)
-    new = replace(old, place=places, point=point, normal=normal, turn=turn, joint=length)
-    new = replace(new, ends=np.concatenate([ends, old.ends[:, 2:]], axis=1))
+    new, good = _moved(ring, old, old.place + shifts.ravel(), old.turn, old.ends[:, 0] * old.joint)
     good &= _within(task, new)
     new, rows = new.take(good), rows[good]
     if not task.tip:
@@ -123,12 +133,49 @@ def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[B
     return found.take(order[unique]), rows[index[order[unique]]]
 
 
+def _moved(ring: Ring, old: Branch, places: Array, turn: Array, bend: Array) -> tuple[Branch, Array]:
+    """First curves like some at other places, next to guesses of turn and bend, and which were found."""
+    point, normal = ring.at(old.part, places)
+    turn = turn + wrapped(np.where(old.side > 0, normal, normal + math.pi) - turn)
+    bend, length, good = exact_bends(point, turn, bend)
+    ends = np.stack([bend / length, (2.0 * turn - bend) / length], axis=1)
+    new = replace(old, place=places, point=point, normal=normal, turn=turn, joint=length)
+    return replace(new, ends=np.concatenate([ends, old.ends[:, 2:]], axis=1)), good
+
+
+def _between(task: FingerTask, ring: Ring, first: Branch) -> Branch:
+    """First curves at places between those of neighbors that differ much, as what follows would, too."""
+    first = first.take(np.argsort(first.place, kind="stable"))
+    bend = first.ends[:, 0] * first.joint
+    after = np.mod(first.place + 1.0, ring.count)
+    low, high = (np.searchsorted(first.place, after + d) for d in (-0.5, 0.5))
+    one = np.repeat(np.arange(len(first)), high - low)
+    two = low[one] + np.arange(len(one)) - np.searchsorted(one, one)
+    alike = (first.part[one] == first.part[two]) & (first.side[one] == first.side[two])
+    off = np.abs(bend[two] - bend[one]), np.abs(first.turn[two] - first.turn[one])
+    alike &= (off[0] < _FOLD[0]) & (off[1] < _FOLD[1])
+    one, two, off = one[alike], two[alike], (off[0] + off[1])[alike]
+    # Of several that follow one the nearest.
+    order = np.lexsort((off, one))
+    one, index = np.unique(one[order], return_index=True)
+    two = two[order][index]
+    late = first.ends[:, 1]
+    change = np.abs(late[two] - late[one]) * (1.0 - np.minimum(first.joint[one], 1.0))
+    change += np.abs(first.turn[two] - first.turn[one]) + np.abs(first.joint[two] - first.joint[one])
+    parts = np.minimum(np.ceil(change / _EVEN), _MOST).astype(int)
+    rows = np.repeat(np.arange(len(one)), np.maximum(parts - 1, 0))
+    step = np.arange(len(rows)) - np.searchsorted(rows, rows) + 1.0
+    share = step / np.maximum(parts[rows], 1)
+    one, two = one[rows], two[rows]
+    turn = first.turn[one] + share * (first.turn[two] - first.turn[one])
+    found, good = _moved(
+        ring, first.take(one), first.place[one] + share, turn, bend[one] + share * (bend[two] - bend[one])
+    )
+    return found.take(good)
+
+
 _NEARBY = 2.5
 """Greatest change of an end curvature, in spacings of the scan."""
-
-
-def _next_to(angle: Array, old: Array) -> Array:
-    return old + wrapped(angle - old)
 
 
 def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, normal: Array) -> Branch:
@@ -154,13 +201,14 @@ def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, norm
     row, side, turn, guess = row[some], side[some], turn[some], guess[some]
     bend, length, good = exact_bends(point[row], turn, guess)
     ends = np.stack([bend, 2.0 * turn - bend], axis=1) / length[:, None]
-    found = _started(parts[row], side, places[row], point[row], normal[row], turn, length, ends)
-    return found.take(good & _within(task, found))
+    found = started(parts[row], side, places[row], point[row], normal[row], turn, length, ends)
+    return found.take(good)
 
 
-def _started(
+def started(
     part: Array, side: Array, place: Array, point: Array, normal: Array, turn: Array, joint: Array, ends: Array
 ) -> Branch:
+    """Curves to a contact, by curvatures at both ends (P, 2)."""
     none = np.zeros(len(part))
     ends = np.concatenate([ends, ends[:, 1:], ends[:, 1:]], axis=1)
     return Branch(part, side, place, point, normal, turn, joint, ends, none.astype(int), none + 0j, none)
@@ -195,7 +243,7 @@ def _arcs(task: FingerTask, ring: Ring, parts: Array, places: Array, point: Arra
     half = np.where(np.abs(turn) < 1e-9, 1e-9, 0.5 * turn)
     length = np.abs(points) * half / np.sin(half)
     ends = (2.0 * half / length)[:, None] * np.ones(2)
-    found = _started(parts, sides, start + share, points, normals, turn, length, ends)
+    found = started(parts, sides, start + share, points, normals, turn, length, ends)
     return found.take((np.abs(gap(share)) < 1e-6) & _within(task, found))
 
 
@@ -223,18 +271,19 @@ def _free(task: FingerTask, found: Branch) -> Branch:
     return replace(found, ends=ends)
 
 
-def _onwards(task: FingerTask, first: Branch) -> Branch:
+def onwards(task: FingerTask, first: Branch) -> tuple[Branch, Array]:
+    """On from the last contact to the tip, and the row that each goes on from."""
     if not len(first) or not task.tip:
-        return _free(task, first)
+        return _free(task, first), np.arange(len(first))
     rest = 1.0 - first.joint
     most = np.minimum(np.minimum(TIP_REACH, _range_after(task)) / rest, TIP_MOST)
     most = np.minimum(most, np.max(task.limits) * (1.0 + _ABOVE))
-    return _tips(task, first, most[:, None] * np.linspace(-1.0, 1.0, TIPS))[0]
+    return _tips(task, first, most[:, None] * np.linspace(-1.0, 1.0, TIPS))
 
 
 def _range_after(task: FingerTask) -> float:
-    """Greatest product of length and curvature of the second curve [rad]."""
-    return task.bending_range * sum(task.counts[task.middles.index(True) + 1 :])
+    """Greatest product of length and curvature of the last curve [rad]."""
+    return task.bending_range * sum(task.counts[len(task.middles) - task.middles[::-1].index(True) :])
 
 
 def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:

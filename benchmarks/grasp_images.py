@@ -1,0 +1,177 @@
+"""Random grasp scenes with fingers of several elements, and their images: mirrored, turned and shifted, or scaled, and
+polygons that begin with another vertex. A scene and its images have the same grasps.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED, _finger, _object, _scene
+from continuum_grasp.scene.grasp import GraspScene
+
+Data = dict[str, Any]
+
+LONGER, STRONGER = 8.0, 0.02
+"""Lengths and forces of the scaled image, per those of the scene."""
+_TURN, _SHIFT = cmath.exp(0.7j), 0.31 - 0.17j
+"""Of the moved image."""
+_MIDDLE, _TIP = ("on", "on", "auto", "auto", "auto"), ("on", "on", "on", "on", "auto")
+"""Switches of the contacts of one finger, drawn together."""
+
+
+def drawn(kind: str, seed: int) -> Data:
+    """A scene with two elements per finger: "one" finger before one of seven kinds of objects; "union": before two
+    parts; "two" and "three" fingers that touch with their tips; "wrap": two that may touch with their middles, too.
+    """
+    if kind in ("two", "three"):
+        return DRAWN[kind](seed) | UNASKED
+    if kind == "wrap":
+        data = DRAWN["two"](seed) | UNASKED
+        return data | {"contacts": data["contacts"] | {"middle": "auto"}}
+    random = np.random.default_rng([5, seed])
+    length = 10 ** random.uniform(-1.0, -0.4)
+    size = length * random.uniform(0.12, 0.3)
+    body, reach, extent = _body(random, size, kind)
+    finger = _finger(random, length, size, sign=1.0)
+    half = finger["half_thickness"]
+    along = half * random.uniform(1.0, 1.5) + random.choice([0.0, 1.0]) * random.uniform(0.0, 0.8) * reach
+    finger["base"] = {
+        "position": (along, -(extent + half + length * random.uniform(0.005, 0.3))),
+        "angle": random.uniform(-0.6, 0.6) - 0.5 * math.pi,
+    }
+    body["position"] = (reach, 0.0)
+    supports = {"palm": {"type": "palm", "point": (0.0, 0.0), "normal_angle": 0.0}}
+    data = _scene(random, finger, body, size, supports, "all", "matched_clothoid")
+    switch = random.integers(len(_MIDDLE))
+    return data | UNASKED | {"contacts": data["contacts"] | {"middle": _MIDDLE[switch], "tip": _TIP[switch]}}
+
+
+def _body(random: np.random.Generator, size: float, kind: str) -> tuple[Data, float, float]:
+    """An object, and how far it reaches towards -x, and towards -y."""
+    shape = "union" if kind == "union" else random.choice(["drawn"] * 4 + ["polygon", "rounded_polygon", "stadium"])
+    if shape == "drawn":
+        return _object(random, size, aligned=bool(random.random() < 0.5))
+    angle = random.uniform(-math.pi, math.pi)
+    turns = np.cumsum(random.dirichlet(np.full(random.integers(3, 8), 6.0))) * math.tau
+    points, radius = size * np.exp(1j * turns), 0.0
+    body: Data = {"shape": str(shape), "angle": angle, "vertices": [(z.real, z.imag) for z in points.tolist()]}
+    if shape == "rounded_polygon":
+        body["corner_radius"] = 0.15 * size * random.random() + 0.02 * size
+    elif shape == "stadium":
+        radius, straight = size * random.uniform(0.5, 0.8), size * random.uniform(0.2, 0.8)
+        body, points = {"shape": "stadium", "angle": angle, "length": straight, "radius": radius}, np.zeros(2, complex)
+        points += 0.5 * straight * np.array([-1.0, 1.0])
+    elif shape == "union":
+        radius, points = 0.5 * size, np.array([0.0, size * random.uniform(0.5, 1.0)])
+        discs = [{"shape": "circle", "diameter": 2.0 * radius, "position": (float(z), 0.0)} for z in points]
+        discs[1]["diameter"] *= random.uniform(0.5, 1.0)
+        body = {"shape": "union", "angle": angle, "members": discs, "center_of_mass": (0.3 * size, 0.0)}
+        # The second disc is smaller, so that this may leave a gap at the palm, which then carries nothing.
+    there = points * cmath.exp(1j * angle)
+    reach, extent = float(radius - there.real.min()), float(radius - there.imag.min())
+    return body, reach, extent
+
+
+def scene_of(data: Data, elements: int) -> GraspScene:
+    """The scene of data with so many elements."""
+    return GraspScene.model_validate(data | {"fidelity": data["fidelity"] | {"elements": elements}})
+
+
+def mirrored(data: Data) -> Data:
+    """The image at the x axis."""
+
+    def other(key: str, value: Any) -> Any:
+        if key == "base":  # points along the y axis of its frame
+            x, y = value["position"]
+            return {"position": (x, -y), "angle": math.remainder(math.pi - value["angle"], math.tau)}
+        if key in ("position", "point", "center_of_mass", "vector"):
+            return value[0], -value[1]
+        if key == "vertices":
+            return [(x, -y) for x, y in value]
+        if key in ("angle", "normal_angle"):
+            return -value
+        if key == "tendons_used":
+            return {"left": "right", "right": "left"}.get(value, value)
+        return -value if key == "rest_curvature" else value
+
+    return _changed(data, other)
+
+
+def moved(data: Data) -> Data:
+    """The scene turned and shifted."""
+
+    def other(key: str, value: Any) -> Any:
+        if key == "base":
+            return {name: other(name, each) for name, each in value.items()}
+        if key in ("position", "point"):
+            z = complex(*value) * _TURN + _SHIFT
+            return z.real, z.imag
+        if key == "vector":
+            z = complex(*value) * _TURN
+            return z.real, z.imag
+        return math.remainder(value + cmath.phase(_TURN), math.tau) if key in ("angle", "normal_angle") else value
+
+    body = data["object"]
+    data = _changed({**data, "object": {**body, "members": None}}, other)
+    parts = {key: body[key] for key in ("members", "center_of_mass") if key in body}
+    return {**data, "object": {key: value for key, value in (data["object"] | parts).items() if value is not None}}
+
+
+def scaled(data: Data) -> Data:
+    """The scene with other units of length and force."""
+    units = dict.fromkeys(("length", "half_thickness", "offset", "diameter", "width", "height"), LONGER)
+    units |= dict.fromkeys(("position", "point", "vertices", "corner_radius", "radius", "at", "center_of_mass"), LONGER)
+    units |= dict.fromkeys(("mass", "max_tension", "min_tension", "normal_force_max"), STRONGER)
+    units |= {"rest_curvature": 1.0 / LONGER, "linear_density": STRONGER / LONGER, "breaks": LONGER, "values": LONGER}
+    units["bending_stiffness"] = STRONGER * LONGER**2
+
+    def other(key: str, value: Any) -> Any:
+        if key == "base":
+            return {**value, "position": other("position", value["position"])}
+        return value if key not in units else (np.asarray(value) * units[key]).tolist()
+
+    return _changed(data, other)
+
+
+def rolled(data: Data) -> Data:
+    """The scene whose polygon begins with its second vertex."""
+    body = data["object"]
+    return {**data, "object": {**body, "vertices": [*body["vertices"][1:], body["vertices"][0]]}}
+
+
+def _changed(data: Any, other: Callable[[str, Any], Any]) -> Any:
+    """Data whose values are changed by their keys."""
+    if isinstance(data, list):
+        return [_changed(each, other) for each in data]
+    return {key: _changed(v, other) if _nested(v) else other(key, v) for key, v in data.items()}
+
+
+def _nested(value: Any) -> bool:
+    some = value[0] if isinstance(value, list) and value else value
+    return isinstance(some, dict) and not some.keys() <= {"position", "angle"}
+
+
+IMAGES: dict[str, Callable[[Data], Data]] = {
+    "own": dict,
+    "mirrored": mirrored,
+    "moved": moved,
+    "scaled": scaled,
+    "rolled": rolled,
+}
+"""Images of a scene by name."""
+
+
+def images(data: Data, names: list[str]) -> dict[str, Data]:
+    """The images of a scene with these names, as far as it has them."""
+    polygon = "vertices" in data["object"]
+    return {name: IMAGES[name](data) for name in names if name != "rolled" or polygon}
+
+
+def force_unit(name: str) -> float:
+    """The unit of force of an image [N]."""
+    return STRONGER if name == "scaled" else 1.0

@@ -1,0 +1,104 @@
+"""A scene and its image, mirrored, turned, shifted and scaled, have the same grasps; polygons whichever vertex comes
+first.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.grasp_images import STRONGER, drawn, mirrored, moved, rolled, scaled, scene_of
+from continuum_grasp.grasp.modes import contact_modes
+from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.starts.starts import basin_starts
+from continuum_grasp.grasp.values import tension_of
+from continuum_grasp.nlp import Budget
+from tests.marks import few
+
+SCENES = [("one", 5), ("one", 7), ("one", 1), ("one", 2), ("one", 6), ("one", 11)]
+MORE = [
+    *(("one", seed) for seed in range(50, 90)),
+    *(("union", seed) for seed in (0, *range(50, 60))),
+    *((kind, seed) for kind in ("two", "wrap", "three") for seed in range(3)),
+]
+NONE = 1e-6
+"""Tension that is none, per the greatest."""
+
+HEXAGON = {
+    "finger": {
+        "rod": {
+            "length": 0.11932284160351045,
+            "linear_density": 0.0031543944730146214,
+            "bending_stiffness": 0.0023766751810183093,
+        },
+        "half_thickness": 0.004418572044625068,
+        "tendons": {"offset": 0.004190820878198073, "max_tension": 104.38260150679578, "min_tension": 0.0},
+        "tendons_used": "left",
+        "base": {"position": [0.0045493821945984565, -0.023385844245115743], "angle": -1.219522387064357},
+    },
+    "object": {
+        "shape": "polygon",
+        "vertices": [
+            [0.016655450579472084, -0.004052498029296169],
+            [0.007072427331219942, 0.015614337831855035],
+            [-0.00976008071797336, 0.014091401586120909],
+            [-0.016722145957028717, -0.0037678387537837046],
+            [-0.004636384595865063, -0.016502445641840828],
+            [0.011885701859888114, -0.012351391240687765],
+        ],
+        "position": [0.01650510614061406, 0.0],
+        "angle": -1.5702219090772405,
+        "mass": 0.041669230108076896,
+    },
+    "supports": {"palm": {"type": "palm", "point": (0.0, 0.0), "normal_angle": 0.0}},
+    "contacts": {"friction": 1.1265019631337605, "normal_force_max": 460.0180088633679, "middle": "on", "tip": "on"},
+    "gravity": {"mode": "planar", "vector": [4.243009249191035, -8.84494050354661]},
+    "fidelity": {"family": "matched_clothoid", "elements": 4, "bending_range": 3.4},
+    "stability": "ignore",
+}
+"""A short first segment: the tip sweeps over the object within a thousandth of its outline, so that all digits count,
+and the finger bends less than the curves of the scan, which exceed the bending range.
+"""
+
+
+def image_of(data):
+    data = rolled(data) if "vertices" in data["object"] else data
+    return mirrored(moved(scaled(data)))
+
+
+def least(scene):
+    """The least tension that is found [N]; None where there is no grasp."""
+    search = Search(scene, Budget.of(scene.solver))
+    search.run()
+    return None if search.best is None else tension_of(scene, search.best.arrays)
+
+
+@pytest.mark.parametrize(("kind", "seed"), [*few(SCENES, 6), *few(MORE, 0)])
+def test_a_scene_and_its_image_have_the_same_grasp(kind, seed):
+    data = drawn(kind, seed)
+    scene = scene_of(data, 4)
+    own, other = least(scene), least(scene_of(image_of(data), 4))
+    assert (own is None) == (other is None)
+    if own is not None:
+        none = NONE * sum(setup.max_tension for setup in scene.setups)
+        assert other / STRONGER == pytest.approx(own, rel=1e-6, abs=none)
+
+
+@pytest.mark.parametrize("bending_range", [3.4, 6.28])
+def test_a_short_piece_is_found_whichever_vertex_comes_first(bending_range):
+    """Also where the scan's curves bend by more than the finger may, whose elements bend otherwise."""
+    data = HEXAGON | {"fidelity": HEXAGON["fidelity"] | {"bending_range": bending_range}}
+    estimates = []
+    for _ in range(6):
+        for shown in (data, mirrored(data)):
+            scene = scene_of(shown, 4)
+            starts, _ = basin_starts(scene, contact_modes(scene)[0])
+            estimates.append(starts[0].estimate)
+        data = rolled(data)
+    assert max(estimates) < 1.01 * min(estimates)
+
+
+@pytest.mark.deep
+def test_a_short_piece_leads_to_the_grasp():
+    """32.58 N with four elements, of many starts at random; with eight, which bend as far each, it takes less."""
+    assert least(scene_of(HEXAGON, 4)) == pytest.approx(32.58, rel=1e-3)
+    assert least(scene_of(HEXAGON, 8)) < 32.58
