@@ -379,15 +379,10 @@ class PlantModel(Remade):
         x, u, p = self._of_system
         return dict(zip(self.system.touch.name_out(), self.system.touch(x, u, self._w, p), strict=True))
 
-    @property
-    def contact_force(self) -> ca.SX:
-        """Normal forces [N] at the contacts that the controller follows, in its order."""
-        tracked = self.control.controller.cost.tracked_contacts("contact_force", self.control.contact_names)
-        return self.touch["normal_force"][self.rows_of(tracked)]
-
-    def rows_of(self, contacts: Sequence[str]) -> list[int]:
-        """Where contacts of the controller are among those of the plant."""
-        return [self.system.touch_names.index(self._own_name(name)) for name in contacts]
+    def tracked(self, key: str, name: str) -> ca.SX:
+        """An output of ``System.touch`` at the contacts that a term of the controller's cost follows, in its order."""
+        contacts = self.control.controller.cost.tracked_contacts(key, self.control.contact_names)
+        return self.touch[name][[self.system.touch_names.index(self._own_name(one)) for one in contacts]]
 
     @property
     def object_pose(self) -> ca.SX:
