@@ -93,9 +93,7 @@ class Plant:
         NumericalError
             If the motion does not stay finite.
         """
-        command = self.checked(u)
-        (states,) = SharedPlant((self,)).moved([self.x], [command], self.t)
-        self.reach(states, command)
+        (states,) = SharedPlant((self,)).advance([u])
         return states
 
     def checked(self, u: ArrayLike) -> Array:
@@ -159,8 +157,6 @@ class SharedPlant:
         NumericalError
             If the motion does not stay finite.
         """
-        if self._joint is None:
-            return [self.plants[0].advance(commands[0])]
         known = [plant.checked(u) for plant, u in zip(self.plants, commands, strict=True)]
         states = self.moved([plant.x for plant in self.plants], known, self.plants[0].t)
         for plant, own, command in zip(self.plants, states, known, strict=True):
