@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.ocp.bounds import curvature_limits
+from continuum_grasp.control.ocp.bounds import curvature_limits, distance_from
 from continuum_grasp.control.ocp.cost_terms import Quantities, cost_terms
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import HalfPlaneZone, Zone
 from continuum_grasp.simulation.contacts import ContactForces
 
 Array = NDArray[np.float64]
@@ -159,15 +157,7 @@ class Readings:
             fine, half = self._sections(at, x, u, w), self.plant.scene.finger.profile.half_thickness(at)
             for name, zone in bounds.keep_out.items():
                 of = slice(None) if zone.of == "backbone" else slice(-1, None)
-                depth = self._depth(zone, fine[:, of], half[of])
+                # The surface, half a thickness from the backbone, without the clearance that is asked for.
+                depth = half[of] - distance_from(zone, *fine[:, of].transpose(2, 0, 1))
                 found.append(Bound(name, "m", depth.max(axis=1), self._length))
         return found
-
-    def _depth(self, zone: Zone, points: Array, away: Array) -> Array:
-        """How far the surface at points (K, P, 2) of the backbone, half thicknesses away from it (P,) [m], is within a
-        zone, its clearance left out [m].
-        """
-        if isinstance(zone, HalfPlaneZone):
-            normal = np.array([math.cos(zone.normal_angle), math.sin(zone.normal_angle)])
-            return np.asarray(away - (points - np.array(zone.point)) @ normal)
-        return np.asarray(away + zone.radius - np.linalg.norm(points - np.array(zone.center), axis=2))
