@@ -26,7 +26,7 @@ from continuum_grasp.scene.finger import BasePose, Finger
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
-from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
 from continuum_grasp.scene.surroundings import Table
 from continuum_grasp.simulation.statics import equilibrium_under
 
@@ -162,9 +162,7 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
     most = np.array([one.max_tension for one in finger.tendon_list])
     before, angles, _ = _about_to_touch(control, free, body, tensions, (least, most), edges)
     if mission.turn is not None:
-        _check_start(
-            control, _about_to_touch(control, free, present(control.object), tensions, (least, most), edges)[2]
-        )
+        _check_start(control, _about_to_touch(control, free, object_of(control), tensions, (least, most), edges)[2])
     commands, ends = (
         Commands(finger, edges),
         np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3])),
@@ -340,6 +338,13 @@ def _about_to_touch(
     return before, np.ravel(core.batch("orientation", q, before, edges[:, None])), nearest
 
 
+def object_of(scene: ControlScene | Scene) -> GraspObject:
+    """The object of a mission's controller or plant."""
+    if scene.object is None:
+        raise ValueError("a mission has an object")
+    return scene.object
+
+
 def present(value: T | None) -> T:
     """What a mission always has, where other scenes and closed loops may have none."""
     if value is None:
@@ -352,7 +357,7 @@ def _check_start(control: ControlScene, nearest: float) -> None:
 
     ``nearest`` is the place of the finger that first comes close to the object, as `_about_to_touch` has it.
     """
-    body, length, key = present(control.object), control.finger.rod.length, "turn.position"
+    body, length, key = object_of(control), control.finger.rod.length, "turn.position"
     for wall in control.walls:
         down = wall.normal_angle + math.pi - body.angle
         deep = max(part.support(down) for part in body.parts) - wall.height(body.position)

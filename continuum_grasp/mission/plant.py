@@ -17,7 +17,7 @@ from continuum_grasp.closed_loop.schedule import Phase
 from continuum_grasp.closed_loop.shared_object import WRENCH
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.mission.assignment import Assignment, present
+from continuum_grasp.mission.assignment import Assignment, object_of
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.surroundings import Table
@@ -63,7 +63,7 @@ class Variation:
 
 def mission_plant_model(assignment: Assignment) -> PlantModel:
     """Equations of the plant of one finger."""
-    mission, control, body = assignment.mission, assignment.control, present(assignment.control.object)
+    mission, control, body = assignment.mission, assignment.control, object_of(assignment.control)
     mass = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
     scene = plant_scene(control).replaced(
         contacts=tuple(sorted({*control.contacts, *mission.more_contacts})),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.errors import InputError
-from continuum_grasp.mission.assignment import Assignment, present
+from continuum_grasp.mission.assignment import Assignment, object_of, present
 from continuum_grasp.mission.certified import plant_friction
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.mission.precheck import Exceeded
@@ -218,7 +218,7 @@ class MissionRun(MotionResult):
     @property
     def body(self) -> GraspObject:
         """The object."""
-        return present(self.scene.object)
+        return object_of(self.scene)
 
     @cached_property
     def friction_use(self) -> Array:

@@ -59,7 +59,7 @@ class Quantities:
 
     length: float
     tip: Callable[[], Any]
-    sections: Callable[[Sequence[float]], tuple[Any, Any]]
+    sections: Callable[[Sequence[float]], Sequence[Any]]
     object_pose: Callable[[], Any]
     bending: Callable[[], Any]
     bending_rate: Callable[[], Any]
