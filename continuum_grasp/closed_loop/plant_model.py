@@ -276,17 +276,17 @@ class PlantModel(Remade):
 
     @cached_property
     def around(self) -> ca.Function:
-        """``(places, tension, others, u, w, p) -> rate, exerted, point, lift, force``: as ``ChainSystem.around`` has
-        them, with the lag among the other states, and parameters without those of the finger.
+        """``(places, tension, others, u, w, p) -> rate, exerted, force``: rates of the other states with the lag, what
+        the finger exerts on the object, and forces on the places; parameters are without those of the finger.
         """
         chain, (others, own) = self.chain, self._others
         places, tension = ca.SX.sym("places", 6, len(chain.places)), ca.SX.sym("tension", len(chain.tendons))
         p = self._p[self.finger_parameters :]
         force, rate, *exerted = chain.around(places, tension, own, self.acting, self._w, p)
         names = ["places", "tension", "others", "u", "w", "p"]
-        values = [ca.vertcat(rate, self._drive_rates), *exerted, force]
+        values = [ca.vertcat(rate, self._drive_rates), self._wrench(*exerted), force]
         given = [places, tension, others, self._u, self._w, p]
-        return ca.Function("around", given, values, names, ["rate", "exerted", "point", "lift", "force"])
+        return ca.Function("around", given, values, names, ["rate", "exerted", "force"])
 
     # -- functions ----------------------------------------------------------------------------------------------------
 
@@ -323,12 +323,22 @@ class PlantModel(Remade):
 
     @cached_property
     def touching_dynamics(self) -> ca.Function:
-        """State derivative, and what the finger exerts on the object at its C contacts: world force (2, C) [N] and the
-        point (2, C) [m] where it acts, force out of the plane (C) [N].
-        """
+        """State derivative, and what the finger exerts on the object."""
         own = [k for k, name in enumerate(self.system.touch_names) if name.startswith("finger.")]
         force, point, lift = self.touch["force"][:, own], self.touch["point"][:, own], self.touch["lift"][own]
-        return self._of_all("touching_dynamics", xd=self._rate, force=force, point=point, lift=lift)
+        return self._of_all("touching_dynamics", xd=self._rate, exerted=self._wrench(force, point, lift))
+
+    def _wrench(self, force: ca.SX, point: ca.SX, lift: ca.SX) -> ca.SX:
+        """World force [N], moment about the object's center of mass [N m], and force out of the plane [N], of forces
+        (2, C) at points (2, C) [m] and of those out of the plane (C).
+        """
+        if self.scene.object is None or not self.scene.object_moves:
+            return ca.SX(4, 1)
+        pose, (along, across) = self.object_pose, self.scene.object.com
+        c, s = ca.cos(pose[2]), ca.sin(pose[2])
+        arms = point - (pose[:2] + ca.vertcat(c * along - s * across, s * along + c * across))
+        moments = arms[0, :] * force[1, :] - arms[1, :] * force[0, :]
+        return ca.vertcat(ca.sum2(force), ca.sum2(moments), ca.sum1(ca.vec(lift)))
 
     @cached_property
     def linearization(self) -> ca.Function:
