@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.chain_system import ChainSystem
-from continuum_grasp.closed_loop.integration import GUIDES, Integration, integration_of
+from continuum_grasp.closed_loop.integration import GUIDES, ChainIntegration, Integration
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.readings import quantities_of
 from continuum_grasp.closed_loop.shared_object import SharedModel
@@ -139,8 +139,12 @@ class SharedPlant:
 
     @property
     def _integration(self) -> Integration:
-        first = self.plants[0]
-        return integration_of(self._joint or first.model, first.method.name)
+        """What integrates the plants, made once for each model."""
+        model, method = self._joint or self.plants[0].model, self.plants[0].method.name
+        if method not in model.integrations:
+            model.integrations[method] = ChainIntegration(model) if method == GUIDES else Integration(model, method)
+        found: Integration = model.integrations[method]
+        return found
 
     @property
     def compiled(self) -> bool:
