@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.model import System
+from continuum_grasp.model.actuation import Lag
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.memory import direction
 from continuum_grasp.model.remade import Remade
@@ -198,12 +200,8 @@ class PlantModel(Remade):
         """Rates of the drive's states: of what it exerts, and of these unless it is of first order."""
         if self._lag is None:
             return ca.SX(0, 1)
-        away, lag = (self._u - self.drive)[: self._lags], self._time
-        if self._order == 1:
-            return away / lag
-        rate = self._x[-self._lags :]
-        # Critically damped, as the controller's model has it: T^2 F'' + 2 T F' + F = F_command.
-        return ca.vertcat(rate, away / lag**2 - 2.0 * rate / lag)
+        states = ca.vertsplit(self._x[self.system.nx :], self._lags)
+        return ca.vertcat(*Lag(math.nan, self._order).rates(states, self._u[: self._lags], self._time))
 
     @cached_property
     def acting(self) -> ca.SX:
