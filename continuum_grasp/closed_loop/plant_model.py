@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.closed_loop.chain_system import ChainSystem
+from continuum_grasp.labels import split_unit
 from continuum_grasp.model import System
 from continuum_grasp.model.actuation import Lag
 from continuum_grasp.model.layout import element_lengths
@@ -157,12 +158,8 @@ class PlantModel(Remade):
         self.parameters, self.finger_parameters = tuple(parameters), len(parameters)
         self.object_parameters = tuple(object_parameters)
         self.u_names = tuple(self.system.u_names[: len(finger.input_keys)])
-        names: tuple[str, ...] = ()
-        if self._lag is not None:
-            names = self.u_names[: self._lags]
-            rates = (name.replace(" [", "_rate [").replace("]", "/s]") for name in names)
-            names = names if self._order == 1 else (*names, *rates)
-        self.x_names = (*self.system.x_names, *names)
+        lagging = [Lag(math.nan, self._order).states(*split_unit(name)) for name in self.u_names[: self._lags]]
+        self.x_names = (*self.system.x_names, *(name for names in zip(*lagging, strict=True) for name in names))
         self.w_names = tuple(self.system.w_names)
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
         self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
