@@ -342,7 +342,7 @@ FAULTS: tuple[Fault, ...] = (
     # closed_loop
     *_in(
         "closed_loop/readings.py",
-        ("return angles[1:] - angles[:-1]", "return angles[1:] + angles[:-1]"),
+        ("return whole[1:] - whole[:-1]", "return whole[1:] + whole[:-1]"),
         tests="closed_loop",
     ),
     *_in(

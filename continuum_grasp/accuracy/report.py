@@ -11,6 +11,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+
 from continuum_grasp import interrupt
 from continuum_grasp.accuracy.choice import ACCURACIES, Choice, assess, choices, open_families
 from continuum_grasp.accuracy.motion import (
@@ -29,7 +31,7 @@ from continuum_grasp.labels import unit_of
 from continuum_grasp.results.declared import File, Picture
 from continuum_grasp.results.record import begin_run
 from continuum_grasp.results.result import Result
-from continuum_grasp.results.tables import package
+from continuum_grasp.results.tables import package, pareto
 from continuum_grasp.scene.families import PAPER_FAMILY
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import EXACT_ROD, Fidelity, Scene
@@ -159,13 +161,11 @@ class AccuracyReport(Result):
     def front(self, cost: str = "evaluation [ns]", error: str = "tip / L") -> list[tuple[Any, ...]]:
         """Rows of ``choices`` that no other dominates in both cost and error (the Pareto front), cheapest first."""
         i, j = self.choices.columns.index(cost), self.choices.columns.index(error)
-        sign = -1.0 if cost == "real-time factor" else 1.0
         known = [row for row in self.choices.rows if all(row[k] is not None and math.isfinite(row[k]) for k in (i, j))]
-        front: list[tuple[Any, ...]] = []
-        for row in sorted(known, key=lambda row: (sign * row[i], row[j])):
-            if not front or row[j] < front[-1][j]:
-                front.append(row)
-        return front
+        x, y = (np.array([row[k] for row in known], dtype=float) for k in (i, j))
+        fast = cost == "real-time factor"
+        best = pareto(x, y, x_greatest=fast)
+        return [known[k] for k in (best[::-1] if fast else best)]
 
     def _fronts(self) -> list[str]:
         """Choices on each Pareto front, and those on none."""

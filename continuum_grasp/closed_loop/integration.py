@@ -88,14 +88,6 @@ class ChainIntegration(Integration):
         return states, int(done), why
 
 
-def integration_of(model: PlantModel | SharedModel, method: str) -> Integration:
-    """Return what integrates a plant by a method, made once for each model."""
-    if method not in model.integrations:
-        model.integrations[method] = ChainIntegration(model) if method == GUIDES else Integration(model, method)
-    found: Integration = model.integrations[method]
-    return found
-
-
 def chain_source(model: SharedModel) -> str:
     """C of the motion of plants: what surrounds the chains, and their steps."""
     chains, names = model.chains, model.around.name_in()

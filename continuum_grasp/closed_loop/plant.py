@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.chain_system import ChainSystem
-from continuum_grasp.closed_loop.integration import GUIDES, Integration, integration_of
+from continuum_grasp.closed_loop.integration import GUIDES, ChainIntegration, Integration
 from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.closed_loop.readings import quantities_of
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control.estimation.model import sensed
 from continuum_grasp.control.estimation.noise import measurement_std
@@ -92,9 +93,7 @@ class Plant:
         NumericalError
             If the motion does not stay finite.
         """
-        command = self.checked(u)
-        (states,) = SharedPlant((self,)).moved([self.x], [command], self.t)
-        self.reach(states, command)
+        (states,) = SharedPlant((self,)).advance([u])
         return states
 
     def checked(self, u: ArrayLike) -> Array:
@@ -140,8 +139,12 @@ class SharedPlant:
 
     @property
     def _integration(self) -> Integration:
-        first = self.plants[0]
-        return integration_of(self._joint or first.model, first.method.name)
+        """What integrates the plants, made once for each model."""
+        model, method = self._joint or self.plants[0].model, self.plants[0].method.name
+        if method not in model.integrations:
+            model.integrations[method] = ChainIntegration(model) if method == GUIDES else Integration(model, method)
+        found: Integration = model.integrations[method]
+        return found
 
     @property
     def compiled(self) -> bool:
@@ -158,8 +161,6 @@ class SharedPlant:
         NumericalError
             If the motion does not stay finite.
         """
-        if self._joint is None:
-            return [self.plants[0].advance(commands[0])]
         known = [plant.checked(u) for plant, u in zip(self.plants, commands, strict=True)]
         states = self.moved([plant.x for plant in self.plants], known, self.plants[0].t)
         for plant, own, command in zip(self.plants, states, known, strict=True):
@@ -244,7 +245,9 @@ class Sensors:
             self.delay, self.std = 0.0, np.zeros(len(self.names))
             self.value = plant.function("state", y=_nearest_state(plant, prediction))
             return
-        measured = {name: value for of in sensor_expressions(scene, plant).values() for name, value in of.items()}
+        measured = {
+            name: value for of in sensor_expressions(scene, plant, prediction).values() for name, value in of.items()
+        }
         self.names = tuple(measured)
         self.delay = scene.estimator.delay if scene.plant.delay is None else scene.plant.delay
         self.std = scene.plant.noise * np.array([measurement_std(scene, name) for name in self.names])
@@ -255,19 +258,15 @@ class Sensors:
         return np.array(self.value(x, u, w)).ravel() + self.std * self._rng.standard_normal(len(self.std))
 
 
-def sensor_expressions(scene: ControlScene, plant: PlantModel) -> dict[str, dict[str, ca.SX]]:
+def sensor_expressions(scene: ControlScene, plant: PlantModel, prediction: Prediction) -> dict[str, dict[str, ca.SX]]:
     """Expression of each number that the estimator of a scene measures, by its name and unit, by sensor."""
     if scene.estimator is None:
         return {}
-    measured, tensions = scene.estimator.measured, dict[str, ca.SX]()
-    if measured.tension is not None:
-        wound = plant.scene.finger.winches
-        count = plant.nu - len(plant.scene.finger.chambers)
-        names = [f"tension_{k + 1} [N]" for k in range(plant.tensions.numel())] if wound else plant.u_names[:count]
-        values = ca.vertsplit(plant.tensions if wound else plant.drive[:count])
-        tensions = dict(zip(names, values, strict=True))
-    motors = plant.system.finger_model.structure.motors
-    return sensed(measured, plant, motors, plant.named_states, plant.command, tensions)
+    finger, values = plant.scene.finger, ca.vertsplit(plant.tensions)
+    names = [f"tension_{k + 1} [N]" for k in range(len(values))] if finger.winches else plant.u_names[: len(values)]
+    tensions, motors = dict(zip(names, values, strict=True)), plant.system.finger_model.structure.motors
+    shape = quantities_of(plant, prediction, plant.command, None)
+    return sensed(scene.estimator.measured, shape, motors, plant.named_states, plant.command, tensions)
 
 
 def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:

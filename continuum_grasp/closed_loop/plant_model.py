@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
@@ -11,7 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.closed_loop.chain_system import ChainSystem
+from continuum_grasp.labels import split_unit
 from continuum_grasp.model import System
+from continuum_grasp.model.actuation import Lag
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.memory import direction
 from continuum_grasp.model.remade import Remade
@@ -155,12 +158,8 @@ class PlantModel(Remade):
         self.parameters, self.finger_parameters = tuple(parameters), len(parameters)
         self.object_parameters = tuple(object_parameters)
         self.u_names = tuple(self.system.u_names[: len(finger.input_keys)])
-        names: tuple[str, ...] = ()
-        if self._lag is not None:
-            names = self.u_names[: self._lags]
-            rates = (name.replace(" [", "_rate [").replace("]", "/s]") for name in names)
-            names = names if self._order == 1 else (*names, *rates)
-        self.x_names = (*self.system.x_names, *names)
+        lagging = [Lag(math.nan, self._order).states(*split_unit(name)) for name in self.u_names[: self._lags]]
+        self.x_names = (*self.system.x_names, *(name for names in zip(*lagging, strict=True) for name in names))
         self.w_names = tuple(self.system.w_names)
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
         self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
@@ -198,12 +197,8 @@ class PlantModel(Remade):
         """Rates of the drive's states: of what it exerts, and of these unless it is of first order."""
         if self._lag is None:
             return ca.SX(0, 1)
-        away, lag = (self._u - self.drive)[: self._lags], self._time
-        if self._order == 1:
-            return away / lag
-        rate = self._x[-self._lags :]
-        # Critically damped, as the controller's model has it: T^2 F'' + 2 T F' + F = F_command.
-        return ca.vertcat(rate, away / lag**2 - 2.0 * rate / lag)
+        states = ca.vertsplit(self._x[self.system.nx :], self._lags)
+        return ca.vertcat(*Lag(math.nan, self._order).rates(states, self._u[: self._lags], self._time))
 
     @cached_property
     def acting(self) -> ca.SX:
@@ -276,17 +271,17 @@ class PlantModel(Remade):
 
     @cached_property
     def around(self) -> ca.Function:
-        """``(places, tension, others, u, w, p) -> rate, exerted, point, lift, force``: as ``ChainSystem.around`` has
-        them, with the lag among the other states, and parameters without those of the finger.
+        """``(places, tension, others, u, w, p) -> rate, exerted, force``: rates of the other states with the lag, what
+        the finger exerts on the object, and forces on the places; parameters are without those of the finger.
         """
         chain, (others, own) = self.chain, self._others
         places, tension = ca.SX.sym("places", 6, len(chain.places)), ca.SX.sym("tension", len(chain.tendons))
         p = self._p[self.finger_parameters :]
         force, rate, *exerted = chain.around(places, tension, own, self.acting, self._w, p)
         names = ["places", "tension", "others", "u", "w", "p"]
-        values = [ca.vertcat(rate, self._drive_rates), *exerted, force]
+        values = [ca.vertcat(rate, self._drive_rates), self._wrench(*exerted), force]
         given = [places, tension, others, self._u, self._w, p]
-        return ca.Function("around", given, values, names, ["rate", "exerted", "point", "lift", "force"])
+        return ca.Function("around", given, values, names, ["rate", "exerted", "force"])
 
     # -- functions ----------------------------------------------------------------------------------------------------
 
@@ -323,12 +318,22 @@ class PlantModel(Remade):
 
     @cached_property
     def touching_dynamics(self) -> ca.Function:
-        """State derivative, and what the finger exerts on the object at its C contacts: world force (2, C) [N] and the
-        point (2, C) [m] where it acts, force out of the plane (C) [N].
-        """
+        """State derivative, and what the finger exerts on the object."""
         own = [k for k, name in enumerate(self.system.touch_names) if name.startswith("finger.")]
         force, point, lift = self.touch["force"][:, own], self.touch["point"][:, own], self.touch["lift"][own]
-        return self._of_all("touching_dynamics", xd=self._rate, force=force, point=point, lift=lift)
+        return self._of_all("touching_dynamics", xd=self._rate, exerted=self._wrench(force, point, lift))
+
+    def _wrench(self, force: ca.SX, point: ca.SX, lift: ca.SX) -> ca.SX:
+        """World force [N], moment about the object's center of mass [N m], and force out of the plane [N], of forces
+        (2, C) at points (2, C) [m] and of those out of the plane (C).
+        """
+        if self.scene.object is None or not self.scene.object_moves:
+            return ca.SX(4, 1)
+        pose, (along, across) = self.object_pose, self.scene.object.com
+        c, s = ca.cos(pose[2]), ca.sin(pose[2])
+        arms = point - (pose[:2] + ca.vertcat(c * along - s * across, s * along + c * across))
+        moments = arms[0, :] * force[1, :] - arms[1, :] * force[0, :]
+        return ca.vertcat(ca.sum2(force), ca.sum2(moments), ca.sum1(ca.vec(lift)))
 
     @cached_property
     def linearization(self) -> ca.Function:
@@ -379,15 +384,10 @@ class PlantModel(Remade):
         x, u, p = self._of_system
         return dict(zip(self.system.touch.name_out(), self.system.touch(x, u, self._w, p), strict=True))
 
-    @property
-    def contact_force(self) -> ca.SX:
-        """Normal forces [N] at the contacts that the controller follows, in its order."""
-        tracked = self.control.controller.cost.tracked_contacts("contact_force", self.control.contact_names)
-        return self.touch["normal_force"][self.rows_of(tracked)]
-
-    def rows_of(self, contacts: Sequence[str]) -> list[int]:
-        """Where contacts of the controller are among those of the plant."""
-        return [self.system.touch_names.index(self._own_name(name)) for name in contacts]
+    def tracked(self, key: str, name: str) -> ca.SX:
+        """An output of ``System.touch`` at the contacts that a term of the controller's cost follows, in its order."""
+        contacts = self.control.controller.cost.tracked_contacts(key, self.control.contact_names)
+        return self.touch[name][[self.system.touch_names.index(self._own_name(one)) for one in contacts]]
 
     @property
     def object_pose(self) -> ca.SX:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.ocp.bounds import curvature_limits
-from continuum_grasp.control.ocp.cost_terms import cost_terms
+from continuum_grasp.control.ocp.bounds import curvature_limits, distance_from
+from continuum_grasp.control.ocp.cost_terms import Quantities, cost_terms
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.controller import HalfPlaneZone, Zone
 from continuum_grasp.simulation.contacts import ContactForces
 
 Array = NDArray[np.float64]
@@ -38,48 +35,31 @@ class Bound:
     scale: float
 
 
-@dataclass(frozen=True)
-class _PlantQuantities:
-    """What cost terms are computed from: expressions of a plant, and its inputs: (K, nu) over time, or expressions."""
+def quantities_of(plant: PlantModel, prediction: Prediction, u: Any, rate: Any) -> Quantities:
+    """What cost terms and sensors are computed from, of a plant; bending is that of the controller's elements.
 
-    plant: PlantModel
-    length: float
-    edges: Array
-    input: Any
-    input_rate: Any
+    Commands and their rates are expressions, or (K, nu) over time.
+    """
+    finger = plant.scene.finger
+    # Where the controller's elements end, since the plant's are others.
+    at = np.minimum(np.cumsum(prediction.system.finger_model.lengths), finger.rod.length).tolist()
 
-    @property
-    def tip(self) -> ca.SX:
-        return self.plant.tip
+    def by_element(values: ca.SX) -> ca.SX:
+        whole = ca.vertcat(0.0, values)
+        return whole[1:] - whole[:-1]
 
-    @property
-    def bending(self) -> ca.SX:
-        base = self.plant.scene.finger.base.angle
-        # Between the ends of the controller's elements, since the plant's are others.
-        angles = ca.vertcat(0.0, self.plant.sections(self.edges.tolist())[1] - base)
-        return angles[1:] - angles[:-1]
-
-    @property
-    def bending_rate(self) -> ca.SX:
-        rates = ca.vertcat(0.0, self.plant.angle_rates(self.edges.tolist()))
-        return rates[1:] - rates[:-1]
-
-    @property
-    def contact_force(self) -> ca.SX:
-        return self.plant.contact_force
-
-    @property
-    def gap(self) -> ca.SX:
-        control = self.plant.control
-        tracked = control.controller.cost.tracked_contacts("gap", control.contact_names)
-        return self.plant.touch["gap"][self.plant.rows_of(tracked)]
-
-    @property
-    def object_pose(self) -> ca.SX:
-        return self.plant.object_pose
-
-    def sections(self, at: Sequence[float]) -> tuple[ca.SX, ca.SX]:
-        return self.plant.sections(at)
+    return Quantities(
+        length=finger.rod.length,
+        tip=lambda: plant.tip,
+        sections=plant.sections,
+        object_pose=lambda: plant.object_pose,
+        bending=lambda: by_element(plant.sections(at)[1] - finger.base.angle),
+        bending_rate=lambda: by_element(plant.angle_rates(at)),
+        contact_force=lambda: plant.tracked("contact_force", "normal_force"),
+        gap=lambda: plant.tracked("gap", "gap"),
+        input=u,
+        input_rate=rate,
+    )
 
 
 def tracked_expression(plant: PlantModel, prediction: Prediction, held: ca.SX, stage: float) -> ca.SX:
@@ -88,24 +68,17 @@ def tracked_expression(plant: PlantModel, prediction: Prediction, held: ca.SX, s
     Terms of the input are those of the command; its rate is per ``stage`` [s], as the controller's.
     """
     cost = plant.control.controller.cost
-    rate = (plant.command - held) / stage
-    quantities = _PlantQuantities(plant, *_elements(plant, prediction), plant.command, rate)
+    quantities = quantities_of(plant, prediction, plant.command, (plant.command - held) / stage)
     return ca.SX(ca.vertcat(*[term.value(quantities, cost) for term in cost_terms(cost)]))
-
-
-def _elements(plant: PlantModel, prediction: Prediction) -> tuple[float, Array]:
-    """Length of the plant's finger, and where on it the controller's elements end [m]."""
-    length = plant.scene.finger.rod.length
-    return length, np.minimum(np.cumsum(prediction.system.finger_model.lengths), length)
 
 
 class Readings:
     """Values over time of everything that the controller's problem names; bending is that of its model's elements."""
 
     def __init__(self, scene: ControlScene, plant: PlantModel, stages: Stages, prediction: Prediction) -> None:
-        self._scene, self._plant, self._stages = scene, plant, stages
+        self._scene, self._plant, self._stages, self._prediction = scene, plant, stages, prediction
         self._numbers = plant.__getstate__()
-        self._length, self._edges = _elements(plant, prediction)
+        self._length = plant.scene.finger.rod.length
 
     @property
     def plant(self) -> PlantModel:
@@ -153,7 +126,7 @@ class Readings:
         """Outputs (K, nr) in the order of the setpoints; ``held`` (K, nu) are the inputs before."""
         cost = self._scene.controller.cost
         terms = cost_terms(cost)
-        plant = _PlantQuantities(self.plant, self._length, self._edges, u, (u - held) / self._stages.stage)
+        plant = quantities_of(self.plant, self._prediction, u, (u - held) / self._stages.stage)
         of_state = ca.vertcat(*[term.value(plant, cost) for term in terms if term.of_state])
         columns = [self._rows(of_state, x, u, w)]
         # Terms of the input are those of the commands as they were given, whatever the drive made of them.
@@ -177,23 +150,14 @@ class Readings:
             kappa = self._rows(self.plant.curvature, x, u, w)
             found.append(Bound("curvature", "1/m", (np.abs(kappa) - limits).max(axis=1), float(limits.min())))
         if bounds.speed is not None:
-            rates = _PlantQuantities(self.plant, self._length, self._edges, u, u).bending_rate
-            most = bounds.speed
+            rates, most = quantities_of(self.plant, self._prediction, u, None).bending_rate(), bounds.speed
             found.append(Bound("speed", "rad/s", np.abs(self._rows(rates, x, u, w)).max(axis=1) - most, most))
         if bounds.keep_out:
             at = np.linspace(0.0, self._length, _FINE + 1)[1:]
             fine, half = self._sections(at, x, u, w), self.plant.scene.finger.profile.half_thickness(at)
             for name, zone in bounds.keep_out.items():
                 of = slice(None) if zone.of == "backbone" else slice(-1, None)
-                depth = self._depth(zone, fine[:, of], half[of])
+                # The surface, half a thickness from the backbone, without the clearance that is asked for.
+                depth = half[of] - distance_from(zone, *fine[:, of].transpose(2, 0, 1))
                 found.append(Bound(name, "m", depth.max(axis=1), self._length))
         return found
-
-    def _depth(self, zone: Zone, points: Array, away: Array) -> Array:
-        """How far the surface at points (K, P, 2) of the backbone, half thicknesses away from it (P,) [m], is within a
-        zone, its clearance left out [m].
-        """
-        if isinstance(zone, HalfPlaneZone):
-            normal = np.array([math.cos(zone.normal_angle), math.sin(zone.normal_angle)])
-            return np.asarray(away - (points - np.array(zone.point)) @ normal)
-        return np.asarray(away + zone.radius - np.linalg.norm(points - np.array(zone.center), axis=2))

@@ -130,7 +130,8 @@ def run_closed_loop(
     loop = FingerLoop(scene, control, tried, plan)
     (run,), error = run_fingers([loop], SharedPlant([tried]), duration, progress, began)
     if error is not None:
-        raise with_result(error, run) from error
+        error.result = run
+        raise error
     return run
 
 
@@ -153,8 +154,8 @@ def run_fingers(
 ) -> tuple[list[ControlRun], NumericalError | Interrupted | None]:
     """Let controllers of equal periods move the plants that ``shared`` has for a time [s], each by its own schedule.
 
-    Returns the run of each finger, and what stopped them if anything did, which is not raised: ``with_result`` gives
-    it a result. ``began`` is when the making of what is given began, by ``perf_counter`` [s].
+    Returns the run of each finger, and what stopped them if anything did, which is not raised. ``began`` is when the
+    making of what is given began, by ``perf_counter`` [s].
     """
     started = perf_counter() if began is None else began
     for one in loops:
@@ -174,13 +175,6 @@ def run_fingers(
     if pressed() and error is None:
         error = Interrupted("interrupted after the end of the run")
     return runs, error
-
-
-def with_result(error: NumericalError | Interrupted, result: Any) -> NumericalError | Interrupted:
-    """What stopped a closed loop, with what was done until then."""
-    if isinstance(error, Interrupted):
-        return Interrupted(str(error), result=result)
-    return NumericalError(str(error), time=error.time, state=error.state, result=result)
 
 
 def _loop(

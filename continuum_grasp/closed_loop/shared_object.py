@@ -172,27 +172,22 @@ class SharedModel:
         """Rates of common states, those of each plant ``at`` some places, and what else the plants' functions give.
 
         The functions give the rates of a plant's ``states``, of other plants than the first then what it exerts on the
-        object: forces (2, C) [N] at points (2, C) [m], and forces out of the plane (C) [N].
+        object: force [N], moment about its center of mass [N m] and force out of the plane [N].
         """
-        rates, found = ca.SX(_size(at), 1), list[list[ca.SX]]()
+        rates, found, exerted = ca.SX(_size(at), 1), list[list[ca.SX]](), ca.SX(4, 1)
         for function, own, places in zip(functions[1:], parts[1:], at[1:], strict=True):
-            rate, *exerted = function.call([*own.values()])
-            rates[places] = rate
-            found.append(exerted)
-        lead, first, more, lifts = self.plants[0], parts[0], ca.SX(self.plants[0].nw, 1), ca.SX(0)
-        before, known = (0, lead.finger_parameters) if states == "x" else (self._first[0], 0)
-        pose = lead.system.object_states
-        for force, point, lift, *_ in found:
-            center = _center_of_mass(lead, first[states][pose.start - before : pose.stop - before])
-            arms = point - ca.repmat(center, 1, point.size2())
-            moments = arms[0, :] * force[1, :] - arms[1, :] * force[0, :]
-            for name, total in zip(WRENCH, (*ca.vertsplit(ca.sum2(force)), ca.sum2(moments)), strict=True):
-                more[lead.w_names.index(name)] += total
-            lifts += ca.sum1(lift)
+            rate, wrench, *rest = function.call([*own.values()])
+            rates[places], exerted = rate, exerted + wrench
+            found.append(rest)
+        lead, first, more = self.plants[0], parts[0], ca.SX(self.plants[0].nw, 1)
+        for name, total in zip(WRENCH, ca.vertsplit(exerted), strict=False):
+            if found:
+                more[lead.w_names.index(name)] = total
         rate, *of_lead = functions[0].call([*(first | {"w": first["w"] + more}).values()])
         if found and _RISE in lead.x_names:
+            before, known = (0, lead.finger_parameters) if states == "x" else (self._first[0], 0)
             mass = first["p"][known + lead.object_parameters.index("object_mass")]
-            rate[lead.x_names.index(_RISE) - before] += lifts / mass
+            rate[lead.x_names.index(_RISE) - before] += exerted[3] / mass
         rates[at[0]] = rate  # last: what is shared moves as the first plant says
         return rates, [of_lead, *found]
 
@@ -215,10 +210,3 @@ def _shared(plant: PlantModel) -> NDArray[np.intp]:
     friction = range(body.stop, system.nx)
     common = [k for k in friction if not system.x_names[k].startswith("finger.")]
     return np.array([*body, *common], dtype=np.intp)
-
-
-def _center_of_mass(plant: PlantModel, pose: ca.SX) -> ca.SX:
-    """World position of the object's center of mass (2) [m]."""
-    along, across = plant.scene.object.com if plant.scene.object is not None else (0.0, 0.0)
-    c, s = ca.cos(pose[2]), ca.sin(pose[2])
-    return pose[:2] + ca.vertcat(c * along - s * across, s * along + c * across)

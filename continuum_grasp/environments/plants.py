@@ -270,12 +270,6 @@ def _forces(model: PlantModel, scene: Scene) -> Array:
     return row
 
 
-def readings_of(model: PlantModel, prediction: Prediction, given: Mapping[str, ca.SX]) -> ca.SX:
-    """Everything that depends on the shape: what the cost tracks, and the tip."""
-    period = model.control.controller.horizon.stage
-    return ca.vertcat(tracked_expression(model, prediction, given["held"], period), model.tip)
-
-
 def _check_plant(plants: Plants, k: int) -> None:
     """Refuse a scene of which the model with its parameters is not that which is built from the scene itself."""
     scene, shared = plants.scenes[k], plants.model
@@ -338,8 +332,8 @@ def _probed(model: PlantModel, prediction: Prediction, p: Array, given: tuple[Ar
     """Rates, and what is read off the shape (count, size)."""
     x, u, w, parameters = model.symbols
     held = ca.SX.sym("held", model.nu)
-    read = readings_of(model, prediction, {"held": held})
-    values = ca.vertcat(model.forward_dynamics(x, u, w, parameters), read)
+    tracked = tracked_expression(model, prediction, held, model.control.controller.horizon.stage)
+    values = ca.vertcat(model.forward_dynamics(x, u, w, parameters), tracked, model.tip)
     function = ca.Function("probed", [x, u, held, w, parameters], [values])
     return np.array([np.array(function(*row, p)).ravel() for row in zip(*given, strict=True)])
 

@@ -47,7 +47,8 @@ def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
     """Compile the periods of plants, with the readings of sensors; see ``FingerVectorEnv``."""
     model, scene = plants.model, plants.scenes[0]
     x, u, w, p = model.symbols
-    known = {STATE: dict(zip(model.x_names, ca.vertsplit(x), strict=True)), **sensor_expressions(scene, model)}
+    whole = dict(zip(model.x_names, ca.vertsplit(x), strict=True))
+    known = {STATE: whole, **sensor_expressions(scene, model, plants.prediction)}
     measured = tuple(name for name in known if name != STATE) or (STATE,)
     asked = measured if sensors is None else (sensors,) if isinstance(sensors, str) else tuple(sensors)
     if not asked or any(name not in known or asked.count(name) > 1 for name in asked):

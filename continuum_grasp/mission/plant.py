@@ -229,10 +229,7 @@ class Timetable:
     # -- the controller's -------------------------------------------------------------------------------------------
 
     def rows(self, t: Array, names: tuple[str, ...]) -> Array:
-        """Setpoints (T, nr) at instants (T,) [s], in the order of ``Stages.r_names``."""
-        return self._rows(self.planned(t), names)
-
-    def _rows(self, t: Array, names: tuple[str, ...]) -> Array:
+        """Setpoints (T, nr) at instants (T,) of the plan [s], in the order of ``Stages.r_names``."""
         of = self._of
         # The posture goes from straight to touching, and from there to the grasp, the last share of it while the force
         # is followed; release undoes all at once. After a turn the object stands as in the grasp, and the finger leaves
@@ -282,7 +279,7 @@ class Timetable:
         return found
 
     def _rows_since(self, start: float, goes: float, names: tuple[str, ...], since: Array) -> Array:
-        return self._rows(start + goes * since, names)
+        return self.rows(start + goes * since, names)
 
     def _holding(self, command: Array) -> tuple[Array, Array]:
         """Limits of the inputs (nu) while the object is held: it is not let go to correct a force."""

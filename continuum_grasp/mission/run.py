@@ -10,7 +10,7 @@ from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.plant import SharedPlant
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.closed_loop.run import FingerLoop, run_fingers, with_result
+from continuum_grasp.closed_loop.run import FingerLoop, run_fingers
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.errors import Interrupted
@@ -105,7 +105,8 @@ class MissionRunner:
         if pressed() and error is None:
             error = Interrupted("interrupted after the end of the mission")
         if error is not None:
-            raise with_result(error, judged) from error
+            error.result = judged
+            raise error
         return judged
 
     def _judged(

@@ -32,30 +32,22 @@ _FALLBACKS = ("previous_plan", "safe_ramp")
 
 @dataclass(frozen=True)
 class Verdict:
-    """A mission in numbers; NaN for what was not reached."""
+    """A mission in numbers, as ``TrialsResult`` stores them; NaN for what was not reached.
+
+    Forces are smoothed over 0.1 s, and looked at in the second half of the hold.
+    """
 
     held: bool
-    """Whether the object was never dropped."""
     sunk: float
-    """Greatest height that it lost between lift and lowering [m]."""
     moved: float
-    """Greatest distance that it moved in the plane while it was held, pulls included [m]."""
     force_error: float
-    """Greatest error of the held contact forces, smoothed over 0.1 s, in the second half of the hold, per setpoint."""
     force_mean_error: float
-    """Error of its mean there, per setpoint."""
     force_estimate_error: float
-    """Error of the mean of its estimate there, per setpoint."""
     force_estimate_std: float
-    """Standard deviation that the estimator states for it there, root of the mean square, per setpoint."""
     slip_margin: float
-    """Least share of the friction cone that was left at any contact while nothing pulled."""
     pulled_margin: float
-    """The same while something pulled; zero: a contact slipped."""
     released: bool
-    """Whether nothing of the finger touched the object in the end."""
     fallbacks: int
-    """Commands that were not of a new plan."""
     drop: Drop | None = None
     """Why the object was dropped; None where it was not."""
     refused: NotLifted | None = None

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.model import System
 from continuum_grasp.planning.motion import parameters_over_time
 from continuum_grasp.results.declared import TIME, XY, Dimension, Picture, Stored
 from continuum_grasp.results.motion import MotionResult
@@ -173,7 +174,7 @@ class Plan(MotionResult):
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("path", "plotting.control:plot_plan_path"),
-        Picture("inputs", "plotting.control:plot_plan_inputs"),
+        Picture("inputs", "plotting.control:plot_inputs"),
         Picture("coordinates", "plotting.motion:plot_coordinates"),
         Picture("contact_forces", "plotting.motion:plot_contact_forces", needs="contacts"),
     )
@@ -245,6 +246,11 @@ class Plan(MotionResult):
         return Prediction(self.scene)
 
     @property
+    def system(self) -> System:
+        """The finger with its object."""
+        return self.prediction.system
+
+    @property
     def x_names(self) -> list[str]:
         """Name and unit of each state."""
         return list(self.prediction.x_names)
@@ -282,16 +288,6 @@ class Plan(MotionResult):
         if not self.prediction.contact_names:
             return np.zeros((len(self.t), 0))
         return self._over_time(self.prediction.contact_force)
-
-    @property
-    def object_pose(self) -> Array | None:
-        """Pose of the object (N + 1, 3 or 4): x, y [m], angle [rad] of its frame; None without one."""
-        if self.scene.object is None:
-            return None
-        columns = self.prediction.system.object_states
-        if columns.start == columns.stop:
-            return np.tile(self.scene.object.pose, (len(self.t), 1))
-        return self.x[:, columns]
 
     @cached_property
     def contacts(self) -> ContactForces | None:

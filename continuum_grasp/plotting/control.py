@@ -12,6 +12,7 @@ from continuum_grasp.labels import split_unit, unit_of
 from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.style import BLUE, FORBIDDEN, GRAY, GREEN, INK, ORANGE, Z
+from continuum_grasp.scene.plan import PlanScene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,26 +102,19 @@ def _draw_surroundings(ax: Axes, run: ControlRun, *, moving: bool = False) -> No
         bodies.draw_object(ax, bodies.object_outlines(scene.object, np.asarray(scene.object.pose)))
 
 
-def plot_inputs(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+def plot_inputs(run: ControlRun | Plan, *, ax: Axes | None = None) -> Axes:
     """Draw the commands over time, with their limits."""
     ax = axes.new_axes(ax)
+    linear = isinstance(run.scene, PlanScene) and run.scene.input.form == "linear"
     for column, name, color in zip(np.asarray(run.u).T, run.u_names, axes.colors(len(run.u_names)), strict=True):
-        ax.stairs(column, run.t, color=color, linewidth=1.4, baseline=None, label=axes.words(name))
-    for limit in np.unique([*run.u_min, *run.u_max]):
+        look: dict[str, Any] = {"color": color, "linewidth": 1.4, "label": axes.words(name)}
+        if linear:
+            ax.plot(run.t, column, **look)
+        else:
+            ax.stairs(column[: len(run.t) - 1], run.t, baseline=None, **look)
+    for limit in np.unique(run.scene.input_limits):
         ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle="--", zorder=1)
     return axes.time_axes(ax, f"input [{unit_of(run.u_names[0])}]", run.name)
-
-
-def plot_plan_inputs(plan: Plan, *, ax: Axes | None = None) -> Axes:
-    """Draw the inputs over time, one line each after those of the limits."""
-    ax = axes.new_axes(ax)
-    for limit in np.unique(plan.scene.input_limits):
-        ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle="--", zorder=1)
-    style = "default" if plan.scene.input.form == "linear" else "steps-post"
-    for column, name, color in zip(plan.u.T, plan.u_names, axes.colors(plan.u.shape[1]), strict=True):
-        ax.plot(plan.t, column, color=color, linewidth=1.5, drawstyle=style, label=axes.words(name))
-    ax.margins(x=0.0)
-    return axes.time_axes(ax, f"input [{unit_of(plan.u_names[0])}]", plan.name)
 
 
 def plot_tracking(run: ControlRun, *, ax: Axes | None = None) -> Axes:

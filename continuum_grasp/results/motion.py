@@ -7,6 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
 from continuum_grasp.errors import InputError
 from continuum_grasp.results.declared import maker_of
 from continuum_grasp.results.result import Result
@@ -31,12 +33,24 @@ class MotionResult(Result):
     page: ClassVar[str] = ""
 
     t: Any
+    x: Any
+    system: Any
 
     @property
     def length(self) -> float:
         """Length of the finger [m]."""
         found: float = self.scene.finger.rod.length
         return found
+
+    @property
+    def object_pose(self) -> Any:
+        """Pose of the object (T, 3): x, y [m] and angle [rad] of its frame in the world, (T, 4) with its height z [m]
+        where it can slide out of the plane; None without an object.
+        """
+        if self.scene.object is None or self.system is None:
+            return None
+        columns = self.system.object_states
+        return self.x[:, columns] if columns.stop > columns.start else np.tile(self.scene.object.pose, (len(self.t), 1))
 
     def show(self) -> Any:
         """Show the run as a page that plays it back, and goes on by its own computation from where one takes over.

@@ -126,3 +126,20 @@ def _entries(result: Any, name: str, size: int) -> list[tuple[str, str]]:
 
 def _unit(one: Stored) -> str:
     return "" if one.unit == "text" else one.unit
+
+
+def pareto(
+    x: NDArray[np.float64], y: NDArray[np.float64], x_greatest: bool = False, y_greatest: bool = False
+) -> NDArray[np.int64]:
+    """Positions of the points that no other point beats: none is as good in both and better in one.
+
+    With increasing x; of equal points the first.
+    """
+    # Sorted by x, a point belongs to the front where its y is less than that of all before it.
+    a, b = (-x if x_greatest else x), (-y if y_greatest else y)
+    found, least = [], np.inf
+    for k in np.lexsort((np.arange(len(a)), b, a)):
+        if b[k] < least:
+            found.append(k)
+            least = b[k]
+    return np.array(found[::-1] if x_greatest else found, dtype=np.int64)

@@ -93,10 +93,9 @@ class _Run:
             result, error = self._finished(motion, error, used, took, started)
         if pressed() and error is None:
             error = Interrupted("interrupted after the end of the motion")
-        if isinstance(error, Interrupted):
-            raise Interrupted(str(error), result=result) from error.__cause__
         if error is not None:
-            raise NumericalError(str(error), time=error.time, state=error.state, result=result) from error
+            error.result = result
+            raise error
         return result
 
     def _finished(

@@ -90,10 +90,10 @@ class TensionLimit:
 def tension_limits(finger: Finger, tensions: NDArray[np.float64] | None) -> tuple[TensionLimit, ...]:
     """Limits that tensions (tendons,) [N] at rest do not satisfy; slack is one where winches and motors pull."""
     found: list[TensionLimit] = []
-    for k, tendon in enumerate(finger.tendon_list if tensions is not None else ()):
-        own = float(tensions[k]) if tensions is not None else 0.0
-        if own > tendon.max_tension:
-            found.append(TensionLimit("max_tension", k + 1, own, tendon.max_tension))
+    for k, own in enumerate(() if tensions is None else tensions.tolist()):
+        most = finger.tendon_list[k].max_tension
+        if own > most:
+            found.append(TensionLimit("max_tension", k + 1, own, most))
         elif finger.winches and own < SLACK:
             found.append(TensionLimit("slack", k + 1, own, SLACK))
     return tuple(found)

@@ -215,18 +215,6 @@ class Trajectory(MotionResult):
         return self._energies[1]
 
     @cached_property
-    def object_pose(self) -> Array | None:
-        """Pose of the object (T, 3): x, y [m] and angle [rad] of its frame in the world, (T, 4) with its height z [m]
-        where it can slide out of the plane; None without an object.
-        """
-        if self.system is None or self.scene.object is None:
-            return None
-        columns = self.system.object_states
-        if columns.start == columns.stop:
-            return np.tile(self.scene.object.pose, (len(self.t), 1))
-        return self.x[:, columns]
-
-    @cached_property
     def contacts(self) -> ContactForces | None:
         """What the contacts of the object bear; None without an object."""
         return None if self.system is None else ContactForces.of(self.system_core, self.x, self.u, self.w)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.arguments import check_arguments, choice, shown
 from continuum_grasp.errors import InputError
 from continuum_grasp.results.declared import maker_of
+from continuum_grasp.results.tables import pareto
 from continuum_grasp.sweeps.table import WORDS, SweepTable
 
 if TYPE_CHECKING:
@@ -172,23 +173,6 @@ def _solved(table: SweepTable) -> NDArray[np.bool_]:
     if not hasattr(table, "grid_keys"):
         raise InputError(f"expected a SweepTable, got {shown(table)}", key="table")
     return table.solved
-
-
-def pareto(
-    x: NDArray[np.float64], y: NDArray[np.float64], x_greatest: bool = False, y_greatest: bool = False
-) -> NDArray[np.int64]:
-    """Positions of the points that no other point beats: none is as good in both and better in one.
-
-    With increasing x; of equal points the first.
-    """
-    # Sorted by x, a point belongs to the front where its y is less than that of all before it.
-    a, b = (-x if x_greatest else x), (-y if y_greatest else y)
-    found, least = [], np.inf
-    for k in np.lexsort((np.arange(len(a)), b, a)):
-        if b[k] < least:
-            found.append(k)
-            least = b[k]
-    return np.array(found[::-1] if x_greatest else found, dtype=np.int64)
 
 
 def draw_map(table: SweepTable, *, x: str, y: str, color: str, reduce: str = "median", ax: Axes | None = None) -> Axes:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.control.estimation.adaptation import AdaptedState
-from continuum_grasp.control.ocp.cost_terms import Predicted, Shape
+from continuum_grasp.control.ocp.cost_terms import Quantities, predicted
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.calls import call, straight_function
 from continuum_grasp.core.integrators import differentiated_step
@@ -268,7 +268,7 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
         pulled = ca.vertsplit(model.tensions(model.x, model.u, p))
         tensions = {f"tension_{k + 1} [N]": tension for k, tension in enumerate(pulled)}
     states = dict(zip(model.x_names, ca.vertsplit(model.x), strict=True))
-    shape = Predicted(scene.controller.cost, model, p)
+    shape = predicted(scene.controller.cost, model, p)
     read = sensed(asked, shape, own.motors, states, model.u, tensions)
     found = list[_Compared]()
     for sensor, values in read.items():
@@ -289,7 +289,7 @@ def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX)
 
 def sensed(
     asked: Measured,
-    shape: Shape,
+    shape: Quantities,
     motors: Sequence[Motor],
     states: Mapping[str, ca.SX],
     u: ca.SX,
@@ -302,7 +302,7 @@ def sensed(
     """
     found = dict[str, dict[str, ca.SX]]()
     if asked.tip is not None:
-        found["tip"] = dict(zip(("tip_x [m]", "tip_y [m]"), ca.vertsplit(shape.tip), strict=True))
+        found["tip"] = dict(zip(("tip_x [m]", "tip_y [m]"), ca.vertsplit(shape.tip()), strict=True))
     if asked.tension is not None:
         found["tension"] = dict(tensions)
 
@@ -324,7 +324,7 @@ def sensed(
         angles = ca.vertsplit(ca.vec(shape.sections(asked.bending.at)[1]))
         found["bending"] = {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}
     if asked.object is not None:
-        found["object"] = dict(zip(OBJECT_POSE, ca.vertsplit(shape.object_pose[:3]), strict=True))
+        found["object"] = dict(zip(OBJECT_POSE, ca.vertsplit(shape.object_pose()[:3]), strict=True))
     return found
 
 

@@ -139,19 +139,18 @@ def _add_zones(found: BoundedRows, bounds: Bounds, model: Prediction) -> None:
         where = model.sections(tuple(places))(model.x, model.u, model.p)[0]
         # The surface, half a thickness from the backbone, is what must stay outside.
         away = zone.clearance + finger.profile.half_thickness(places)
-        gaps = ca.vertcat(*[_gap(zone, where[:, k]) for k in range(len(places))]) - ca.DM(away)
+        gaps = distance_from(zone, where[0, :], where[1, :]).T - ca.DM(away)
         labels = [name] if len(places) == 1 else [f"{name}_{k + 1}" for k in range(len(places))]
         found.add(labels, gaps / finger.rod.length, 0.0, ABSENT, _penalty(zone.penalty or bounds.usual_penalty))
 
 
-def _gap(zone: HalfPlaneZone | DiscZone, at: ca.SX) -> ca.SX:
-    """Distance of a point from the edge of a zone, positive outside [m]."""
+def distance_from(zone: HalfPlaneZone | DiscZone, x: Any, y: Any) -> Any:
+    """Distance of points from the edge of a zone, positive outside [m], of numbers or expressions."""
     if isinstance(zone, HalfPlaneZone):
-        nx, ny = math.cos(zone.normal_angle), math.sin(zone.normal_angle)
-        return nx * (at[0] - zone.point[0]) + ny * (at[1] - zone.point[1])
-    dx, dy = at[0] - zone.center[0], at[1] - zone.center[1]
+        return math.cos(zone.normal_angle) * (x - zone.point[0]) + math.sin(zone.normal_angle) * (y - zone.point[1])
+    dx, dy = x - zone.center[0], y - zone.center[1]
     # (1 um)^2 keeps the derivative finite at the center.
-    return ca.sqrt(dx * dx + dy * dy + 1e-12) - zone.radius
+    return (dx * dx + dy * dy + 1e-12) ** 0.5 - zone.radius
 
 
 def _penalty(given: Penalty | str) -> Penalty:

@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -47,42 +47,26 @@ class Residual(NamedTuple):
     names: tuple[str, ...] = ()
 
 
-class Shape(Protocol):
-    """Expressions of a controller's model, or of a plant, that depend on where the finger and the object are.
+@dataclass(frozen=True)
+class Quantities:
+    """What terms and sensors are computed from: expressions of a controller's model or of a plant, made when asked for.
 
-    World position of the tip (2) [m]; pose of an object that moves, x, y [m] and angle [rad]; of sections at positions
-    along the finger [m] the world positions (2, K) [m] and angles (K) [rad].
+    Length of the finger [m]; world position of the tip (2) [m]; of sections at positions along the finger [m] the world
+    positions (2, K) [m] and angles (K) [rad]; pose of an object that moves, x, y [m] and angle [rad]; bending angle of
+    each element of the controller's model [rad] and its rate [rad/s]; normal force at each tracked contact [N],
+    distance from the object [m] where that is tracked; tip moment [N m] or tensions [N] (nu) and their change per time.
     """
 
-    @property
-    def tip(self) -> Any: ...
-    @property
-    def object_pose(self) -> Any: ...
-    def sections(self, at: Sequence[float]) -> tuple[Any, Any]: ...
-
-
-class Quantities(Shape, Protocol):
-    """What terms are computed from: expressions of a controller's model, or of a plant.
-
-    Beside those of the shape: length of the finger [m]; bending angle of each element of the controller's model [rad]
-    and its rate [rad/s]; normal force at each tracked contact [N], distance from the object [m] where that is tracked;
-    tip moment [N m] or tensions [N] (nu) and their change per time.
-    """
-
-    @property
-    def length(self) -> float: ...
-    @property
-    def bending(self) -> Any: ...
-    @property
-    def bending_rate(self) -> Any: ...
-    @property
-    def contact_force(self) -> Any: ...
-    @property
-    def gap(self) -> Any: ...
-    @property
-    def input(self) -> Any: ...
-    @property
-    def input_rate(self) -> Any: ...
+    length: float
+    tip: Callable[[], Any]
+    sections: Callable[[Sequence[float]], Sequence[Any]]
+    object_pose: Callable[[], Any]
+    bending: Callable[[], Any]
+    bending_rate: Callable[[], Any]
+    contact_force: Callable[[], Any]
+    gap: Callable[[], Any]
+    input: Any
+    input_rate: Any
 
 
 def _near_base(finger: Finger) -> Limits:
@@ -165,8 +149,8 @@ class CostTerm:
 
 
 TERMS = (
-    CostTerm("tip", "tip_{axis} [m]", lambda q, _: q.tip, reference="tip", limits=_near_base),
-    CostTerm("bending", "bending_{place} [rad]", lambda q, _: q.bending, _elements, "bending"),
+    CostTerm("tip", "tip_{axis} [m]", lambda q, _: q.tip(), reference="tip", limits=_near_base),
+    CostTerm("bending", "bending_{place} [rad]", lambda q, _: q.bending(), _elements, "bending"),
     CostTerm(
         "shape",
         "section_{place}_{axis} [m]",
@@ -179,26 +163,26 @@ TERMS = (
     CostTerm(
         "contact_force",
         "contact_force_{place} [N]",
-        lambda q, _: q.contact_force,
+        lambda q, _: q.contact_force(),
         lambda cost, model: cost.tracked_contacts("contact_force", model.contact_names),
         reference="contact_force",
     ),
     CostTerm(
         "gap",
         "gap_{place} [m]",
-        lambda q, _: q.gap,
+        lambda q, _: q.gap(),
         lambda cost, model: cost.tracked_contacts("gap", model.contact_names),
         reference="gap",
     ),
     CostTerm(
         "object_position",
         "object_{axis} [m]",
-        lambda q, _: q.object_pose[:2],
+        lambda q, _: q.object_pose()[:2],
         reference="object_position",
         limits=_near_base,
     ),
-    CostTerm("object_angle", "object_angle [rad]", lambda q, _: q.object_pose[2], _one, "object_angle", _turned),
-    CostTerm("speed", "bending_rate_{place} [rad/s]", lambda q, _: q.bending_rate, _elements),
+    CostTerm("object_angle", "object_angle [rad]", lambda q, _: q.object_pose()[2], _one, "object_angle", _turned),
+    CostTerm("speed", "bending_rate_{place} [rad/s]", lambda q, _: q.bending_rate(), _elements),
     CostTerm("effort", "{place}", lambda q, _: q.input, lambda _, model: model.u_names, "input", of_state=False),
     CostTerm("input_rate", "{place}", lambda q, _: q.input_rate, _rates, of_state=False),
 )
@@ -233,57 +217,25 @@ def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
     return tuple(found)
 
 
-class Predicted(NamedTuple):
+def predicted(cost: Cost, model: Prediction, p: ca.SX, input_rate: ca.SX | None = None) -> Quantities:
     """Quantities of a controller's model with parameters p (np)."""
+    given, names = (model.x, model.u, p), model.contact_names
 
-    cost: Cost
-    model: Prediction
-    p: ca.SX
-    input_rate: ca.SX | None = None
+    def touched(key: str, values: ca.Function) -> ca.SX:
+        return values(*given)[[names.index(name) for name in cost.tracked_contacts(key, names)]]
 
-    @property
-    def length(self) -> float:
-        return self.model.scene.finger.rod.length
-
-    @property
-    def _given(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        return self.model.x, self.model.u, self.p
-
-    @property
-    def tip(self) -> ca.SX:
-        return self.model.tip(*self._given)
-
-    @property
-    def bending(self) -> ca.SX:
-        return self.model.bending(*self._given)
-
-    @property
-    def bending_rate(self) -> ca.SX:
-        return self.model.bending_rate(*self._given)
-
-    @property
-    def contact_force(self) -> ca.SX:
-        names = self.model.contact_names
-        tracked = [names.index(name) for name in self.cost.tracked_contacts("contact_force", names)]
-        return self.model.contact_force(*self._given)[tracked]
-
-    @property
-    def gap(self) -> ca.SX:
-        names = self.model.contact_names
-        gaps: ca.SX = self.model.gap(*self._given)
-        return gaps[[names.index(name) for name in self.cost.tracked_contacts("gap", names)]]
-
-    @property
-    def object_pose(self) -> ca.SX:
-        return self.model.x[self.model.system.object_states]
-
-    @property
-    def input(self) -> ca.SX:
-        return self.model.u
-
-    def sections(self, at: Sequence[float]) -> tuple[ca.SX, ca.SX]:
-        r, angle = self.model.sections(tuple(at))(*self._given)
-        return r, angle
+    return Quantities(
+        length=model.scene.finger.rod.length,
+        tip=lambda: model.tip(*given),
+        sections=lambda at: model.sections(tuple(at)).call([*given]),
+        object_pose=lambda: model.x[model.system.object_states],
+        bending=lambda: model.bending(*given),
+        bending_rate=lambda: model.bending_rate(*given),
+        contact_force=lambda: touched("contact_force", model.contact_force),
+        gap=lambda: touched("gap", model.gap),
+        input=model.u,
+        input_rate=input_rate,
+    )
 
 
 @dataclass(frozen=True)
@@ -317,7 +269,7 @@ class Outputs:
 
     def residuals(self, input_rate: ca.SX | None = None) -> dict[str, Residual]:
         """Terms by the names of their setpoints, or of their weights where they have none."""
-        quantities = Predicted(self.cost, self.model, self.model.p, input_rate)
+        quantities = predicted(self.cost, self.model, self.model.p, input_rate)
         return {
             term.reference or term.key: Residual(
                 term.value(quantities, self.cost),
@@ -329,5 +281,5 @@ class Outputs:
 
     def value(self, input_rate: ca.SX | None = None) -> ca.SX:
         """Expression of all entries; ``input_rate`` where the state knows the input before."""
-        quantities = Predicted(self.cost, self.model, self.model.p, input_rate)
+        quantities = predicted(self.cost, self.model, self.model.p, input_rate)
         return ca.SX(ca.vertcat(*[term.value(quantities, self.cost) for term in self.terms]))
