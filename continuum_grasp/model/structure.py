@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import count
+from numbers import Integral
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from continuum_grasp.model.winches import Motor, winches_of
 from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.learned_residual import LearnedResidual
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
 from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.scene.simulate import Initial, Scene
@@ -60,32 +62,38 @@ class Structure:
         self.finger = choices.finger
         self.length = self.finger.rod.length
         self.contacts = choices.numbers("contacts") or ()
-        self.loads = choices.loads()
-        tip_force = choices.switch("tip_force")
-        self.tip_force = (scene is None or bool(scene.contacts)) if tip_force is None else tip_force
-        gravity = choices.numbers("gravity", 2) or (0.0, -9.81)
-        elements = choices.elements()
+        self.loads: tuple[Load, ...] = tuple(choices["loads"] or ())
+        tip_force = choices["tip_force"]
+        self.tip_force = (scene is None or bool(scene.contacts)) if tip_force is None else bool(tip_force)
+        gravity = choices.numbers("gravity") or (0.0, -9.81)
+        if len(gravity) != 2:
+            raise InputError(f"expected a list of 2 numbers, got {len(gravity)}", key="gravity")
+        elements = choices["elements"]
+        if elements is not None:
+            elements = int(elements) if isinstance(elements, Integral) else choices.numbers("elements")
         profile = self.finger.profile
         self.lengths = element_lengths(profile, self.contacts, elements)
         # A number that is left open may grow by the places where the curvature has kinks or jumps.
         if elements is None:
             held = () if scene is None else scene.initial.held_by
-            family = choices.word("family", FAMILIES) or default_family(free_tip=bool(self.finger.free_tip_reasons))
+            family = choices.family or default_family(free_tip=bool(self.finger.free_tip_reasons))
             # A couple that is an input bends by a known shape there: it needs no element of its own.
             known = [load for load in self.loads if FAMILIES[family].matches_tip and self._is_input(load)]
             loads = [load for load in (*self.loads, *held) if load not in known]
             continuous = family_class(family).continuous
             breaks = with_breaks(self.contacts, self.finger, loads, continuous=continuous)
             self.lengths = open_lengths(self.finger, breaks)
-        self.ranges = element_ranges(self.lengths, choices.number("bending_range"), self.finger)
+        self.ranges = element_ranges(self.lengths, choices["bending_range"], self.finger)
         if self.finger.winches:
             self._check_within_arms()
-        self.parameters = Parameters(self.finger, (gravity[0], gravity[1]), self.lengths, choices.words("parameters"))
-        self.accuracy = choices.number("accuracy")
+        self.parameters = Parameters(
+            self.finger, (gravity[0], gravity[1]), self.lengths, tuple(choices["parameters"] or ())
+        )
+        self.accuracy = choices["accuracy"]
         if self.accuracy is not None and not 1e-16 <= self.accuracy <= 1e-2:
             raise InputError(f"expected a number from 1e-16 to 0.01, got {self.accuracy}", key="accuracy")
-        input_rates = choices.switch("input_rates")
-        self.family_name = choices.word("family", FAMILIES) or self._default_family(scene, input_rates)
+        input_rates = choices["input_rates"]
+        self.family_name = choices.family or self._default_family(scene, input_rates)
         self.inputs = self._input_layout(input_rates, self._input_varies(scene))
         self.sources = self._sources()
         self.mesh = self._mesh()
@@ -96,7 +104,7 @@ class Structure:
         self.laws = laws_of(self.finger, self.family, self.parameters)
         self.n = self.family.size - len(self.family.known)
         self._name_entries()
-        self.residuals = [one for one in (choices.residual(),) if one is not None]
+        self.residuals: list[LearnedResidual] = [one for one in (choices["residual"],) if one is not None]
         for one in self.residuals:
             driven = list(dict.fromkeys((*self.x_names[2 * self.n :], *self.u_names)))
             check_residual(one, self.family_name, self.lengths, self.q_names, driven)
