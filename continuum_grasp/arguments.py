@@ -89,8 +89,9 @@ def real_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
 def check_arguments(function: Function) -> Function:
     """Check the arguments of every call against the annotations of a function; the first that does not fit is named.
 
-    Options of an ``Unpack[...]`` are arguments like others. Classes, numbers, words, sequences, mappings, functions and their unions are checked. Arrays are left to whoever
-    computes with them, and names that are there for type checkers alone are not looked up.
+    Options of an ``Unpack[...]`` are arguments like others. Classes, numbers, words, sequences, mappings, functions and
+    their unions are checked. Arrays are left to whoever computes with them, and names that are there for type checkers
+    alone are not looked up.
     """
     signature = inspect.signature(function)
     more = next((name for name, one in signature.parameters.items() if one.kind is one.VAR_KEYWORD), "")
@@ -124,7 +125,7 @@ def shown(value: Any, width: int = 60) -> str:
 
 def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
     """What the parameters of a function may be; Any where a name is not there when it runs."""
-    found = {}
+    found = dict[str, Any]()
     for name, parameter in inspect.signature(function).parameters.items():
         plain = parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
         if parameter.kind is parameter.VAR_KEYWORD and str(parameter.annotation).startswith("Unpack["):

@@ -34,8 +34,7 @@ _SHAPES: dict[str, dict[str, Any]] = {
     "ellipse": {"width": 0.04, "height": 0.03},
     "superellipse": {"width": 0.04, "height": 0.03, "exponent": 3.0},
     "box": {"width": 0.04, "height": 0.03, "corner_radius": 0.002},
-    "polygon": {"vertices": _CORNERS},
-    "rounded_polygon": {"vertices": _CORNERS, "corner_radius": 0.002},
+    "polygon": {"vertices": _CORNERS, "corner_radius": 0.002},
     "stadium": {"length": 0.03, "radius": 0.01},
 }
 _PLACE = {"mass": 0.3, "position": [0.12, 0.1], "angle": 0.1, "center_of_mass": [0.001, 0.002]}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 Array = NDArray[np.float64]
+Part = tuple[float, float]
+"""Where a part of a finger begins and ends [m]."""
 
 _SAME = 1e-9
 """Distance per length up to which two positions are the same [1]: above the rounding of sums of lengths."""
@@ -122,7 +124,7 @@ class Curve:
 
     def integral(self) -> float:
         """Its integral over the whole length."""
-        return float(moments(self, pairwise(self.edges), (0.0, self.edges[-1]))[0, 0])
+        return float(integral(self, pairwise(self.edges)))
 
     def most(self) -> float:
         """Greatest value, of a function that is monotone on each piece."""
@@ -134,8 +136,7 @@ class Curve:
 
     def times(self, factors: Curve) -> Curve:
         """The product with a function that is constant between its edges, positive for an exponential."""
-        inner = sorted(self.edges[1:-1] + factors.edges[1:-1])
-        starts = [0.0, *(b for a, b in pairwise([0.0, *inner]) if b - a > _SAME * self.edges[-1])]
+        starts = [start for start, _ in parts(self.edges[-1], (self, factors))]
         pieces = []
         for at in starts:
             piece = bisect_right(self.edges, at * (1.0 + _SAME)) - 1
@@ -168,17 +169,17 @@ class Profile:
     @cached_property
     def uniform(self) -> bool:
         """Whether stiffness, density and rotary inertia are the same everywhere."""
-        return all(c.constant is not None for c in (self.bending_stiffness, self.linear_density, self.rotary_inertia))
+        return all(curve.constant is not None for curve in self.curves[:3])
+
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        """Stiffness, density, rotary inertia and rest curvature."""
+        return self.bending_stiffness, self.linear_density, self.rotary_inertia, self.rest_curvature
 
     @cached_property
     def breaks(self) -> tuple[float, ...]:
-        """Where stiffness, density, rotary inertia or rest curvature may jump or have kinks [m], increasing."""
-        curves = (self.bending_stiffness, self.linear_density, self.rotary_inertia, self.rest_curvature)
-        found: list[float] = []
-        for at in sorted(at for curve in curves for at in curve.breaks):
-            if not found or at - found[-1] > _SAME * self.length:
-                found.append(at)
-        return tuple(found)
+        """Where these may jump or have kinks [m], increasing."""
+        return tuple(start for start, _ in parts(self.length, self.curves))[1:]
 
     @cached_property
     def mean_stiffness(self) -> float:
@@ -189,22 +190,21 @@ class Profile:
         return self.length / float(self.moments(lambda s: 1.0 / curve(s), (0.0, self.length))[0, 0])
 
     def moments(self, density: Callable[[Array], Array], bounds: ArrayLike, powers: int = 1) -> Array:
-        """Integrals (powers, N) of a density times 1, s, s^2 ... between neighbors of bounds (N + 1,) [m]."""
-        return moments(density, self.panels(*np.asarray(bounds)), bounds, powers)
+        """Integrals (powers, N) of a density times 1, s, s^2 ... between neighbors of bounds (N + 1,) [m].
+
+        It is smooth where the curves are.
+        """
+        spans, exponents = pairwise(np.asarray(bounds).tolist()), np.arange(powers)[:, None]
+        found = (
+            integral(lambda s: density(s) * s**exponents, parts(self.length, self.curves, *span)) for span in spans
+        )
+        return np.stack([*found], axis=1)
 
     def waves(self, s: Array) -> Array:
         """Integral of (rho A / E I)^(1/4), the waves of bending, from the first of positions (N,) [m] to each."""
         middles = 0.5 * (s[1:] + s[:-1])
         density = (self.linear_density(middles) / self.bending_stiffness(middles)) ** 0.25
         return np.concatenate([[0.0], np.cumsum(density * np.diff(s))])
-
-    def panels(self, *places: float) -> list[tuple[float, float]]:
-        """Parts [m] between breaks and further places, from base to tip: smooth inside, for quadrature."""
-        edges = [0.0]
-        for at in sorted((*self.breaks, *places)):
-            if at - edges[-1] > _SAME * self.length and self.length - at > _SAME * self.length:
-                edges.append(at)
-        return list(pairwise([*edges, self.length]))
 
 
 @dataclass(frozen=True)
@@ -223,24 +223,24 @@ class Channel:
     gain: float = 1.0  # moment per amplitude: [m3] of a chamber, whose amplitude is its pressure [Pa]
 
 
-def moments(
-    density: Callable[[Array], Array], panels: Iterable[tuple[float, float]], bounds: ArrayLike, powers: int = 1
-) -> Array:
-    """Integrals (powers, N) of a density times 1, s, s^2 ... between neighbors of bounds (N + 1,) [m].
+def parts(length: float, curves: Iterable[Curve], start: float = 0.0, end: float | None = None) -> list[Part]:
+    """Parts [m] of a finger of a length [m], or between two places on it, on which curves are smooth."""
+    least, end, edges = _SAME * length, length if end is None else end, [start]
+    for at in sorted(at for curve in curves for at in curve.breaks):
+        if at - edges[-1] > least and end - at > least:
+            edges.append(at)
+    return list(pairwise([*edges, end]))
 
-    It is smooth on each of the ``panels``, none of which lies on both sides of a bound.
-    """
-    places = np.asarray(bounds)
-    found = np.zeros((powers, len(places) - 1))
-    for start, end in panels:
-        middle, half = 0.5 * (start + end), 0.5 * (end - start)
-        part = int(np.searchsorted(places, middle)) - 1
-        if 0 <= part < found.shape[1]:
-            s = middle + half * _NODES
-            values = half * _WEIGHTS * density(s)
-            for power in range(powers):
-                found[power, part] += float(values @ s**power)
-    return found
+
+def nodes_of(panels: Iterable[Part]) -> Iterator[tuple[Array, Array]]:
+    """Per part its nodes (32,) and weights, for integrals of what is smooth there."""
+    for a, b in panels:
+        yield a + 0.5 * (b - a) * (_NODES + 1.0), 0.5 * (b - a) * _WEIGHTS
+
+
+def integral(values: Callable[[Array], Array], panels: Iterable[Part]) -> Array:
+    """Integral (...) of values (..., M) at places (M,) that are smooth on each of some parts."""
+    return np.asarray(np.sum([values(s) @ weights for s, weights in nodes_of(panels)], axis=0))
 
 
 def touching(length: float, spiral: SpiRob) -> Curve:

@@ -81,7 +81,7 @@ def cells(family: Family, count: int) -> tuple[Port, ...]:
             return np.vstack([bent, np.ones_like(s)]) * (mesh.stiffness(s) / base)
 
         for a, b in pairwise(np.linspace(*mesh.span(element), count + 1).tolist()):
-            *total, measure = mesh.integral(element, a, b, weighted, mesh.stiffness, mesh.rest).tolist()
+            *total, measure = mesh.integral(a, b, weighted, mesh.stiffness, mesh.rest).tolist()
             *shapes, rest = (each / measure for each in total)
             found.append(Port(element, measure, _clean(np.array(shapes)), rest))
     return tuple(found)
