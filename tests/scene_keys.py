@@ -362,7 +362,7 @@ _FITS: dict[str, tuple[str, dict[str, Any]]] = {
     "static": (
         "own_finger",
         {
-            "estimate": [{"name": "youngs_modulus", "second_moment": 1e-12, "start": 6e9, "sigma": 1e8}],
+            "estimate": [{"name": "bending_stiffness", "start": 6e-3, "sigma": 1e-3}],
             "data": [{**_WEIGHED, **_SET, "measured": [{**_SHOWN, "scale": 1e-3, "zero": 0.1, "sigma": 1e-3}]}],
         },
     ),

@@ -318,10 +318,10 @@ def _rod(rod: Rod, target: str, value: float) -> dict[str, float]:
     The values are factors for a graded rod.
     """
     if rod.graded:
-        if target == "bending_stiffness" and rod.youngs_modulus is not None and rod.one_modulus:
+        if target == "bending_stiffness" and isinstance(rod.youngs_modulus, float) and rod.one_modulus:
             return {"youngs_modulus": value * rod.youngs_modulus}
         return {f"factors.{target}": value * float(getattr(rod.factors, target))}
-    if target == "rotary_inertia" or rod.youngs_modulus is None or rod.density is None:
+    if target == "rotary_inertia" or not (isinstance(rod.youngs_modulus, float) and isinstance(rod.density, float)):
         return {target: value}
     # of a rod that is given by its section, the section stays and the material changes
     if target == "bending_stiffness":

@@ -19,7 +19,6 @@ from continuum_grasp.model.parameters import numbers_of
 from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.identify import Estimate
-from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
@@ -37,14 +36,9 @@ _OWN = {"youngs_modulus": ("Pa", POSITIVE), "clamp_angle": ("rad", -math.inf), D
 
 
 _GRADED = "needs a rod whose whole stiffness follows from rod.youngs_modulus; or estimate bending_stiffness, a factor"
-_UNIFORM = "needs a rod with a diameter, or second_moment [m4]; or estimate bending_stiffness"
+_UNIFORM = "needs a rod that is given by its shape; or estimate bending_stiffness"
 _STATED = "state the rest_curvature of the finger, not that of its rod, to estimate it"
 _MODULUS, _OF_TENDONS = "name=youngs_modulus", " ".join(f"name={name}" for name in OF_DRIVE)
-
-
-def _shaped(of: tuple[Rod, Estimate]) -> bool:
-    """Whether the second moment of area follows from what the rod states."""
-    return of[0].graded or of[0].youngs_modulus is not None
 
 
 _refused = partial(beside, at="estimate")
@@ -55,10 +49,9 @@ _DRIVES = (
     ),
 )
 _ESTIMATES = (
-    _refused("identify a rod of a shape", _shaped, "second_moment", "the rod gives it already"),
-    _refused("identify materials", lambda of: of[0].graded and not of[0].one_modulus, _MODULUS, _GRADED),
-    _refused("identify a shape", lambda of: not (_shaped(of) or of[1].second_moment), _MODULUS, _UNIFORM),
-    _refused("identify a bent rod", lambda of: of[0].own_rest_curvature, "name=rest_curvature", _STATED),
+    _refused("identify materials", lambda rod: rod.graded and not rod.one_modulus, _MODULUS, _GRADED),
+    _refused("identify a shape", lambda rod: not (rod.graded or rod.youngs_modulus), _MODULUS, _UNIFORM),
+    _refused("identify a bent rod", lambda rod: rod.own_rest_curvature, "name=rest_curvature", _STATED),
 )
 
 
@@ -114,16 +107,12 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     for one in _DRIVES:
         one.check(finger, key, asked)
     for one in _ESTIMATES:
-        one.check((rod, asked), key, asked)
+        one.check(rod, key, asked)
     target, factor, nominal, unit = name, 1.0, 0.0, _OWN.get(name, ("",))[0]
     if name == "youngs_modulus":
         target = "bending_stiffness"
-        if rod.graded:
-            nominal = cast(float, rod.youngs_modulus)
-            factor = 1.0 / nominal
-        else:
-            factor = asked.second_moment or rod.stiffness / cast(float, rod.youngs_modulus)
-            nominal = rod.stiffness / factor
+        nominal = cast(float, rod.youngs_modulus)
+        factor = (1.0 if rod.graded else rod.stiffness) / nominal
     elif name == "clamp_angle":
         target = "base_angle"
     elif name in OF_DRIVE:
