@@ -78,7 +78,7 @@ def test_equal_sections_are_a_uniform_rod(count):
 def test_a_rod_of_one_section_may_be_a_rectangle_and_taper():
     shape = {"thickness": (0.012, 0.004), "width": 0.02}
     rod, section = cg.Rod(**MATERIAL, **shape), sections({"to": LENGTH, **shape})
-    assert rod.graded and not rod.parted and rod.profile == section.profile
+    assert (rod.graded, rod.parted, rod.profile) == (True, False, section.profile)
     strip = cg.Rod(**MATERIAL, thickness=0.001, width=0.02)
     assert (strip.graded, strip.stiffness) == (False, pytest.approx(MODULUS * 0.02 * 0.001**3 / 12, rel=1e-14))
 
