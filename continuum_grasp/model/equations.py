@@ -81,12 +81,9 @@ class Equations:
         """States of the lag of each source, and their rates; none where it has none."""
         own, runtime, found = iter(self._states["lag"]), self._par.is_runtime("drive_time_constant"), []
         for source, [(asked, _), *_] in zip(self._structure.sources, self.amplitudes, strict=True):
-            states, rates = list[Scalar](), list[Scalar]()
-            if source.lag is not None:
-                time = self._par["drive_time_constant"] if runtime else source.lag.time_constant
-                states = list(islice(own, source.lag.order))
-                rates = source.lag.rates(states, asked, time)
-            found.append((states, rates))
+            states = list(islice(own, source.lags))
+            time = self._par["drive_time_constant"] if runtime else source.time_constant
+            found.append((states, source.rates(states, asked, time)))
         return found
 
     @cached_property
@@ -434,7 +431,7 @@ class Equations:
     def lags_at_rest(self) -> list[Scalar]:
         """States of lags that have reached what is commanded."""
         sources = zip(self._structure.sources, self.amplitudes, strict=True)
-        return [state for source, [(asked, _), *_] in sources if source.lag for state in source.lag.at_rest(asked)]
+        return [state for source, [(asked, _), *_] in sources for state in source.at_rest(asked)]
 
     @property
     def drives_drawn(self) -> list[Scalar]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import count
@@ -12,7 +12,7 @@ from numbers import Integral
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.actuation import InputLayout, Lag, Source
+from continuum_grasp.model.actuation import InputLayout, Source
 from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import Array, Mesh, family_class
@@ -185,7 +185,11 @@ class Structure:
 
         Above the shape at rest.
         """
-        limits = self._limits(self.family.coordinate_size, self.lengths if lengths is None else lengths)
+        limits = [math.inf] * self.family.size
+        for k, (reach, h) in enumerate(zip(self.ranges, self.lengths if lengths is None else lengths, strict=True)):
+            # Neighbors may share a coordinate: the tighter one limits it.
+            for a in self.family.local(k):
+                limits[a] = min(limits[a], self.family.coordinate_size(reach, h) / self.family.peak(k, a))
         return limits[: self.n]
 
     def straight(self) -> Array:
@@ -198,23 +202,15 @@ class Structure:
         """Sources with a lag, and where in x what lags is."""
         found, place = [], 2 * self.n
         for source in self.sources:
-            if source.lag is not None:
+            if source.lags:
                 found.append((source, place))
-                place += source.lag.order
+                place += source.lags
         return found
 
     @property
     def drive_states(self) -> int:
         """Number of states of lags, winches and motors, and of what relaxes."""
         return sum(len(self.states[group]) for group in ("lag", "winches", "relaxation"))
-
-    def _limits(self, size: Callable[[float, float], float], lengths: Sequence[float]) -> list[float]:
-        limits = [math.inf] * self.family.size
-        for k, (reach, h) in enumerate(zip(self.ranges, lengths, strict=True)):
-            # Neighbors may share a coordinate: the tighter one limits it.
-            for a in self.family.local(k):
-                limits[a] = min(limits[a], size(reach, h) / self.family.peak(k, a))
-        return limits
 
     @property
     def tip(self) -> Place:
@@ -273,24 +269,20 @@ class Structure:
 
     def _sources(self) -> tuple[Source, ...]:
         """What gives bending moments, one per shape."""
-        whole = Curve.along(self.length, 1.0)
-        drives = len(self.inputs.drives)
+        length, whole, drives = self.length, Curve.along(self.length, 1.0), len(self.inputs.drives)
         wound = bool(self.finger.winches)
         own = self.has_tendon_friction or wound
-
-        def lag(channel: Channel) -> Lag | None:
-            return None if channel.time_constant is None else Lag(channel.time_constant, channel.order)
-
         found = []
         for k, one in enumerate(self.channels):
             arms = (*one.arms, *[0.0] * (drives - len(one.arms)))
-            found.append(Source(one.shape, arms, lag=lag(one), tendon=k if own else None, wound=wound))
+            lag = one.time_constant, one.order
+            found.append(Source(one.shape, one.to, arms, *lag, tendon=k if own else None, wound=wound))
         for _, _, one, _ in self.finger.pulls[len(self.finger.tendon_list) :]:
             # Of the input, whose last entries are chambers: drives may be fewer than tendons.
             arms = ((0.0,) * drives + one.arms)[-drives:]
-            found.append(Source(one.shape, arms, lag=lag(one), gain=one.gain, chamber=True))
+            found.append(Source(one.shape, one.to, arms, one.time_constant, one.order, one.gain, chamber=True))
         if not found:
-            found = [Source(whole, (1.0,))]
+            found = [Source(whole, length, (1.0,))]
         couples = [load for load in self.loads if self._is_input(load)]
         for k, load in enumerate(couples):
             shape = whole if self.on_tip(load.at) else Curve((0.0, load.at, self.length), ((1.0,), (0.0,)))
@@ -299,7 +291,7 @@ class Structure:
                     found[at] = replace(source, couples=(*source.couples, k))
                     break
             else:
-                found.append(Source(shape, (0.0,) * drives, (k,)))
+                found.append(Source(shape, length, (0.0,) * drives, couples=(k,)))
         return tuple(found)
 
     @property
@@ -414,13 +406,11 @@ class Structure:
     def _lag_names(self) -> list[str]:
         found = list[str]()
         for k, source in enumerate(self.sources):
-            if source.lag is None:
-                continue
             name, unit = "tip_moment" if len(self.lagging) == 1 else f"moment_{k + 1}", "N m"
-            if source.tendon is not None or source.chamber:
+            if source.lags and (source.tendon is not None or source.chamber):
                 # A tension or a pressure of its own: that of an input.
                 _, name, unit, *_ = self.inputs.drives[np.flatnonzero(source.arms)[0]]
-            found += source.lag.states(name, unit)
+            found += source.lag_names(name, unit)
         return found
 
 
