@@ -565,11 +565,6 @@ class Equations:
         """One link for all elements; None where the equations of motion are solved densely (``model.sweep``)."""
         return pattern_of(self._family, self.rod) if one_link_serves(self._structure) else None
 
-    @property
-    def sweeps(self) -> bool:
-        """Whether sweeps along the chain give the accelerations."""
-        return self.pattern is not None
-
     @cached_property
     def kinetic_energy(self) -> Scalar:
         """Kinetic energy [J], with what moves with the input, and that of motors and of what is touched."""

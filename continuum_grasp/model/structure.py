@@ -244,12 +244,8 @@ class Structure:
         return any(isinstance(load.moment, Samples) for load in couples)
 
     def _input_varies(self, scene: Scene | None) -> bool:
-        if self._tip_couple_varies():
-            return True
-        if scene is None or scene.actuation is None:
-            return False
-        inputs = scene.actuation.tensions or (scene.actuation.tip_moment,)
-        return any(isinstance(value, Samples) for value in inputs)
+        given = () if scene is None or scene.actuation is None else scene.actuation.values
+        return self._tip_couple_varies() or any(isinstance(value, Samples) for value in given)
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
         self.finger.check_family("family", self.family_name, self._runtime_at_tip)
