@@ -35,12 +35,13 @@ _SPIRAL = "spirob needs youngs_modulus and density of the rod"
 
 
 def _stated_by_sections(key: str) -> Consumer:
-    """Refuse a material that all sections state by themselves."""
+    """Refuse a material that all sections state by themselves, or that would change along each of them."""
 
-    def nowhere(rod: Rod) -> bool:
-        return rod.sections is not None and not any(key in section.left_open for section in rod.sections)
+    def misplaced(rod: Rod) -> bool:
+        left_open = any(key in section.left_open for section in rod.sections or ())
+        return rod.sections is not None and not (left_open and isinstance(getattr(rod, key), float))
 
-    return beside(f"rod of sections with {key}", nowhere, key, "no section needs it", "finger.rod")
+    return beside(f"rod of sections with {key}", misplaced, key, "no section needs it as one number", "finger.rod")
 
 
 class Rod(Section):

@@ -159,7 +159,11 @@ WRONG = {
     ),
     "a material of nothing": (
         "youngs_modulus: 1e6\n    sections: [{to: 0.25, PLAIN}]",
-        "6:21: finger.rod.youngs_modulus: no section needs it",
+        "6:21: finger.rod.youngs_modulus: no section needs it as one number",
+    ),
+    "a material that changes along every section": (
+        "youngs_modulus: [1e6, 2e6]\n    density: 1e3\n    sections: [{to: 0.25, diameter: 0.01}]",
+        "6:21: finger.rod.youngs_modulus: no section needs it as one number",
     ),
     "an end before the tip": (
         "sections: [{to: 0.2, diameter: 0.01}]",
