@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.families import FAMILIES
-from continuum_grasp.scene.profile import Curve, integral, parts
+from continuum_grasp.scene.profile import Curve, integral, smooth_parts
 
 Array = NDArray[np.float64]
 
@@ -51,11 +51,11 @@ class Mesh:
 
     def panels(self, element: int, *curves: Curve) -> list[tuple[float, float]]:
         """Parts of an element [m] on which curves are smooth, from base to tip."""
-        return parts(self.ends[-1], curves, *self.span(element))
+        return smooth_parts(self.ends[-1], curves, *self.span(element))
 
     def integral(self, a: float, b: float, values: Callable[[Array], Array], *curves: Curve) -> NDArray[np.float64]:
         """Integral (...) from a to b [m] of values (..., M) at places (M,), smooth where curves are."""
-        return integral(values, parts(self.ends[-1], curves, a, b))
+        return integral(values, smooth_parts(self.ends[-1], curves, a, b))
 
     def constant(self, curve: Curve, element: int) -> float | None:
         """Value of a curve where it is the same on an element; else None."""

@@ -14,7 +14,7 @@ from continuum_grasp.model.collocated import CollocatedLink
 from continuum_grasp.model.family import Array, Rod
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import STRICT, Collocation, graded_collocation
-from continuum_grasp.scene.profile import Curve, integral, nodes_of, parts
+from continuum_grasp.scene.profile import Curve, integral, nodes_of, smooth_parts
 
 _MOST_NODES = 32
 """Most nodes of each smooth part of an element [1]."""
@@ -69,7 +69,7 @@ class Shapes:
 
     def work(self, moment: Curve) -> Array:
         """Integrals (K,) of a moment times the shapes."""
-        panels = [panel for part in self.parts for panel in parts(moment.edges[-1], (moment,), *part)]
+        panels = [panel for part in self.parts for panel in smooth_parts(moment.edges[-1], (moment,), *part)]
         return integral(lambda s: self.on(s)[:-1] * moment(s), panels)
 
     @cached_property

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 Array = NDArray[np.float64]
-Part = tuple[float, float]
-"""Where a part of a finger begins and ends [m]."""
 
 _SAME = 1e-9
 """Distance per length up to which two positions are the same [1]: above the rounding of sums of lengths."""
@@ -136,7 +134,7 @@ class Curve:
 
     def times(self, factors: Curve) -> Curve:
         """The product with a function that is constant between its edges, positive for an exponential."""
-        starts = [start for start, _ in parts(self.edges[-1], (self, factors))]
+        starts = [start for start, _ in smooth_parts(self.edges[-1], (self, factors))]
         pieces = []
         for at in starts:
             piece = bisect_right(self.edges, at * (1.0 + _SAME)) - 1
@@ -179,7 +177,7 @@ class Profile:
     @cached_property
     def breaks(self) -> tuple[float, ...]:
         """Where these may jump or have kinks [m], increasing."""
-        return tuple(start for start, _ in parts(self.length, self.curves))[1:]
+        return tuple(start for start, _ in smooth_parts(self.length, self.curves))[1:]
 
     @cached_property
     def mean_stiffness(self) -> float:
@@ -196,7 +194,8 @@ class Profile:
         """
         spans, exponents = pairwise(np.asarray(bounds).tolist()), np.arange(powers)[:, None]
         found = (
-            integral(lambda s: density(s) * s**exponents, parts(self.length, self.curves, *span)) for span in spans
+            integral(lambda s: density(s) * s**exponents, smooth_parts(self.length, self.curves, *span))
+            for span in spans
         )
         return np.stack([*found], axis=1)
 
@@ -223,7 +222,9 @@ class Channel:
     gain: float = 1.0  # moment per amplitude: [m3] of a chamber, whose amplitude is its pressure [Pa]
 
 
-def parts(length: float, curves: Iterable[Curve], start: float = 0.0, end: float | None = None) -> list[Part]:
+def smooth_parts(
+    length: float, curves: Iterable[Curve], start: float = 0.0, end: float | None = None
+) -> list[tuple[float, float]]:
     """Parts [m] of a finger of a length [m], or between two places on it, on which curves are smooth."""
     least, end, edges = _SAME * length, length if end is None else end, [start]
     for at in sorted(at for curve in curves for at in curve.breaks):
@@ -232,13 +233,13 @@ def parts(length: float, curves: Iterable[Curve], start: float = 0.0, end: float
     return list(pairwise([*edges, end]))
 
 
-def nodes_of(panels: Iterable[Part]) -> Iterator[tuple[Array, Array]]:
+def nodes_of(panels: Iterable[tuple[float, float]]) -> Iterator[tuple[Array, Array]]:
     """Per part its nodes (32,) and weights, for integrals of what is smooth there."""
     for a, b in panels:
         yield a + 0.5 * (b - a) * (_NODES + 1.0), 0.5 * (b - a) * _WEIGHTS
 
 
-def integral(values: Callable[[Array], Array], panels: Iterable[Part]) -> Array:
+def integral(values: Callable[[Array], Array], panels: Iterable[tuple[float, float]]) -> Array:
     """Integral (...) of values (..., M) at places (M,) that are smooth on each of some parts."""
     return np.asarray(np.sum([values(s) @ weights for s, weights in nodes_of(panels)], axis=0))
 
