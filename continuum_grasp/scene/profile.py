@@ -69,17 +69,16 @@ class Curve:
         at = np.asarray(s, dtype=float)
         shift = _SAME * self.edges[-1] * (1.0 if tip_side else -1.0)
         piece = np.searchsorted(np.asarray(self.edges[1:-1]), at + shift)
-        distance, coefficients = at - np.asarray(self.edges)[piece], self._table[piece]
-        value = np.zeros(at.shape)
-        for power in reversed(range(self._table.shape[1])):
-            value = value * distance + coefficients[..., power]
-        return np.exp(value) if self.exponential else value
+        return np.asarray(self._value(at - np.asarray(self.edges)[piece], np.moveaxis(self._table[piece], -1, 0)))
 
     def on(self, piece: int, s: Any) -> Any:
         """The function of one piece at positions [m]: floats, arrays or CasADi expressions."""
-        distance, coefficients = s - self.edges[piece], self.coefficients[piece]
+        return self._value(s - self.edges[piece], self.coefficients[piece])
+
+    def _value(self, distance: Any, coefficients: Any) -> Any:
+        """Value at a distance from the start of a piece of these coefficients."""
         value = 0.0 * distance + coefficients[-1]
-        for coefficient in reversed(coefficients[:-1]):
+        for coefficient in coefficients[-2::-1]:
             value = value * distance + coefficient
         return np.exp(value) if self.exponential else value
 
