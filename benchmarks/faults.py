@@ -45,7 +45,7 @@ FAULTS: tuple[Fault, ...] = (
     # scene
     *_in(
         "scene/profile.py",
-        ("values = half * _WEIGHTS * density(s)", "values = 1.01 * half * _WEIGHTS * density(s)"),
+        ("(_NODES + 1.0), 0.5 * (b - a) * _WEIGHTS", "(_NODES + 1.0), 0.505 * (b - a) * _WEIGHTS"),
         tests="scene/test_graded_rods.py model/test_graded.py",
     ),
     *_in(

@@ -12,7 +12,7 @@ from numbers import Integral, Real
 from os import PathLike
 from pathlib import Path
 from types import UnionType
-from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -89,10 +89,12 @@ def real_array(name: str, value: ArrayLike) -> NDArray[np.float64]:
 def check_arguments(function: Function) -> Function:
     """Check the arguments of every call against the annotations of a function; the first that does not fit is named.
 
-    Classes, numbers, words, sequences, mappings, functions and their unions are checked. Arrays are left to whoever
-    computes with them, and names that are there for type checkers alone are not looked up.
+    Options of an ``Unpack[...]`` are arguments like others. Classes, numbers, words, sequences, mappings, functions and
+    their unions are checked. Arrays are left to whoever computes with them, and names that are there for type checkers
+    alone are not looked up.
     """
     signature = inspect.signature(function)
+    more = next((name for name, one in signature.parameters.items() if one.kind is one.VAR_KEYWORD), "")
     kinds: dict[str, Any] = {}
 
     @wraps(function)
@@ -103,7 +105,7 @@ def check_arguments(function: Function) -> Function:
             given = signature.bind(*arguments, **named).arguments
         except TypeError:
             return function(*arguments, **named)  # raises it in the words of Python
-        for name, value in given.items():
+        for name, value in {**given, **given.get(more, {})}.items():
             kind = kinds.get(name, Any)
             if not _fits(value, kind):
                 raise InputError(f"expected {_words(kind)}, got {shown(value)}", key=name)
@@ -123,9 +125,11 @@ def shown(value: Any, width: int = 60) -> str:
 
 def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
     """What the parameters of a function may be; Any where a name is not there when it runs."""
-    found = {}
+    found = dict[str, Any]()
     for name, parameter in inspect.signature(function).parameters.items():
         plain = parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
+        if parameter.kind is parameter.VAR_KEYWORD and str(parameter.annotation).startswith("Unpack["):
+            found |= get_type_hints(*get_args(eval(parameter.annotation, function.__globals__)))
         if plain and parameter.annotation is not parameter.empty:
             try:
                 found[name] = eval(parameter.annotation, function.__globals__)

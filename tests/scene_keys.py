@@ -34,8 +34,7 @@ _SHAPES: dict[str, dict[str, Any]] = {
     "ellipse": {"width": 0.04, "height": 0.03},
     "superellipse": {"width": 0.04, "height": 0.03, "exponent": 3.0},
     "box": {"width": 0.04, "height": 0.03, "corner_radius": 0.002},
-    "polygon": {"vertices": _CORNERS},
-    "rounded_polygon": {"vertices": _CORNERS, "corner_radius": 0.002},
+    "polygon": {"vertices": _CORNERS, "corner_radius": 0.002},
     "stadium": {"length": 0.03, "radius": 0.01},
 }
 _PLACE = {"mass": 0.3, "position": [0.12, 0.1], "angle": 0.1, "center_of_mass": [0.001, 0.002]}
@@ -363,7 +362,7 @@ _FITS: dict[str, tuple[str, dict[str, Any]]] = {
     "static": (
         "own_finger",
         {
-            "estimate": [{"name": "youngs_modulus", "second_moment": 1e-12, "start": 6e9, "sigma": 1e8}],
+            "estimate": [{"name": "bending_stiffness", "start": 6e-3, "sigma": 1e-3}],
             "data": [{**_WEIGHED, **_SET, "measured": [{**_SHOWN, "scale": 1e-3, "zero": 0.1, "sigma": 1e-3}]}],
         },
     ),

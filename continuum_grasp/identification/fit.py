@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Entry
 from continuum_grasp.identification.unknowns import DELAY, OF_DRIVE
-from continuum_grasp.model.laws import numbers_of
+from continuum_grasp.model.parameters import numbers_of, places_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.result import Result
 from continuum_grasp.results.yaml_text import yaml_text
-from continuum_grasp.scene.finger import PointMass, TipBody
+from continuum_grasp.scene.finger import PointMass
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import FingerScene, Scene
 
@@ -302,41 +302,14 @@ def _with_parameter(scene: Any, target: str, value: float) -> Any:
     changes: Mapping[str, Any]
     if target in ("bending_stiffness", "linear_density", "rotary_inertia"):
         changes = {f"rod.{key}": number for key, number in _rod(finger.rod, target, value).items()}
-    elif target in ("material_damping", "per_arc_damping"):
-        changes = {f"damping.{target.removesuffix('_damping')}": value}
-    elif target in (of_laws := numbers_of(finger)):
-        changes = {of_laws[target].key: value}
-    elif target == "rest_curvature":
-        changes = {target: value}
-    elif target == "base_angle":
-        changes = {"base.angle": value}
-    elif target.startswith(("tendon_", "drive_", "chamber_")):
-        owner, _, key = target.partition("_")
-        own = f"drive.{key}" if owner == "drive" and finger.winches else key
-        changes = {f"{place}.{own}": value for place in finger.places_of("tendons") if owner != "chamber"}
-        if owner == "chamber" or key == "time_constant":
-            changes = {**changes, **{f"{place}.{key}": value for place in finger.places_of("pressure")}}
     elif target == "tip_mass":
         others = [mass for mass in finger.masses if not math.isclose(mass.at, finger.rod.length, rel_tol=1e-9)]
         changes = {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}
-    elif target.startswith("tip_body_") and finger.tip_body is not None:
-        changes = {"tip_body": _tip_body(finger.tip_body, target.removeprefix("tip_body_"), value)}
-    elif target.startswith("mass_"):
-        changes = {f"masses[{target.removeprefix('mass_')}].mass": value}
+    elif target in (numbers := numbers_of(finger)):
+        changes = dict.fromkeys(places_of(finger, numbers[target].key), value)
     else:
         raise InputError(f"no value of a scene is behind {target}")
     return scene.changed({f"finger.{key}": new for key, new in changes.items()})
-
-
-def _tip_body(body: TipBody, key: str, value: float) -> TipBody:
-    across, along = body.center_of_mass
-    changes: dict[str, dict[str, Any]] = {
-        "mass": {"mass": value},
-        "inertia": {"rotary_inertia": value},
-        "across": {"center_of_mass": (value, along)},
-        "along": {"center_of_mass": (across, value)},
-    }
-    return body.replaced(**changes[key])
 
 
 def _rod(rod: Rod, target: str, value: float) -> dict[str, float]:
@@ -345,10 +318,10 @@ def _rod(rod: Rod, target: str, value: float) -> dict[str, float]:
     The values are factors for a graded rod.
     """
     if rod.graded:
-        if target == "bending_stiffness" and rod.youngs_modulus is not None and rod.one_modulus:
+        if target == "bending_stiffness" and isinstance(rod.youngs_modulus, float) and rod.one_modulus:
             return {"youngs_modulus": value * rod.youngs_modulus}
         return {f"factors.{target}": value * float(getattr(rod.factors, target))}
-    if target == "rotary_inertia" or rod.youngs_modulus is None or rod.density is None:
+    if target == "rotary_inertia" or not (isinstance(rod.youngs_modulus, float) and isinstance(rod.density, float)):
         return {target: value}
     # of a rod that is given by its section, the section stays and the material changes
     if target == "bending_stiffness":

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import unit_of
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.laws import numbers_of
+from continuum_grasp.model.laws.section import POSITIVE
+from continuum_grasp.model.parameters import numbers_of
 from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.identify import Estimate
-from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import Scene
 
 Array = NDArray[np.float64]
@@ -27,37 +27,18 @@ DEADBAND = "tension_deadband"
 """The difference of tensions that friction takes before the finger feels any."""
 LAG, DELAY = "drive_time_constant", "drive_delay"
 """Time constant of the lag of the drives, and the time before a command reaches them."""
-OF_DRIVE = {DEADBAND: "N", DELAY: "s"}
-"""Unknowns of the drive that the model does not have, and their units."""
+OF_DRIVE = (DEADBAND, DELAY)
+"""Unknowns of the drive that the model does not have."""
 START = "start"
 """Target of coordinates and rates of a start that is estimated with the parameters."""
-_LEAST = 1e-9
-"""Lower bound per typical size [1] of what must stay positive."""
-_UNITS = {"youngs_modulus": "Pa", "clamp_angle": "rad", **OF_DRIVE}
-_SIGNED = ("rest_curvature", "clamp_angle", "base_angle", "tip_body_across", "tip_body_along")
-_POSITIVE = (
-    "youngs_modulus",
-    "bending_stiffness",
-    "linear_density",
-    "tendon_offset",
-    "tendon_presliding",
-    "tendon_axial_stiffness",
-    "tendon_series_stiffness",
-    "drive_inertia",
-    LAG,
-)
-"""The model divides by these, or means nothing without them; the others may be zero, but not negative."""
+_OWN = {"youngs_modulus": ("Pa", POSITIVE), "clamp_angle": ("rad", -math.inf), DEADBAND: ("N", 0.0), DELAY: ("s", 0.0)}
+"""Unit of each unknown that the model does not have, and its least value, as in ``Number``."""
 
 
 _GRADED = "needs a rod whose whole stiffness follows from rod.youngs_modulus; or estimate bending_stiffness, a factor"
-_UNIFORM = "needs a rod with a diameter, or second_moment [m4]; or estimate bending_stiffness"
-_OWN = "state the rest_curvature of the finger, not that of its rod, to estimate it"
+_UNIFORM = "needs a rod that is given by its shape; or estimate bending_stiffness"
+_STATED = "state the rest_curvature of the finger, not that of its rod, to estimate it"
 _MODULUS, _OF_TENDONS = "name=youngs_modulus", " ".join(f"name={name}" for name in OF_DRIVE)
-
-
-def _shaped(of: tuple[Rod, Estimate]) -> bool:
-    """Whether the second moment of area follows from what the rod states."""
-    return of[0].graded or of[0].youngs_modulus is not None
 
 
 _refused = partial(beside, at="estimate")
@@ -68,10 +49,9 @@ _DRIVES = (
     ),
 )
 _ESTIMATES = (
-    _refused("identify a rod of a shape", _shaped, "second_moment", "the rod gives it already"),
-    _refused("identify materials", lambda of: of[0].graded and not of[0].one_modulus, _MODULUS, _GRADED),
-    _refused("identify a shape", lambda of: not (_shaped(of) or of[1].second_moment), _MODULUS, _UNIFORM),
-    _refused("identify a bent rod", lambda of: of[0].own_rest_curvature, "name=rest_curvature", _OWN),
+    _refused("identify materials", lambda rod: rod.graded and not rod.one_modulus, _MODULUS, _GRADED),
+    _refused("identify a shape", lambda rod: not (rod.graded or rod.youngs_modulus), _MODULUS, _UNIFORM),
+    _refused("identify a bent rod", lambda rod: rod.own_rest_curvature, "name=rest_curvature", _STATED),
 )
 
 
@@ -127,16 +107,12 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     for one in _DRIVES:
         one.check(finger, key, asked)
     for one in _ESTIMATES:
-        one.check((rod, asked), key, asked)
-    target, factor, nominal, unit = name, 1.0, 0.0, _UNITS.get(name, "")
+        one.check(rod, key, asked)
+    target, factor, nominal, unit = name, 1.0, 0.0, _OWN.get(name, ("",))[0]
     if name == "youngs_modulus":
         target = "bending_stiffness"
-        if rod.graded:
-            nominal = cast(float, rod.youngs_modulus)
-            factor = 1.0 / nominal
-        else:
-            factor = asked.second_moment or rod.stiffness / cast(float, rod.youngs_modulus)
-            nominal = rod.stiffness / factor
+        nominal = cast(float, rod.youngs_modulus)
+        factor = (1.0 if rod.graded else rod.stiffness) / nominal
     elif name == "clamp_angle":
         target = "base_angle"
     elif name in OF_DRIVE:
@@ -149,9 +125,7 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     typical = _typical(scene, name) if nominal == 0.0 else abs(nominal)
     lower, upper = asked.min, asked.max
     if lower is None:
-        of_law = numbers_of(scene.finger).get(name)
-        positive = name in _POSITIVE or (of_law is not None and of_law.positive)
-        lower = -math.inf if name in _SIGNED else _LEAST * typical if positive else 0.0
+        lower = (_OWN[name][1] if name in _OWN else numbers_of(finger)[name].least) * typical
     if upper is None:
         upper = math.inf
     # a scene's value beside the bounds starts on them; a start that is asked for must be inside
@@ -185,7 +159,7 @@ def _of_model(scene: Scene, name: str, key: str) -> tuple[float, str]:
         family = None if stated else default_family(free_tip=True)
         model = FingerModel(scene, parameters=(name,), input_rates=False, family=family)
     except InputError as error:
-        near = difflib.get_close_matches(name, tuple(_UNITS), n=1)
+        near = difflib.get_close_matches(name, tuple(_OWN), n=1)
         hint = f"; did you mean {near[0]}?" if near and "did you mean" not in error.message else ""
         raise InputError(f"{error.message}{hint}", key=f"{key}.name") from None
     if model.np != 1:

@@ -8,7 +8,7 @@ from typing import Any
 
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.drives import Input
-from continuum_grasp.scene.profile import Curve
+from continuum_grasp.scene.profile import Channel
 
 
 @dataclass(frozen=True)
@@ -33,40 +33,39 @@ class InputLayout:
 
 
 @dataclass(frozen=True)
-class Lag:
-    """A lag of first order, or a critically damped one of second order, between a command and the value that acts."""
+class Source(Channel):
+    """What gives a bending moment of one shape, by a channel of the finger whose amplitude may lag behind its command.
 
-    time_constant: float  # [s]
-    order: int  # 1, or 2: critically damped, for known moments, whose rate and acceleration a matched tip needs
+    ``arms`` are per entry of the finger's own input, 1 for the tip moment itself; the lag is of first order, or a
+    critically damped one of second order, whose rate and acceleration a matched tip needs.
+    """
 
-    def states(self, name: str, unit: str) -> list[str]:
-        """Name and unit of each state."""
-        return [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"][: self.order]
+    couples: tuple[int, ...] = ()  # of the input's couples
+    tendon: int | None = None  # whose tension is its amplitude [N]: a tendon that has one of its own, see TendonForces
+    wound: bool = False  # up by a winch or motor, so that its tension is no input
+    chamber: bool = False
+
+    @property
+    def lags(self) -> int:
+        """Number of states of its lag; 0 without one."""
+        return 0 if self.time_constant is None else self.order
+
+    def lag_names(self, name: str, unit: str) -> list[str]:
+        """Name and unit of each state of its lag."""
+        return [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"][: self.lags]
 
     def at_rest(self, commanded: Scalar) -> list[Scalar]:
-        """States that have reached a command."""
-        return [commanded, 0.0][: self.order]
+        """States of its lag that have reached a command."""
+        return [commanded, 0.0][: self.lags]
 
-    def rates(self, states: Sequence[Scalar], commanded: Scalar, time_constant: Scalar) -> list[Scalar]:
-        """Rates of the states."""
+    def rates(self, states: Sequence[Scalar], commanded: Scalar, time_constant: Scalar | None) -> list[Scalar]:
+        """Rates of the states of its lag."""
+        if time_constant is None or not states:
+            return []
         pole, (value, *rates) = 1.0 / time_constant, states
         if not rates:
             return [pole * (commanded - value)]
         return [*rates, pole**2 * (commanded - value) - 2.0 * pole * rates[0]]
-
-
-@dataclass(frozen=True)
-class Source:
-    """What gives a bending moment of one shape."""
-
-    shape: Curve  # [1]
-    arms: tuple[float, ...]  # per entry of the finger's own, amplitude per value [m]; 1 for the tip moment itself
-    couples: tuple[int, ...] = ()  # of the input's couples
-    lag: Lag | None = None  # of the first
-    tendon: int | None = None  # whose tension is its amplitude [N]: a tendon that has one of its own, see TendonForces
-    wound: bool = False  # up by a winch or motor, so that its tension is no input
-    gain: float = 1.0  # moment per amplitude [1]; [m3] of a chamber, whose amplitude is its pressure
-    chamber: bool = False
 
     def amplitudes(self, values: Sequence[Any], drives: int, scale: Scalar = 1.0) -> tuple[Any, Any]:
         """Those of the drive, times a scale, and of the couples [N m], of a block of the input; numbers or arrays."""

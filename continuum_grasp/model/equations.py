@@ -81,12 +81,9 @@ class Equations:
         """States of the lag of each source, and their rates; none where it has none."""
         own, runtime, found = iter(self._states["lag"]), self._par.is_runtime("drive_time_constant"), []
         for source, [(asked, _), *_] in zip(self._structure.sources, self.amplitudes, strict=True):
-            states, rates = list[Scalar](), list[Scalar]()
-            if source.lag is not None:
-                time = self._par["drive_time_constant"] if runtime else source.lag.time_constant
-                states = list(islice(own, source.lag.order))
-                rates = source.lag.rates(states, asked, time)
-            found.append((states, rates))
+            states = list(islice(own, source.lags))
+            time = self._par["drive_time_constant"] if runtime else source.time_constant
+            found.append((states, source.rates(states, asked, time)))
         return found
 
     @cached_property
@@ -201,15 +198,20 @@ class Equations:
         return self.to_world(self.chain.position(self._structure.tip))
 
     @cached_property
-    def _partial_chain(self) -> list[tuple[Rotation, Section, Vec]]:
-        """Per element its start's rotation, the section where it or the run-time position s ends, and that position."""
+    def _partial_chain(self) -> list[tuple[Rotation, Section, Vec, Scalar]]:
+        """Per element its start's rotation, the section where it or the run-time position s ends, and that position and
+        the angle there.
+        """
         start: Scalar = 0.0
+        angle: Scalar = self._par["base_angle"]
         turn, total, parts = IDENTITY, ZERO, []
         for link, h in zip(self.chain.links, self.lengths, strict=True):
             # Elements before s whole, those after it of length zero: one expression for all s, without branches.
-            section = link.link.section(ca.fmin(ca.fmax((self.s - start) / h, 0.0), 1.0))
+            fraction = ca.fmin(ca.fmax((self.s - start) / h, 0.0), 1.0)
+            section = link.link.section(fraction)
             total += turn.apply(section.position)
-            parts.append((turn, section, total))
+            angle += link.link.bend(fraction)
+            parts.append((turn, section, total, angle))
             turn = turn @ section.rotation
             start += h
         return parts
@@ -222,19 +224,14 @@ class Equations:
     @cached_property
     def section_angle(self) -> Scalar:
         """Angle in the world [rad] of the section at the run-time position s."""
-        angle: Scalar = self._par["base_angle"]
-        start: Scalar = 0.0
-        for link, h in zip(self.chain.links, self.lengths, strict=True):
-            angle += link.link.bend(ca.fmin(ca.fmax((self.s - start) / h, 0.0), 1.0))
-            start += h
-        return angle
+        return self._partial_chain[-1][3]
 
     @cached_property
     def section_jacobian(self) -> ca.SX:
         """Derivative (2, n) of the world position of the section at s with respect to the unknowns."""
         tip = self._partial_chain[-1][2]
         arms = [ZERO] * self._family.size
-        for (turn, section, end), local in zip(self._partial_chain, self.chain.coordinates, strict=True):
+        for (turn, section, end, _), local in zip(self._partial_chain, self.chain.coordinates, strict=True):
             beyond = tip - end
             for a, arm, angle in zip(local, section.arms, section.angles, strict=True):
                 arms[a] = arms[a] + turn.apply(arm) + beyond.scaled(angle)
@@ -434,7 +431,7 @@ class Equations:
     def lags_at_rest(self) -> list[Scalar]:
         """States of lags that have reached what is commanded."""
         sources = zip(self._structure.sources, self.amplitudes, strict=True)
-        return [state for source, [(asked, _), *_] in sources if source.lag for state in source.lag.at_rest(asked)]
+        return [state for source, [(asked, _), *_] in sources for state in source.at_rest(asked)]
 
     @property
     def drives_drawn(self) -> list[Scalar]:
@@ -567,11 +564,6 @@ class Equations:
     def pattern(self) -> Pattern | None:
         """One link for all elements; None where the equations of motion are solved densely (``model.sweep``)."""
         return pattern_of(self._family, self.rod) if one_link_serves(self._structure) else None
-
-    @property
-    def sweeps(self) -> bool:
-        """Whether sweeps along the chain give the accelerations."""
-        return self.pattern is not None
 
     @cached_property
     def kinetic_energy(self) -> Scalar:

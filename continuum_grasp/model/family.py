@@ -8,7 +8,7 @@ the way are taken as known, the curvature that they give is.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from itertools import accumulate
@@ -20,11 +20,9 @@ from numpy.typing import NDArray
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.families import FAMILIES
-from continuum_grasp.scene.profile import Curve
+from continuum_grasp.scene.profile import Curve, integral, smooth_parts
 
 Array = NDArray[np.float64]
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
-"""Of integrals along smooth parts of an element: exact to rounding for polynomials of degree 47."""
 
 
 @dataclass(frozen=True)
@@ -53,33 +51,18 @@ class Mesh:
 
     def panels(self, element: int, *curves: Curve) -> list[tuple[float, float]]:
         """Parts of an element [m] on which curves are smooth, from base to tip."""
-        start, end = self.span(element)
-        least, edges = 1e-9 * self.ends[-1], [start]
-        for at in sorted(at for curve in curves for at in curve.breaks):
-            if at - edges[-1] > least and end - at > least:
-                edges.append(at)
-        return list(zip(edges, [*edges[1:], end], strict=True))
+        return smooth_parts(self.ends[-1], curves, *self.span(element))
 
-    def integral(
-        self, element: int, a: float, b: float, of: Callable[[Array], Array], *curves: Curve
-    ) -> NDArray[np.float64]:
-        """Integral (...) from a to b [m] on an element of values (..., M) at places (M,), smooth where curves are."""
-        inside = [(max(low, a), min(high, b)) for low, high in self.panels(element, *curves) if low < b and high > a]
-        return np.asarray(np.sum([of(s) @ weights for s, weights in nodes_of(inside)], axis=0))
+    def integral(self, a: float, b: float, values: Callable[[Array], Array], *curves: Curve) -> NDArray[np.float64]:
+        """Integral (...) from a to b [m] of values (..., M) at places (M,), smooth where curves are."""
+        return integral(values, smooth_parts(self.ends[-1], curves, a, b))
 
     def constant(self, curve: Curve, element: int) -> float | None:
         """Value of a curve where it is the same on an element; else None."""
-        parts = self.panels(element, curve)
-        middle = 0.5 * (parts[0][0] + parts[0][1])
-        inside = np.linspace(*parts[0], 5)[1:-1]
+        first, *more = self.panels(element, curve)
+        middle, inside = 0.5 * sum(first), np.linspace(*first, 5)[1:-1]
         value = float(curve(middle))
-        return value if len(parts) == 1 and np.all(curve(inside) == value) else None
-
-
-def nodes_of(parts: Sequence[tuple[float, float]]) -> Iterator[tuple[Array, Array]]:
-    """Per part its nodes (24,) and weights, for integrals of what is smooth there."""
-    for a, b in parts:
-        yield a + 0.5 * (b - a) * (_NODES + 1.0), 0.5 * (b - a) * _WEIGHTS
+        return value if not more and np.all(curve(inside) == value) else None
 
 
 def gathered(family: Family, on_elements: Sequence[Sequence[Scalar]]) -> list[Scalar]:
@@ -96,7 +79,7 @@ def mean(mesh: Mesh, element: int, curve: Curve) -> float:
     found = mesh.constant(curve, element)
     if found is not None:
         return found
-    return float(mesh.integral(element, *mesh.span(element), curve, curve)) / mesh.lengths[element]
+    return float(mesh.integral(*mesh.span(element), curve, curve)) / mesh.lengths[element]
 
 
 @dataclass(frozen=True)

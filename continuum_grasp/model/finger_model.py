@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.backbone import Backbone
 from continuum_grasp.model.choices import ModelOptions
@@ -147,6 +148,7 @@ class FingerModel(Functions):
     DM([-0.275819, 0.504883])
     """
 
+    @check_arguments
     def __init__(self, finger: Scene | Finger, **options: Unpack[ModelOptions]) -> None:
         super().__init__(made := Structure(finger, options))
         self.finger = made.finger

@@ -145,7 +145,7 @@ class Functions(Remade, Summarized):
     @property
     def sweeps(self) -> bool:
         """Whether sweeps along the chain give the accelerations, at a cost that grows with the number of elements."""
-        return self._equations.sweeps
+        return self._equations.pattern is not None
 
     @property
     def instructions(self) -> int:

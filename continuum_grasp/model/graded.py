@@ -5,17 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.collocated import CollocatedLink
-from continuum_grasp.model.family import Array, Rod, nodes_of
+from continuum_grasp.model.family import Array, Rod
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import STRICT, Collocation, graded_collocation
-from continuum_grasp.scene.profile import Curve
+from continuum_grasp.scene.profile import Curve, integral, nodes_of, smooth_parts
 
 _MOST_NODES = 32
 """Most nodes of each smooth part of an element [1]."""
@@ -66,18 +65,12 @@ class Shapes:
     @cached_property
     def gram(self) -> Array:
         """Integrals (K, K) of the stiffness times products of shapes."""
-        rows = [(self.on(s)[:-1], w * self.stiffness(s)) for s, w in nodes_of(self.parts)]
-        return np.asarray(np.sum([(b * w) @ b.T for b, w in rows], axis=0))
+        return integral(lambda s: (own := self.on(s)[:-1])[:, None] * own * self.stiffness(s), self.parts)
 
-    def work(self, moment: Curve | None) -> Array:
+    def work(self, moment: Curve) -> Array:
         """Integrals (K,) of a moment times the shapes."""
-        breaks = () if moment is None else tuple(at for at in moment.breaks if self.start < at < self.end)
-        found = np.zeros(len(self.values))
-        for a, b in self.parts:
-            edges = [a, *(at for at in breaks if a < at < b), b]
-            for s, w in nodes_of(list(pairwise(edges))):
-                found += self.on(s)[:-1] @ (w if moment is None else w * moment(s))
-        return found
+        panels = [panel for part in self.parts for panel in smooth_parts(moment.edges[-1], (moment,), *part)]
+        return integral(lambda s: self.on(s)[:-1] * moment(s), panels)
 
     @cached_property
     def angles(self) -> list[Array]:

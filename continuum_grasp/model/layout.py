@@ -14,7 +14,7 @@ from continuum_grasp.model.chain import Place
 from continuum_grasp.scene.families import DEFAULT_RANGE, ONE_TURN
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
-from continuum_grasp.scene.profile import Profile
+from continuum_grasp.scene.profile import Profile, smooth_parts
 
 WHOLE_RANGE = 8 * math.pi / 3
 """Bending range by default of all elements together [rad]: twice 240 degrees, from five elements on below that of one.
@@ -106,7 +106,9 @@ class _Waves:
         self._even = profile.uniform
         if self._even:
             return
-        s = np.unique(np.concatenate([np.linspace(a, b, _FINE + 1) for a, b in profile.panels()]))
+        s = np.unique(
+            np.concatenate([np.linspace(a, b, _FINE + 1) for a, b in smooth_parts(profile.length, profile.curves)])
+        )
         self._s, self._sum = s, profile.waves(s)
 
     def upto(self, at: float) -> float:

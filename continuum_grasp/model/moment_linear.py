@@ -203,7 +203,7 @@ class MomentLinearFamily(Family):
         if self._are_clothoids[element] and value is not None:
             parts: list[Scalar] = [0.5 * value * lengths[element]] * 2
         else:
-            parts = self._elements[element].work(moment).tolist()
+            parts = self._elements[element].work(moment or Curve.along(self.mesh.ends[-1], 1.0)).tolist()
         for a, part in zip(self.local(element), parts, strict=True):
             found[a] = part
         return found

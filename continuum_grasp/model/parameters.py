@@ -3,78 +3,52 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from copy import copy
-from typing import Any
+from functools import reduce
 
 import casadi as ca
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.laws import numbers_of
+from continuum_grasp.model.laws import numbers_of as numbers_of_laws
+from continuum_grasp.model.laws.section import POSITIVE, Number
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.finger import Finger, TipBody
-from continuum_grasp.scene.tendons import Tendons
+from continuum_grasp.scene.document import child, undotted
+from continuum_grasp.scene.finger import Finger
 
-
-def _one(values: Iterable[float | None]) -> float | None:
-    """The value of all; None where they differ, or where one has none."""
-    found = set(values)
-    return found.pop() if len(found) == 1 else None
-
-
-def _of_rod(of: Callable[[Finger], float]) -> Callable[[Finger], float]:
-    return lambda f: 1.0 if f.profile.graded else of(f)
-
-
-def _of_tip_body(of: Callable[[TipBody], float]) -> Callable[[Finger], float | None]:
-    return lambda f: None if f.tip_body is None else of(f.tip_body)
-
-
-def _of_tendons(key: str) -> Callable[[Finger], float | None]:
-    return lambda f: _one(getattr(tendon, key) for tendon in f.tendon_list)
-
-
-def _of_drives(key: str) -> Callable[[Finger], float | None]:
-    return lambda f: _one(getattr(tendon.drive, key, None) for tendon in f.tendon_list)
-
-
-def _time_constants(f: Finger) -> Iterator[float | None]:
-    """Of drives, of commanded tensions, and of pressures."""
-    yield from (getattr(tendon.drive or tendon, "time_constant", None) for tendon in f.tendon_list)
-    yield from (chamber.time_constant for chamber in f.chambers)
-
-
-_KNOWN: dict[str, tuple[str, Callable[[Finger], Any]]] = {
-    "base_position": ("m", lambda f: f.base.position),
-    "base_angle": ("rad", lambda f: f.base.angle),
-    "gravity": ("m/s2", lambda f: None),
-    "element_lengths": ("m", lambda f: None),
-    "linear_density": ("kg/m", _of_rod(lambda f: f.rod.mass_per_length)),
-    "bending_stiffness": ("N m2", _of_rod(lambda f: float(f.profile.bending_stiffness(0.0)))),
-    "rotary_inertia": ("kg m", _of_rod(lambda f: f.rod.inertia_per_length)),
-    "material_damping": ("N m2 s", lambda f: f.damping.material),
-    "per_arc_damping": ("N m s", lambda f: f.damping.per_arc),
-    "rest_curvature": ("1/m", lambda f: f.profile.rest_curvature.constant),
-    "tendon_offset": ("m", lambda f: f.tendons.offset if isinstance(f.tendons, Tendons) else None),
-    "tendon_friction": ("1", _of_tendons("friction")),
-    "tendon_presliding": ("m", lambda f: _one(t.presliding if t.friction else None for t in f.tendon_list)),
-    "tendon_axial_stiffness": ("N", _of_tendons("axial_stiffness")),
-    "tendon_series_stiffness": ("N/m", _of_tendons("series_stiffness")),
-    "chamber_area": ("m2", lambda f: _one(chamber.area for chamber in f.chambers)),
-    "drive_time_constant": ("s", lambda f: _one(_time_constants(f))),
-    "drive_pretension": ("N", _of_drives("pretension")),
-    "drive_slack": ("m", _of_drives("slack")),
-    "drive_inertia": ("kg m2", _of_drives("inertia")),
-    "drive_viscous_friction": ("N m s", _of_drives("viscous_friction")),
-    "drive_coulomb_friction": ("N m", _of_drives("coulomb_friction")),
-    "tip_mass": ("kg", lambda f: sum(mass.mass for mass in f.masses if at_tip(mass.at, f.rod.length))),
-    "tip_body_mass": ("kg", _of_tip_body(lambda body: body.mass)),
-    "tip_body_inertia": ("kg m2", _of_tip_body(lambda body: body.rotary_inertia)),
-    "tip_body_across": ("m", _of_tip_body(lambda body: body.center_of_mass[0])),
-    "tip_body_along": ("m", _of_tip_body(lambda body: body.center_of_mass[1])),
+_ANY = -math.inf
+_KNOWN: dict[str, tuple[str, str, float]] = {
+    "base_position": ("m", "base.position", _ANY),
+    "base_angle": ("rad", "base.angle", _ANY),
+    "gravity": ("m/s2", "", _ANY),
+    "element_lengths": ("m", "", POSITIVE),
+    "linear_density": ("kg/m", "", POSITIVE),
+    "bending_stiffness": ("N m2", "", POSITIVE),
+    "rotary_inertia": ("kg m", "", 0.0),
+    "material_damping": ("N m2 s", "damping.material", 0.0),
+    "per_arc_damping": ("N m s", "damping.per_arc", 0.0),
+    "rest_curvature": ("1/m", "rest_curvature", _ANY),
+    "tendon_offset": ("m", "tendons.offset", POSITIVE),
+    "tendon_friction": ("1", "tendons*.friction", 0.0),
+    "tendon_presliding": ("m", "tendons*.presliding", POSITIVE),
+    "tendon_axial_stiffness": ("N", "tendons*.axial_stiffness", POSITIVE),
+    "tendon_series_stiffness": ("N/m", "tendons*.series_stiffness", POSITIVE),
+    "chamber_area": ("m2", "pressure*.area", 0.0),
+    "drive_time_constant": ("s", "tendons*.time_constant pressure*.time_constant", POSITIVE),
+    "drive_pretension": ("N", "tendons*.drive.pretension", 0.0),
+    "drive_slack": ("m", "tendons*.drive.slack", 0.0),
+    "drive_inertia": ("kg m2", "tendons*.drive.inertia", POSITIVE),
+    "drive_viscous_friction": ("N m s", "tendons*.drive.viscous_friction", 0.0),
+    "drive_coulomb_friction": ("N m", "tendons*.drive.coulomb_friction", 0.0),
+    "tip_mass": ("kg", "", 0.0),
+    "tip_body_mass": ("kg", "tip_body.mass", 0.0),
+    "tip_body_inertia": ("kg m2", "tip_body.rotary_inertia", 0.0),
+    "tip_body_across": ("m", "tip_body.center_of_mass[0]", _ANY),
+    "tip_body_along": ("m", "tip_body.center_of_mass[1]", _ANY),
 }
-"""Unit and value of each parameter, or values; None where a finger has none, or where they are not of a finger."""
+"""Unit of each parameter, its keys in a finger, and its least value, as in ``Number``."""
 _VECTORS = ("base_position", "gravity")
 """Parameters with an entry for each axis of the world."""
 _FACTORS = ("linear_density", "bending_stiffness", "rotary_inertia")
@@ -88,8 +62,7 @@ class Parameters:
         self, finger: Finger, gravity: tuple[float, float], lengths: Sequence[float], names: Sequence[str]
     ) -> None:
         self._graded = finger.profile.graded
-        self._units = {name: unit for name, (unit, _) in _KNOWN.items()}
-        self._units |= {name: number.unit for name, number in numbers_of(finger).items()}
+        self._units = {name: number.unit for name, number in numbers_of(finger).items()}
         self._nominal = nominal_values(finger, gravity, lengths)
         for k, name in enumerate(names):
             if name not in self._nominal:
@@ -128,7 +101,7 @@ class Parameters:
         labels = []
         for name in self.names:
             count = len(self._nominal[name])
-            unit = "1" if self._graded and name in _FACTORS else self._units.get(name, "kg")
+            unit = "1" if self._graded and name in _FACTORS else self._units[name]
             ends = "xy" if name in _VECTORS else range(1, count + 1)
             tags = [name] if count == 1 else [f"{name}_{end}" for end in ends]
             labels += [f"{tag} [{unit}]" for tag in tags]
@@ -149,13 +122,42 @@ class Parameters:
         return self.vector(name)[0]
 
 
+def places_of(finger: Finger, keys: str) -> list[str]:
+    """Where a finger has what is at keys of a `Number`."""
+    found = list[str]()
+    for key in keys.split():
+        owner, every, rest = key.partition("*")
+        found += [f"{place}{rest}" for place in finger.places_of(owner)] if every else [key]
+    return found
+
+
+def numbers_of(finger: Finger) -> dict[str, Number]:
+    """Numbers of a finger that may be run-time arguments, by name."""
+    rod, profile, tendons = finger.rod, finger.profile, finger.tendon_list
+    given = {
+        "linear_density": 1.0 if profile.graded else rod.mass_per_length,
+        "bending_stiffness": 1.0 if profile.graded else float(profile.bending_stiffness(0.0)),
+        "rotary_inertia": 1.0 if profile.graded else rod.inertia_per_length,
+        "rest_curvature": profile.rest_curvature.constant,
+        "tip_mass": sum(mass.mass for mass in finger.masses if at_tip(mass.at, rod.length)),
+        **({} if all(tendon.friction for tendon in tendons) else {"tendon_presliding": None}),
+    }
+    found = numbers_of_laws(finger)
+    for name, (unit, key, least) in _KNOWN.items():
+        keys = key.replace("*.time", "*.drive.time", 1) if finger.winches else key
+        # One value of all; none where they differ.
+        values = {reduce(child, undotted(place), finger) for place in places_of(finger, keys)}
+        found[name] = Number(unit, given.get(name, values.pop() if len(values) == 1 else None), keys, least)
+    for k, mass in enumerate(finger.masses):
+        if not at_tip(mass.at, rod.length):
+            found[f"mass_{k}"] = Number("kg", mass.mass, f"masses[{k}].mass", 0.0)
+    return found
+
+
 def nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:
     """Values of all parameters that a finger has, by name."""
-    values = {name: of(finger) for name, (_, of) in _KNOWN.items()}
+    values = {name: number.value for name, number in numbers_of(finger).items()}
     values |= {"gravity": gravity, "element_lengths": lengths}
-    outside = ((k, mass) for k, mass in enumerate(finger.masses) if not at_tip(mass.at, finger.rod.length))
-    values |= {f"mass_{k}": mass.mass for k, mass in outside}
-    values |= {name: number.value for name, number in numbers_of(finger).items()}
     return {name: np.ravel(value).astype(float).tolist() for name, value in values.items() if value is not None}
 
 

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import count
+from numbers import Integral
 
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.actuation import InputLayout, Lag, Source
+from continuum_grasp.model.actuation import InputLayout, Source
 from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import Array, Mesh, family_class
@@ -25,6 +26,7 @@ from continuum_grasp.model.winches import Motor, winches_of
 from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.learned_residual import LearnedResidual
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
 from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.scene.simulate import Initial, Scene
@@ -60,32 +62,38 @@ class Structure:
         self.finger = choices.finger
         self.length = self.finger.rod.length
         self.contacts = choices.numbers("contacts") or ()
-        self.loads = choices.loads()
-        tip_force = choices.switch("tip_force")
-        self.tip_force = (scene is None or bool(scene.contacts)) if tip_force is None else tip_force
-        gravity = choices.numbers("gravity", 2) or (0.0, -9.81)
-        elements = choices.elements()
+        self.loads: tuple[Load, ...] = tuple(choices["loads"] or ())
+        tip_force = choices["tip_force"]
+        self.tip_force = (scene is None or bool(scene.contacts)) if tip_force is None else bool(tip_force)
+        gravity = choices.numbers("gravity") or (0.0, -9.81)
+        if len(gravity) != 2:
+            raise InputError(f"expected a list of 2 numbers, got {len(gravity)}", key="gravity")
+        elements = choices["elements"]
+        if elements is not None:
+            elements = int(elements) if isinstance(elements, Integral) else choices.numbers("elements")
         profile = self.finger.profile
         self.lengths = element_lengths(profile, self.contacts, elements)
         # A number that is left open may grow by the places where the curvature has kinks or jumps.
         if elements is None:
             held = () if scene is None else scene.initial.held_by
-            family = choices.word("family", FAMILIES) or default_family(free_tip=bool(self.finger.free_tip_reasons))
+            family = choices.family or default_family(free_tip=bool(self.finger.free_tip_reasons))
             # A couple that is an input bends by a known shape there: it needs no element of its own.
             known = [load for load in self.loads if FAMILIES[family].matches_tip and self._is_input(load)]
             loads = [load for load in (*self.loads, *held) if load not in known]
             continuous = family_class(family).continuous
             breaks = with_breaks(self.contacts, self.finger, loads, continuous=continuous)
             self.lengths = open_lengths(self.finger, breaks)
-        self.ranges = element_ranges(self.lengths, choices.number("bending_range"), self.finger)
+        self.ranges = element_ranges(self.lengths, choices["bending_range"], self.finger)
         if self.finger.winches:
             self._check_within_arms()
-        self.parameters = Parameters(self.finger, (gravity[0], gravity[1]), self.lengths, choices.words("parameters"))
-        self.accuracy = choices.number("accuracy")
+        self.parameters = Parameters(
+            self.finger, (gravity[0], gravity[1]), self.lengths, tuple(choices["parameters"] or ())
+        )
+        self.accuracy = choices["accuracy"]
         if self.accuracy is not None and not 1e-16 <= self.accuracy <= 1e-2:
             raise InputError(f"expected a number from 1e-16 to 0.01, got {self.accuracy}", key="accuracy")
-        input_rates = choices.switch("input_rates")
-        self.family_name = choices.word("family", FAMILIES) or self._default_family(scene, input_rates)
+        input_rates = choices["input_rates"]
+        self.family_name = choices.family or self._default_family(scene, input_rates)
         self.inputs = self._input_layout(input_rates, self._input_varies(scene))
         self.sources = self._sources()
         self.mesh = self._mesh()
@@ -96,7 +104,7 @@ class Structure:
         self.laws = laws_of(self.finger, self.family, self.parameters)
         self.n = self.family.size - len(self.family.known)
         self._name_entries()
-        self.residuals = [one for one in (choices.residual(),) if one is not None]
+        self.residuals: list[LearnedResidual] = [one for one in (choices["residual"],) if one is not None]
         for one in self.residuals:
             driven = list(dict.fromkeys((*self.x_names[2 * self.n :], *self.u_names)))
             check_residual(one, self.family_name, self.lengths, self.q_names, driven)
@@ -177,7 +185,11 @@ class Structure:
 
         Above the shape at rest.
         """
-        limits = self._limits(self.family.coordinate_size, self.lengths if lengths is None else lengths)
+        limits = [math.inf] * self.family.size
+        for k, (reach, h) in enumerate(zip(self.ranges, self.lengths if lengths is None else lengths, strict=True)):
+            # Neighbors may share a coordinate: the tighter one limits it.
+            for a in self.family.local(k):
+                limits[a] = min(limits[a], self.family.coordinate_size(reach, h) / self.family.peak(k, a))
         return limits[: self.n]
 
     def straight(self) -> Array:
@@ -190,23 +202,15 @@ class Structure:
         """Sources with a lag, and where in x what lags is."""
         found, place = [], 2 * self.n
         for source in self.sources:
-            if source.lag is not None:
+            if source.lags:
                 found.append((source, place))
-                place += source.lag.order
+                place += source.lags
         return found
 
     @property
     def drive_states(self) -> int:
         """Number of states of lags, winches and motors, and of what relaxes."""
         return sum(len(self.states[group]) for group in ("lag", "winches", "relaxation"))
-
-    def _limits(self, size: Callable[[float, float], float], lengths: Sequence[float]) -> list[float]:
-        limits = [math.inf] * self.family.size
-        for k, (reach, h) in enumerate(zip(self.ranges, lengths, strict=True)):
-            # Neighbors may share a coordinate: the tighter one limits it.
-            for a in self.family.local(k):
-                limits[a] = min(limits[a], size(reach, h) / self.family.peak(k, a))
-        return limits
 
     @property
     def tip(self) -> Place:
@@ -240,12 +244,8 @@ class Structure:
         return any(isinstance(load.moment, Samples) for load in couples)
 
     def _input_varies(self, scene: Scene | None) -> bool:
-        if self._tip_couple_varies():
-            return True
-        if scene is None or scene.actuation is None:
-            return False
-        inputs = scene.actuation.tensions or (scene.actuation.tip_moment,)
-        return any(isinstance(value, Samples) for value in inputs)
+        given = () if scene is None or scene.actuation is None else scene.actuation.values
+        return self._tip_couple_varies() or any(isinstance(value, Samples) for value in given)
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
         self.finger.check_family("family", self.family_name, self._runtime_at_tip)
@@ -265,24 +265,20 @@ class Structure:
 
     def _sources(self) -> tuple[Source, ...]:
         """What gives bending moments, one per shape."""
-        whole = Curve.along(self.length, 1.0)
-        drives = len(self.inputs.drives)
+        length, whole, drives = self.length, Curve.along(self.length, 1.0), len(self.inputs.drives)
         wound = bool(self.finger.winches)
         own = self.has_tendon_friction or wound
-
-        def lag(channel: Channel) -> Lag | None:
-            return None if channel.time_constant is None else Lag(channel.time_constant, channel.order)
-
         found = []
         for k, one in enumerate(self.channels):
             arms = (*one.arms, *[0.0] * (drives - len(one.arms)))
-            found.append(Source(one.shape, arms, lag=lag(one), tendon=k if own else None, wound=wound))
+            lag = one.time_constant, one.order
+            found.append(Source(one.shape, one.to, arms, *lag, tendon=k if own else None, wound=wound))
         for _, _, one, _ in self.finger.pulls[len(self.finger.tendon_list) :]:
             # Of the input, whose last entries are chambers: drives may be fewer than tendons.
             arms = ((0.0,) * drives + one.arms)[-drives:]
-            found.append(Source(one.shape, arms, lag=lag(one), gain=one.gain, chamber=True))
+            found.append(Source(one.shape, one.to, arms, one.time_constant, one.order, one.gain, chamber=True))
         if not found:
-            found = [Source(whole, (1.0,))]
+            found = [Source(whole, length, (1.0,))]
         couples = [load for load in self.loads if self._is_input(load)]
         for k, load in enumerate(couples):
             shape = whole if self.on_tip(load.at) else Curve((0.0, load.at, self.length), ((1.0,), (0.0,)))
@@ -291,7 +287,7 @@ class Structure:
                     found[at] = replace(source, couples=(*source.couples, k))
                     break
             else:
-                found.append(Source(shape, (0.0,) * drives, (k,)))
+                found.append(Source(shape, length, (0.0,) * drives, couples=(k,)))
         return tuple(found)
 
     @property
@@ -406,13 +402,11 @@ class Structure:
     def _lag_names(self) -> list[str]:
         found = list[str]()
         for k, source in enumerate(self.sources):
-            if source.lag is None:
-                continue
             name, unit = "tip_moment" if len(self.lagging) == 1 else f"moment_{k + 1}", "N m"
-            if source.tendon is not None or source.chamber:
+            if source.lags and (source.tendon is not None or source.chamber):
                 # A tension or a pressure of its own: that of an input.
                 _, name, unit, *_ = self.inputs.drives[np.flatnonzero(source.arms)[0]]
-            found += source.lag.states(name, unit)
+            found += source.lag_names(name, unit)
         return found
 
 

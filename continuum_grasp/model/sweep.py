@@ -105,7 +105,7 @@ class Kernels:
     @property
     def functions(self) -> tuple[ca.Function, ...]:
         """All of them."""
-        return self.head, self.carry, self.tip, self.outward, self.turn, self.loads, self.inward, self.root, self.onward
+        return tuple(found for found in vars(self).values() if isinstance(found, ca.Function))
 
     @cached_property
     def instructions(self) -> int:

@@ -113,7 +113,7 @@ def _cell(family: Family, shape: Curve, element: int, a: float, b: float, unit_r
         return np.stack([bent, bent * shape(s), bent * shape(s) * (s - middle) / (b - a)])
 
     curves = mesh.stiffness, mesh.rest, shape
-    early, late = (mesh.integral(element, *half, parts, *curves) for half in ((a, middle), (middle, b)))
+    early, late = (mesh.integral(*half, parts, *curves) for half in ((a, middle), (middle, b)))
     bend, work, lean = early + late
     lean = np.where(np.abs(lean) > 1e-12 * np.abs(work[:-1]).max(), lean, 0.0)[:-1]
     # Of two nodes they often differ by their sign alone: one product serves both.

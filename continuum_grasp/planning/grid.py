@@ -95,7 +95,7 @@ def add_shooting(
 def add_collocation(assembly: Assembly, motion: Motion, grid: Grid, weight: float) -> None:
     """Polynomials whose rates are those of the motion at the collocation points."""
     intervals, degree = grid.intervals, motion.scene.solver.degree
-    points = ca.collocation_points(degree, motion.scene.solver.points)
+    points = ca.collocation_points(degree, "radau")
     rates, ends, quadrature = (np.array(m) for m in ca.collocation_coeff(points))
     data = _numbers(motion, (np.arange(intervals)[:, None] + np.array(points)) / intervals)
     h = 1.0 / intervals

@@ -128,7 +128,7 @@ class PlanProblem:
             w[self.inputs[-1]] = path.u[-1] / motion.scales.u
             w[self.before] = np.array(motion.scene.initial_input) / motion.scales.u
         if grid.inner.size:
-            tau = np.array(ca.collocation_points(solver.degree, solver.points))[:, None]
+            tau = np.array(ca.collocation_points(solver.degree, "radau"))[:, None]
             w[grid.inner] = s[:-1, None] * (1.0 - tau) + s[1:, None] * tau
         return w
 

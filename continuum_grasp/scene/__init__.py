@@ -71,7 +71,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.objects import Ellipse as Ellipse
     from continuum_grasp.scene.objects import Freedom as Freedom
     from continuum_grasp.scene.objects import Polygon as Polygon
-    from continuum_grasp.scene.objects import RoundedPolygon as RoundedPolygon
     from continuum_grasp.scene.objects import Stadium as Stadium
     from continuum_grasp.scene.objects import Superellipse as Superellipse
     from continuum_grasp.scene.objects import Union as Union

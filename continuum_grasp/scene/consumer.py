@@ -16,7 +16,10 @@ CONSUMERS: dict[str, Consumer] = {}
 LIMITS_OF_BENDING = {
     "fidelity.frequencies": "of fidelity.tolerance",
     "finger.strain_limit": "where fidelity.bending_range is not given it limits that",
-    "finger.rod.diameter": "beside stiffness and mass it says where the strain limit is reached",
+    **dict.fromkeys(
+        ("finger.rod.diameter", "finger.rod.thickness"),
+        "beside stiffness and mass it says where the strain limit is reached",
+    ),
     "supports.touch": "of grasps",
 }
 """What motions do not need, by key, and why."""

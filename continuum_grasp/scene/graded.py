@@ -7,7 +7,7 @@ from typing import Annotated, TypeAlias, TypeVar
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import excludes
+from continuum_grasp.scene.consumer import Consumer, excludes
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Distance, Extent, Increasing, Length, NonNegative, Positive, Real, Value
 
@@ -55,42 +55,43 @@ class RodFactors(Value):
     """On the rotary inertia per length [1]."""
 
 
-_SECTIONS, _STATED = "finger.rod.sections", "has no effect beside bending_stiffness and linear_density"
+_ROUND, _STATED = "has no place in a round section", "has no effect beside bending_stiffness and linear_density"
 
 
-class RodSection(Value):
-    """A part of a rod; each value is a number, or ``[from, to]`` for one that changes linearly from base to tip side.
+def shapes(whose: str, at: str) -> tuple[Consumer, ...]:
+    """Refuse what a section, which stands at a key, is given by twice."""
+    return (
+        excludes(whose, "thickness width", "diameter", _ROUND, at),
+        excludes(whose, "width youngs_modulus density", "bending_stiffness", _STATED, at),
+    )
+
+
+class Section(Value):
+    """What a rod, or a part of it, is across; each value is a number, or ``[from, to]`` for one that changes linearly
+    from base to tip side.
 
     Give ``thickness`` and ``width`` (a rectangle), or ``diameter`` (round), with the modulus and density of the
     material; or ``bending_stiffness`` and ``linear_density``. A ``thickness`` or ``diameter`` beside these sets only
     how thick the finger is and where the strain limit is reached.
     """
 
-    REFUSALS = (
-        excludes("rod sections", "thickness width", "diameter", "has no place in a round section", _SECTIONS),
-        excludes("rod sections", "width youngs_modulus density", "bending_stiffness", _STATED, _SECTIONS),
-    )
-
-    to: Length
-    """Where it ends [m]; the last section ends at the rod's length."""
     thickness: Annotated[Varying[Extent] | None, Field(examples=[0.02, "20 mm"])] = None
     """Thickness in the plane of bending [m]."""
     width: Varying[Extent] | None = None
     """Width across the plane of bending [m]."""
-    diameter: Varying[Extent] | None = None
+    diameter: Annotated[Varying[Extent] | None, Field(examples=[0.0012, "1.2 mm"])] = None
     """Diameter of a solid round section [m]."""
     youngs_modulus: Varying[Modulus] | None = None
-    """Young's modulus E [Pa]; that of the rod where not given."""
+    """Young's modulus E [Pa]; of a part, that of the rod where not given."""
     density: Varying[Density] | None = None
-    """Density [kg/m3]; that of the rod where not given."""
+    """Density [kg/m3]; of a part, that of the rod where not given."""
     bending_stiffness: Varying[Stiffness] | None = None
     """Bending stiffness E I [N m2]."""
     linear_density: Varying[LinearDensity] | None = None
     """Mass per length, rho A [kg/m]."""
     rotary_inertia: Varying[RotaryInertia] | None = None
-    """Rotary inertia per length, rho I [kg m]; where not given that of the rod, or of the shape, or none."""
-    rest_curvature: Varying[Curvature] | None = None
-    """Curvature of the unloaded section [1/m], positive towards -X; none where not given."""
+    """Rotary inertia per length, rho I [kg m]; 0 leaves it out of the model. Where not given, of a part that of the
+    rod, or that of the shape, or none beside ``linear_density``."""
 
     @property
     def shaped(self) -> bool:
@@ -102,7 +103,8 @@ class RodSection(Value):
         """Its thickness or diameter [m], where known."""
         return self.thickness if self.diameter is None else self.diameter
 
-    def _check(self) -> None:
+    def check_shape(self) -> None:
+        """Refuse what is given by halves, by `ValueError`."""
         linear = [key for key in ("bending_stiffness", "linear_density") if getattr(self, key) is not None]
         if len(linear) == 1:
             missing = "linear_density" if linear[0] == "bending_stiffness" else "bending_stiffness"
@@ -113,10 +115,24 @@ class RodSection(Value):
             )
 
     @property
-    def left_to_rod(self) -> tuple[str, ...]:
-        """Keys that concern it, and that it leaves to the rod."""
+    def left_open(self) -> tuple[str, ...]:
+        """Keys that concern it, and that it does not state."""
         keys = ("youngs_modulus", "density", "rotary_inertia") if self.shaped else ("rotary_inertia",)
         return tuple(key for key in keys if getattr(self, key) is None)
+
+
+class RodSection(Section):
+    """A part of a rod."""
+
+    REFUSALS = shapes("rod sections", "finger.rod.sections")
+
+    to: Length
+    """Where it ends [m]; the last section ends at the rod's length."""
+    rest_curvature: Varying[Curvature] | None = None
+    """Curvature of the unloaded section [1/m], positive towards -X; none where not given."""
+
+    def _check(self) -> None:
+        self.check_shape()
 
 
 class RodSamples(Value):

@@ -15,7 +15,7 @@ Quantity = Literal["x", "y", "angle", "bend", "tension", "length", "motor_angle"
 _OF_DRIVE = ("tension", "length", "motor_angle", "torque", "current")
 Estimated = Annotated[float, Field(ge=-1e15, le=1e15), Unit("SI unit of the parameter")]
 _READ, _DRIVES = "data.measured", f"goes with {', '.join(_OF_DRIVE)}"
-_PRIOR, _MODULUS = "goes with start: estimated", "goes with youngs_modulus"
+_PRIOR = "goes with start: estimated"
 _Window = Annotated[Interval, Unit("s")]
 
 
@@ -196,10 +196,6 @@ DataSet = Annotated[StaticPoses | TipTrajectory | RingDown | FrequencyTable, Fie
 class Estimate(Value):
     """A parameter to estimate."""
 
-    REFUSALS = (
-        beside("identify of others", lambda one: one.name != "youngs_modulus", "second_moment", _MODULUS, "estimate"),
-    )
-
     name: str
     """youngs_modulus, bending_stiffness, linear_density, material_damping, per_arc_damping, quadratic_damping,
     rest_curvature, tip_mass, mass_0 (of masses[0]), tip_body_mass, _inertia, _along or _across, clamp_angle (added
@@ -220,8 +216,6 @@ class Estimate(Value):
     per: Literal["all", "set"] = "all"
     """all: one value; set: each set of data has its own, such as a clamp that is turned anew. The estimates of sets are
     reported beside the parameters, and no scene takes them."""
-    second_moment: Annotated[float, Field(ge=1e-24, le=1e6), Unit("m4")] | None = None
-    """Second moment of area [m4], for youngs_modulus of a rod that is given by its bending stiffness."""
 
     def _check(self) -> None:
         self._check_below("min", "max")

@@ -146,10 +146,8 @@ class PlanSolver(SolverOptions):
     plan counts."""
     substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
     """Runge-Kutta steps per interval of multiple shooting; None: as many as the stiffness asks for."""
-    points: Literal["radau", "legendre"] = "radau"
-    """Collocation points."""
     degree: Annotated[int, Field(ge=2, le=9)] = 3
-    """Number of collocation points per interval."""
+    """Number of collocation points per interval, those of Radau."""
 
 
 class FineCheck(Value):
@@ -181,7 +179,6 @@ _STATELESS = (
     "friction: 0; check.contact_law may be another one"
 )
 _GIVEN = "needs a duration that is given"
-_COLLOCATION = "solver.points solver.degree"
 _ITS_OWN = "has no effect on method: single_shooting, which has its own; leave it out"
 _PLANS = (
     Consumer("plan", _PLAN),
@@ -198,7 +195,9 @@ _PLANS = (
     ),
     beside("plan of a free duration", lambda s: isinstance(s.duration, DurationRange), "loads.force.times", _GIVEN),
     beside("plan by collocation", lambda s: s.transcription == "collocation", "solver.substeps", "is of shooting"),
-    beside("plan by shooting", lambda s: s.transcription != "collocation", _COLLOCATION, "is of method: collocation"),
+    beside(
+        "plan by shooting", lambda s: s.transcription != "collocation", "solver.degree", "is of method: collocation"
+    ),
     beside("plan by inputs", lambda s: s.transcription == "single_shooting", "solver.method solver.hessian", _ITS_OWN),
     beside("plan of an effort", lambda s: s.objective != "least_time", "smoothing", "is of objective: least_time"),
     beside("plan without tracking", lambda s: s.objective != "tracking", "cost reference", "is of objective: tracking"),

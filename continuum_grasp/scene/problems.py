@@ -32,7 +32,7 @@ _KINDS = {
     "none_required": "nothing",
 }
 _STRANGE = {"extra_forbidden", "missing"}
-_RENAMED = {"q_above_rest": "q"}
+_RENAMED = {"q_above_rest": "q", "second_moment": "thickness and width of finger.rod"}
 """Keys that are said by another one."""
 _LIMITS = {
     "greater_than": ("gt", "greater than"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -69,17 +69,16 @@ class Curve:
         at = np.asarray(s, dtype=float)
         shift = _SAME * self.edges[-1] * (1.0 if tip_side else -1.0)
         piece = np.searchsorted(np.asarray(self.edges[1:-1]), at + shift)
-        distance, coefficients = at - np.asarray(self.edges)[piece], self._table[piece]
-        value = np.zeros(at.shape)
-        for power in reversed(range(self._table.shape[1])):
-            value = value * distance + coefficients[..., power]
-        return np.exp(value) if self.exponential else value
+        return np.asarray(self._value(at - np.asarray(self.edges)[piece], np.moveaxis(self._table[piece], -1, 0)))
 
     def on(self, piece: int, s: Any) -> Any:
         """The function of one piece at positions [m]: floats, arrays or CasADi expressions."""
-        distance, coefficients = s - self.edges[piece], self.coefficients[piece]
+        return self._value(s - self.edges[piece], self.coefficients[piece])
+
+    def _value(self, distance: Any, coefficients: Any) -> Any:
+        """Value at a distance from the start of a piece of these coefficients."""
         value = 0.0 * distance + coefficients[-1]
-        for coefficient in reversed(coefficients[:-1]):
+        for coefficient in coefficients[-2::-1]:
             value = value * distance + coefficient
         return np.exp(value) if self.exponential else value
 
@@ -122,7 +121,7 @@ class Curve:
 
     def integral(self) -> float:
         """Its integral over the whole length."""
-        return float(moments(self, pairwise(self.edges), (0.0, self.edges[-1]))[0, 0])
+        return float(integral(self, pairwise(self.edges)))
 
     def most(self) -> float:
         """Greatest value, of a function that is monotone on each piece."""
@@ -134,8 +133,7 @@ class Curve:
 
     def times(self, factors: Curve) -> Curve:
         """The product with a function that is constant between its edges, positive for an exponential."""
-        inner = sorted(self.edges[1:-1] + factors.edges[1:-1])
-        starts = [0.0, *(b for a, b in pairwise([0.0, *inner]) if b - a > _SAME * self.edges[-1])]
+        starts = [start for start, _ in smooth_parts(self.edges[-1], (self, factors))]
         pieces = []
         for at in starts:
             piece = bisect_right(self.edges, at * (1.0 + _SAME)) - 1
@@ -168,17 +166,17 @@ class Profile:
     @cached_property
     def uniform(self) -> bool:
         """Whether stiffness, density and rotary inertia are the same everywhere."""
-        return all(c.constant is not None for c in (self.bending_stiffness, self.linear_density, self.rotary_inertia))
+        return all(curve.constant is not None for curve in self.curves[:3])
+
+    @property
+    def curves(self) -> tuple[Curve, ...]:
+        """Stiffness, density, rotary inertia and rest curvature."""
+        return self.bending_stiffness, self.linear_density, self.rotary_inertia, self.rest_curvature
 
     @cached_property
     def breaks(self) -> tuple[float, ...]:
-        """Where stiffness, density, rotary inertia or rest curvature may jump or have kinks [m], increasing."""
-        curves = (self.bending_stiffness, self.linear_density, self.rotary_inertia, self.rest_curvature)
-        found: list[float] = []
-        for at in sorted(at for curve in curves for at in curve.breaks):
-            if not found or at - found[-1] > _SAME * self.length:
-                found.append(at)
-        return tuple(found)
+        """Where these may jump or have kinks [m], increasing."""
+        return tuple(start for start, _ in smooth_parts(self.length, self.curves))[1:]
 
     @cached_property
     def mean_stiffness(self) -> float:
@@ -189,22 +187,22 @@ class Profile:
         return self.length / float(self.moments(lambda s: 1.0 / curve(s), (0.0, self.length))[0, 0])
 
     def moments(self, density: Callable[[Array], Array], bounds: ArrayLike, powers: int = 1) -> Array:
-        """Integrals (powers, N) of a density times 1, s, s^2 ... between neighbors of bounds (N + 1,) [m]."""
-        return moments(density, self.panels(*np.asarray(bounds)), bounds, powers)
+        """Integrals (powers, N) of a density times 1, s, s^2 ... between neighbors of bounds (N + 1,) [m].
+
+        It is smooth where the curves are.
+        """
+        spans, exponents = pairwise(np.asarray(bounds).tolist()), np.arange(powers)[:, None]
+        found = (
+            integral(lambda s: density(s) * s**exponents, smooth_parts(self.length, self.curves, *span))
+            for span in spans
+        )
+        return np.stack([*found], axis=1)
 
     def waves(self, s: Array) -> Array:
         """Integral of (rho A / E I)^(1/4), the waves of bending, from the first of positions (N,) [m] to each."""
         middles = 0.5 * (s[1:] + s[:-1])
         density = (self.linear_density(middles) / self.bending_stiffness(middles)) ** 0.25
         return np.concatenate([[0.0], np.cumsum(density * np.diff(s))])
-
-    def panels(self, *places: float) -> list[tuple[float, float]]:
-        """Parts [m] between breaks and further places, from base to tip: smooth inside, for quadrature."""
-        edges = [0.0]
-        for at in sorted((*self.breaks, *places)):
-            if at - edges[-1] > _SAME * self.length and self.length - at > _SAME * self.length:
-                edges.append(at)
-        return list(pairwise([*edges, self.length]))
 
 
 @dataclass(frozen=True)
@@ -223,24 +221,26 @@ class Channel:
     gain: float = 1.0  # moment per amplitude: [m3] of a chamber, whose amplitude is its pressure [Pa]
 
 
-def moments(
-    density: Callable[[Array], Array], panels: Iterable[tuple[float, float]], bounds: ArrayLike, powers: int = 1
-) -> Array:
-    """Integrals (powers, N) of a density times 1, s, s^2 ... between neighbors of bounds (N + 1,) [m].
+def smooth_parts(
+    length: float, curves: Iterable[Curve], start: float = 0.0, end: float | None = None
+) -> list[tuple[float, float]]:
+    """Parts [m] of a finger of a length [m], or between two places on it, on which curves are smooth."""
+    least, end, edges = _SAME * length, length if end is None else end, [start]
+    for at in sorted(at for curve in curves for at in curve.breaks):
+        if at - edges[-1] > least and end - at > least:
+            edges.append(at)
+    return list(pairwise([*edges, end]))
 
-    It is smooth on each of the ``panels``, none of which lies on both sides of a bound.
-    """
-    places = np.asarray(bounds)
-    found = np.zeros((powers, len(places) - 1))
-    for start, end in panels:
-        middle, half = 0.5 * (start + end), 0.5 * (end - start)
-        part = int(np.searchsorted(places, middle)) - 1
-        if 0 <= part < found.shape[1]:
-            s = middle + half * _NODES
-            values = half * _WEIGHTS * density(s)
-            for power in range(powers):
-                found[power, part] += float(values @ s**power)
-    return found
+
+def nodes_of(panels: Iterable[tuple[float, float]]) -> Iterator[tuple[Array, Array]]:
+    """Per part its nodes (32,) and weights, for integrals of what is smooth there."""
+    for a, b in panels:
+        yield a + 0.5 * (b - a) * (_NODES + 1.0), 0.5 * (b - a) * _WEIGHTS
+
+
+def integral(values: Callable[[Array], Array], panels: Iterable[tuple[float, float]]) -> Array:
+    """Integral (...) of values (..., M) at places (M,) that are smooth on each of some parts."""
+    return np.asarray(np.sum([values(s) @ weights for s, weights in nodes_of(panels)], axis=0))
 
 
 def touching(length: float, spiral: SpiRob) -> Curve:

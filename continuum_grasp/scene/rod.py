@@ -13,17 +13,14 @@ from pydantic import Field
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
-from continuum_grasp.scene.graded import Modulus, RodFactors, RodSamples, RodSection, SpiRob
-from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Extent, Length, NonNegative, Value, check_shorter, doubt_outside
+from continuum_grasp.scene.graded import RodFactors, RodSamples, RodSection, Section, SpiRob, ends, shapes
+from continuum_grasp.scene.value import Length, check_shorter, doubt_outside
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Profile
 
-_SECTION_KEYS = ("diameter", "density", "youngs_modulus")
-_LINEAR_KEYS = ("linear_density", "bending_stiffness")
-_UNIFORM = " ".join(("diameter", *_LINEAR_KEYS))
-_GRADED_KEYS = ("sections", "samples", "spirob")
+_ACROSS = "thickness width diameter linear_density bending_stiffness"
+_PARTS = ("sections", "samples", "spirob")
 _LEAST_GAP = 1e-6
 """Least distance between jumps, and between samples, per length [1]: a panel of quadrature of its own is between."""
 _LEAST_THICKNESS = 1e-3
@@ -35,30 +32,21 @@ _MOST_THICKNESS = 1.0 / 3.0
 
 
 _SPIRAL = "spirob needs youngs_modulus and density of the rod"
-_EITHER = f"give either {', '.join(_SECTION_KEYS)} or {', '.join(_LINEAR_KEYS)}, not both"
-
-
-def _is_linear(rod: Rod) -> bool:
-    """Whether a uniform rod is given by mass per length and stiffness."""
-    return not rod.graded and any(getattr(rod, key) is not None for key in _LINEAR_KEYS)
 
 
 def _stated_by_sections(key: str) -> Consumer:
-    """Refuse a material that all sections state by themselves."""
+    """Refuse a material that all sections state by themselves, or that would change along each of them."""
 
-    def nowhere(rod: Rod) -> bool:
-        return rod.sections is not None and not any(key in section.left_to_rod for section in rod.sections)
+    def misplaced(rod: Rod) -> bool:
+        left_open = any(key in section.left_open for section in rod.sections or ())
+        return rod.sections is not None and not (left_open and isinstance(getattr(rod, key), float))
 
-    return beside(f"rod of sections with {key}", nowhere, key, "no section needs it", "finger.rod")
+    return beside(f"rod of sections with {key}", misplaced, key, "no section needs it as one number", "finger.rod")
 
 
-class Rod(Value):
-    """An inextensible, unshearable elastic rod, uniform or graded.
-
-    A uniform rod has either ``diameter``, ``density`` and ``youngs_modulus`` (a solid round section), or
-    ``linear_density``, ``bending_stiffness`` and, where it matters, ``rotary_inertia``; a ``diameter`` beside these
-    sets nothing but where the strain limit is reached and, without ``half_thickness``, how thick the finger is. A
-    graded rod has ``sections``, ``samples`` or ``spirob``.
+class Rod(Section):
+    """An inextensible, unshearable elastic rod: one section all along, or graded by ``sections``, ``samples`` or
+    ``spirob``, or by values that change from base to tip.
 
     Examples
     --------
@@ -75,12 +63,12 @@ class Rod(Value):
     """
 
     REFUSALS = (
+        *shapes("rod", "finger.rod"),
         beside("rod that is uniform", lambda rod: not rod.graded, "factors", "is for a graded rod", "finger.rod"),
-        beside("rod that is graded", lambda rod: rod.graded, _UNIFORM, "is of a uniform rod", "finger.rod"),
+        beside("rod of parts", lambda rod: rod.parted, _ACROSS, "is of a rod of one section", "finger.rod"),
         excludes("rod", "youngs_modulus density rotary_inertia", "samples", "samples have their own", "finger.rod"),
         excludes("rod", "samples spirob", "sections", "sections are given: give one of both", "finger.rod"),
         excludes("rod", "spirob", "samples", "samples are given: give one of both", "finger.rod"),
-        beside("rod that is linear", _is_linear, "density youngs_modulus", _EITHER, "finger.rod"),
         needs("rod", "spirob", "youngs_modulus", _SPIRAL, "finger.rod"),
         needs("rod", "spirob", "density", _SPIRAL, "finger.rod"),
         *map(_stated_by_sections, ("youngs_modulus", "density", "rotary_inertia")),
@@ -88,19 +76,6 @@ class Rod(Value):
 
     length: Annotated[Length, Field(examples=[0.18, "180 mm"])]
     """Length L [m]."""
-    diameter: Annotated[Extent | None, Field(examples=[0.0012, "1.2 mm"])] = None
-    """Diameter of a solid round section [m]; smaller than the length."""
-    density: Annotated[float, Field(ge=1e-3, le=1e6), Unit("kg/m3")] | None = None
-    """Density [kg/m3]."""
-    youngs_modulus: Modulus | None = None
-    """Young's modulus E [Pa]."""
-    linear_density: Annotated[float, Field(ge=1e-15, le=1e9), Unit("kg/m")] | None = None
-    """Mass per length, rho A [kg/m]."""
-    bending_stiffness: Annotated[float, Field(ge=1e-24, le=1e15), Unit("N m2")] | None = None
-    """Bending stiffness E I [N m2]."""
-    rotary_inertia: Annotated[NonNegative, Unit("kg m")] | None = None
-    """Rotary inertia per length, rho I [kg m]; 0 leaves it out of the model. Not given: that of the shape of the
-    section, or none beside ``linear_density``."""
     sections: Annotated[tuple[RodSection, ...], Field(strict=False, min_length=1, max_length=1000)] | None = None
     """Sections from base to tip; values may change linearly inside a section and jump from one to the next. What a
     section does not state of ``youngs_modulus``, ``density`` and ``rotary_inertia`` is the rod's."""
@@ -113,39 +88,35 @@ class Rod(Value):
     """Factors on stiffness and mass of a graded rod, everywhere."""
 
     def _check(self) -> None:
-        if self.graded:
-            self._check_graded()
-        else:
-            self._check_uniform()
-        too_large = "m is large for a finger; is it in millimeters? (expected: m)"
-        doubt_outside("rod.length", self.length, 0.0, 10.0, too_large)
-        doubt_outside("rod.diameter", self.diameter, 0.0, 0.3, too_large)
-        # From soft gels to graphene, and from foams to osmium.
-        no_material = "Pa is that of no material; 60 GPa is 60e9 (expected: Pa)"
-        doubt_outside("rod.youngs_modulus", self.youngs_modulus, 1e3, 2e12, no_material)
-        no_solid = "kg/m3 is that of no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)"
-        doubt_outside("rod.density", self.density, 10.0, 23e3, no_solid)
-
-    def _check_uniform(self) -> None:
-        # The diameter may stand beside both: it says where the strain limit is reached.
-        linear = _is_linear(self)
-        wanted = _LINEAR_KEYS if linear else _SECTION_KEYS
-        missing = [k for k in wanted if getattr(self, k) is None]
-        if missing:
-            raise ValueError(
-                f"a rod needs {', '.join(wanted)}; missing {', '.join(missing)}"
-                + ("" if linear else " (or give sections, samples or spirob)")
-            )
-        check_shorter("diameter", self.diameter or 0.0, self.length)
-
-    def _check_graded(self) -> None:
         if self.sections is not None:
             self._check_section_keys(self.sections)
         elif self.spirob is not None:
             self.spirob.check(self.length)
-        elif self.samples is not None and not math.isclose(self.samples.at[-1], self.length, rel_tol=1e-9):
-            raise ValueError(f"samples.at: the last, {self.samples.at[-1]} m, must be the length, {self.length} m")
-        self._check_values()
+        elif self.samples is not None:
+            if not math.isclose(self.samples.at[-1], self.length, rel_tol=1e-9):
+                raise ValueError(f"samples.at: the last, {self.samples.at[-1]} m, must be the length, {self.length} m")
+        else:
+            self.check_shape()
+            for key in ("youngs_modulus", "density"):
+                if key in self.left_open:
+                    raise ValueError(f"a section that is given by its shape needs {key}")
+            for key in ("thickness", "diameter"):
+                check_shorter(key, max(ends(getattr(self, key) or 0.0)), self.length)
+        if self.graded:
+            self._check_values()
+        too_large = "m is large for a finger; is it in millimeters? (expected: m)"
+        doubt_outside("rod.length", self.length, 0.0, 10.0, too_large)
+        # Materials from soft gels to graphene, and from foams to osmium.
+        no_material = "Pa is that of no material; 60 GPa is 60e9 (expected: Pa)"
+        no_solid = "kg/m3 is that of no solid; 6.45 g/cm3 is 6450 (expected: kg/m3)"
+        usual = {
+            **dict.fromkeys(("diameter", "thickness"), (0.0, 0.3, too_large)),
+            "youngs_modulus": (1e3, 2e12, no_material),
+            "density": (10.0, 23e3, no_solid),
+        }
+        for key, (least, most, why) in usual.items():
+            for value in {*ends(getattr(self, key))}:
+                doubt_outside(f"rod.{key}", value, least, most, why)
 
     def _check_section_keys(self, sections: tuple[RodSection, ...]) -> None:
         for k, (one, two) in enumerate(pairwise(sections), 1):
@@ -156,7 +127,7 @@ class Rod(Value):
             raise ValueError(f"{last}: the last section must end at the length of {self.length} m")
         for key in ("youngs_modulus", "density"):
             for k, section in enumerate(sections):
-                if key in section.left_to_rod and getattr(self, key) is None:
+                if key in section.left_open and getattr(self, key) is None:
                     raise ValueError(f"sections[{k}] needs {key}, its own or the rod's, since it is given by its shape")
         known = [section.thick is not None for section in sections]
         if any(known) and not all(known):
@@ -197,7 +168,7 @@ class Rod(Value):
         """Where sections begin and end, or samples are [m], with their keys, and whether that is seen from the tip."""
         if self.samples is not None:
             return [(f"samples.at[{k}]", at, False) for k, at in enumerate(self.samples.at)]
-        keys = [f"sections[{k}]" for k in range(len(self.sections or ()))] or ["spirob"]
+        keys = [f"sections[{k}]" for k in range(len(self.sections or ()))] or ["spirob" if self.spirob else "section"]
         spans = zip(keys, pairwise([0.0, *(one.to for one in self._all_sections)]), strict=True)
         return [(key, at, at == start) for key, (start, end) in spans for at in (start, end)]
 
@@ -208,8 +179,7 @@ class Rod(Value):
             return self.sections
         if self.spirob is not None:
             return (self.spirob.section(self.length),)
-        keys = ("diameter", "youngs_modulus", "density", "rotary_inertia", "linear_density", "bending_stiffness")
-        return (RodSection(to=self.length, **{key: getattr(self, key) for key in keys}),)
+        return (RodSection(to=self.length, **{key: getattr(self, key) for key in Section.model_fields}),)
 
     def check_inside(self, key: str, positions: Iterable[float], *, tip: bool = True) -> None:
         """Refuse positions beyond the tip, but for the rounding of sums, or also those at it.
@@ -222,15 +192,20 @@ class Rod(Value):
                 raise InputError(f"{at} m {words} the finger's length of {self.length} m", key=key.format(k))
 
     @property
-    def graded(self) -> bool:
+    def parted(self) -> bool:
         """Whether it is given by sections, samples or a spiral."""
-        return any(getattr(self, key) is not None for key in _GRADED_KEYS)
+        return any(getattr(self, key) is not None for key in _PARTS)
+
+    @property
+    def graded(self) -> bool:
+        """Whether it is given as one that changes along its length."""
+        return self.parted or any(isinstance(getattr(self, key), tuple) for key in Section.model_fields)
 
     @property
     def one_modulus(self) -> bool:
         """Whether its bending stiffness is everywhere proportional to its ``youngs_modulus``."""
         own = (section.shaped and section.youngs_modulus is None for section in self.sections or ())
-        return self.youngs_modulus is not None and all(own)
+        return isinstance(self.youngs_modulus, float) and all(own)
 
     @property
     def own_rest_curvature(self) -> bool:
@@ -274,9 +249,7 @@ class Rod(Value):
         if self.samples is not None:
             found = of_samples(self.length, self.samples)
         else:
-            whole = (
-                one.model_copy(update={k: getattr(self, k) for k in one.left_to_rod}) for one in self._all_sections
-            )
+            whole = (one.model_copy(update={k: getattr(self, k) for k in one.left_open}) for one in self._all_sections)
             found = of_sections(self.length, [*whole])
         if self.spirob is not None:
             stiffness = found.bending_stiffness.scaled(self.spirob.core**3)

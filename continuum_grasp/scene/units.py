@@ -38,7 +38,6 @@ class Quantity:
 QUANTITIES = {
     "m": Quantity("a length", "12 mm", {"cm": "1e-2", "mm": "1e-3", "um": "1e-6", "in": "0.0254"}),
     "m2": Quantity("an area", "80 mm2", {"cm2": "1e-4", "mm2": "1e-6"}),
-    "m4": Quantity("a second moment of area", "0.2 mm4", {"cm4": "1e-8", "mm4": "1e-12"}),
     "1/m": Quantity("a curvature", "0.008 1/mm", {"1/cm": "1e2", "1/mm": "1e3"}),
     "rad": Quantity("an angle", "30 deg", {"mrad": "1e-3", "deg": _DEGREE}),
     "rad/s": Quantity("an angular velocity", "90 deg/s", {"deg/s": _DEGREE}),
@@ -199,7 +198,7 @@ def _unit_in(text: str, si: str, before: str = "") -> str | None:
 @cache
 def _spelled(unit: str) -> str:
     """A regular expression of a unit after its number, as it may be spelled: N m or N*m, m/s2 or m/s^2, um or µm."""
-    text = re.sub("(?<=[a-z])[2-4]", lambda power: rf"(?:\^?{power[0]}|{'²³⁴'[int(power[0]) - 2]})", unit)
+    text = re.sub("(?<=[a-z])[23]", lambda power: rf"(?:\^?{power[0]}|{'²³'[int(power[0]) - 2]})", unit)
     text = text.replace("deg", "(?:deg|°)").replace(" ", "[ *·]")
     # The blank may be left out, but not where the unit begins with a digit.
     return (" " if unit[0] == "1" else " ?") + re.sub("^u", "[uµμ]", text)

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.family import nodes_of
 from continuum_grasp.model.laws.section import STATEFUL
 from continuum_grasp.model.memory import state_of
 from continuum_grasp.model.winches import compliance
+from continuum_grasp.scene.profile import nodes_of
 from continuum_grasp.simulation.slack import SLACK
 from continuum_grasp.simulation.spectrum import damping_matrix
 from continuum_grasp.simulation.static_shape import Equilibrium

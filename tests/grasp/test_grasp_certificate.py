@@ -13,7 +13,7 @@ import continuum_grasp as cg
 import continuum_grasp.grasp as grasp_package
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.certificate.check import overlap
-from continuum_grasp.scene.objects import Circle, Ellipse, Polygon, RoundedPolygon, Superellipse, Union
+from continuum_grasp.scene.objects import Circle, Ellipse, Polygon, Superellipse, Union
 from tests import certificate_cases as cases
 
 
@@ -37,8 +37,8 @@ HELD = {
         lambda v: Polygon(shape="polygon", vertices=((-0.03, 0.0), (0.0, -0.04), (0.03, 0.0), (0.0, 0.04)), **v)
     ),
     "pinched between round corners": held(
-        lambda v: RoundedPolygon(
-            shape="rounded_polygon",
+        lambda v: Polygon(
+            shape="polygon",
             vertices=tuple((x * (0.03 + 0.01 * (2**0.5 - 1)), y * (0.03 + 0.01 * (2**0.5 - 1))) for x, y in SQUARE),
             corner_radius=0.01,
             **v,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject, nearest, segment_distance, support_point
-from continuum_grasp.scene.objects import Box, Circle, Ellipse, Polygon, RoundedPolygon, Stadium, Superellipse, Union
+from continuum_grasp.scene.objects import Box, Circle, Ellipse, Polygon, Stadium, Superellipse, Union
 from continuum_grasp.scene.parts import OffsetPolygon, SuperellipsePart
 
 AT = {"mass": 0.1, "position": (0.02, -0.01), "angle": 0.3}
@@ -34,7 +34,7 @@ SHAPES = {
     "rounded box": Box(shape="box", width=0.07, height=0.04, corner_radius=0.008, **AT),
     "polygon": Polygon(shape="polygon", vertices=CORNERS, **AT),
     "stadium": Stadium(shape="stadium", length=0.05, radius=0.015, **AT),
-    "rounded polygon": RoundedPolygon(shape="rounded_polygon", vertices=CORNERS[::-1], corner_radius=0.005, **AT),
+    "rounded polygon": Polygon(shape="polygon", vertices=CORNERS[::-1], corner_radius=0.005, **AT),
 }
 SLOT = OffsetPolygon(((-0.02, 0.0), (0.03, 0.01)), 0.012)
 PARTS = {name: shape.parts[0] for name, shape in SHAPES.items()} | {"slot": SLOT}

@@ -207,7 +207,6 @@ def test_what_does_not_fit_is_named(tmp_path, data, words):
         ({"estimate": []}, "estimate"),
         ({"estimate": [{"name": "a"}, {"name": "a"}]}, "estimated twice"),
         ({"estimate": [{"name": "a", "min": 2.0, "max": 1.0}]}, "not below"),
-        ({"estimate": [{"name": "tip_mass", "second_moment": 1.0}]}, "goes with youngs_modulus"),
         ({"data": [{**STATIC, "use": "holdout"}]}, "every set is a hold-out"),
         ({"data": [{"kind": "ring_down", "window": [2.0, 1.0]}]}, "window must increase"),
         ({"data": [{"kind": "trajectory", "x": None, "y": None}]}, "both null"),

@@ -13,7 +13,7 @@ from scipy.optimize import brentq
 
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces import nearest, surface_of
-from continuum_grasp.scene import Box, Circle, Ellipse, Polygon, RoundedPolygon, Stadium, Superellipse, Union
+from continuum_grasp.scene import Box, Circle, Ellipse, Polygon, Stadium, Superellipse, Union
 from continuum_grasp.scene.objects import UnionMember
 from continuum_grasp.scene.parts import SuperellipsePart
 
@@ -43,7 +43,7 @@ OBJECTS = {
     "box": Box(shape="box", width=0.08, height=0.05, **KEYS),
     "rounded box": Box(shape="box", width=0.08, height=0.05, corner_radius=0.01, **KEYS),
     "polygon": Polygon(shape="polygon", vertices=CORNERS, **KEYS),
-    "rounded polygon": RoundedPolygon(shape="rounded_polygon", vertices=CORNERS, corner_radius=0.006, **KEYS),
+    "rounded polygon": Polygon(shape="polygon", vertices=CORNERS, corner_radius=0.006, **KEYS),
     "stadium": Stadium(shape="stadium", length=0.05, radius=0.02, **KEYS),
     "slim ellipse": Ellipse(shape="ellipse", width=0.05, height=0.12, **KEYS),
     "ellipse": Ellipse(shape="ellipse", width=0.1, height=0.05, **KEYS),

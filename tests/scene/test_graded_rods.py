@@ -75,6 +75,14 @@ def test_equal_sections_are_a_uniform_rod(count):
         assert getattr(rod, of) == pytest.approx(getattr(uniform, of), rel=1e-14)
 
 
+def test_a_rod_of_one_section_may_be_a_rectangle_and_taper():
+    shape = {"thickness": (0.012, 0.004), "width": 0.02}
+    rod, section = cg.Rod(**MATERIAL, **shape), sections({"to": LENGTH, **shape})
+    assert (rod.graded, rod.parted, rod.profile) == (True, False, section.profile)
+    strip = cg.Rod(**MATERIAL, thickness=0.001, width=0.02)
+    assert (strip.graded, strip.stiffness) == (False, pytest.approx(MODULUS * 0.02 * 0.001**3 / 12, rel=1e-14))
+
+
 def test_samples_are_monotone_cubics_of_logarithms():
     at, stiffness = [0.0, 0.05, 0.06, 0.2, LENGTH], [2e-3, 1e-3, 1e-6, 0.9e-6, 2e-5]
     mass, rest, thick = [0.3, 0.2, 1e-3, 1e-3, 1e-2], [0.0, 5.0, -5.0, 0.0, 0.0], [0.02, 0.02, 0.01, 0.01, 0.012]
@@ -151,7 +159,11 @@ WRONG = {
     ),
     "a material of nothing": (
         "youngs_modulus: 1e6\n    sections: [{to: 0.25, PLAIN}]",
-        "6:21: finger.rod.youngs_modulus: no section needs it",
+        "6:21: finger.rod.youngs_modulus: no section needs it as one number",
+    ),
+    "a material that changes along every section": (
+        "youngs_modulus: [1e6, 2e6]\n    density: 1e3\n    sections: [{to: 0.25, diameter: 0.01}]",
+        "6:21: finger.rod.youngs_modulus: no section needs it as one number",
     ),
     "an end before the tip": (
         "sections: [{to: 0.2, diameter: 0.01}]",
@@ -183,7 +195,7 @@ WRONG = {
     ),
     "beside a uniform rod": (
         "diameter: 0.01\n    sections: [{to: 0.25, PLAIN}]",
-        "6:15: finger.rod.diameter: is of a uniform rod",
+        "6:15: finger.rod.diameter: is of a rod of one section",
     ),
     "samples that do not increase": (
         "samples: {at: [0, 0.2, 0.1, 0.25], bending_stiffness: [1, 1, 1, 1], linear_density: [1, 1, 1, 1]}",

@@ -28,7 +28,7 @@ class Drag(SectionLaw):
 
 def numbers_of(finger: Finger) -> dict[str, Number]:
     """The coefficient."""
-    return {"quadratic_damping": Number("N m2 s2", finger.damping.quadratic, "damping.quadratic", positive=False)}
+    return {"quadratic_damping": Number("N m2 s2", finger.damping.quadratic, "damping.quadratic", least=0.0)}
 
 
 def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:

@@ -57,7 +57,7 @@ def numbers_of(finger: Finger) -> dict[str, Number]:
     soft = finger.softening
     if soft is None:
         return {}
-    ratio = Number("1", soft.stiffness_ratio, "softening.stiffness_ratio", positive=False)
+    ratio = Number("1", soft.stiffness_ratio, "softening.stiffness_ratio", least=0.0)
     if isinstance(soft.curvature, tuple):
         return {"softening_ratio": ratio}
     return {"softening_ratio": ratio, "softening_curvature": Number("1/m", soft.curvature, "softening.curvature")}

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -40,14 +40,18 @@ class Numbers(Protocol):
         """Whether it is a run-time argument."""
 
 
+POSITIVE = 1e-9
+"""Least value, per typical size [1], of a number that the model divides by, or that means nothing at zero."""
+
+
 @dataclass(frozen=True)
 class Number:
-    """A number of a law that may be a run-time argument."""
+    """A number of a finger that may be a run-time argument."""
 
     unit: str
-    value: float
-    key: str  # where the finger has it
-    positive: bool = True  # else it may be zero, too
+    value: Any  # or numbers; None where the finger has none
+    key: str  # where the finger has it, or the keys; ``*`` stands for all entries of a list, or for the only one
+    least: float = POSITIVE  # per typical size [1]
 
 
 def numbers_of_branches(name: str, branches: Sequence[Value], units: Mapping[str, str]) -> dict[str, Number]:
@@ -81,7 +85,7 @@ def cells(family: Family, count: int) -> tuple[Port, ...]:
             return np.vstack([bent, np.ones_like(s)]) * (mesh.stiffness(s) / base)
 
         for a, b in pairwise(np.linspace(*mesh.span(element), count + 1).tolist()):
-            *total, measure = mesh.integral(element, a, b, weighted, mesh.stiffness, mesh.rest).tolist()
+            *total, measure = mesh.integral(a, b, weighted, mesh.stiffness, mesh.rest).tolist()
             *shapes, rest = (each / measure for each in total)
             found.append(Port(element, measure, _clean(np.array(shapes)), rest))
     return tuple(found)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field
 
 from continuum_grasp.scene.objects.body import Freedom, MemberPlace, ObjectBody
-from continuum_grasp.scene.objects.shapes import Box, Circle, Ellipse, Polygon, RoundedPolygon, Stadium, Superellipse
+from continuum_grasp.scene.objects.shapes import Box, Circle, Ellipse, Polygon, Stadium, Superellipse
 from continuum_grasp.scene.parts import Part
 
 __all__ = [
@@ -22,14 +22,13 @@ __all__ = [
     "Freedom",
     "GraspObject",
     "Polygon",
-    "RoundedPolygon",
     "Stadium",
     "Superellipse",
     "Union",
     "UnionMember",
 ]
 
-SHAPES = (Circle, Ellipse, Superellipse, Box, Polygon, RoundedPolygon, Stadium)
+SHAPES = (Circle, Ellipse, Superellipse, Box, Polygon, Stadium)
 
 
 def _member(shape: type[ObjectBody]) -> Any:
@@ -61,7 +60,5 @@ class Union(ObjectBody):
             raise ValueError("center_of_mass is needed: the parts of a union may overlap and differ in density")
 
 
-GraspObject = Annotated[
-    Circle | Ellipse | Superellipse | Box | Polygon | RoundedPolygon | Stadium | Union, Field(discriminator="shape")
-]
+GraspObject = Annotated[Circle | Ellipse | Superellipse | Box | Polygon | Stadium | Union, Field(discriminator="shape")]
 """What can be grasped."""

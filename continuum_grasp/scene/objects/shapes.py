@@ -102,33 +102,12 @@ class Box(_BoxShape, ObjectBody):
 
 class _PolygonShape(Value):
     shape: Literal["polygon"]
-    """A convex polygon with sharp corners."""
+    """A convex polygon, with rounded corners where a radius is given."""
     vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=256)]
-    """Corners of a convex polygon in order, either way round [m]; a search takes longer with more than a hundred."""
-
-    @cached_property
-    def parts(self) -> tuple[Part, ...]:
-        return (OffsetPolygon(counter_clockwise(self.vertices)),)
-
-    @cached_property
-    def centroid(self) -> Point:
-        return polygon_centroid(self.vertices)
-
-    def _check(self) -> None:
-        check_convex(self.vertices)
-
-
-class Polygon(_PolygonShape, ObjectBody):
-    """A convex polygon with sharp corners."""
-
-
-class _RoundedPolygonShape(Value):
-    shape: Literal["rounded_polygon"]
-    """A convex polygon whose corners are rounded off."""
-    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=256)]
-    """Corners of the sharp convex outline in order, either way round [m]; they are rounded off inside it."""
-    corner_radius: Extent
-    """Radius of the rounded corners [m]."""
+    """Corners of the sharp convex outline in order, either way round [m]; a search takes longer with more than a
+    hundred."""
+    corner_radius: Distance = 0.0
+    """Radius of the rounded corners, inside the sharp outline [m]."""
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
@@ -149,8 +128,8 @@ class _RoundedPolygonShape(Value):
             )
 
 
-class RoundedPolygon(_RoundedPolygonShape, ObjectBody):
-    """A convex polygon whose corners are rounded off."""
+class Polygon(_PolygonShape, ObjectBody):
+    """A convex polygon, with rounded corners where a radius is given."""
 
 
 class _StadiumShape(Value):
