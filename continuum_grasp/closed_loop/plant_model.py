@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any
@@ -14,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import System
-from continuum_grasp.model.actuation import Lag
+from continuum_grasp.model.actuation import lag_names, lag_rates
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.memory import direction
 from continuum_grasp.model.remade import Remade
@@ -158,7 +157,7 @@ class PlantModel(Remade):
         self.parameters, self.finger_parameters = tuple(parameters), len(parameters)
         self.object_parameters = tuple(object_parameters)
         self.u_names = tuple(self.system.u_names[: len(finger.input_keys)])
-        lagging = [Lag(math.nan, self._order).states(*split_unit(name)) for name in self.u_names[: self._lags]]
+        lagging = [lag_names(*split_unit(name), self._order) for name in self.u_names[: self._lags]]
         self.x_names = (*self.system.x_names, *(name for names in zip(*lagging, strict=True) for name in names))
         self.w_names = tuple(self.system.w_names)
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
@@ -198,7 +197,8 @@ class PlantModel(Remade):
         if self._lag is None:
             return ca.SX(0, 1)
         states = ca.vertsplit(self._x[self.system.nx :], self._lags)
-        return ca.vertcat(*Lag(math.nan, self._order).rates(states, self._u[: self._lags], self._time))
+        rates: ca.SX = ca.vertcat(*lag_rates(states, self._u[: self._lags], self._time))
+        return rates
 
     @cached_property
     def acting(self) -> ca.SX:

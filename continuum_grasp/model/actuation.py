@@ -32,6 +32,21 @@ class InputLayout:
         return [f"{name}{word} [{unit}{per}]" for word, per in derivatives for name, unit in entries]
 
 
+def lag_names(name: str, unit: str, order: int) -> list[str]:
+    """Name and unit of each state of a lag of an order."""
+    return [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"][:order]
+
+
+def lag_rates(states: Sequence[Any], commanded: Any, time_constant: Any) -> list[Any]:
+    """Rates of the states of a lag, of first order, or a critically damped one of second order; none without it."""
+    if time_constant is None or not states:
+        return []
+    pole, (value, *rates) = 1.0 / time_constant, states
+    if not rates:
+        return [pole * (commanded - value)]
+    return [*rates, pole**2 * (commanded - value) - 2.0 * pole * rates[0]]
+
+
 @dataclass(frozen=True)
 class Source(Channel):
     """What gives a bending moment of one shape, by a channel of the finger whose amplitude may lag behind its command.
@@ -50,22 +65,9 @@ class Source(Channel):
         """Number of states of its lag; 0 without one."""
         return 0 if self.time_constant is None else self.order
 
-    def lag_names(self, name: str, unit: str) -> list[str]:
-        """Name and unit of each state of its lag."""
-        return [f"{name} [{unit}]", f"{name}_rate [{unit}/s]"][: self.lags]
-
     def at_rest(self, commanded: Scalar) -> list[Scalar]:
         """States of its lag that have reached a command."""
         return [commanded, 0.0][: self.lags]
-
-    def rates(self, states: Sequence[Scalar], commanded: Scalar, time_constant: Scalar | None) -> list[Scalar]:
-        """Rates of the states of its lag."""
-        if time_constant is None or not states:
-            return []
-        pole, (value, *rates) = 1.0 / time_constant, states
-        if not rates:
-            return [pole * (commanded - value)]
-        return [*rates, pole**2 * (commanded - value) - 2.0 * pole * rates[0]]
 
     def amplitudes(self, values: Sequence[Any], drives: int, scale: Scalar = 1.0) -> tuple[Any, Any]:
         """Those of the drive, times a scale, and of the couples [N m], of a block of the input; numbers or arrays."""

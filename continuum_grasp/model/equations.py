@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.model.acting import Acting
-from continuum_grasp.model.actuation import Drive, Source
+from continuum_grasp.model.actuation import Drive, Source, lag_rates
 from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.contacts import Contacts
 from continuum_grasp.model.family import Rod
@@ -83,7 +83,7 @@ class Equations:
         for source, [(asked, _), *_] in zip(self._structure.sources, self.amplitudes, strict=True):
             states = list(islice(own, source.lags))
             time = self._par["drive_time_constant"] if runtime else source.time_constant
-            found.append((states, source.rates(states, asked, time)))
+            found.append((states, lag_rates(states, asked, time)))
         return found
 
     @cached_property

@@ -12,7 +12,7 @@ from numbers import Integral
 import numpy as np
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.actuation import InputLayout, Source
+from continuum_grasp.model.actuation import InputLayout, Source, lag_names
 from continuum_grasp.model.chain import Place
 from continuum_grasp.model.choices import Choices, ModelOptions
 from continuum_grasp.model.family import Array, Mesh, family_class
@@ -406,7 +406,7 @@ class Structure:
             if source.lags and (source.tendon is not None or source.chamber):
                 # A tension or a pressure of its own: that of an input.
                 _, name, unit, *_ = self.inputs.drives[np.flatnonzero(source.arms)[0]]
-            found += source.lag_names(name, unit)
+            found += lag_names(name, unit, source.lags)
         return found
 
 
