@@ -17,6 +17,7 @@ from continuum_grasp.model import System
 from continuum_grasp.model.actuation import Lag
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.memory import direction
+from continuum_grasp.model.planar import column
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
@@ -170,7 +171,7 @@ class PlantModel(Remade):
             # Run-time numbers, so that plants that differ in them share one compiled integrator.
             self.p[-2:] *= (scene.plant.object_mass, scene.plant.object_friction)
         # What the drive's equations take: numbers, or the argument.
-        self._time: ca.DM | ca.SX = ca.DM() if self._lag is None else ca.DM(self._lag)
+        self._time = ca.SX(0, 1) if self._lag is None else ca.SX(ca.DM(self._lag))
         if varied_lag and self._lag is not None:
             self.p = np.append(self.p, self._lag[0])
             self._time = self._p[-1]
@@ -198,7 +199,7 @@ class PlantModel(Remade):
         if self._lag is None:
             return ca.SX(0, 1)
         states = ca.vertsplit(self._x[self.system.nx :], self._lags)
-        return ca.vertcat(*Lag(math.nan, self._order).rates(states, self._u[: self._lags], self._time))
+        return column(Lag(math.nan, self._order).rates(states, self._u[: self._lags], self._time))
 
     @cached_property
     def acting(self) -> ca.SX:
