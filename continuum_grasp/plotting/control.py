@@ -114,6 +114,8 @@ def plot_inputs(run: ControlRun | Plan, *, ax: Axes | None = None) -> Axes:
             ax.stairs(column[: len(run.t) - 1], run.t, baseline=None, **look)
     for limit in np.unique(run.scene.input_limits):
         ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle="--", zorder=1)
+    if isinstance(run.scene, PlanScene):
+        ax.margins(x=0.0)
     return axes.time_axes(ax, f"input [{unit_of(run.u_names[0])}]", run.name)
 
 
