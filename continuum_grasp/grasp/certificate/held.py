@@ -51,7 +51,8 @@ def _untried(grasp: RecomputedGrasp, states: Array, postures: Sequence[Mapping[s
     To first order the reserve is concave in the states, so that it is least where turning no cell makes it less: that
     these were tried, whoever sought them, can be seen from what is stored. Of several with the least the best counts.
     """
-    reserves = np.array([_reserve(grasp, own) for own in postures])
+    # Forces that are no numbers are the worst.
+    reserves = np.nan_to_num([_reserve(grasp, own) for own in postures], nan=-np.inf)
     worst = states[reserves <= reserves.min() + CONES * grasp.force_scale]
     turned = [[np.where(cell, -one, one) for cell in state_cells(grasp.scene)] for one in worst]
     return min(sum(not (states == one).all(axis=1).any() for one in each) for each in turned)
