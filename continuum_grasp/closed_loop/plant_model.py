@@ -16,6 +16,7 @@ from continuum_grasp.model import System
 from continuum_grasp.model.actuation import lag_names, lag_rates
 from continuum_grasp.model.layout import element_lengths
 from continuum_grasp.model.memory import direction
+from continuum_grasp.model.planar import column
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.families import FAMILIES, default_family
@@ -197,8 +198,7 @@ class PlantModel(Remade):
         if self._lag is None:
             return ca.SX(0, 1)
         states = ca.vertsplit(self._x[self.system.nx :], self._lags)
-        rates: ca.SX = ca.vertcat(*lag_rates(states, self._u[: self._lags], self._time))
-        return rates
+        return column(lag_rates(states, self._u[: self._lags], self._time))
 
     @cached_property
     def acting(self) -> ca.SX:
