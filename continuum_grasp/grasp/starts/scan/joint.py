@@ -51,7 +51,9 @@ def next_joint(task: FingerTask, family: Postures) -> Postures | None:
                 retained = family.take(rows[good])
                 there = last[rows][good] + ell[good]
                 knots = np.stack([there - 0.5 * ell[good], there], axis=1)
-                longer = retained.on_to(knots, bent[good, 1:], part, shape.walk(walk[good]))
+                at = shape.walk(walk[good])
+                parts = np.full(len(retained), part)
+                longer = retained.on_to(knots, bent[good, 1:], parts, at.point, at.angle)
                 groups.append(replace(longer, joints=np.concatenate([retained.joints, there[:, None]], axis=1)))
     found = join(groups)
     return None if found is None else _clear(task, unique(found))

@@ -21,7 +21,7 @@ from continuum_grasp.grasp.starts.scan.curves import bends, sample
 from continuum_grasp.grasp.starts.scan.rows import Rows
 from continuum_grasp.model.family import family_class
 from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk
+from continuum_grasp.model.surfaces.outline import Frame, Outline
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose
 
@@ -127,15 +127,15 @@ class Postures(Rows):
     angles: Array  # (P, C) of the outward normals
     violation: Array  # (P,) by how much something is in the way or a limit broken; 0: nothing is
 
-    def on_to(self, knots: Array, curvatures: Array, part: int, at: Walk) -> Self:
-        """The postures continued by more knots (P, M) to one more contact with a part, which it touches at ``at``."""
+    def on_to(self, knots: Array, curvatures: Array, part: Array, point: Array, angle: Array) -> Self:
+        """The postures continued by more knots (P, M) to one more contact."""
         return replace(
             self,
             knots=np.concatenate([self.knots, knots], axis=1),
             curvatures=np.concatenate([self.curvatures, curvatures], axis=1),
-            parts=np.concatenate([self.parts, np.full((len(self), 1), part)], axis=1),
-            points=np.concatenate([self.points, at.point[:, None]], axis=1),
-            angles=np.concatenate([self.angles, at.angle[:, None]], axis=1),
+            parts=np.concatenate([self.parts, part[:, None]], axis=1),
+            points=np.concatenate([self.points, point[:, None]], axis=1),
+            angles=np.concatenate([self.angles, angle[:, None]], axis=1),
         )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,22 +32,11 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     none, bent = np.zeros(len(family)), np.repeat(family.curvatures[:, -1:], 2, axis=1)
     last = started(none.astype(int), none, none, point, none, angle, family.knots[:, -1], bent)
     found, rows = onwards(task, last)
-    old = family.take(rows)
+    if not len(rows):
+        return None
     # The curvature may step at the last contact.
-    added = zip(
-        (old.knots, old.curvatures, old.parts, old.points, old.angles),
-        (
-            found.knots[:, 2:],
-            found.ends[:, 2:],
-            found.tip[:, None],
-            found.tip_point[:, None],
-            found.tip_normal[:, None],
-        ),
-        strict=True,
-    )
-    knots, curvatures, parts, points, angles = (np.concatenate(pair, axis=1) for pair in added)
-    longer = replace(old, knots=knots, curvatures=curvatures, parts=parts, points=points, angles=angles)
-    return longer if len(longer) else None
+    on = found.knots[:, 2:], found.ends[:, 2:], found.tip, found.tip_point, found.tip_normal
+    return family.take(rows).on_to(*on)
 
 
 def crossings(shape: Outline, gap: Array, tips: Array, *, axis: int = 1) -> tuple[Array, Array, Array, Array]:
