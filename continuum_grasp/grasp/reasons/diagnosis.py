@@ -226,14 +226,18 @@ class Repairs:
                 break
             point = lighter
         while True:
-            part = point.parts
-            least, *others = sorted((limit for limit in part if part[limit] >= NONE), key=part.__getitem__) or part
-            if len(others) < TOGETHER:
-                return tuple(limit for limit in part if limit in (least, *others)), point
-            fewer = self.relax(tuple(limit for limit in part if limit in others), point.attempt.start, point)
-            if fewer is None:
+            parts = point.parts
+            needed = [limit for limit in parts if parts[limit] >= NONE] or [max(parts, key=parts.__getitem__)]
+            if len(needed) <= TOGETHER:
+                return tuple(needed), point
+            fewer = (
+                self.relax(tuple(limit for limit in needed if limit is not left), point.attempt.start, point)
+                for left in sorted(needed, key=parts.__getitem__)
+            )
+            best = next((one for one in fewer if one is not None), None)
+            if best is None:
                 return None
-            point = fewer
+            point = best
 
     def attempt(self, limits: Limits, start: Start, begin: Repair | None = None) -> Repair | None:
         """Relax limits as little as possible from a start, and retain the least amounts that are confirmed."""
