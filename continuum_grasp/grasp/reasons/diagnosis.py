@@ -286,15 +286,12 @@ class Repairs:
         too small.
         """
         lengths = {setup.name: setup.finger.rod.length for setup in self.scene.setups}
-        excused = [limit for limit in repair.parts if limit.excuses is not None]
-        failed = certify_reached(self.scene, repair.arrays).failed if excused else []
-        depth = {
-            limit: max(
-                (c.value * lengths[c.name.split(", ")[-1]] for c in failed if limit.excuses(c.name)), default=0.0
-            )
-            for limit in excused
-        }
-        parts = {k: max(part, depth.get(k, 0.0) / k.start(self.scene)) for k, part in repair.parts.items()}
+        excuses = {limit: limit.excuses for limit in repair.parts if limit.excuses is not None}
+        parts = dict(repair.parts)
+        for check in certify_reached(self.scene, repair.arrays).failed if excuses else ():
+            for limit in (limit for limit, excuse in excuses.items() if excuse(check.name)):
+                depth = check.value * lengths[check.name.split(", ")[-1]]
+                parts[limit] = max(parts[limit], depth / limit.start(self.scene))
         return replace(repair, parts=parts)
 
     def _relaxed(self, parts: Mapping[Relaxation, float], spare: float = 0.0) -> GraspScene:
@@ -364,8 +361,7 @@ class Repairs:
         """A repair in words; where little is missing, whether its posture needs none after all is tried."""
         attempt, (first, *others) = repair.attempt, ordered(self._part(limit, repair, True) for limit in repair.parts)
         if not (attempt.optimal and all(is_clear(each, self.scene) for each in (first, *others))):
-            options = {"features": attempt.features, "x0": attempt.x, "iterations": HASTY}
-            self._search.attempt(attempt.start, **options)
+            self._search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=HASTY)
         if not others:
             return first
         text = "; and ".join(each.text for each in (first, *others))
