@@ -198,16 +198,16 @@ class _Verdict:
             return self._solved(best)
         # Reasons found before the clock stopped the search may not be the ones that matter.
         if reasons and not self.budget.stopped:
-            return self._with_wider_model(reasons) or self._infeasible(reasons, closest)
+            # What the model cannot follow is no impossibility, where the user did not choose how far that is.
+            bent = [] if gives_bending_range(self.scene) else [one for one in reasons if "bending range" in one.title]
+            if any(reason is reasons[0] or not reason.also for reason in bent):
+                return self._with_wider_model(bent)
+            return self._infeasible([reason for reason in reasons if reason not in bent], closest)
         return self._unsolved(closest)
 
-    def _with_wider_model(self, reasons: Sequence[Reason]) -> GraspResult | None:
-        """The verdict with a model that bends further, where the bending range is a reason and not given; None where it
-        is not.
-        """
+    def _with_wider_model(self, reasons: Sequence[Reason]) -> GraspResult:
+        """The verdict with a model that bends further, for reasons of which its bending range is a part."""
         bent = [part.needed for reason in reasons for part in (reason, *reason.also) if part.name == "bending range"]
-        if not bent or gives_bending_range(self.scene):
-            return None
         most = max(setup.bending_range for setup in self.scene.setups)
         if max(bent) <= ONE_TURN:
             wide = min(max(2.0 * most, max(bent)), ONE_TURN)

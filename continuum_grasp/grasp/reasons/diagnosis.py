@@ -32,7 +32,7 @@ from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
 
-FIRST, MORE = 4, 8
+FIRST, MORE = 2, 8
 """Starts per limit, and per limit that gives a grasp."""
 BALANCED = 0.02
 """Imbalance up to which a posture may hold with the limit relaxed: those that do had 0.003 at most, others 0.02 and
@@ -78,13 +78,14 @@ TOGETHER = 2
 """Most limits of a reason: scenes that break more are not explained."""
 
 
-def rank(reason: Reason) -> tuple[int, bool, float]:
-    """Single limits come before several; a friction that few surfaces have, and limits that the scene has no number
-    for, come after others; the least product of the factors that they are off comes first.
+def rank(reason: Reason) -> tuple[int, bool, bool, float]:
+    """Single limits come before several, a friction that few surfaces have after the others, and before it limits that
+    the scene has no number for; the least product of the factors that limits are off comes first.
     """
     parts = (reason, *reason.also)
-    last = any(is_rare(part) or part.limit <= 0.0 or part.needed <= 0.0 for part in parts)
-    return len(parts), last, 0.0 if last else sum(abs(math.log(part.needed / part.limit)) for part in parts)
+    factors = [part.needed / part.limit for part in parts if part.limit > 0.0 and part.needed > 0.0]
+    size = sum(abs(math.log(factor)) for factor in factors)
+    return len(parts), any(map(is_rare, parts)), len(factors) < len(parts), size
 
 
 def ordered(reasons: Iterable[Reason]) -> list[Reason]:
@@ -93,7 +94,7 @@ def ordered(reasons: Iterable[Reason]) -> list[Reason]:
     result: list[Reason] = []
     tied: list[Reason] = []
     for reason in sorted(reasons, key=rank):
-        if tied and (rank(reason)[:2] != rank(tied[0])[:2] or rank(reason)[2] - rank(tied[0])[2] > TIED):
+        if tied and (rank(reason)[:3] != rank(tied[0])[:3] or rank(reason)[3] - rank(tied[0])[3] > TIED):
             result, tied = result + tied, []
         tied = sorted([*tied, reason], key=lambda one: [names.index(part.name) for part in (one, *one.also)])
     return result + tied
@@ -153,9 +154,10 @@ class Repairs:
 
     @property
     def explained(self) -> bool:
-        """Whether a usual amount of one limit is enough."""
-        alone = (repair for repair in self.found.values() if len(repair.parts) == 1)
-        return any(not is_rare(self._part(limit, repair)) for repair in alone for limit in repair.parts)
+        """Whether usual amounts of some limits are enough."""
+        return any(
+            not any(is_rare(self._part(limit, repair)) for limit in limits) for limits, repair in self.found.items()
+        )
 
     def reasons(self) -> list[Reason]:
         """The reasons so far; of several limits at once each is needed: none is enough without the others."""
@@ -182,12 +184,26 @@ class Repairs:
             self._totals.setdefault((limit,), [])
             starts[limit] = self.starts(limit)
             self._from((limit,), starts[limit][:FIRST])
+        for known in list(self.found):
+            for limit in starts:
+                if (limit,) not in self.found and limit.limit is not None:
+                    self._in_place_of(known, limit)
         for limit in starts:
             if (limit,) in self.found:
                 self._from((limit,), starts[limit][FIRST:MORE])
                 if not self.agree((limit,)):
                     # Where the amount is known, the scan finds postures for just this much: closer than the first ones.
                     self._from((limit,), self.starts(limit)[:MORE])
+
+    def _in_place_of(self, known: Limits, limit: Relaxation) -> None:
+        """Relax a limit from where others are, which count the more: a point that satisfies all leads there more surely
+        than starts do.
+        """
+        point, limits = self.found[known], tuple(one for one in self.limits if one in (*known, limit))
+        weights = {one.name: 1.0 / FLOOR for one in known}
+        both = self.relax(limits, point.attempt.start, point, weights=weights)
+        if both is not None and all(both.parts[one] < NONE for one in known):
+            self.attempt((limit,), both.attempt.start, both)
 
     def _from(self, limits: Limits, starts: Iterable[Start]) -> None:
         """Relax limits as little as possible, from every start until several agree."""
@@ -196,26 +212,22 @@ class Repairs:
                 self.attempt(limits, start)
 
     def _together(self) -> None:
-        """Relax all limits at once that have a number, and then the few alone that matter; where that gives no point,
-        the tilt, too, whose norm has a kink that the solver often fails at.
+        """Relax all limits at once that have a number, and then the few alone that matter; where these are no usual
+        amounts, also with the tilt, whose norm has a kink that the solver often fails at.
         """
-        numbered = [limit for limit in self.limits if limit.limit is not None]
-        bounding = [limit for limit in self.limits if limit.limit is not None or not limit.bounds_shape]
-        seeds: list[Repair] = []
-        for limits in dict.fromkeys((tuple(numbered), tuple(bounding))):
-            found = [self.relax(limits, start) for start in ([] if seeds else self._starts_together(limits))]
-            for seed in sorted((one for one in found if one is not None), key=lambda one: one.total):
+        numbered = tuple(limit for limit in self.limits if limit.limit is not None)
+        bounding = tuple(limit for limit in self.limits if limit.limit is not None or not limit.bounds_shape)
+        for every in dict.fromkeys((numbered, bounding)):
+            points = [self.relax(every, start) for start in ([] if self.explained else self._starts_together(every))]
+            seeds: list[Repair] = []
+            for seed in sorted((one for one in points if one is not None), key=lambda one: one.total):
                 if not seeds or not math.isclose(seed.total, seeds[-1].total, rel_tol=SAME):
                     seeds.append(seed)
-        for seed in seeds[:SEEDS]:
-            few = self._sparse(seed)
-            if few is None:
-                continue
-            limits, point = few
-            # Each alone from there, too: of several limits none may be enough without the others.
-            last = self.attempt(limits, point.attempt.start, point) or point
-            for limit in limits if len(limits) > 1 else ():
-                self.attempt((limit,), last.attempt.start, last)
+            for limits, point in filter(None, map(self._sparse, seeds[:SEEDS])):
+                # Each alone from there, too: of several limits none may be enough without the others.
+                last = self.attempt(limits, point.attempt.start, point) or point
+                for limit in limits if len(limits) > 1 else ():
+                    self.attempt((limit,), last.attempt.start, last)
 
     def _sparse(self, point: Repair) -> tuple[Limits, Repair] | None:
         """Few limits that are relaxed at a point next to one with many, and that point."""
@@ -263,7 +275,7 @@ class Repairs:
         solver = search.solver(start)
         known = {} if begin is None else begin.parts
         usual = {limit: limit.start(scene) for limit in limits}
-        relaxed = [(limit, most * known.get(limit, 1.0)) for limit, most in usual.items()]
+        relaxed = [(limit, most * known.get(limit, 1.0 if begin is None else 0.0)) for limit, most in usual.items()]
         x0 = None if begin is None else begin.attempt.x
         options = {"rung": 2, "iterations": HASTY, "relaxed": relaxed, "x0": x0, **options}
         attempt = solver.run(scene, start, search.budget, **options)
