@@ -217,13 +217,17 @@ class Repairs:
         """
         numbered = tuple(limit for limit in self.limits if limit.limit is not None)
         bounding = tuple(limit for limit in self.limits if limit.limit is not None or not limit.bounds_shape)
+        seeds: list[Repair] = []
         for every in dict.fromkeys((numbered, bounding)):
-            points = [self.relax(every, start) for start in ([] if self.explained else self._starts_together(every))]
-            seeds: list[Repair] = []
+            if self.explained:
+                return
+            points = [self.relax(every, seed.attempt.start, seed) for seed in seeds]
+            points = points or [self.relax(every, start) for start in self._starts_together(every)]
+            seeds = []
             for seed in sorted((one for one in points if one is not None), key=lambda one: one.total):
-                if not seeds or not math.isclose(seed.total, seeds[-1].total, rel_tol=SAME):
+                if len(seeds) < SEEDS and not (seeds and math.isclose(seed.total, seeds[-1].total, rel_tol=SAME)):
                     seeds.append(seed)
-            for limits, point in filter(None, map(self._sparse, seeds[:SEEDS])):
+            for limits, point in filter(None, map(self._sparse, seeds)):
                 # Each alone from there, too: of several limits none may be enough without the others.
                 last = self.attempt(limits, point.attempt.start, point) or point
                 for limit in limits if len(limits) > 1 else ():
