@@ -186,7 +186,7 @@ class Repairs:
             self._from((limit,), starts[limit][:FIRST])
         for known in list(self.found):
             for limit in starts:
-                if (limit,) not in self.found and limit.limit is not None:
+                if (limit,) not in self.found and (limit.limit is not None or not limit.bounds_shape):
                     self._in_place_of(known, limit)
         for limit in starts:
             if (limit,) in self.found:
