@@ -13,9 +13,9 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.grasp.fine import FIRST, NONE, asked_tolerance, resolve_elements, with_fine
 from continuum_grasp.grasp.modes import with_elements
+from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_bending_range
 from continuum_grasp.grasp.problem.solver_run import Attempt
-from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, is_rare
-from continuum_grasp.grasp.reasons.pairs import find_pairs
+from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.reach import out_of_reach
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.solve import is_robust, with_robust
@@ -31,6 +31,7 @@ from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.grasp.values import Reason, Status, force_text
 from continuum_grasp.grasp.verdict import REFUTED, STEADIER, flawed, verdict
 from continuum_grasp.nlp import Budget
+from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
 
@@ -188,15 +189,34 @@ class _Verdict:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
         reasons = self._reasons()
-        if not any(not is_rare(reason) for reason in reasons) and self._best() is None:
+        if not reasons and self._best() is None:
             reasons = self._reasons(further=True)
         best = self._best()
         if best is not None:  # feasible after all, though no start saw it
             return self._solved(best)
         # Reasons found before the clock stopped the search may not be the ones that matter.
         if reasons and not self.budget.stopped:
-            return self._infeasible(reasons, closest)
+            # What the model cannot follow is no impossibility, where the user did not choose how far that is.
+            bent = [] if gives_bending_range(self.scene) else [one for one in reasons if "bending range" in one.title]
+            if any(reason is reasons[0] or not reason.also for reason in bent):
+                return self._with_wider_model(bent)
+            return self._infeasible([reason for reason in reasons if reason not in bent], closest)
         return self._unsolved(closest)
+
+    def _with_wider_model(self, reasons: Sequence[Reason]) -> GraspResult:
+        """The verdict with a model that bends further, for reasons of which its bending range is a part."""
+        bent = [part.needed for reason in reasons for part in (reason, *reason.also) if part.name == "bending range"]
+        most = max(setup.bending_range for setup in self.scene.setups)
+        if max(bent) <= ONE_TURN:
+            wide = min(max(2.0 * most, max(bent)), ONE_TURN)
+            note, scene = f"fidelity.bending_range of {wide:.4g} rad", with_bending_range(self.scene, wide)
+        else:
+            scene = with_elements(self.scene, max(2 * s.elements // (len(s.middles) + 1) for s in self.scene.setups))
+            note = f"{max(setup.elements for setup in scene.setups)} elements"
+        other = _Verdict(scene, self.budget)
+        result, self.search = other.result(), other.search
+        note = f"{note}: with {most:.4g} rad per element there is no grasp"
+        return replace(result, statistics={**result.statistics, "fidelity": note})
 
     def _to_stations(self) -> None:
         """From grasps with one middle contact to those with stations, where there are any."""
@@ -205,20 +225,13 @@ class _Verdict:
 
     def _reasons(self, further: bool = False) -> list[Reason]:
         """Limits that are in the way, alone or two at once; ``further`` ones where those at sight do not convince."""
-        before = self._before
+        repairs, before = self.repairs, self._before
+        repairs.look_further() if further else repairs.look()
         if before is None:
-            reasons = find_reasons(self.repairs, further)
-        else:
-            reasons = find_station_reasons(self.search, before, self.repairs, further)
-            self._to_stations()
-        if any(not is_rare(reason) for reason in reasons) or self._best() is not None or self.budget.cut:
-            return reasons
-        alone = {reason.name for reason in reasons}  # needs no second one
-        if before is not None and before.good:  # one middle contact holds, stations alone do not
-            return reasons
-        # What one middle contact needs is enough for stations, too.
-        pairs = find_pairs(self._plain.scene, self._plain, further)
-        return [*(p for p in pairs if alone.isdisjoint({p.name, *(r.name for r in p.also)})), *reasons]
+            return repairs.reasons()
+        reasons = find_station_reasons(self.search, before, repairs)
+        self._to_stations()
+        return reasons
 
     # -- verdicts --------------------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.fine import FIRST
 from continuum_grasp.grasp.modes import with_elements
-from continuum_grasp.grasp.reasons.diagnosis import Repairs, find_reasons, rank
+from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import ITERATION_CAP, NEAR, Search
 from continuum_grasp.grasp.starts.supports import nearest_contact
@@ -66,30 +66,29 @@ def _exchange(search: Search) -> None:
             return
 
 
-def find_station_reasons(search: Search, before: Search, known: Repairs, further: bool) -> list[Reason]:
-    """Find the limits each of which, relaxed alone, gives a grasp, next to those that give one `without_stations`,
-    which are enough; none where that search finds a grasp after all.
+def find_station_reasons(search: Search, before: Search, known: Repairs) -> list[Reason]:
+    """Find the limits which, relaxed, give a grasp, next to those that give one `without_stations`, which are enough;
+    none where that search finds a grasp after all.
     """
     scene = search.scene
     # Which tries the posture without the repair, too.
-    enough = {reason.name: reason for reason in find_reasons(known, further)}
+    enough = {reason.title: reason for reason in known.reasons()}
     if before.good:
         return []
     repairs = Repairs(scene, search)
-    for relaxation in known.relaxations:
-        one = known.found[relaxation.name]
-        repairs.attempt(relaxation, _on_nearest(scene, before.scene, one.arrays), one.amount)
+    for limits, one in known.found.items():
+        repairs.attempt(limits, _on_nearest(scene, before.scene, one.arrays))
         for _ in range(EXCHANGES):
-            best = repairs.found.get(relaxation.name)
-            if best is None or best.amount <= 0.0 or search.budget.over:
+            best = repairs.found.get(limits)
+            if best is None or best.total <= 0.0 or search.budget.over:
                 break
             for start in _exchanges(scene, best.arrays):
-                repairs.attempt(relaxation, start, best.amount, iterations=ITERATION_CAP)
-                if repairs.found[relaxation.name].amount < (1.0 - NEAR) * best.amount:
+                repairs.attempt(limits, start)
+                if repairs.found[limits].total < (1.0 - NEAR) * best.total:
                     break
             else:
                 break
-    return sorted((enough | {r.name: repairs.reason(r) for r in repairs.relaxations}).values(), key=rank)
+    return ordered((enough | {reason.title: reason for reason in repairs.reasons()}).values())
 
 
 def with_twice_the_stations(result: GraspResult, budget: Budget) -> GraspResult:

@@ -11,8 +11,7 @@ from grasp_scenes import CONFIGS, make_scene
 
 from continuum_grasp.grasp import Status, certify, optimize_grasp
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons.confirm import _PostureProblem, least_amount
-from continuum_grasp.grasp.reasons.posture_statics import PostureStatics
+from continuum_grasp.grasp.reasons.confirm import PostureStatics, least_amount
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.load import load
 
@@ -138,8 +137,8 @@ def test_postures_are_taken_to_be_as_exact_as_grasps_are(off, share):
 def test_coefficients_are_found_to_a_millionth(monkeypatch):
     """By halves: each tenth of that takes three problems more."""
     solved = []
-    least = _PostureProblem.least
-    monkeypatch.setattr(_PostureProblem, "least", lambda *known, **more: solved.append(1) or least(*known, **more))
+    least = PostureStatics.least
+    monkeypatch.setattr(PostureStatics, "least", lambda *known, **more: solved.append(1) or least(*known, **more))
     scene, arrays = squeezed_disc(mass=0.2, press=4.0)
     confirm("friction", having(scene, friction=0.05, normal_force_max=7.0), arrays, 2.0)
     assert abs(len(solved) - 2 - math.log2(2.0 / (1e-6 * 0.2 * G / 14.0))) < 1.5
@@ -148,11 +147,11 @@ def test_coefficients_are_found_to_a_millionth(monkeypatch):
 def test_statics_are_those_of_the_stored_forces():
     """What a hand-made grasp stores fulfills every row; where it is disturbed, no longer."""
     scene, arrays = wrapped_disc(gravity=UPRIGHT)
-    statics = PostureStatics.of(scene, arrays)
+    statics = PostureStatics(scene, arrays)
     off = statics.rows @ statics.own + statics.weight - statics.right
     assert np.abs(off).max() < 1e-6
     bent = arrays | {"finger.q": arrays["finger.q"] * 1.01}
-    moved = PostureStatics.of(scene, bent)
+    moved = PostureStatics(scene, bent)
     assert np.abs(moved.rows @ moved.own + moved.weight - moved.right).max() > 1e-4
 
 

@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
-from grasp_scenes import UPRIGHT, WEIGHTLESS, make_scene
+import yaml
+from grasp_scenes import CONFIGS, PLANAR, UPRIGHT, WEIGHTLESS, make_scene
+from scipy.optimize import linprog
 
 from benchmarks.grasp_oracle.numbers import numbers
+from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.grasp import Status, optimize_grasp
+from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
+from continuum_grasp.grasp.reasons.diagnosis import Repair, Repairs
 from continuum_grasp.grasp.reasons.reach import out_of_reach
+from continuum_grasp.grasp.shape import FingerShape
+from continuum_grasp.grasp.values import Reason
+from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspContacts, OutOfPlaneGravity
+from continuum_grasp.scene.load import load
 
 
 def middle_only(friction, gravity=UPRIGHT, family="arc", **changes):
@@ -74,3 +85,171 @@ def test_tilt_is_no_reason_where_it_is_ignored_or_harmless():
     for result in (ignored, heavy):
         assert result.status is Status.INFEASIBLE
         assert "gravity.tilt" not in [reason.key for reason in result.reasons]
+
+
+def image(seed, turn=0.0, flip=1.0, length=1.0, force=1.0):
+    """A random scene of four elements turned, mirrored, and with other units of length and force."""
+    powers = dict.fromkeys(("length", "diameter", "half_thickness", "offset", "at", "position", "point"), (1, 0))
+    powers |= dict.fromkeys(("width", "height", "corner_radius"), (1, 0)) | {"rest_curvature": (-1, 0)}
+    powers |= dict.fromkeys(("max_tension", "min_tension", "normal_force_max", "mass"), (0, 1))
+    powers |= {"linear_density": (-1, 1), "bending_stiffness": (2, 1)}
+
+    def scaled(value, key=""):
+        if isinstance(value, dict):
+            return {name: scaled(each, name) for name, each in value.items()}
+        if isinstance(value, (list, tuple)):
+            return tuple(scaled(each, key) for each in value)
+        along, pulled = powers.get(key, (0, 0))
+        return value * length**along * force**pulled if (along, pulled) != (0, 0) else value
+
+    def moved(x, y):
+        z = complex(x, flip * y) * complex(math.cos(turn), math.sin(turn))
+        return z.real, z.imag
+
+    data = scaled(DRAWN["one"](seed))
+    finger, body, gravity = data["finger"], data["object"], data["gravity"]
+    places = [(finger["base"], "position"), (body, "position"), (gravity, "vector")]
+    for held, key in (*places, *((palm, "point") for palm in data["supports"].values())):
+        if key in held:
+            held[key] = moved(*held[key])
+    finger["base"]["angle"] = turn + flip * (finger["base"]["angle"] + 0.5 * math.pi) - 0.5 * math.pi
+    body["angle"] = turn + flip * body.get("angle", 0.0)
+    for palm in data["supports"].values():
+        palm["normal_angle"] = turn + flip * palm["normal_angle"]
+    finger["rest_curvature"] = flip * finger.get("rest_curvature", 0.0)
+    if flip < 0.0 and "tendons_used" in finger:
+        finger["tendons_used"] = {"left": "right", "right": "left"}[finger["tendons_used"]]
+    return GraspScene.model_validate(data | UNASKED).changed({"fidelity.elements": 4})
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("seed", [2, 9, 10])
+def test_images_of_a_scene_have_the_same_reasons(seed):
+    """Single limits and pairs, in the same order, off by the same factors; each single one repairs the scene."""
+    own = optimize_grasp(image(seed), raise_on_failure=False)
+    assert own.status is Status.INFEASIBLE
+    parts = [[(part.name, part.needed / part.limit) for part in (one, *one.also)] for one in own.reasons]
+    for change in ({"flip": -1.0}, {"turn": 0.7}, {"length": 8.0, "force": 0.02}):
+        other = optimize_grasp(image(seed, **change), raise_on_failure=False)
+        assert [[part.name for part in (one, *one.also)] for one in other.reasons] == [[n for n, _ in p] for p in parts]
+        for one, expected in zip(other.reasons, parts, strict=True):
+            factors = [part.needed / part.limit for part in (one, *one.also)]
+            assert factors == pytest.approx([factor for _, factor in expected], rel=1e-4)
+
+
+HEXAGON = """
+schema_version: 1
+finger:
+  rod: {length: 0.1193228416, linear_density: 0.003154394473, bending_stiffness: 0.002376675181}
+  half_thickness: 0.004418572045
+  tendons: {offset: 0.004190820878, max_tension: 104.3826015}
+  tendons_used: left
+  base: {position: [0.004549382195, -0.02338584425], angle: -1.219522387}
+object:
+  shape: polygon
+  vertices: [[0.01665545058, -0.004052498029], [0.007072427331, 0.01561433783], [-0.009760080718, 0.01409140159],
+             [-0.01672214596, -0.003767838754], [-0.004636384596, -0.01650244564], [0.01188570186, -0.01235139124]]
+  position: [0.01650510614, 0]
+  angle: -1.570221909
+  mass: 0.04166923011
+supports: {palm: {type: palm, point: [0, 0], normal_angle: 0}}
+contacts: {friction: 1.126501963, normal_force_max: 460.0180089, middle: on, tip: on}
+gravity: {mode: planar, vector: [4.243009249, -8.844940504]}
+fidelity: {family: matched_clothoid, elements: 4}
+stability: ignore
+overlap: forbid
+"""
+"""Held where an element may bend by more than half a turn, its bending range by default."""
+
+
+def test_a_bending_range_is_a_reason_where_it_is_given_and_widened_where_it_is_not():
+    free = GraspScene.model_validate(yaml.safe_load(HEXAGON))
+    wide = optimize_grasp(free.changed({"fidelity.bending_range": 6.28}))
+    widened = optimize_grasp(free)
+    assert widened.tension == pytest.approx(wide.tension, rel=1e-6)
+    assert "bending_range" in widened.statistics["fidelity"]
+    given = optimize_grasp(free.changed({"fidelity.bending_range": math.pi}), raise_on_failure=False)
+    assert given.status is Status.INFEASIBLE
+    needed = next(reason.needed for reason in given.reasons if reason.name == "bending range")
+    bends = np.abs(wide.arrays["finger.lengths"][:, None] * FingerShape(free.setups[0], wide.arrays).curvatures)
+    assert math.pi < needed <= bends.max() * (1.0 + 1e-6)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_both_halves_of_a_pair_are_needed(seed):
+    """Limits whose amounts z have to satisfy random rows A z >= 1, in place of grasps: a pair that is named satisfies
+    all, and neither half alone does by as much; the least sum alone may relax many.
+    """
+    random = np.random.default_rng(seed)
+    names = [limit for limit in RELAXATIONS if limit.limit is not None and limit.name != "strain"]
+    rows = random.uniform(0.1, 2.0, (6, len(names))) * (random.random((6, len(names))) < 0.6)
+    rows[:, random.integers(len(names))] = random.uniform(0.1, 2.0, 6)
+
+    def relax(limits, start, begin=None, weights=None):
+        cost = [(weights or {}).get(limit.name, 1.0) for limit in limits]
+        found = linprog(cost, -rows[:, [names.index(limit) for limit in limits]], -np.ones(6))
+        return (
+            Repair(dict(zip(limits, found.x, strict=True)), {}, SimpleNamespace(start=None)) if found.success else None
+        )
+
+    search = SimpleNamespace(budget=SimpleNamespace(over=False))
+    repairs = Repairs(make_scene(gravity=PLANAR), search)
+    repairs.relax, repairs._holds, repairs._starts_together = relax, lambda *_: True, lambda limits: [None]
+    named = []
+    repairs._reason = lambda repair: named.append(repair.parts) or Reason("tension", "", "", 1.0, 2.0, "", "")
+    repairs._together()
+    found = [repair.parts for repair in repairs.found.values()]
+    assert found
+    for parts in found:
+        columns, amounts = [names.index(limit) for limit in parts], np.array(list(parts.values()))
+        assert len(parts) <= 2
+        assert (rows[:, columns] @ amounts >= 1.0 - 1e-9).all()
+    repairs.reasons()
+    assert named
+    for parts in (parts for parts in named if len(parts) > 1):
+        assert all((rows[:, names.index(limit)] * part).min() < 1.0 - 1e-9 for limit, part in parts.items())
+
+
+CLIP = """
+schema_version: 1
+finger:
+  rod:
+    length: 150 mm
+    youngs_modulus: 8 MPa
+    density: 1200
+    sections: [{to: 150 mm, thickness: [12 mm, 6 mm], width: 15 mm}]
+  tendons: {offset: 2.5 mm, max_tension: 60 N}
+  base: {position: [0, -50 mm], angle: -90 deg}
+object:
+  shape: union
+  members:
+    - {shape: box, width: 50 mm, height: 25 mm, position: [25 mm, -17.5 mm]}
+    - {shape: box, width: 25 mm, height: 35 mm, position: [12.5 mm, 12.5 mm]}
+  center_of_mass: [19.9 mm, -5.1 mm]
+  mass: 300 g
+  position: [0, 0]
+supports: {palm: {type: palm, point: [0, 0], normal_angle: 0}}
+contacts: {friction: 0.6, normal_force_max: 30, middle: auto, tip: on}
+gravity: {mode: out_of_plane, magnitude: 9.81, tilt: balance}
+"""
+
+
+@pytest.mark.deep
+def test_a_limit_that_is_enough_alone_is_named_alone():
+    """No start for friction alone leads to a grasp here, only points at which all limits are relaxed do."""
+    scene = GraspScene.model_validate(yaml.safe_load(CLIP))
+    result = optimize_grasp(scene, raise_on_failure=False)
+    assert result.status is Status.INFEASIBLE
+    (friction,) = (reason for reason in result.reasons if reason.title == "friction")
+    for part in (part for reason in result.reasons for part in (reason, *reason.also)):
+        assert abs(part.needed - part.limit) > 1e-3 * part.limit
+    assert optimize_grasp(scene.changed({"contacts.friction": 1.0001 * friction.needed})).solved
+
+
+@pytest.mark.deep
+def test_repairs_are_enough_for_all_friction_states():
+    """What the mug's finger can hold as it is pulled, 0.69 kg without friction, it cannot after it is released."""
+    scene = load(CONFIGS / "mug.yaml").changed({"finger.tendons.friction": 0.05, "fidelity.family": "clothoid"})
+    reason = optimize_grasp(scene.changed({"object.mass": 1.5}), raise_on_failure=False).reasons[0]
+    assert reason.name == "mass"
+    assert optimize_grasp(scene.changed({"object.mass": reason.needed})).solved

@@ -19,8 +19,8 @@ from continuum_grasp.grasp.closing.verdict import Ending
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import solver_run
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons import diagnosis, pairs, reach
-from continuum_grasp.grasp.reasons.diagnosis import Repair, Repairs, is_clear, is_rare
+from continuum_grasp.grasp.reasons import diagnosis, reach
+from continuum_grasp.grasp.reasons.diagnosis import Repair, Repairs, is_clear, is_rare, ordered
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust import joint, states
 from continuum_grasp.grasp.robust import response as responses
@@ -63,8 +63,8 @@ def searching(scene=SCENE, **more):
 
 def agree(*amounts):
     repairs = Repairs(SCENE, searching())
-    repairs.found["tension"], repairs._amounts["tension"] = Some(), list(amounts)
-    return repairs.agree(TENSION)
+    repairs.found[TENSION,], repairs._totals[TENSION,] = Some(), list(amounts)
+    return repairs.agree((TENSION,))
 
 
 def hopeful(imbalance, known=math.inf, elements=2):
@@ -74,15 +74,27 @@ def hopeful(imbalance, known=math.inf, elements=2):
     return bool(diagnosis._hopeful(search, [Some(imbalance=imbalance)]))
 
 
-def repaired(amount, most=1.0):
-    """Whether a limit relaxed by an amount is a repair."""
-    limit = Some(name="tension", most=most, excuses=None, start=lambda scene: 1.0)
+def repaired(amount, most=1.0, other=None):
+    """Whether limits relaxed by an amount each, alone or with another one, are a repair."""
+    limit = Some(name="tension", most=lambda scene: most, excuses=None, start=lambda scene: 1.0)
+    second = Some(name="mass", most=lambda scene: most, excuses=None, start=lambda scene: 1.0)
     found = Some(x=np.zeros(1), violations=[], status=Status.SOLVED)
-    solver = Some(run=lambda *_, **__: found, given=lambda *_: amount, arrays=lambda *_: {})
+    given = {limit: amount, second: other}
+    solver = Some(run=lambda *_, **__: found, given=lambda scene, x, one: given[one], arrays=lambda *_: {})
     repairs = Repairs(SCENE, searching(solver=lambda start: solver))
     repairs._holds = lambda *_: True
-    repairs.attempt(limit, Some(), 1.0)
+    repairs.attempt((limit,) if other is None else (limit, second), Some())
     return bool(repairs.found)
+
+
+def in_place(part):
+    """Whether another limit is relaxed alone from a point at which a limit is still relaxed by a part."""
+    mass, tried, repairs = next(one for one in RELAXATIONS if one.name == "mass"), [], Repairs(SCENE, searching())
+    repairs.found[TENSION,] = Repair({TENSION: 1.0}, {}, Some(start=None))
+    repairs.relax = lambda limits, start, begin, weights: Repair({TENSION: part, mass: 0.5}, {}, Some(start=None))
+    repairs.attempt = lambda limits, start, begin: tried.append(limits)
+    repairs._in_place_of((TENSION,), mass)
+    return tried == [(mass,)]
 
 
 def stays_without_programming(part):
@@ -90,11 +102,16 @@ def stays_without_programming(part):
     amount, found = 10.0, TENSION.value(SCENE, 10.0)
     repairs = Repairs(SCENE, searching(attempt=lambda *_, **__: None))
     repairs._holds = lambda *_: True
-    attempt = Some(optimal=True, start=Some(), features={}, x=np.zeros(1))
-    repairs.found["tension"] = Repair(amount, {}, attempt)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(diagnosis, "least_amount", lambda *_: Some(amount=amount - part * found, arrays={}))
-        return repairs.reason(TENSION).needed == pytest.approx(found, rel=1e-9)
+        one = repairs._part(TENSION, Repair({TENSION: amount / TENSION.start(SCENE)}, {}, None), confirm=True)
+        return one.needed == pytest.approx(found, rel=1e-9)
+
+
+def tied(size):
+    """Whether a second limit that is off by less, by the logarithm of a factor, comes after the first."""
+    reasons = [reason("mass", 1.0, 2.0), reason("tension", 1.0, 2.0 * math.exp(size))]
+    return [one.name for one in ordered(reasons)] == ["tension", "mass"]
 
 
 # -- the closing path, of one finger of length one and E I / L^2 of one -----------------------------------------
@@ -313,6 +330,9 @@ LIMITS = [
     ("imbalance per that without", 0.95 * 0.01, lambda x: hopeful(x, known=0.01)),
     ("imbalance that is none", 1e-3, lambda x: hopeful(x, known=0.0)),
     ("most that makes sense of an amount", 1.0 - 1e-3, repaired),
+    ("part of several limits that is none", 1e-3, lambda x: not repaired(0.5, other=x)),
+    ("part of a limit that another is in place of", 1e-3, in_place),
+    ("factors that are equal", 1e-3, tied),
     ("what linear programming improves", 1e-3, stays_without_programming),
     ("force of a place that touches", 1e-3, touches_nothing),
     ("movement of the object", 0.02, lambda x: status(moved=x) is not ClosingStatus.PUSHED),
@@ -347,43 +367,66 @@ def test_a_step_decides_otherwise_on_either_side_of_a_limit(limit, decides):
 
 
 def starts_per_limit(agreeing):
-    """Starts from which a limit is relaxed that gives a grasp, or none; iterations of each."""
+    """Starts from which a limit is relaxed that gives a grasp, or none."""
     starts, asked = [Some(k=k) for k in range(20)], []
     repairs = Repairs(SCENE, searching())
 
-    def attempt(limit, start, amount, iterations):
-        asked.append((start.k, iterations))
+    def attempt(limits, start):
+        asked.append(start.k)
         if agreeing:
-            repairs.found["tension"] = Some(amount=1.0)
-            repairs._amounts["tension"] = [1.0]
+            repairs.found[TENSION,] = Some(total=1.0)
+            repairs._totals[TENSION,] = [1.0]
 
-    repairs.starts, repairs.attempt = lambda *_, **__: starts, attempt
-    repairs._try([TENSION])
+    repairs.starts, repairs.attempt = lambda _: starts, attempt
+    repairs._alone([TENSION])
+    return sorted(set(asked))
+
+
+def iterations_of_a_start():
+    asked = []
+    run = lambda *_, iterations, **__: asked.append(iterations) or Some(x=np.full(1, np.nan))  # noqa: E731
+    Repairs(SCENE, searching(solver=lambda start: Some(run=run))).relax((TENSION,), Some())
     return asked
 
 
-def pairs_of(*totals):
-    seen = []
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pairs, "_reason", lambda scene, search, pair, more: seen.append(pair.total))
-        pairs._reasons(SCENE, searching(), [Some(total=total, amounts={}) for total in totals], {})
+def starts_together():
+    """Usual amounts by which shapes are relaxed in search of postures for all limits; starts of either kind."""
+    strain = next(limit for limit in RELAXATIONS if limit.name == "bending range")
+    eased, repairs = [], Repairs(SCENE, searching(rebalanced=lambda _: [[*range(20)]]))
+
+    def starts_of(scene):
+        eased.append(strain.limit(scene) - strain.limit(SCENE))
+        return [[*range(20, 40)]]
+
+    repairs._starts_of = starts_of
+    starts = repairs._starts_together((TENSION, strain))
+    return np.round(eased, 9).tolist(), [k < 20 for k in starts].count(True), [k >= 20 for k in starts].count(True)
+
+
+def seeds_of(*totals):
+    """Points with many limits relaxed that are made sparse."""
+    seen, repairs = [], Repairs(SCENE, searching())
+    repairs.limits, repairs._starts_together = [TENSION], lambda limits: totals
+    repairs.relax = lambda limits, start: Some(total=start)
+    repairs._sparse = lambda seed: seen.append(seed.total)
+    repairs._together()
     return seen
 
 
-def starts_of_pairs():
-    """Usual amounts by which shapes are relaxed in search of pairs; starts of each, and those of the best pair."""
-    factors, tried, left = [], [], []
+def weights_of(part):
+    """Weights with which a point is made sparse, of a part of a usual amount."""
+    weights, repairs = [], Repairs(SCENE, searching())
+    point = Repair({TENSION: part}, {}, Some(start=None))
+    repairs.relax = lambda limits, start, begin, weights={}, seen=weights: seen.append(weights["tension"]) or point
+    repairs._sparse(point)
+    return pytest.approx(weights)
 
-    def relax(scene, search, pair, start):
-        tried.append(start)
-        return Some(total=1.0, amounts=dict.fromkeys(pair))
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pairs, "_scanned", lambda *known: factors.append(known[-1]) or {(1, 2): [*range(9)]})
-        patch.setattr(pairs, "_relax", relax)
-        patch.setattr(pairs, "_reason", lambda scene, search, pair, more: left.append(more))
-        pairs.find_pairs(SCENE, searching())
-    return factors, tried[:2], left[0]
+def further(least):
+    """Usual amounts by which a repair is relaxed further, where a grasp holds for all friction states from one on."""
+    steps, repairs = [], Repairs(SCENE.replaced(robust=Robust(mass=0.1)), searching())
+    repairs._further = lambda repair, step: steps.append(step) or (step if step >= least else None)
+    return repairs._as_demanded(Repair({TENSION: 1.0}, {}, None)), steps
 
 
 def eased_by():
@@ -394,7 +437,7 @@ def eased_by():
         seen.append((scene.setups[0].max_tension - SCENE.setups[0].max_tension) / usual)
         return [[]]
 
-    diagnosis.balanced_starts(searching(rebalanced=rebalanced, knows_postures=False), [TENSION])
+    diagnosis.balanced_starts(searching(rebalanced=rebalanced, knows_postures=False), [TENSION], diagnosis.LARGER)
     return seen
 
 
@@ -554,12 +597,15 @@ COUNTS = [
     ("parts of a step", [1.0, 1.0, 0.1, 0.1, 0.3], moves_by),
     ("touches that are named", "a, b, c, d, e, f", named),
     ("weight of postures in error", [1e-6], effort_in_error),
-    ("starts of a limit that gives no grasp", [0, 1, 2, 3], lambda: [k for k, _ in starts_per_limit(False)]),
-    ("starts of a limit that gives one", [*range(8)], lambda: sorted({k for k, _ in starts_per_limit(True)})),
-    ("iterations of each", {80}, lambda: {most for _, most in starts_per_limit(True)}),
+    ("starts of a limit that gives no grasp", [0, 1], lambda: starts_per_limit(False)),
+    ("starts of a limit that gives one", [*range(8)], lambda: starts_per_limit(True)),
+    ("iterations of each", [80], iterations_of_a_start),
+    ("starts of all limits", ([1.0, 2.9], 3, 6), starts_together),
+    ("points made sparse", [1.0, 2.0, 3.0], lambda: seeds_of(3.0, 1.0, 5.0, 2.0, 1.0 + 1e-5, 4.0)),
+    ("weights of parts", [0.1 / 0.6] * 2, lambda: weights_of(0.5)),
+    ("steps of repairs for all states", (None, [0.01, 0.04, 0.16, 0.64]), lambda: further(1.0)),
+    ("halvings of such a step", [0.01, 0.04, 0.16, 0.1, 0.13], lambda: pytest.approx(further(0.12)[1])),
     ("amounts that agree", (False, True), lambda: (agree(1.0, 1.0), agree(1.0, 1.0, 1.0))),
-    ("pairs of limits", [*range(6)], lambda: pairs_of(*range(20))),
-    ("starts of pairs", ([1.0, 3.0], [0, 1], [2, 3, 4, 5]), starts_of_pairs),
     ("usual amounts", [1.0, 4.0, 16.0], lambda: pytest.approx(eased_by())),
     ("halvings of a share", 0.25, lambda: pytest.approx(share_that_holds(0.3))),
     ("halvings of a step", 6, halved),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
 from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene.families import FAMILIES, ONE_TURN
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity
 from continuum_grasp.scene.value import Value
@@ -28,7 +30,7 @@ class Relaxation:
     repair: str = "{key} = {needed:.4g} {unit}"  # what to do; ``{key}``, ``{needed}`` and ``{unit}`` stand for these
     beside: Callable[[GraspScene, GraspScene], str] = lambda scene, relaxed: ""
     """What else must be changed, in words, from a scene to the one with its limit relaxed."""
-    most: float = float("inf")  # amount from which on a relaxation makes no sense
+    most: Callable[[GraspScene], float] = lambda scene: math.inf  # amount from which on a relaxation makes no sense
     size: int = 1  # components of the relaxation; beyond one, the amount is their norm
     additive: bool = True  # whether the amount has the unit of the limit; False: it is a part of it
     excuses: Callable[[str], bool] | None = None
@@ -105,12 +107,25 @@ def _strain(scene: GraspScene, amount: float) -> GraspScene:
     return _fingers(scene, tougher)
 
 
-def _bending(scene: GraspScene, amount: float) -> GraspScene:
+def with_bending_range(scene: GraspScene, least: float, more: float = 0.0) -> GraspScene:
+    """The scene with elements that may bend by ``more``, and by so much at ``least`` [rad]."""
+
     def wider(setup: FingerSetup) -> GraspFinger:
-        fidelity = _with(setup.finger.fidelity or scene.fidelity, bending_range=setup.bending_range + amount)
-        return _with(setup.finger, fidelity=fidelity)
+        range_ = max(setup.bending_range + more, least)
+        return _with(setup.finger, fidelity=_with(setup.finger.fidelity or scene.fidelity, bending_range=range_))
 
     return _fingers(scene, wider)
+
+
+def gives_bending_range(scene: GraspScene) -> bool:
+    """Whether the user gave a bending range: by default it is a choice of the program, which it refines itself."""
+    return any((one.fidelity or scene.fidelity).bending_range is not None for one in scene.named_fingers.values())
+
+
+def _bendable(scene: GraspScene) -> float:
+    """The most by which a bending range may be greater: a given one up to what its family follows."""
+    one_turn = [setup.bending_range for setup in scene.setups if FAMILIES[setup.family].one_turn]
+    return min(3.0, ONE_TURN - max(one_turn)) if one_turn and gives_bending_range(scene) else 3.0
 
 
 def _balances_tilt(scene: GraspScene) -> bool:
@@ -160,7 +175,7 @@ RELAXATIONS = (
         start=lambda s: 0.5,
         limit=lambda s: min([setup.friction for setup in s.setups] + [s.contacts.friction]),
         relaxed=_contacts("friction"),
-        most=20.0,
+        most=lambda s: 20.0,
         bounds_shape=False,
     ),
     Relaxation(
@@ -181,7 +196,7 @@ RELAXATIONS = (
         start=lambda s: 0.8,
         limit=lambda s: s.object.mass,
         relaxed=lambda s, amount: _with(s, object=_with(s.object, mass=s.object.mass * (1.0 - amount))),
-        most=1.0,
+        most=lambda s: 1.0,
         spare=0.0,
         additive=False,
         applies=lambda s: s.weight > 0.0,
@@ -218,8 +233,9 @@ RELAXATIONS = (
         "an element must bend beyond the model's range: {limit:.4g} rad allowed, {needed:.4g} rad needed",
         start=lambda s: 1.0,
         limit=lambda s: max(setup.bending_range for setup in s.setups),
-        relaxed=_bending,
-        most=3.0,
+        relaxed=lambda s, amount: with_bending_range(s, 0.0, amount),
+        most=_bendable,
+        applies=lambda s: _bendable(s) > 0.0,
     ),
     Relaxation(
         "clearance at the supports",

@@ -96,6 +96,7 @@ class GraspSolverRun:
         rung: int = 0,
         iterations: int | None = None,
         relaxed: Sequence[tuple[Relaxation, float]] = (),
+        weights: Mapping[str, float] | None = None,
         features: dict[str, Feature] | None = None,
         x0: Array | None = None,
         numbers: Mapping[str, Any] | None = None,
@@ -107,9 +108,9 @@ class GraspSolverRun:
         ``rung`` says how bold the solver is, as of `RUNGS`: 0 for starts that are nearly exact, 2 for rough ones.
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. Limits may be
         ``relaxed``; their amounts are minimized then, beginning with those given (SI), of several the sum of their
-        parts of a usual amount. Contacts sit on ``features`` and the unknowns begin with ``x0``, by default those of
-        the start. Further run-time ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for
-        NaN, and others are bounded by ``most`` (units of the problem).
+        parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features`` and the unknowns begin
+        with ``x0``, by default those of the start. Further run-time ``numbers`` go to the problem. Unknowns ``pinned``
+        stay at their values, but for NaN, and others are bounded by ``most`` (units of the problem).
 
         Raises
         ------
@@ -123,12 +124,13 @@ class GraspSolverRun:
         x = starting_point(problem, scene, start, features) if x0 is None else x0.copy()
         for relaxation, amount in relaxed:
             at, scale = self._relaxed(relaxation, units)
-            high[at] = relaxation.most / scale * (1.0 if len(relaxed) == 1 else MODEST)
+            high[at] = relaxation.most(scene) / scale * (1.0 if len(relaxed) == 1 else MODEST)
             if relaxation.size > 1:
                 low[at] = -high[at]
             x[at] = amount / scale
             values["effort weight"] = EFFORT_WHEN_RELAXED
             weight = 1.0 if len(relaxed) == 1 else scale / relaxation.start(scene)
+            weight *= (weights or {}).get(relaxation.name, 1.0)
             values["relaxation weights"][RELAXATIONS.index(relaxation)] = weight
         for name, value in (pinned or {}).items():
             at = problem.x.at[name]

@@ -3,12 +3,12 @@
 Where shapes and places are given, every equation of a grasp is linear in tensions and contact forces. So the least
 tension, friction coefficient or normal force limit, the greatest mass, and the least moment that tilts, are optima of
 linear problems (LP; SOCP out of the plane), which need no start and know no local optima. Nothing is
-shared with the optimizer: the equations are the certificate's.
+shared with the optimizer: the equations are the certificate's, virtual work of one tension or contact force at a time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,9 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.check import EQUILIBRIUM
+from continuum_grasp.grasp.certificate.recomputed import (
+    FingerLoad,
+    RecomputedFinger,
+    RecomputedGrasp,
+    across,
+    gravity_vector,
+)
 from continuum_grasp.grasp.quality.lp import Cones, LPOutcome, solve_socp
-from continuum_grasp.grasp.reasons.posture_statics import PostureStatics
 from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 Array = NDArray[Any]
 
@@ -44,78 +51,116 @@ def least_amount(name: str, scene: GraspScene, arrays: Mapping[str, Any], amount
     grasp that there is with the limit relaxed by ``amount``. None where no LP applies, for limits of the shape, and
     where it fails.
     """
-    ask = _ASKED.get(name)
-    if ask is None:
+    if name not in ("tension", "friction", "normal force", "mass", "tilt balance"):
         return None
-    statics = PostureStatics.of(scene, arrays)
-    found = ask(_PostureProblem(statics), amount)
-    if found is None:
+    statics = PostureStatics(scene, arrays)
+    if name == "friction":
+        found, least = statics.least_friction(amount)
+    else:
+        found = statics.least(name)
+        unit = {"mass": 1.0, "tilt balance": statics.moment}.get(name, statics.force)
+        least = max(0.0, float(found.x[-1])) * unit
+    if not found.optimal:
         return None
-    least, x = found
-    tensions, forces = x[: statics.tensions].reshape(-1, 2), x[statics.tensions :].reshape(-1, 3)
-    changed = {key: np.asarray(value) for key, value in arrays.items()} | {"contact_forces": forces * statics.force}
-    for setup, pair in zip(scene.setups, tensions, strict=True):
-        changed[f"{setup.name}.tensions"] = pair * statics.force
+    tensions, forces = np.split(found.x[:-1] * statics.force, [statics.tensions])
+    changed = {key: np.asarray(value) for key, value in arrays.items()} | {"contact_forces": forces.reshape(-1, 3)}
+    for setup, pair in zip(scene.setups, tensions.reshape(-1, 2), strict=True):
+        changed[f"{setup.name}.tensions"] = pair
     return Confirmed(least, changed)
 
 
-class _PostureProblem:
-    """LPs or SOCPs over the tensions and forces x and the amount z, which comes last."""
+class PostureStatics:
+    """Equilibrium of fingers and object at a posture: rows @ x + (1 - share) * weight = right, for the mass
+    (1 - share) times the scene's, and the LPs or SOCPs over x and an amount z, which comes last.
 
-    def __init__(self, statics: PostureStatics) -> None:
-        self.statics = statics
-        self.size = statics.own.size
-        self.pulling = np.flatnonzero(statics.most[: statics.tensions] > 0.0)
-        self.normals = np.arange(statics.tensions, self.size, 3)
+    x (n,) holds the tensions of finger after finger, left and right, then N, f and lift of contact after contact, all
+    in units of ``force``. Every row is a part of the greatest moment or force in play, as in the certificate.
+    """
+
+    def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
+        grasp = RecomputedGrasp(scene, arrays)
+        force = float(np.abs(grasp.forces).max(initial=0.0)) or grasp.force_scale  # what holds, not what was too heavy
+        self.force, self.moment = force, force * grasp.size  # [N], [N m]
+        self.tensions = 2 * len(grasp.fingers)
+        size = self.tensions + 3 * len(grasp.contacts)
+        columns = {contact.name: self.tensions + 3 * k for k, contact in enumerate(grasp.contacts)}
+        blocks = [_finger_rows(grasp, f, k, columns, size, force) for k, f in enumerate(grasp.fingers)]
+        # The moment that the lifts leave (2, n), as a part of `moment`; zero where the scene ignores the tilt.
+        in_plane, out_of_plane, self.tilt = _object_rows(grasp, columns, size)
+        gravity = scene.gravity
+        lifted = scene.object.mass * gravity.magnitude / force if isinstance(gravity, OutOfPlaneGravity) else 0.0
+        weight = [*(scene.object.mass * gravity_vector(gravity) / force), 0.0, -lifted]
+        count = sum(len(block[0]) for block in blocks)
+        self.rows = np.concatenate([*(block[0] for block in blocks), in_plane, out_of_plane])  # (m, n)
+        self.weight = np.concatenate([np.zeros(count), weight])  # (m,)
+        self.right = np.concatenate([*(block[1] for block in blocks), np.zeros(4)])  # (m,)
+        self.low, self.high = _bounds(grasp, size, force)  # (n,), without those of friction cones
+        own = [*(f.tensions for f in grasp.fingers), *(grasp.forces[c.index] for c in grasp.contacts)]
+        self.own = np.concatenate(own) / force  # (n,) the stored tensions and forces
+        self.friction = np.array([contact.friction for contact in grasp.contacts], dtype=float)
+        self.share = 1.0 - scene.contacts.reserve  # of each cone that may be used
+        self.normals = np.arange(self.tensions, size, 3)
         self._cuts: list[tuple[int, Array]] | None = None
 
-    def least(
-        self,
-        *,
-        along: Array | None = None,
-        most: float = np.inf,
-        relaxed: Array | None = None,
-        tilted: bool = False,
-        added: float = 0.0,
-    ) -> LPOutcome:
-        """Least z for which x satisfies everything, with ``added`` to all friction coefficients.
-
-        z, which is ``most`` at most, adds ``along`` (m,) to the rows, and is added to the upper limits of the tensions
-        or forces with the indices ``relaxed``; where ``tilted``, the norm of the tilting moment may be z, not zero.
+    def least(self, relaxed: str = "", added: float = 0.0) -> LPOutcome:
+        """Least amount z of a ``relaxed`` limit for which x satisfies everything, with ``added`` to all friction
+        coefficients: z is added to upper limits of tensions or normal forces, is the part of the mass that is too
+        much, or the norm of the tilting moment.
         """
-        s, size = self.statics, self.size
+        tilted, size = relaxed == "tilt balance", self.own.size
+        pulling = np.flatnonzero(self.high[: self.tensions] > 0.0)
+        raised = {"tension": pulling, "normal force": self.normals}.get(relaxed, pulling[:0])
         # Equations hold to a tolerance, as ranges: a stored posture solves them to rounding only.
-        rows = np.column_stack([s.rows, np.zeros(len(s.rows)) if along is None else along])
-        middle, wide = s.right - s.weight, np.full(len(s.rows), OFF)
-        blocks, lower, upper = [rows], [middle - wide], [middle + wide]
-        if not tilted and s.balances_tilt:
-            blocks.append(np.column_stack([s.tilt, np.zeros(2)]))
+        lighter = -self.weight if relaxed == "mass" else np.zeros(len(self.rows))
+        blocks, middle = [np.column_stack([self.rows, lighter])], self.right - self.weight
+        lower, upper = [middle - OFF], [middle + OFF]
+        if not tilted and self.tilt.any():
+            blocks.append(np.column_stack([self.tilt, np.zeros(2)]))
             lower.append(np.full(2, -OFF))
             upper.append(np.full(2, OFF))
-        highest = np.append(s.most, most)
-        if relaxed is not None and relaxed.size:
-            spare = np.zeros((relaxed.size, size + 1))
-            spare[np.arange(relaxed.size), relaxed], spare[:, -1] = 1.0, -1.0
-            blocks.append(spare)
-            lower.append(np.full(relaxed.size, -np.inf))
-            upper.append(s.most[relaxed])
-            highest[relaxed] = np.inf
-        cost = np.zeros(size + 1)
-        cost[-1] = 1.0
-        cones = self._cones(s.share * (s.friction + added), tilted)
-        bounds = np.append(s.least, 0.0), highest
-        return solve_socp(cost, np.concatenate(blocks), np.concatenate(lower), np.concatenate(upper), *bounds, cones)
+        spare = np.zeros((raised.size, size + 1))
+        spare[np.arange(raised.size), raised], spare[:, -1] = 1.0, -1.0
+        blocks.append(spare)
+        lower.append(np.full(raised.size, -np.inf))
+        upper.append(self.high[raised])
+        highest = np.append(self.high, 1.0 if relaxed == "mass" else np.inf)
+        highest[raised] = np.inf
+        rows, bounds = np.concatenate(blocks), (np.append(self.low, 0.0), highest)
+        cost, cones = np.append(np.zeros(size), 1.0), self._cones(self.share * (self.friction + added), tilted)
+        return solve_socp(cost, rows, np.concatenate(lower), np.concatenate(upper), *bounds, cones)
+
+    def least_friction(self, amount: float) -> tuple[LPOutcome, float]:
+        """The least friction coefficient that is to be added, and the forces, next to an ``amount`` that is enough, by
+        bisection: force and coefficient multiply, so that only with a given coefficient it is an LP.
+        """
+        # The amount found may be rounding too small for its own posture.
+        for more in (1e-5, 1e-3, 1e-1):
+            high = amount * (1.0 + more)
+            best = self.least(added=high)
+            if best.optimal:
+                break
+        low, guess = 0.0, amount * (1.0 - 1e-5)
+        while best.optimal and high - low > PRECISION * (high + float(self.friction.max(initial=0.0))):
+            found = self.least(added=guess)
+            if found.optimal:
+                high, best = guess, found
+            elif found.status == "infeasible":
+                low = guess
+            else:
+                return found, high
+            guess = 0.5 * (low + high)
+        return best, high
 
     def _cones(self, friction: Array, tilted: bool) -> Cones:
-        count = self.normals.size
-        matrix, width = np.zeros((count + tilted, 2, self.size + 1)), np.zeros((count + tilted, self.size + 1))
+        count, size = self.normals.size, self.own.size
+        matrix, width = np.zeros((count + tilted, 2, size + 1)), np.zeros((count + tilted, size + 1))
         for k, n in enumerate(self.normals):
             # |(friction, lift)| <= mu N; a lift that must be zero takes no part.
             matrix[k, 0, n + 1] = 1.0
-            matrix[k, 1, n + 2] = float(self.statics.most[n + 2] > 0.0)
+            matrix[k, 1, n + 2] = float(self.high[n + 2] > 0.0)
             width[k, n] = friction[k]
         if tilted:
-            matrix[-1, :, :-1] = self.statics.tilt
+            matrix[-1, :, :-1] = self.tilt
             width[-1, -1] = 1.0
         cones = Cones.made(matrix, np.zeros((count + tilted, 2)), width, np.zeros(count + tilted))
         if self._cuts is not None:  # tangent planes that were found hold for every coefficient
@@ -124,38 +169,72 @@ class _PostureProblem:
         return cones
 
 
-def _found(outcome: LPOutcome, unit: float) -> tuple[float, Array] | None:
-    return (max(0.0, float(outcome.x[-1])) * unit, outcome.x[:-1]) if outcome.optimal else None
+def _finger_rows(
+    grasp: RecomputedGrasp, finger: RecomputedFinger, index: int, columns: Mapping[str, int], size: int, force: float
+) -> tuple[Array, Array]:
+    """Rows and right-hand side of a finger's equilibrium: the virtual work of each cause alone."""
+    loads, tensions = finger.loads, finger.tensions
+    scale = finger.moment_scale(max((float(np.hypot(*load.force)) for load in loads), default=0.0))
+
+    def work(pulls: tuple[float, float] = (0.0, 0.0), load: FingerLoad | None = None) -> Array:
+        finger.loads, finger.tensions = [] if load is None else [load], np.asarray(pulls)
+        slopes = finger.virtual_work()
+        if not finger.matches_tip:
+            return slopes
+        # The tip's curvature is no free coordinate: it is set by the balance of moments there.
+        bent = float(finger.shape.moment(np.array(finger.length)))
+        return np.append(slopes, bent - finger.tip_moment - finger.tip_couple)
+
+    try:
+        alone = work()
+        rows = np.zeros((alone.size, size))
+        for side, pulls in enumerate(((force, 0.0), (0.0, force))):
+            rows[:, 2 * index + side] = work(pulls) - alone
+        for contact in grasp.of(finger):
+            at = columns[contact.name]
+            # Friction acts on the skin: a couple by its arm, half the thickness.
+            for k, direction, couple in (
+                (0, contact.normal, 0.0),
+                (1, across(contact.normal), -contact.radius * force),
+            ):
+                load = FingerLoad(contact.name, contact.joint, force * direction, couple)
+                rows[:, at + k] = work(load=load) - alone
+    finally:
+        finger.loads, finger.tensions = loads, tensions
+    return rows / scale, -alone / scale
 
 
-def _friction(problem: _PostureProblem, amount: float) -> tuple[float, Array] | None:
-    """By bisection: force and coefficient multiply, so that only with a given coefficient it is an LP."""
-    high, best = 0.0, None
-    # The amount found may be rounding too small for its own posture.
-    for more in (1e-5, 1e-3, 1e-1):
-        high = amount * (1.0 + more)
-        best = problem.least(added=high)
-        if best.optimal:
-            break
-    if best is None or not best.optimal:
-        return None
-    low, guess = 0.0, amount * (1.0 - 1e-5)
-    while high - low > PRECISION * (high + float(problem.statics.friction.max(initial=0.0))):
-        found = problem.least(added=guess)
-        if found.status == "infeasible":
-            low = guess
-        elif found.optimal:
-            high, best = guess, found
-        else:
-            return None
-        guess = 0.5 * (low + high)
-    return high, best.x[:-1]
+def _object_rows(grasp: RecomputedGrasp, columns: Mapping[str, int], size: int) -> tuple[Array, Array, Array]:
+    """Force and moment, lift, and tilt of the object, as parts of the unit of force and of that times the size."""
+    in_plane, lift, tilt = np.zeros((3, size)), np.zeros((1, size)), np.zeros((2, size))
+    gravity = grasp.scene.gravity
+    balances = isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance"
+    for contact in grasp.contacts:
+        at, arm = columns[contact.name], (contact.point - grasp.object.com) / grasp.size
+        for k, direction in enumerate((contact.normal, across(contact.normal))):
+            in_plane[:2, at + k] = -direction
+            in_plane[2, at + k] = -(arm[0] * direction[1] - arm[1] * direction[0])
+        lift[0, at + 2] = 1.0
+        if balances:
+            tilt[:, at + 2] = arm
+    return in_plane, lift, tilt
 
 
-_ASKED: dict[str, Callable[[_PostureProblem, float], tuple[float, Array] | None]] = {
-    "tension": lambda p, _: _found(p.least(relaxed=p.pulling), p.statics.force),
-    "friction": _friction,
-    "mass": lambda p, _: _found(p.least(along=-p.statics.weight, most=1.0), 1.0),
-    "normal force": lambda p, _: _found(p.least(relaxed=p.normals), p.statics.force),
-    "tilt balance": lambda p, _: _found(p.least(tilted=True), p.statics.moment),
-}
+def _bounds(grasp: RecomputedGrasp, size: int, force: float) -> tuple[Array, Array]:
+    """Least and most of tensions and forces; friction forces have none of their own."""
+    least, most = np.zeros(size), np.zeros(size)
+    # A tendon that is not there keeps zero as both bounds, and so does a lift in the plane.
+    for k, finger in enumerate(grasp.fingers):
+        tendons, used = finger.setup.tendons, finger.finger.tendons_used
+        for side, name in enumerate(("left", "right")):
+            if used in ("both", name):
+                least[2 * k + side], most[2 * k + side] = tendons.min_tension / force, finger.setup.max_tension / force
+    first = 2 * len(grasp.fingers)
+    lifted = isinstance(grasp.scene.gravity, OutOfPlaneGravity)
+    for k, contact in enumerate(grasp.contacts):
+        at = first + 3 * k
+        most[at] = contact.normal_force_max / force
+        least[at + 1], most[at + 1] = -np.inf, np.inf
+        if lifted:
+            least[at + 2], most[at + 2] = -np.inf, np.inf
+    return least, most
