@@ -199,6 +199,19 @@ def test_drawing_is_imported_when_needed(importer):
     assert not wrong
 
 
+def test_what_few_grasps_ask_for_is_imported_when_needed():
+    """Errors, friction states and the way in."""
+    rare = ("grasp.robust", "grasp.closing")
+    wrong = [
+        f"{file.relative_to(PACKAGE)}:{line}: {module}"
+        for file in FILES
+        if module_of(file) == "grasp" and not {"robust", "closing"} & {*file.parts}
+        for module, line, at_load in imports(file)
+        if at_load and module.startswith(tuple(f"continuum_grasp.{one}" for one in rare))
+    ]
+    assert not wrong
+
+
 def test_scenes_are_read_without_numpy():
     """Which loads with the curves of a finger, when these are asked for."""
     curves = {PACKAGE / "scene" / name for name in ("profile.py",)}

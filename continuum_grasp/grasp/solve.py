@@ -18,7 +18,6 @@ from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.reach import out_of_reach
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.grasp.robust.solve import is_robust, with_robust
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
 from continuum_grasp.grasp.stations import (
@@ -91,7 +90,7 @@ def optimize_grasp(
     if tolerance is None:
         first = _Verdict(scene, budget)
         result = _for_errors(first.result(), first.search, budget)
-        if fine and not is_robust(scene) and result.solved and not result.statistics["interrupted"]:
+        if fine and not scene.is_robust and result.solved and not result.statistics["interrupted"]:
             try:
                 result = with_fine(result, budget)
                 if any(setup.stations for setup in scene.setups):
@@ -115,8 +114,10 @@ def _for_errors(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     """The grasp that holds for the errors of a scene that names some and for all friction states of its tendons, next
     to the one found or others of its search.
     """
-    if not is_robust(result.scene) or not result.solved or result.statistics["interrupted"]:
+    if not result.scene.is_robust or not result.solved or result.statistics["interrupted"]:
         return result
+    from continuum_grasp.grasp.robust.solve import with_robust
+
     try:
         return with_robust(result, search, budget)
     except KeyboardInterrupt:

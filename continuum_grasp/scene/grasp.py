@@ -278,6 +278,11 @@ class GraspScene(Configuration, Supported):
         return found
 
     @property
+    def is_robust(self) -> bool:
+        """Whether it asks for a grasp that holds for errors or for all friction states of its fingers."""
+        return self.robust is not None or bool(self.state_columns)
+
+    @property
     def weights(self) -> ObjectiveWeights:
         """The objective as weights."""
         given = self.objective

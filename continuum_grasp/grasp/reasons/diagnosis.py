@@ -24,8 +24,6 @@ from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.confirm import least_amount
-from continuum_grasp.grasp.robust.search import find_robust
-from continuum_grasp.grasp.robust.solve import is_robust
 from continuum_grasp.grasp.search import BENT, Search, branch_of
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.values import Reason
@@ -390,7 +388,7 @@ class Repairs:
         scene, usual = self._relaxed(others, spare=1.0), limit.start(self.scene)
         amount, confirmed = repair.parts[limit] * usual, None
         # At one posture linear programming knows neither errors nor other friction states.
-        if confirm and not is_robust(scene):
+        if confirm and not scene.is_robust:
             least = least_amount(limit.name, scene, repair.arrays, amount)
             if least is not None:
                 confirmed = limit.value(scene, least.amount)
@@ -411,7 +409,7 @@ class Repairs:
         """A repair that is enough for all errors and friction states that the scene names, too: relaxed further by
         nearly the least step that is; None where none is.
         """
-        if not is_robust(self.scene) or any(limit.excuses is not None for limit in repair.parts):
+        if not self.scene.is_robust or any(limit.excuses is not None for limit in repair.parts):
             return repair
         short, enough = 0.0, None
         for step in STEPS:
@@ -429,6 +427,8 @@ class Repairs:
         """A repair relaxed by more usual amounts of each limit; None where no grasp next to it holds for all errors and
         friction states of the scene.
         """
+        from continuum_grasp.grasp.robust.search import find_robust
+
         scene, search = self.scene, self._search
         if search.budget.over:
             return None

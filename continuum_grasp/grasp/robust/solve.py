@@ -51,11 +51,6 @@ _TENDONS, _BENDING = "tendons.friction", "damping.dry_friction.moment"
 """Keys of a finger by which its friction states matter less."""
 
 
-def is_robust(scene: GraspScene) -> bool:
-    """Whether a scene asks for a grasp that holds for errors or for all friction states of its fingers."""
-    return scene.robust is not None or bool(scene.state_columns)
-
-
 def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspResult:
     """The grasp that holds for all errors and friction states, in place of a nominal one; why there is none, where none
     was found.
