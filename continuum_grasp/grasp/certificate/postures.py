@@ -25,7 +25,7 @@ from continuum_grasp.grasp.certificate.recomputed import (
     known_contacts,
 )
 from continuum_grasp.grasp.certificate.reserve import NEAR, Limits, Reserve, greatest_reserve
-from continuum_grasp.grasp.certificate.surfaces import PlacedObject
+from continuum_grasp.grasp.certificate.surfaces import Nearest, PlacedObject
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
@@ -195,7 +195,7 @@ class Equations:
                 one, finger = bodies[owner], self.fingers[owner]
                 place = one.order[joint]
                 center, angle, radius = one.centers[place], one.angles[place], one.radii[place]
-                found = body.nearest(center[None], int(self.parts[k]))
+                found = self._touched(body, k, center)
                 normal = found.normal[0]
                 point = center - radius * normal
                 if k in self.landed:
@@ -226,6 +226,11 @@ class Equations:
             off = (pose - grasp.pose) / self.lengths
             spare += [YIELDS - off, YIELDS + off]
         return np.concatenate(zero), np.concatenate(spare)
+
+    def _touched(self, body: PlacedObject, contact: int, center: Array) -> Nearest:
+        """What of the object a contact at a center (2,) touches."""
+        normal = self.near["contact_normals"][contact]
+        return body.nearest_of(center[None], [body.touched(int(self.parts[contact]), center, normal)])
 
     def jacobians(self, x: Array, states: Array, bodies: Sequence[_Bent]) -> tuple[Array, Array]:
         """Derivatives of equations and limits by the unknowns."""
@@ -313,7 +318,7 @@ class Equations:
                 one = bodies[owner]
                 place = one.order[joint]
                 center = one.centers[place]
-                normal = body.nearest(center[None], int(self.parts[k])).normal[0]
+                normal = self._touched(body, k, center).normal[0]
                 found["contact_normals"][k] = normal
                 found["contact_positions"][k] = center - one.radii[place] * normal
                 found["contact_stations"][k] = one.stations[place]

@@ -1,4 +1,4 @@
-"""The convex shapes of objects and, elsewhere placed, of the members of a union: fields, checks and geometry."""
+"""The shapes of objects and, elsewhere placed, of the members of a union: fields, checks and geometry."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from continuum_grasp.scene.parts import (
     Part,
     Point,
     SuperellipsePart,
-    check_convex,
-    counter_clockwise,
+    check_simple,
+    corners_of,
     polygon_centroid,
     rounded,
 )
@@ -102,55 +102,56 @@ class Box(_BoxShape, ObjectBody):
 
 class _PolygonShape(Value):
     shape: Literal["polygon"]
-    """A convex polygon with sharp corners."""
-    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=256)]
-    """Corners of a convex polygon in order, either way round [m]; a search takes longer with more than a hundred."""
+    """A simple polygon with sharp corners."""
+    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=1024)]
+    """Corners of a simple polygon in order, either way round [m]; a search takes longer with more than a hundred."""
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
-        return (OffsetPolygon(counter_clockwise(self.vertices)),)
+        return (OffsetPolygon(corners_of(self.vertices)),)
 
     @cached_property
     def centroid(self) -> Point:
         return polygon_centroid(self.vertices)
 
     def _check(self) -> None:
-        check_convex(self.vertices)
+        check_simple(self.vertices)
 
 
 class Polygon(_PolygonShape, ObjectBody):
-    """A convex polygon with sharp corners."""
+    """A simple polygon with sharp corners."""
 
 
 class _RoundedPolygonShape(Value):
     shape: Literal["rounded_polygon"]
-    """A convex polygon whose corners are rounded off."""
-    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=256)]
-    """Corners of the sharp convex outline in order, either way round [m]; they are rounded off inside it."""
+    """A simple polygon whose corners are rounded off, but for reflex ones."""
+    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=1024)]
+    """Corners of the sharp outline in order, either way round [m]; they are rounded off inside it."""
     corner_radius: Extent
     """Radius of the rounded corners [m]."""
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
-        return (rounded(counter_clockwise(self.vertices), self.corner_radius),)
+        return (rounded(corners_of(self.vertices), self.corner_radius),)
 
     @cached_property
     def centroid(self) -> Point:
         return polygon_centroid(tuple(self.parts[0].outline(720)))
 
     def _check(self) -> None:
-        check_convex(self.vertices)
-        outline = counter_clockwise(self.vertices)
+        check_simple(self.vertices)
+        outline = corners_of(self.vertices)
         core = rounded(outline, self.corner_radius).vertices
         edges = zip(outline, core, [*outline[1:], outline[0]], [*core[1:], core[0]], strict=True)
         if any((b[0] - a[0]) * (d[0] - c[0]) + (b[1] - a[1]) * (d[1] - c[1]) <= 0.0 for a, c, b, d in edges):
             raise ValueError(
                 f"corner_radius = {self.corner_radius} m is too large: an edge would have no flat part left"
             )
+        check_simple(core, f"corner_radius = {self.corner_radius} m is too large: the middles of its arcs")
 
 
 class RoundedPolygon(_RoundedPolygonShape, ObjectBody):
-    """A convex polygon whose corners are rounded off."""
+    """A simple polygon whose corners are rounded off, but for reflex ones."""
 
 
 class _StadiumShape(Value):
