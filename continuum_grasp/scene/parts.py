@@ -13,7 +13,7 @@ from typing import TypeAlias
 Point: TypeAlias = tuple[float, float]
 
 _IN_LINE = 1e-9
-"""Turn of the normal at a corner [rad] up to which its edges are in line: below, rounding decides which way it turns."""
+"""Turn of the normal at a corner [rad] up to which its edges are in line: below, rounding decides its sign."""
 
 
 class Part(ABC):

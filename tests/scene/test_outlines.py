@@ -22,7 +22,7 @@ from tests.marks import optional
 SCENE = "configs/grasp/mug.yaml"
 # An L of two bars, 60 mm and 40 mm long, both 20 mm wide.
 ELL = ((0.0, 0.0), (0.06, 0.0), (0.06, 0.02), (0.02, 0.02), (0.02, 0.06), (0.0, 0.06))
-COMB = tuple((0.01 * (k // 2), 0.03 * ((k + 1) // 2 % 2)) for k in range(12)) + ((0.05, -0.01), (0.0, -0.01))
+COMB = (*((0.01 * (k // 2), 0.03 * ((k + 1) // 2 % 2)) for k in range(12)), (0.05, -0.01), (0.0, -0.01))
 
 
 def star(seed, count=16):

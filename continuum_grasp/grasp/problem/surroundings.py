@@ -32,7 +32,8 @@ FINE = 64
 CLEAR = 1.0 - 1e-9
 """Part of the half thickness from which on a base counts as clear of a support."""
 _ON, _FAR = 1e-6, 10.0
-"""Distance of a piece up to which a contact is on it, and one from which on nothing is in the way, in units of length."""
+"""Distance of a piece up to which a contact is on it, and one from which on nothing is in the way, in units of the
+problem."""
 _EVEN = np.linspace(0.0, 1.0, 129)
 """Places along a finger between which its shape is integrated: 0.8 % of the length apart."""
 

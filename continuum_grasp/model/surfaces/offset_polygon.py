@@ -28,7 +28,6 @@ from numpy.typing import NDArray
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
 from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk, picked
 from continuum_grasp.model.surfaces.surface import (
-    TINY,
     Feature,
     Nearest,
     Surface,
@@ -49,8 +48,8 @@ nearest point is lost in rounding."""
 _SLOT = 1e-9
 """Squared preference, per squared extent, of the side of a segment on which a point lies."""
 _HIGHER = 1e-12
-"""Part by which the square of a height counts less, so that of two edges as near the higher one is taken: above rounding,
-and 1e-12 of a distance."""
+"""Part by which the square of a height counts less, so that of two edges as near the higher one is taken: above
+rounding."""
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,6 @@ class Union(ObjectBody):
 
 GraspObject = Annotated[
     Circle | Ellipse | Superellipse | Box | Polygon | RoundedPolygon | Stadium | Outline | Union,
-    Field(discriminator="shape")
+    Field(discriminator="shape"),
 ]
 """What can be grasped."""

@@ -20,7 +20,7 @@ _PIXEL = 0.0254 / 96.0
 _SMALLEST, _GREATEST = 1e-4, 10.0
 """Sizes of an outline [m] beyond which its unit is likely another one."""
 _CURVE = 48
-"""Chords of a curve of an SVG path: the least that keep a half circle to 0.05 % of its radius, before it is simplified."""
+"""Chords of a curve of an SVG path, before it is simplified: they keep a half circle to 0.05 % of its radius."""
 
 Ring = tuple[str, list[Point]]
 """What a closed curve is called in its file, and its points there."""
@@ -37,7 +37,7 @@ class OutlineFile(Value):
     path: str | None = None
     """Which of several: ``id`` of an SVG path, or the layer of a DXF entity."""
     scale: Annotated[Extent, Field(examples=["1 mm"])] | None = None
-    """Length of a unit of the file, or of a pixel [m]; None: that of SVG (1/96 inch) or DXF (its header), 1 m of CSV."""
+    """Length of a unit of the file, or of a pixel [m]; None: 1/96 inch of SVG, what a DXF states, 1 m of CSV."""
     tolerance: Annotated[Extent, Field(examples=["0.2 mm"])] = 1e-4
     """How far the polygon may be from the curve [m]; a greater one takes fewer corners."""
     threshold: Annotated[float, Field(gt=0.0, lt=1.0), Unit("1")] = 0.5
@@ -80,7 +80,9 @@ class OutlineFile(Value):
         inner = [other.representative_point() for other in solids[1:]]
         if holes := [at for at in inner if solids[0].contains(at)]:
             where = f"({holes[0].x:.4g}, {holes[0].y:.4g}) m"
-            raise ValueError(f"file: the outline has a hole at {where} (as scaled): fill it, or choose one curve by path")
+            raise ValueError(
+                f"file: the outline has a hole at {where} (as scaled): fill it, or choose one curve by path"
+            )
         if inner:
             names = ", ".join(repr(name) for name, _ in rings)
             raise ValueError(f"file: {len(rings)} closed curves ({names}): expected one; choose by path")
