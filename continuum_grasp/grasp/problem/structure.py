@@ -18,7 +18,7 @@ _RANGES = (1.0, 2.1, 3.15, 4.5, 6.3)
 """Bending ranges of models [rad]: a scene takes the next larger one, so that many scenes share a solver."""
 
 _NEAREST = 4
-"""Most pieces of the object that a place is kept clear of at once: in a notch two faces are near, each of one piece or,
+"""Most pieces of the object that a place must clear at once: in a notch two faces are near, each of one piece or,
 next to a cut, of two."""
 
 
