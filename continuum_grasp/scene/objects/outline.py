@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -123,13 +123,15 @@ def _from_svg(shape: OutlineFile) -> tuple[float | None, list[Ring]]:
 
 def _from_dxf(shape: OutlineFile) -> tuple[float | None, list[Ring]]:
     import ezdxf
-    from ezdxf import path, units
+    from ezdxf import path
+    from ezdxf.enums import InsertUnits
+    from ezdxf.units import conversion_factor
 
     try:
         drawing = ezdxf.readfile(shape.file)  # type: ignore[attr-defined]
     except ezdxf.DXFError as error:  # type: ignore[attr-defined]
         raise ValueError(str(error)) from None
-    unit = units.conversion_factor(drawing.units, units.M) if drawing.units else None
+    unit = conversion_factor(InsertUnits(drawing.units), InsertUnits.Meters) if drawing.units else None
     rings = []
     for entity in drawing.modelspace().query("LWPOLYLINE POLYLINE SPLINE CIRCLE ELLIPSE"):
         curve = path.make_path(entity)
@@ -157,7 +159,7 @@ def _from_png(shape: OutlineFile) -> tuple[float | None, list[Ring]]:
         gray, alpha = np.moveaxis(np.asarray(image.convert("LA"), dtype=float) / 255.0, 2, 0)
     # A ground round the image closes what its edge cuts off.
     dark = np.pad((1.0 - gray) * alpha, 1)
-    lines = contourpy.contour_generator(z=dark[::-1]).lines(shape.threshold)
+    lines: Any = contourpy.contour_generator(z=dark[::-1]).lines(shape.threshold)
     return None, [("", _once([(float(x), float(y)) for x, y in line])) for line in lines]
 
 
