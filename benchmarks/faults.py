@@ -55,8 +55,13 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "scene/parts.py",
-        ("(b[0] - a[0]) * (p[1] - a[1]) - (b[1]", "(b[0] - a[0]) * (p[1] - a[1]) + (b[1]"),
+        ("(a[1] > y) != (b[1] > y) and x <", "(a[1] > y) == (b[1] > y) and x <"),
         tests="scene model/test_contact_surface.py",
+    ),
+    *_in(
+        "scene/objects/outline.py",
+        ("[(x * scale, y * scale)", "[(x * scale, -y * scale)"),
+        tests="scene/test_outlines.py",
     ),
     *_in(
         "scene/supports.py",

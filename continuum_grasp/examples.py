@@ -162,18 +162,19 @@ def copy_example(name: str, folder: Path) -> list[Path]:
     >>> [file.relative_to(folder).as_posix() for file in copy_example("simulate/hanging", folder)][:2]
     ['configs/simulate/hanging.yaml', 'configs/fingers/nitinol_60cm.yaml']
     """
-    from continuum_grasp.results import write_text
+    from continuum_grasp.results.atomic import replacing
 
     one, root = example(name), shipped_folder()
     if one.missing:
         raise InputError(f"{name} needs measured data that are not shipped: {', '.join(one.missing)}")
-    texts = {folder / file: (root / file).read_text(encoding="utf-8") for file in one.files}
-    new = {file: text for file, text in texts.items() if not _says(file, text)}
+    contents = {folder / file: (root / file).read_bytes() for file in one.files}
+    new = {file: content for file, content in contents.items() if not (file.is_file() and file.read_bytes() == content)}
     if there := [str(file) for file in new if file.exists() or file.is_symlink()]:
         raise InputError(f"already there, with other content: {', '.join(there)}; nothing is overwritten")
-    for file, text in new.items():
-        write_text(text, file)
-    return list(texts)
+    for file, content in new.items():
+        with replacing(file) as temporary:
+            temporary.write_bytes(content)
+    return list(contents)
 
 
 def _example(path: Path) -> Example:
@@ -209,7 +210,7 @@ def _named(path: Path) -> Iterator[Path | str]:
             file = _beside(path, text)
             yield file
             yield from _named(file)
-        elif text.endswith(".csv"):
+        elif text.endswith((".csv", ".svg", ".dxf", ".png")):
             # `identify` is given a folder, and takes what lies in it by its name.
             data: list[Path | str] = [*sorted(path.parent.glob(text))]
             yield from data or [text]
@@ -222,10 +223,3 @@ def _texts(value: Any) -> Iterator[str]:
     elif isinstance(value, dict | list):
         for child in value.values() if isinstance(value, dict) else value:
             yield from _texts(child)
-
-
-def _says(file: Path, text: str) -> bool:
-    try:
-        return file.read_text(encoding="utf-8") == text
-    except (OSError, UnicodeDecodeError):
-        return False

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from continuum_grasp.cli.completion import complete_config
-from continuum_grasp.cli.options import verb
+from continuum_grasp.cli.options import named_path, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
@@ -22,6 +22,10 @@ def validate(
             metavar="FILES...", help="YAML configurations.", show_default=False, autocompletion=complete_config
         ),
     ],
+    picture: Annotated[
+        Path | None,
+        typer.Option("--picture", metavar="FILE", parser=named_path, help="Draw the object as it was understood."),
+    ] = None,
 ) -> None:
     """Check configurations, any number of them, and whether a finger can be modeled so."""
     from continuum_grasp.control.prediction import Prediction
@@ -53,8 +57,21 @@ def validate(
                 typer.echo(str(error), err=True)
         else:
             kind = kind_of_scene(loaded)
+            if picture is not None:
+                _draw(loaded, file, picture)
             checked.append({"file": str(file), "valid": True, "kind": kind})
             output.say(f"{file}: valid ({kind})")
     output.result(files=checked)
     if not all(one["valid"] for one in checked):
         raise typer.Exit(2)
+
+
+def _draw(loaded: Any, file: Path, picture: Path) -> None:
+    """Draw the object of a configuration; of several, the last one's picture stays."""
+    from continuum_grasp.plotting import plot_object
+    from continuum_grasp.results import save_picture
+
+    body = getattr(getattr(loaded, "grasp", loaded), "object", None)
+    if body is None:
+        raise InputError("has no object to draw (--picture)", file=str(file))
+    save_picture(plot_object(body), picture)

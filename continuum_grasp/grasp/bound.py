@@ -246,12 +246,14 @@ class _Places:
 
     def _along(self, y: Array, outline: Outline) -> tuple[float, complex, float]:
         """Upper bound on an outline, and place and normal angle where the most was found."""
-        ends = np.linspace(0.0, outline.period, _PIECES + 1)
+        # The normal jumps at no place inside an interval, whose last place is before a jump.
+        ends = np.unique(np.concatenate([np.linspace(0.0, outline.period, _PIECES + 1), outline.breaks]))
         low, high = ends[:-1], ends[1:]
         steep = math.hypot(1.0, self.friction)
         best, most, at = 0.0, 0.0, (0j, 0.0)
         for _ in range(_ROUNDS):
-            first, last = outline.walk(low), outline.walk(high)
+            before = np.where(np.isin(high, outline.breaks), np.nextafter(high, low), high)
+            first, last = outline.walk(low), outline.walk(before)
             turn = np.abs(wrapped(last.angle - first.angle))
             lines = np.stack([self._line(first.point, first.angle), self._line(last.point, last.angle)])
             # A convex arc is no longer than its chord over the cosine of half its turn; half of it is near either end.

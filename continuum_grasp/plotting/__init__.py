@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from continuum_grasp.plotting.motion import plot_shape as plot_shape
     from continuum_grasp.plotting.motion import plot_snapshots as plot_snapshots
     from continuum_grasp.plotting.motion import plot_tip_path as plot_tip_path
+    from continuum_grasp.plotting.objects import plot_object as plot_object
     from continuum_grasp.plotting.sweep import plot_front as plot_front
     from continuum_grasp.plotting.sweep import plot_map as plot_map
     from continuum_grasp.plotting.tendons import plot_tension_loop as plot_tension_loop

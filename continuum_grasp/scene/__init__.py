@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.objects import Circle as Circle
     from continuum_grasp.scene.objects import Ellipse as Ellipse
     from continuum_grasp.scene.objects import Freedom as Freedom
+    from continuum_grasp.scene.objects import Outline as Outline
     from continuum_grasp.scene.objects import Polygon as Polygon
     from continuum_grasp.scene.objects import Stadium as Stadium
     from continuum_grasp.scene.objects import Superellipse as Superellipse

@@ -88,6 +88,9 @@ def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
                 raise new.places[()].error(f"{key} extends no file: expected {key}={{extends: FILE, ...}}", where)
         apply_override(document, where, new)
     _put_in_files(document, main)
+    for path in (("object",), ("grasp", "object")):
+        if document.has(path):
+            _put_in_outlines(document, path, main)
 
 
 def _put_in_files(document: Document, main: Path) -> None:
@@ -108,6 +111,32 @@ def _put_in_files(document: Document, main: Path) -> None:
             document.put(
                 where, _part_of(file, "a learned residual (family, elements, features, weights, ...)", "weights")
             )
+
+
+def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
+    """Put a polygon in place of an outline in a file: of an object, or of members of a union."""
+    own = document.part(body)
+    if not isinstance(own.value, dict):
+        return
+    members = own.value.get("members")
+    for k in range(len(members) if isinstance(members, list) else 0):
+        _put_in_outlines(document, (*body, "members", k), main)
+    if own.value.get("shape") != "outline" or not isinstance(own.value.get("file"), str):
+        return
+    from continuum_grasp.scene.objects.body import MemberPlace, ObjectBody
+    from continuum_grasp.scene.objects.outline import OutlineFile
+
+    file = named_file(own.place(("file",)), own.get(("file",)), main, "file of an outline", (*body, "file"))
+    others = {*ObjectBody.model_fields, *MemberPlace.model_fields}
+    rest = {key: value for key, value in own.value.items() if key in others}
+    own.value = {key: value for key, value in own.value.items() if key not in others} | {"file": str(file)}
+    try:
+        found = validated(own, OutlineFile)
+    except InputError as error:
+        key = f"{dotted(body)}.{error.key}" if error.key else dotted(body)
+        raise InputError(error.message, file=error.file, line=error.line, column=error.column, key=key) from None
+    vertices = [list(corner) for corner in found.vertices]
+    document.put(body, Document({"shape": "polygon", "vertices": vertices} | rest, own.places))
 
 
 def named_file(place: Place, target: str, main: Path, what: str, path: KeyPath) -> Path:

@@ -1,4 +1,4 @@
-"""Convex parts of objects in plain numbers: polygons with an offset, and superellipses."""
+"""Parts of objects in plain numbers: polygons with an offset, and superellipses."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import TypeAlias
 
 Point: TypeAlias = tuple[float, float]
 
+_IN_LINE = 1e-9
+"""Turn of the normal at a corner [rad] up to which its edges are in line: below, rounding decides its sign."""
+
 
 class Part(ABC):
-    """A convex part of an object in plain numbers, in the object's frame [m].
+    """A part of an object in plain numbers, in the object's frame [m].
 
     The mathematics that contacts and grasps need of it lies in `continuum_grasp.model.surfaces`.
     """
@@ -40,6 +43,11 @@ class Part(ABC):
     def extent(self) -> float:
         """A distance from the origin that no point of the part exceeds [m]."""
 
+    @property
+    def pieces(self) -> tuple[Part, ...]:
+        """Convex parts that the part consists of."""
+        return (self,)
+
     def distance(self, point: Point) -> float:
         """Distance of a point of the object's frame from the boundary [m], negative inside."""
         return _polygon_distance(point, self.outline())
@@ -47,7 +55,7 @@ class Part(ABC):
 
 @dataclass(frozen=True)
 class OffsetPolygon(Part):
-    """Everything within a distance of a convex polygon, of a segment (a stadium), or of a point (a disc)."""
+    """Everything within a distance of a simple polygon, of a segment (a stadium), or of a point (a disc)."""
 
     vertices: tuple[Point, ...]
     """Counter-clockwise corners of the core; one for a disc, two for a stadium [m]."""
@@ -64,26 +72,37 @@ class OffsetPolygon(Part):
     def outline(self, count: int = 240) -> list[Point]:
         if self.radius == 0.0:
             return list(self.vertices)
-        # An arc about each corner, from the normal of the edge before it to that of the edge after it.
+        # An arc about each corner, from the normal of the edge before it to that of the edge after it; where the corner
+        # is reflex, the edges meet.
         points = []
-        size = len(self.vertices)
-        for k, (x, y) in enumerate(self.vertices):
-            low, turn = 0.0, math.tau
-            if size > 1:
-                low, high = (
-                    _edge_normal(self.vertices[k - 1], (x, y)),
-                    _edge_normal((x, y), self.vertices[(k + 1) % size]),
-                )
-                turn = (high - low) % math.tau
+        for (x, y), (low, turn) in zip(self.vertices, self.turns, strict=True):
             steps = max(2, round(count * turn / math.tau))
             # A disc closes on itself: its last point would be its first.
-            angles = [low + turn * j / steps for j in range(steps + (size > 1))]
-            points += [(x + self.radius * math.cos(t), y + self.radius * math.sin(t)) for t in angles]
+            angles = [low + turn * j / steps for j in range(steps + (len(self.vertices) > 1))]
+            reach = self.radius
+            if turn < 0.0:
+                reach, angles = self.radius / math.cos(0.5 * turn), [low + 0.5 * turn]
+            points += [(x + reach * math.cos(t), y + reach * math.sin(t)) for t in angles]
         return points
+
+    @cached_property
+    def turns(self) -> tuple[Point, ...]:
+        """At each corner of the core the angle of the outward normal before it, and by how much the normal turns
+        there, negative where the corner is reflex [rad].
+        """
+        return _turns(self.vertices) if len(self.vertices) > 1 else ((0.0, math.tau),)
+
+    @cached_property
+    def pieces(self) -> tuple[OffsetPolygon, ...]:
+        """Convex parts between corners of the core, which overlap no more than the offset makes them."""
+        if all(turn > 0.0 for _, turn in self.turns):
+            return (self,)
+        return tuple(OffsetPolygon(piece, self.radius) for piece in _convex_pieces(self.vertices))
 
     def curvature(self, point: Point, tolerance: float) -> float:
         # On the rounding of a corner no edge is nearer than its ends.
-        if min(math.dist(point, corner) for corner in self.vertices) > self.radius + tolerance:
+        corners = (corner for corner, (_, turn) in zip(self.vertices, self.turns, strict=True) if turn > 0.0)
+        if min(math.dist(point, corner) for corner in corners) > self.radius + tolerance:
             return 0.0
         return 1.0 / self.radius if self.radius > 0.0 else math.inf
 
@@ -162,8 +181,15 @@ def _edge_normal(a: Point, b: Point) -> float:
     return math.atan2(a[0] - b[0], b[1] - a[1])
 
 
-def _cross(a: Point, b: Point, p: Point) -> float:
-    return (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
+def _turns(vertices: Sequence[Point]) -> tuple[Point, ...]:
+    """Angle of the outward normal before each corner, and the turn of the normal there, up to half a turn [rad]."""
+    found = []
+    for before, here, after in zip((vertices[-1], *vertices), vertices, (*vertices[1:], vertices[0]), strict=False):
+        low = _edge_normal(before, here)
+        turn = (_edge_normal(here, after) - low) % math.tau
+        # The ends of a segment turn by half a turn, but for rounding.
+        found.append((low, turn if turn < math.pi + _IN_LINE else turn - math.tau))
+    return tuple(found)
 
 
 def _segment_distance(p: Point, a: Point, b: Point) -> float:
@@ -175,13 +201,13 @@ def _segment_distance(p: Point, a: Point, b: Point) -> float:
 
 
 def _polygon_distance(point: Point, vertices: Sequence[Point]) -> float:
-    """Distance of a point from a convex polygon, a segment or a point [m], negative inside the polygon."""
-    if len(vertices) == 1:
-        return math.dist(point, vertices[0])
-    edges = list(pairwise([*vertices, vertices[0]]))
-    nearest = min(_segment_distance(point, a, b) for a, b in edges)
-    # A segment has no inside, though every point on its line would pass.
-    inside = len(vertices) > 2 and all(_cross(a, b, point) >= 0.0 for a, b in edges)
+    """Distance of a point from a simple polygon, a segment or a point [m], negative inside the polygon."""
+    x, y = point
+    nearest, inside = math.inf, False
+    for a, b in pairwise([*vertices, vertices[0]]):
+        nearest = min(nearest, _segment_distance(point, a, b))
+        # A ray to the right crosses the outline of what it starts in an odd number of times.
+        inside ^= (a[1] > y) != (b[1] > y) and x < a[0] + (y - a[1]) / (b[1] - a[1]) * (b[0] - a[0])
     return -nearest if inside else nearest
 
 
@@ -198,43 +224,60 @@ def polygon_moments(vertices: Sequence[Point], about: Point = (0.0, 0.0)) -> tup
     return area, (x, y), second
 
 
-def counter_clockwise(vertices: tuple[Point, ...]) -> tuple[Point, ...]:
-    return vertices if polygon_moments(vertices)[0] > 0.0 else vertices[::-1]
-
-
 def polygon_centroid(vertices: tuple[Point, ...]) -> Point:
     area, (x, y), _ = polygon_moments(vertices)
     return x / area, y / area
 
 
-def check_convex(vertices: tuple[Point, ...]) -> None:
-    ring = [*vertices, *vertices[:2]]
-    turns = [_cross(ring[k], ring[k + 1], ring[k + 2]) for k in range(len(vertices))]
-    scale = max(math.dist(a, b) for a, b in pairwise([*vertices, vertices[0]]))
-    # A pentagram turns the same way at all corners too, but by two turns.
-    whole = sum(
-        math.remainder(_edge_normal(ring[k + 1], ring[k + 2]) - _edge_normal(ring[k], ring[k + 1]), math.tau)
-        for k in range(len(vertices))
-    )
-    # Three corners in line to 1e-9 of the size have no edge normal that rounding leaves.
-    flat = 1e-9 * scale**2
-    same_way = all(t > flat for t in turns) or all(t < -flat for t in turns)
-    if not same_way or abs(abs(whole) - math.tau) > 1e-6:
+def corners_of(vertices: Sequence[Point]) -> tuple[Point, ...]:
+    """The corners of a simple polygon counter-clockwise, without those in line with their neighbors."""
+    ring = tuple(vertices) if polygon_moments(vertices)[0] > 0.0 else tuple(vertices[::-1])
+    return tuple(corner for corner, (_, turn) in zip(ring, _turns(ring), strict=True) if abs(turn) > _IN_LINE)
+
+
+def check_simple(vertices: Sequence[Point], key: str = "vertices") -> None:
+    """Refuse an outline that crosses or touches itself, at a key."""
+    import shapely
+
+    reason = shapely.is_valid_reason(shapely.Polygon(vertices))
+    if reason != "Valid Geometry" or len(set(vertices)) < len(vertices):
+        what, _, place = reason.removeprefix("Ring ").partition("[")
+        where = f" at ({', '.join(f'{float(c):.4g}' for c in place[:-1].split())}) m" if place else ""
         raise ValueError(
-            "vertices must be the corners of a convex polygon, in order, no three in line; take a union otherwise"
+            f"{key} must be the corners of a simple polygon, in order, each once: "
+            f"{what.lower() if place else 'a corner is there twice'}{where}"
         )
 
 
+def _convex_pieces(vertices: tuple[Point, ...]) -> list[tuple[Point, ...]]:
+    """Convex polygons between the corners of a simple one, at most four times as many as are needed.
+
+    Of the triangles of Delaunay those are joined whose common side no reflex corner needs: S. Hertel and K. Mehlhorn,
+    "Fast triangulation of simple polygons", Foundations of Computation Theory, 1983.
+    """
+    import shapely
+
+    triangles = shapely.constrained_delaunay_triangles(shapely.Polygon(vertices)).geoms
+    pieces = [corners_of([(x, y) for x, y in triangle.exterior.coords[:-1]]) for triangle in triangles]
+    owner = {side: piece for piece in pieces for side in pairwise([*piece, piece[0]])}
+    sides = [(a, b) for a, b in owner if (b, a) in owner and a < b]
+    for a, b in sorted(sides, key=lambda side: -math.dist(*side)):
+        one, other = owner[a, b], owner[b, a]
+        k, j = one.index(b), other.index(a)
+        whole = (*one[k:], *one[:k], *other[j + 1 :], *other[:j])[:-1]
+        if all(turn > _IN_LINE for _, turn in _turns(whole)):
+            owner |= dict.fromkeys(pairwise([*whole, whole[0]]), whole)
+            del owner[a, b], owner[b, a]
+    return list(dict.fromkeys(owner.values()))
+
+
 def rounded(vertices: tuple[Point, ...], radius: float) -> OffsetPolygon:
-    """The part whose sharp outline is given and whose corners are rounded off inside it."""
+    """The part whose sharp outline is given and whose corners are rounded off inside it, but for reflex ones."""
     if radius == 0.0:
         return OffsetPolygon(vertices)
     core = []
-    for k, (x, y) in enumerate(vertices):
-        low = _edge_normal(vertices[k - 1], (x, y))
-        high = _edge_normal((x, y), vertices[(k + 1) % len(vertices)])
+    for (x, y), (low, turn) in zip(vertices, _turns(vertices), strict=True):
         # The center of an arc tangent to both edges is on the bisector, radius / cos(half) inside the corner.
-        half = 0.5 * ((high - low) % math.tau)
-        reach, middle = radius / math.cos(half), low + half
+        reach, middle = radius / math.cos(0.5 * turn), low + 0.5 * turn
         core.append((x - reach * math.cos(middle), y - reach * math.sin(middle)))
     return OffsetPolygon(tuple(core), radius)

@@ -191,7 +191,7 @@ def test_placed_object_and_union():
         if value > 0:
             assert value == pytest.approx(min(np.hypot(*(e - point).T).min() for e in edges), abs=1e-6)
     parts = rng.integers(0, 3, 60)
-    both = placed.nearest_of(points, parts)
+    both = placed.nearest_of(points, [body.parts[k] for k in parts])
     for k in range(3):
         alone = placed.nearest(points[parts == k], k)
         assert both.distance[parts == k] == pytest.approx(alone.distance, abs=1e-15)

@@ -50,7 +50,7 @@ def add_surroundings(root: ET.Element, scene: Scene) -> None:
         ET.SubElement(one, "inertial", pos="0 0 0", mass=numbers(body.mass), diaginertia=inertia)
     asset = ET.Element("asset")
     width = _WIDTH * scene.finger.profile.length
-    for k, part in enumerate(body.parts):
+    for k, part in enumerate(body.pieces):
         placed = part.placed((body.position[0] - x, body.position[1] - y), body.angle)
         one.append(_geometry(asset, f"part_{k + 1}", placed, width))
     if len(asset):

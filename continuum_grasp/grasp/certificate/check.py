@@ -219,12 +219,14 @@ def depth_of_wall(body: PlacedObject, wall: Wall) -> float:
     along, deepest = across(normal), -np.inf
     for part, tip in enumerate(tips):
         low, high = -wall.half_length, wall.half_length
-        # The distance from a convex part is convex along a line: each round leaves a 20th, five 3e-7 of the line.
-        for _ in range(5):
-            places = np.linspace(low, high, 41)
+        # The distance from a convex part is convex along a line: each round leaves a 20th, five 3e-7 of the line. A
+        # polygon is nearest at an end of the line or at one of its own corners.
+        corners = np.clip((body.corners(part) - middle) @ along, low, high)
+        for first in (True, *(False,) * 4):
+            places = np.unique(np.append(np.linspace(low, high, 41), corners if first else []))
             away = body.nearest(middle + places[:, None] * along, part).distance
             k = int(away.argmin())
-            low, high = places[max(k - 1, 0)], places[min(k + 1, 40)]
+            low, high = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
         depth = -float(away[k])
         if depth > 0.0 and abs(float(along @ tip)) <= wall.half_length:
             depth = worst(depth, -float(normal @ tip))

@@ -268,7 +268,8 @@ class RecomputedGrasp:
             return
         parts = [c.part for c in contacts]
         centers = np.stack([_center(c) for c in contacts])
-        near = self.object.nearest_of(centers, parts)
+        surfaces = [self.object.touched(c.part, at, c.stored_normal) for c, at in zip(contacts, centers, strict=True)]
+        near = self.object.nearest_of(centers, surfaces)
         for k, c in enumerate(contacts):
             unit = c.stored_normal / max(float(np.hypot(*c.stored_normal)), 1e-300)
             if isinstance(c.support, Wall):  # a face may touch anywhere along it: the place is the stored one
@@ -289,7 +290,7 @@ class RecomputedGrasp:
         # From afar along the normal, the object's nearest point is the point of contact if the normal is right.
         points = np.stack([c.point for c in contacts])
         away = np.array([c.length for c in contacts])
-        seen = self.object.nearest_of(points + away[:, None] * np.stack([c.normal for c in contacts]), parts)
+        seen = self.object.nearest_of(points + away[:, None] * np.stack([c.normal for c in contacts]), surfaces)
         off = np.hypot(*(seen.point - points).T)
         depths = -self.object.distances(points) if len(self.object.parts) > 1 else np.zeros((1, len(contacts)))
         depths[parts, range(len(contacts))] = 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,8 @@ _SMALLEST = 1e-300
 """Keeps a division by a zero distance finite; the quotient is not used then."""
 _ROUNDING = 1e-13
 """Distance from a sharp corner, as a part of the longest edge, below which the way to it means nothing."""
+_ALIKE = 1e-6
+"""Distance, as a part of the longest edge, up to which two edges count as equally near: what contacts may be off."""
 _TURNS = np.linspace(0.0, 0.5 * np.pi, 33)
 """Of a circle; where the points of a superellipse that are tried first would be without its elongation."""
 
@@ -77,20 +79,20 @@ class PlacedObject:
 
     def nearest(self, points: Array, part: int) -> Nearest:
         """What of one part's surface is nearest to world points (n, 2)."""
-        found = nearest(self.parts[part], (points - self.position) @ self._turn)
+        return self._nearest(points, self.parts[part])
+
+    def _nearest(self, points: Array, part: Part) -> Nearest:
+        found = nearest(part, (points - self.position) @ self._turn)
         return Nearest(found.distance, self.world(found.point), found.normal @ self._turn.T, found.radius)
 
-    def nearest_of(self, points: Array, parts: Sequence[int]) -> Nearest:
+    def nearest_of(self, points: Array, parts: Sequence[Part]) -> Nearest:
         """The same where each point (n, 2) has a part of its own."""
-        index = np.asarray(parts, dtype=int)
-        distance, radius = np.empty(index.size), np.empty(index.size)
-        point, normal = np.empty((index.size, 2)), np.empty((index.size, 2))
-        for part in np.unique(index):
-            mine = index == part
-            found = self.nearest(points[mine], int(part))
-            distance[mine], radius[mine] = found.distance, found.radius
-            point[mine], normal[mine] = found.point, found.normal
-        return Nearest(distance, point, normal, radius)
+        found = [self._nearest(point[None], part) for point, part in zip(points, parts, strict=True)]
+        return Nearest(*(np.concatenate([getattr(one, key.name) for one in found]) for key in fields(Nearest)))
+
+    def touched(self, part: int, point: Array, normal: Array) -> Part:
+        """What of a part a contact is on, whose center and normal (2,) are given in the world."""
+        return touched(self.parts[part], (point - self.position) @ self._turn, normal @ self._turn)
 
     def distances(self, points: Array) -> Array:
         """Distance of world points from each part (parts, n) [m], negative inside."""
@@ -104,6 +106,11 @@ class PlacedObject:
         """World point of each part that lies farthest in a world direction (parts, 2) [m]."""
         own = np.asarray(np.asarray(direction) @ self._turn)
         return self.world(np.stack([support_point(part, own) for part in self.parts]))
+
+    def corners(self, part: int) -> Array:
+        """World positions (m, 2) of the corners of a polygon; none of other parts."""
+        one = self.parts[part]
+        return self.world(np.reshape(one.vertices if isinstance(one, OffsetPolygon) else (), (-1, 2)))
 
     def sharp_places(self, radius: float) -> tuple[Array, Array]:
         """World positions (m, 2) where the surface bends sharper than a radius, and how round it is there (m,) [m]."""
@@ -145,34 +152,67 @@ def _turn(angle: float) -> Array:
 
 
 def _rounded_polygon(core: Array, radius: float, points: Array) -> Nearest:
-    """Everything within ``radius`` of a convex core: one point (a disc), two (a slot), or a polygon."""
+    """Everything within ``radius`` of a core: one point (a disc), two (a slot), or a simple polygon."""
     count = np.arange(len(points))
     if len(core) == 1:
         off = points - core
         away = np.hypot(off[:, 0], off[:, 1])
         normal = np.where(away[:, None] > 0.0, off / np.maximum(away, _SMALLEST)[:, None], np.array([1.0, 0.0]))
         return Nearest(away - radius, core + radius * normal, normal, np.full(count.size, radius))
+    along, out, length = _edges(core)
+    walked, height, beside = _seen(core, points)
+    # A ray to the right crosses the outline of what it starts in an odd number of times.
+    below = core[:, 1] <= points[:, 1:]
+    passes = (below != np.roll(below, -1, axis=1)) & ((height < 0.0) == (along[:, 1] > 0.0))
+    side = np.where(passes.sum(axis=1) % 2 == 1, -1.0, 1.0)
+    edge = np.hypot(height, beside).argmin(axis=1)
+    height, beside, walked = height[count, edge], beside[count, edge], walked[count, edge]
+    away, at_corner = np.hypot(height, beside), beside != 0.0
+    foot = core[edge] + np.clip(walked, 0.0, length[edge])[:, None] * along[edge]
+    normal = height[:, None] * out[edge] + beside[:, None] * along[edge]
+    normal = side[:, None] * normal / np.maximum(away, _SMALLEST)[:, None]
+    normal = np.where((away > _ROUNDING * length.max())[:, None], normal, out[edge])
+    return Nearest(side * away - radius, foot + radius * normal, normal, np.where(at_corner, radius, _FLAT))
+
+
+def _edges(core: Array) -> tuple[Array, Array, Array]:
+    """Directions, outward normals (m, 2) and lengths (m,) of the edges of a core."""
     span = np.roll(core, -1, axis=0) - core
     length = np.hypot(span[:, 0], span[:, 1])
     along = span / length[:, None]
-    out = np.stack([along[:, 1], -along[:, 0]], axis=1)
-    # Of each point (rows) seen from each edge (columns): how far along it, above it, and beside its ends.
+    return along, np.stack([along[:, 1], -along[:, 0]], axis=1), length
+
+
+def _seen(core: Array, points: Array) -> tuple[Array, Array, Array]:
+    """How far each point (rows) is along each edge (columns), above it, and beside its ends."""
+    along, out, length = _edges(core)
     walked = points @ along.T - (core * along).sum(axis=1)
-    height = points @ out.T - (core * out).sum(axis=1)
-    beside = walked - np.clip(walked, 0.0, length)
-    inside = (height <= 0.0).all(axis=1) if len(core) > 2 else np.zeros(count.size, dtype=bool)
-    # Inside, the nearest edge is the least deep one; outside, the one whose foot or end is nearest.
-    edge = np.where(inside, height.argmax(axis=1), np.hypot(height, beside).argmin(axis=1))
-    height, beside, walked = height[count, edge], beside[count, edge], walked[count, edge]
-    away = np.hypot(height, np.where(inside, 0.0, beside))
-    at_corner = ~inside & (beside != 0.0)
-    other_side = (height < 0.0) & (len(core) == 2)  # of a slot
-    normal = np.where(other_side, -1.0, 1.0)[:, None] * out[edge]
-    foot = core[edge] + np.clip(walked, 0.0, length[edge])[:, None] * along[edge]
-    corner = (height[:, None] * out[edge] + beside[:, None] * along[edge]) / np.maximum(away, _SMALLEST)[:, None]
-    normal = np.where((at_corner & (away > _ROUNDING * length.max()))[:, None], corner, normal)
-    distance = np.where(inside, -away, away) - radius
-    return Nearest(distance, foot + radius * normal, normal, np.where(at_corner, radius, _FLAT))
+    return walked, points @ out.T - (core * out).sum(axis=1), walked - np.clip(walked, 0.0, length)
+
+
+def touched(part: Part, point: Array, normal: Array) -> Part:
+    """What of a part a contact at a point (2,) with a normal (2,) may roll or slide on: a convex piece of its outline.
+
+    What does not lie behind it is left to the checks of clearance. Of edges that are about as near, as where a tip
+    lies in a notch, it is that with this normal.
+    """
+    if not isinstance(part, OffsetPolygon) or len(part.vertices) < 3:
+        return part
+    core = np.asarray(part.vertices, dtype=float)
+    along, out, length = _edges(core)
+    convex = (np.roll(along, 1, axis=0) * out).sum(axis=1) > 0.0  # at the corner where each edge starts
+    if convex.all():
+        return part
+    _, height, beside = (row[0] for row in _seen(core, point[None]))
+    away = np.hypot(height, beside)
+    agrees = (height * (out @ normal) + beside * (along @ normal)) / np.maximum(away, _SMALLEST)
+    edge, count = int((away - _ALIKE * length.max() * agrees).argmin()), len(core)
+    first = last = edge
+    while convex[first % count] and (first == edge or out[first % count] @ normal > 0.0):
+        first -= 1
+    while convex[(last + 1) % count] and (last == edge or out[last % count] @ normal > 0.0):
+        last += 1
+    return OffsetPolygon(tuple(map(tuple, core[np.arange(first, last + 2) % count].tolist())), part.radius)
 
 
 def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nearest:

@@ -17,6 +17,10 @@ from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 _RANGES = (1.0, 2.1, 3.15, 4.5, 6.3)
 """Bending ranges of models [rad]: a scene takes the next larger one, so that many scenes share a solver."""
 
+_NEAREST = 4
+"""Most pieces of the object that a place must clear at once: in a notch two faces are near, each of one piece or,
+next to a cut, of two."""
+
 
 @dataclass(frozen=True)
 class DriveSpec:
@@ -122,7 +126,8 @@ class ProblemSpec:
 
     fingers: tuple[FingerSpec, ...]
     contacts: tuple[ContactSpec, ...]
-    surfaces: tuple[Surface[Any], ...]  # of the object's convex parts
+    surfaces: tuple[Surface[Any], ...]  # of the object's parts
+    obstacles: int  # convex pieces of them that a place must keep clear of, the nearest ones
     planes: int  # supports that are half planes
     edges: int  # finite ones
     pegs: int  # round ones
@@ -159,6 +164,7 @@ class ProblemSpec:
             fingers=tuple(FingerSpec.of(setup, on, weighs) for setup in setups),
             contacts=tuple(specs),
             surfaces=surfaces,
+            obstacles=min(len(scene.object.pieces), _NEAREST),
             planes=len(scene.walls) - len(bounded),
             edges=len(bounded),
             pegs=len(pegs),

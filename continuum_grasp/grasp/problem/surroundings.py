@@ -31,6 +31,9 @@ FINE = 64
 """Places per element at which the depth is looked at: parabolas through the deepest place the probes."""
 CLEAR = 1.0 - 1e-9
 """Part of the half thickness from which on a base counts as clear of a support."""
+_ON, _FAR = 1e-6, 10.0
+"""Distance of a piece up to which a contact is on it, and one from which on nothing is in the way, in units of the
+problem."""
 _EVEN = np.linspace(0.0, 1.0, 129)
 """Places along a finger between which its shape is integrated: 0.8 % of the length apart."""
 
@@ -45,11 +48,10 @@ class Sight:
 
 @dataclass(frozen=True)
 class _Obstacle:
-    """What fingers must stay clear of: a convex part, or the half plane behind a wall."""
+    """What fingers must stay clear of: a convex part of the world, or the half plane behind a wall."""
 
     body: Part | Wall
     circles: str = ""  # what those that stand for it are called among a finger's numbers, where there are some
-    moves: bool = False  # with the object
 
     def near(
         self,
@@ -59,7 +61,6 @@ class _Obstacle:
         setup: FingerSetup,
         emerging: int,
         base: Array,
-        pose: Array,
         units: Units,
     ) -> tuple[Array, Array, Array]:
         """Circles (NEAR, K) that stand for it near places (K, 2) on the elements ``owner`` (K,) of a finger, half as
@@ -68,7 +69,7 @@ class _Obstacle:
         """
         needed = half.copy()
         if not isinstance(self.body, Wall):
-            return *_nearest(self.body, _local(at, pose) if self.moves else at, units), needed
+            return *_nearest(self.body, at, units), needed
         normal, point = np.asarray(self.body.normal), np.asarray(self.body.point) / units.length
         height = float((base[:2] - point) @ normal)
         # A base within a support is no penetration: the finger comes out of it, up to its first contact.
@@ -86,13 +87,16 @@ class Surroundings:
         out: list[ca.SX] = [problem.pose]
         self._elements: list[list[int]] = []
         self._free: list[Array] = []  # which guarded places do not touch the object
-        for finger in problem.fingers:
+        for k, finger in enumerate(problem.fingers):
             points, elements, touches, half = finger.guarded
             # The probes are where this look puts them; all others follow from the unknowns.
             count = points.shape[1] - finger.probes * finger.spec.elements
             self._elements.append(elements[:count])
             self._free.append(~np.array(touches))
-            out += [points[:, :count], half[:count], finger.curvatures()[1], *finger.stored()]
+            own = [contact for contact in problem.contacts if contact.spec.finger == k]
+            own.sort(key=lambda contact: finger.end_of(contact.spec))
+            touched = ca.horzcat(ca.SX(2, 0), *(contact.local.point for contact in own))
+            out += [touched, points[:, :count], half[:count], finger.curvatures()[1], *finger.stored()]
         self._places = ca.Function("places", [x, numbers], out)
 
     def look(self, scene: GraspScene, x: Array, numbers: Array, probes: Mapping[str, Array] | None = None) -> Sight:
@@ -104,7 +108,7 @@ class Surroundings:
         pose, at = pose.ravel(), self._problem.x.at
         allowed = [float(x[at[f"relaxed clearance at the {name}"]][0]) for name in ("supports", "object")]
         traced = [
-            self._along(scene, setup, k, rest[8 * k : 8 * k + 8], pose, units, allowed, sight, probes)
+            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, units, allowed, sight, probes)
             for k, setup in enumerate(scene.setups)
         ]
         for one, other in self._problem.spec.pairs:
@@ -112,8 +116,8 @@ class Surroundings:
             sight.deepest = max(sight.deepest, deep)
         for i, peg in enumerate(scene.pegs if self._problem.spec.free else ()):
             local = _local(np.asarray(peg.position)[None] / units.length, pose)
-            for k, part in enumerate(scene.object.parts):
-                sight.numbers[f"peg_{i}.near_{k}"] = _nearest(part, local, units)[0]
+            for k, (circles, _) in enumerate(_beside(scene.object.pieces, self._problem.spec.obstacles, local, units)):
+                sight.numbers[f"peg_{i}.near_{k}"] = circles
         return sight
 
     def _along(
@@ -130,11 +134,12 @@ class Surroundings:
     ) -> _Traced:
         """Look along one finger; supports and object may be ``allowed`` deep in it."""
         finger, name = self._problem.fingers[index], setup.name
-        points, half, curvatures, q, lengths, tip, pulls, base = values
+        touched, points, half, curvatures, q, lengths, tip, pulls, base = values
         half, lengths, base, size = half.ravel(), lengths.ravel(), base.ravel(), setup.finger.rod.length
         line = _Line.of(setup, finger, curvatures, q.ravel(), lengths, float(tip.ravel()[0]), pulls.ravel())
         obstacles, emerging = _obstacles(scene), finger.spec.emerging
-        spare = [allowed[obstacle.moves] for obstacle in obstacles]  # what moves is the object
+        pieces, count = scene.object.pieces, self._problem.spec.obstacles
+        spare = [*[allowed[1]] * count, *[allowed[0]] * len(obstacles)]
 
         def along(fractions: Array) -> tuple[Array, Array, Array]:
             at = line.points(fractions) * np.exp(1j * base[2]) * (size / units.length)
@@ -142,8 +147,12 @@ class Surroundings:
             thick = skin(setup.finger.profile.half_thickness)(size * line.places(fractions)) / units.length
             return np.stack([base[0] + at.real, base[1] + at.imag], axis=1), owner, thick
 
-        def look(at: Array, owner: Array, thick: Array) -> list[tuple[Array, Array, Array]]:
-            return [obstacle.near(at, owner, thick, setup, emerging, base, pose, units) for obstacle in obstacles]
+        def look(
+            at: Array, owner: Array, thick: Array, touching: tuple[Array, Array] | None = None
+        ) -> list[tuple[Array, Array, Array]]:
+            fixed = [obstacle.near(at, owner, thick, setup, emerging, base, units) for obstacle in obstacles]
+            beside = _beside(pieces, count, _local(at, pose), units, touching)
+            return [*((circles, gap, thick) for circles, gap in beside), *fixed]
 
         def depth(places: tuple[Array, Array, Array]) -> Array:
             seen = zip(look(*places), spare, strict=True)
@@ -159,17 +168,19 @@ class Surroundings:
             probes = given[name].reshape(finger.spec.elements, finger.probes)
         at, owner, thick = along(probes)
         owner = np.concatenate([self._elements[index], owner]).astype(int)
-        looked = look(np.concatenate([points.T, at]), owner, np.concatenate([half, thick]))
+        touching = (~self._free[index], touched.T)
+        looked = look(np.concatenate([points.T, at]), owner, np.concatenate([half, thick]), touching)
         if finger.spec.strained and line.shape is not None:
             sight.numbers[f"{name}.strain probes"] = _most_strained(setup, line, even)
         sight.numbers[f"{name}.probes"] = probes.ravel()
-        planes = 0
-        for obstacle, (circles, gap, needed), slack in zip(obstacles, looked, spare, strict=True):
-            retained = self._free[index] if obstacle.moves else np.ones(len(gap), dtype=bool)
+        planes, every = 0, np.ones(len(owner), dtype=bool)
+        words = [*(f"near_{k}" for k in range(count)), *(obstacle.circles for obstacle in obstacles)]
+        for k, (word, (circles, gap, needed), slack) in enumerate(zip(words, looked, spare, strict=True)):
+            retained = self._free[index] if k == 0 and count == 1 else every
             sight.deepest = max(sight.deepest, float((needed - gap)[retained].max()) - slack)
-            if obstacle.circles:
+            if word:
                 # One column after the other.
-                sight.numbers[f"{name}.{obstacle.circles}"] = circles[:, retained].T
+                sight.numbers[f"{name}.{word}"] = circles[:, retained].T
             else:
                 sight.numbers |= {f"{name}.needed_{planes}_{j}": value for j, value in enumerate(needed)}
                 planes += 1
@@ -225,7 +236,6 @@ def _between(one: _Traced, other: _Traced, numbers: Values) -> float:
 def _obstacles(scene: GraspScene) -> list[_Obstacle]:
     fixed = [body.part for body in scene.places if body.part is not None]
     return [
-        *(_Obstacle(part, f"near_{k}", moves=True) for k, part in enumerate(scene.object.parts)),
         *(_Obstacle(wall) for wall in scene.walls if wall.part is None),
         *(_Obstacle(part, f"near_fixed_{k}") for k, part in enumerate(fixed)),
     ]
@@ -345,6 +355,27 @@ def _peak(values: Array, rows: Array, pick: Array) -> Array:
 def _local(points: Array, pose: Array) -> Array:
     c, s = np.cos(pose[2]), np.sin(pose[2])
     return np.asarray((points - pose[:2]) @ np.array([[c, -s], [s, c]]))
+
+
+def _beside(
+    pieces: tuple[Part, ...], count: int, points: Array, units: Units, touching: tuple[Array, Array] | None = None
+) -> list[tuple[Array, Array]]:
+    """Circles (NEAR, K) and distances (K,) of the pieces nearest to points of the object's frame (K, 2), for each of
+    ``count`` of them; of the points that are marked (K,) as ``touching`` at places (T, 2), without what they touch.
+    """
+    found = [_nearest(piece, points, units) for piece in pieces]
+    circles, gaps = (np.stack(every) for every in zip(*found, strict=True))
+    if touching is not None and count > 1:
+        marked, places = np.flatnonzero(touching[0]), touching[1]
+        where, at = np.nonzero([_nearest(piece, places, units)[1] < _ON for piece in pieces])
+        # A face far behind takes the place of what is touched.
+        circles[where, :2, marked[at]] -= _FAR * circles[where, 2:4, marked[at]]
+        circles[where, 4, marked[at]] = 0.0
+        gaps[where, marked[at]] += _FAR
+    if len(pieces) > count:
+        order = np.argsort(gaps, axis=0)[:count]
+        gaps, circles = np.take_along_axis(gaps, order, 0), np.take_along_axis(circles, order[:, None], 0)
+    return list(zip(circles, gaps, strict=True))
 
 
 def _nearest(part: Part, points: Array, units: Units) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Surfaces of objects: one file for each kind of convex part, and the table of them."""
+"""Surfaces of objects: one file for each kind of part, and the table of them."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def outline_of(part: Part) -> Outline:
 
 
 def nearest(parts: Sequence[Part], at: Vec) -> Nearest:
-    """Distance of a point from the surface of a union of convex parts; that of the nearest part.
+    """Distance of a point from the surface of a union of parts; that of the nearest part.
 
-    Offset polygons are exact outside their core, and inside it up to half the least width. On superellipses the
-    nearest point is found by two or three Newton steps along the outline from the point in the same direction: exact
-    to 1e-7 of the shorter half axis for points nearer than 0.4 of it, and never negative outside.
+    Offset polygons are exact. On superellipses the nearest point is found by two or three Newton steps along the
+    outline from the point in the same direction: exact to 1e-7 of the shorter half axis for points nearer than 0.4 of
+    it, and never negative outside.
 
     Parameters
     ----------

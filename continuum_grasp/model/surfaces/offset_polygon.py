@@ -1,4 +1,4 @@
-"""The surface of an offset polygon: everything within a distance of a convex polygon, a segment or a point.
+"""The surface of an offset polygon: everything within a distance of a simple polygon, a segment or a point.
 
 A contact of a grasp sits on a *feature*, a face or a corner of the core, and every point there is
 
@@ -6,7 +6,10 @@ A contact of a grasp sits on a *feature*, a face or a corner of the core, and ev
 
 On a face alpha is the face's normal and sigma in [0, 1] is free: the contact slides along the face. On a corner a = b
 and alpha is free between the normals of the faces next to it. So faces, corners, stadiums and discs differ by numbers
-only.
+only. Reflex corners are no features: nothing round touches them but both their faces.
+
+The nearest edge says how far the core is, and on which side of it a point lies whether inside. Where a corner is as
+near by both its edges, it is the edge of which the point is higher above or below the line.
 """
 
 from __future__ import annotations
@@ -14,7 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -25,7 +28,6 @@ from numpy.typing import NDArray
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
 from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk, picked
 from continuum_grasp.model.surfaces.surface import (
-    TINY,
     Feature,
     Nearest,
     Surface,
@@ -45,6 +47,9 @@ _SKIN = 1e-9
 nearest point is lost in rounding."""
 _SLOT = 1e-9
 """Squared preference, per squared extent, of the side of a segment on which a point lies."""
+_HIGHER = 1e-12
+"""Part by which the square of a height counts less, so that of two edges as near the higher one is taken: above
+rounding."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +81,7 @@ class PolygonSurface(Surface[OffsetPolygon]):
         return Nearest(found.distance - part.radius, found.normal)
 
     def lowest_points(self, part: OffsetPolygon, direction: Vec) -> list[Vec]:
-        return [Vec(*v) + direction.scaled(part.radius) for v in part.vertices]
+        return [Vec(*part.vertices[k]) + direction.scaled(part.radius) for k in _outermost(part.vertices)]
 
     # -- contact of a grasp
 
@@ -104,12 +109,10 @@ class PolygonSurface(Surface[OffsetPolygon]):
         if len(core) == 1:
             return [Feature((*core[0], *core[0], r), (0.0, -math.inf), (0.0, math.inf), bend)]
         found = []
-        for k, (a, b) in enumerate(pairwise([*core, core[0]])):
+        for (a, b), (_, turn) in zip(pairwise([*core, core[0]]), part.turns, strict=True):
             normal = math.atan2(a[0] - b[0], b[1] - a[1])
-            before = core[k - 1]
-            last = math.atan2(before[0] - a[0], a[1] - before[1])
-            low = normal - (normal - last) % math.tau
-            found.append(Feature((*a, *a, r), (0.0, low), (0.0, normal), bend))
+            if turn > 0.0:
+                found.append(Feature((*a, *a, r), (0.0, normal - turn), (0.0, normal), bend))
             found.append(Feature((*a, *b, r), (0.0, normal), (1.0, normal)))
         return found
 
@@ -173,33 +176,41 @@ def _from_rectangle(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     return Nearest(ca.if_else(inside, deepest, size), turn.apply(Vec(signs.x * normal.x, signs.y * normal.y)))
 
 
+def _outermost(core: Sequence[tuple[float, float]]) -> list[int]:
+    """Indices of the corners of the convex hull, counter-clockwise."""
+    if len(core) < 4:
+        return list(range(len(core)))
+    from scipy.spatial import ConvexHull
+
+    found = ConvexHull(np.array(core)).vertices.tolist()
+    first = found.index(min(found))
+    return [*found[first:], *found[:first]]
+
+
 def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     """By the nearest of the edges; two vertices are a segment, which has no inside."""
     # All edges are compared at run time: a chain of selections, since branches have no derivative.
     edges = list(pairwise([*core, core[0]])) if len(core) > 2 else [(core[0], core[1])]
-    heights: list[Scalar] = []
-    found: list[tuple[Scalar, Vec, Vec]] = []
+    found: list[tuple[Scalar, Scalar, Vec, Vec]] = []
     for (ax, ay), (bx, by) in edges:
-        length = math.hypot(bx - ax, by - ay)
-        along, normal = Vec((bx - ax) / length, (by - ay) / length), Vec((by - ay) / length, (ax - bx) / length)
+        long = math.hypot(bx - ax, by - ay)
+        along, normal = Vec((bx - ax) / long, (by - ay) / long), Vec((by - ay) / long, (ax - bx) / long)
         away = at - Vec(ax, ay)
         s, height = along.dot(away), normal.dot(away)
-        over = s - ca.fmin(ca.fmax(s, 0.0), length)
+        over = s - ca.fmin(ca.fmax(s, 0.0), long)
         offset = along.scaled(over) + normal.scaled(height)
-        heights.append(height)
-        found.append((over * over + height * height, offset, normal))
-    square, away, face = found[0]
-    for other, offset, normal in found[1:]:
-        nearer = other < square
-        square, away, face = ca.fmin(other, square), chosen(nearer, offset, away), chosen(nearer, normal, face)
-    size = ca.sqrt(square + TINY)
-    outward = away.scaled(1.0 / size)
+        found.append((over * over + (1.0 - _HIGHER) * height * height, height, offset, normal))
+    least, height, away, face = found[0]
+    for other, above, offset, normal in found[1:]:
+        nearer = ca.SX(other < least)
+        least, height = ca.fmin(other, least), height + (above - height) * nearer
+        away, face = chosen(nearer, offset, away), chosen(nearer, normal, face)
+    size = length(away)
     if len(core) == 2:
-        return Nearest(size, outward)
-    # Inside, the nearest face is the one of least depth.
-    top = reduce(ca.fmax, heights)
-    inside = top <= _SKIN
-    return Nearest(ca.if_else(inside, top, size), chosen(inside, face, outward))
+        return Nearest(size, away.scaled(1.0 / size))
+    side = 2.0 * (height > 0.0) - 1.0
+    on_face = size <= _SKIN
+    return Nearest(ca.if_else(on_face, height, side * size), chosen(on_face, face, away.scaled(side / size)))
 
 
 class _PolygonOutline(Outline):
@@ -218,16 +229,23 @@ class _PolygonOutline(Outline):
         if size > 1:
             self._along = self._edges / self._lengths
             normals = np.angle(-1j * self._along)
+            # A reflex corner is passed at once.
             turns = np.mod(np.roll(normals, -1) - normals, math.tau)
+            turns[turns > math.pi + SHARP] = 0.0
         else:
             self._along, normals, turns = np.ones(1, complex), np.zeros(1), np.full(1, math.tau)
         self._normals, self._turns = normals, turns
-        self.face_normals: tuple[float, ...] = tuple(normals.tolist()) if size > 1 else ()
         pieces = np.stack([self._lengths, turns * self._per_angle], axis=1).ravel()
         self._starts = np.concatenate([[0.0], np.cumsum(pieces)])
         self.period = float(self._starts[-1])
+        self.breaks = self._starts[:-1:2][np.roll(turns == 0.0, 1)]
         self.center = complex(vertices.mean())
         self.extent = extent + radius
+
+    @cached_property
+    def face_normals(self) -> tuple[float, ...]:  # type: ignore[override]
+        corners = self.corners[_outermost([(z.real, z.imag) for z in self.corners.tolist()])]
+        return tuple(np.angle(-1j * (np.roll(corners, -1) - corners)).tolist()) if len(corners) > 1 else ()
 
     def walk(self, w: Array) -> Walk:
         w = np.mod(w, self.period)
@@ -269,28 +287,21 @@ class _PolygonOutline(Outline):
         turned = (points[..., None] - self.corners) * np.conj(self._along)
         along, out = turned.real, -turned.imag
         beyond = along - np.clip(along, 0.0, self._lengths)
-        square = beyond**2 + out**2
+        square = beyond**2 + (1.0 - _HIGHER) * out**2
         # A segment is two edges back to back: the side on which the point lies decides.
         if len(self.corners) == 2:
             square = square + np.where(out < 0.0, _SLOT * self.extent**2, 0.0)
-        outside = np.argmin(square, axis=-1)
-        core = np.hypot(*(picked(part, outside) for part in (beyond, out)))
-        edge = outside
+        edge = np.argmin(square, axis=-1)
+        core, height = np.hypot(picked(beyond, edge), picked(out, edge)), picked(out, edge)
         if len(self.corners) > 2:
-            depth = np.argmax(out, axis=-1)
-            deepest = picked(out, depth)
-            inside = deepest < 0.0
-            edge = np.where(inside, depth, outside)
-            core = np.where(inside, deepest, core)
+            core = np.where(height < 0.0, -core, core)
         return core - self.radius, edge, picked(along, edge)
 
     def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:
         heights = (self.corners * np.conj(direction)).real
-        top = int(np.argmax(heights))
-        found = [(complex(self.corners[top]) + self.radius * direction, 0.0)]
-        size = len(self.corners)
-        for other in {(top - 1) % size, (top + 1) % size} - {top}:
-            below = float(heights[top] - heights[other])
-            if below <= flat:
-                found.append((complex(self.corners[other]) + self.radius * direction, below))
-        return found[:2]
+        below = heights.max() - heights
+        level = np.flatnonzero(below <= flat)
+        along = (self.corners[level] * np.conj(1j * direction)).real
+        ends = {int(level[along.argmin()]), int(level[along.argmax()])}
+        found = [(complex(self.corners[k]) + self.radius * direction, float(below[k])) for k in ends]
+        return sorted(found, key=lambda end: end[1])

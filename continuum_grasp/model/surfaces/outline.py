@@ -1,4 +1,4 @@
-"""The outline of a convex part for the search of grasps: distances and walks, many points at once."""
+"""The outline of a part for the search of grasps: distances and walks, many points at once."""
 
 from __future__ import annotations
 
@@ -71,6 +71,7 @@ class Outline(ABC):
     corners: Array  # complex centers of the rounded corners; empty for a smooth part
     face_normals: tuple[float, ...] = ()  # angles of the normals of flat faces [rad]
     period: float = math.tau  # of walks
+    breaks: Array = np.zeros(0)  # walks at which the normal jumps, at reflex corners
 
     @property
     def is_round(self) -> bool:

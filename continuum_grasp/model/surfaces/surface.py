@@ -1,4 +1,4 @@
-"""What contacts, grasp problem and grasp search ask of the surface of a convex part, whatever its form.
+"""What contacts, grasp problem and grasp search ask of the surface of a part, whatever its form.
 
 A surface is stateless but for what decides how its expressions look, so that problems of equal structure share one
 compiled solver; the numbers of a part are handed in.

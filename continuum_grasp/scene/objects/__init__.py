@@ -1,4 +1,4 @@
-"""What can be grasped: convex shapes and unions of them, with mass and pose.
+"""What can be grasped: shapes and unions of them, with mass and pose.
 
 A new shape is two classes in `continuum_grasp.scene.objects.shapes`, and a name in each of the two lists below.
 """
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field
 
 from continuum_grasp.scene.objects.body import Freedom, MemberPlace, ObjectBody
+from continuum_grasp.scene.objects.outline import Outline
 from continuum_grasp.scene.objects.shapes import Box, Circle, Ellipse, Polygon, Stadium, Superellipse
 from continuum_grasp.scene.parts import Part
 
@@ -21,6 +22,7 @@ __all__ = [
     "Ellipse",
     "Freedom",
     "GraspObject",
+    "Outline",
     "Polygon",
     "Stadium",
     "Superellipse",
@@ -28,7 +30,7 @@ __all__ = [
     "UnionMember",
 ]
 
-SHAPES = (Circle, Ellipse, Superellipse, Box, Polygon, Stadium)
+SHAPES = (Circle, Ellipse, Superellipse, Box, Polygon, Stadium, Outline)
 
 
 def _member(shape: type[ObjectBody]) -> Any:
@@ -44,10 +46,10 @@ else:
 
 
 class Union(ObjectBody):
-    """Convex parts stuck together, for example a mug with its handle."""
+    """Parts stuck together, for example a mug with its handle."""
 
     shape: Literal["union"]
-    """Convex parts stuck together."""
+    """Parts stuck together."""
     members: Annotated[tuple[UnionMember, ...], Field(strict=False, min_length=2, max_length=12)]
     """The parts; they may overlap."""
 
@@ -60,5 +62,7 @@ class Union(ObjectBody):
             raise ValueError("center_of_mass is needed: the parts of a union may overlap and differ in density")
 
 
-GraspObject = Annotated[Circle | Ellipse | Superellipse | Box | Polygon | Stadium | Union, Field(discriminator="shape")]
+GraspObject = Annotated[
+    Circle | Ellipse | Superellipse | Box | Polygon | Stadium | Outline | Union, Field(discriminator="shape")
+]
 """What can be grasped."""

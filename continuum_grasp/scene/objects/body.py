@@ -59,8 +59,13 @@ class ObjectBody(Value):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """Convex parts in the object's frame."""
+        """Parts in the object's frame."""
         raise NotImplementedError
+
+    @property
+    def pieces(self) -> tuple[Part, ...]:
+        """Convex pieces of all parts."""
+        return tuple(piece for part in self.parts for piece in part.pieces)
 
     @property
     def centroid(self) -> Point:

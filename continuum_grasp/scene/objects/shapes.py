@@ -1,4 +1,4 @@
-"""The convex shapes of objects and, elsewhere placed, of the members of a union: fields, checks and geometry."""
+"""The shapes of objects and, elsewhere placed, of the members of a union: fields, checks and geometry."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from continuum_grasp.scene.parts import (
     Part,
     Point,
     SuperellipsePart,
-    check_convex,
-    counter_clockwise,
+    check_simple,
+    corners_of,
     polygon_centroid,
     rounded,
 )
@@ -102,34 +102,35 @@ class Box(_BoxShape, ObjectBody):
 
 class _PolygonShape(Value):
     shape: Literal["polygon"]
-    """A convex polygon, with rounded corners where a radius is given."""
-    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=256)]
-    """Corners of the sharp convex outline in order, either way round [m]; a search takes longer with more than a
-    hundred."""
+    """A simple polygon, with rounded corners, but for reflex ones, where a radius is given."""
+    vertices: Annotated[tuple[Position, ...], Field(strict=False, min_length=3, max_length=1024)]
+    """Corners of the sharp outline, a simple polygon, in order, either way round [m]; a search takes longer with more
+    than a hundred."""
     corner_radius: Distance = 0.0
     """Radius of the rounded corners, inside the sharp outline [m]."""
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
-        return (rounded(counter_clockwise(self.vertices), self.corner_radius),)
+        return (rounded(corners_of(self.vertices), self.corner_radius),)
 
     @cached_property
     def centroid(self) -> Point:
         return polygon_centroid(tuple(self.parts[0].outline(720)))
 
     def _check(self) -> None:
-        check_convex(self.vertices)
-        outline = counter_clockwise(self.vertices)
+        check_simple(self.vertices)
+        outline = corners_of(self.vertices)
         core = rounded(outline, self.corner_radius).vertices
         edges = zip(outline, core, [*outline[1:], outline[0]], [*core[1:], core[0]], strict=True)
         if any((b[0] - a[0]) * (d[0] - c[0]) + (b[1] - a[1]) * (d[1] - c[1]) <= 0.0 for a, c, b, d in edges):
             raise ValueError(
                 f"corner_radius = {self.corner_radius} m is too large: an edge would have no flat part left"
             )
+        check_simple(core, f"corner_radius = {self.corner_radius} m is too large: the middles of its arcs")
 
 
 class Polygon(_PolygonShape, ObjectBody):
-    """A convex polygon, with rounded corners where a radius is given."""
+    """A simple polygon, with rounded corners, but for reflex ones, where a radius is given."""
 
 
 class _StadiumShape(Value):

@@ -1,0 +1,258 @@
+"""Any outline: polygons that are not convex, and curves read from files, against shapely and closed forms."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+import shapely
+from shapely.affinity import rotate, translate
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.certificate import surfaces
+from continuum_grasp.model.planar import Vec
+from continuum_grasp.model.surfaces import nearest, outline_of, surface_of
+from continuum_grasp.scene import Polygon
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.parts import OffsetPolygon, corners_of
+from tests.marks import optional
+
+SCENE = "configs/grasp/mug.yaml"
+# An L of two bars, 60 mm and 40 mm long, both 20 mm wide.
+ELL = ((0.0, 0.0), (0.06, 0.0), (0.06, 0.02), (0.02, 0.02), (0.02, 0.06), (0.0, 0.06))
+COMB = (*((0.01 * (k // 2), 0.03 * ((k + 1) // 2 % 2)) for k in range(12)), (0.05, -0.01), (0.0, -0.01))
+
+
+def star(seed, count=16):
+    rng = np.random.default_rng(seed)
+    turns, reach = np.sort(rng.uniform(0.0, math.tau, count)), rng.uniform(0.02, 0.05, count)
+    ring = shapely.Polygon(np.column_stack([reach * np.cos(turns), reach * np.sin(turns)]))
+    return tuple(ring.exterior.coords[:-1]) if ring.is_valid else star(seed + 1000, count)
+
+
+OUTLINES = {"ell": ELL, "comb": COMB, **{f"star {k}": star(k) for k in range(6)}}
+
+
+@pytest.mark.parametrize("corners", OUTLINES.values(), ids=OUTLINES)
+def test_pieces_are_convex_and_cover_the_outline_once(corners):
+    whole = shapely.Polygon(corners)
+    pieces = [shapely.Polygon(piece.vertices) for piece in OffsetPolygon(corners_of(corners)).pieces]
+    assert all(piece.convex_hull.area == pytest.approx(piece.area, rel=1e-9) for piece in pieces)
+    assert sum(piece.area for piece in pieces) == pytest.approx(whole.area, rel=1e-12)
+    assert shapely.union_all(pieces).symmetric_difference(whole).area < 1e-9 * whole.area
+    reflex = sum(turn < 0.0 for _, turn in OffsetPolygon(corners_of(corners)).turns)
+    assert 0.5 * reflex + 1 <= len(pieces) <= 2 * reflex + 1
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.004])
+@pytest.mark.parametrize("corners", OUTLINES.values(), ids=OUTLINES)
+def test_every_distance_is_that_of_shapely(corners, radius):
+    part, whole = OffsetPolygon(corners_of(corners), radius), shapely.Polygon(corners)
+    points = np.random.default_rng(0).uniform(-0.06, 0.08, (200, 2))
+    # On the lines of the edges and beside corners, where two edges are as near.
+    points = np.concatenate([points, 1.5 * np.array(corners) - 0.5 * np.roll(corners, 1, axis=0), np.array(corners)])
+    inside = shapely.contains_xy(whole, points)
+    truth = shapely.distance(whole.exterior, shapely.points(points)) * np.where(inside, -1.0, 1.0) - radius
+    at = ca.SX.sym("at", 2)
+    moving = ca.Function("d", [at], [nearest([part], Vec(at[0], at[1])).distance]).map(len(points))
+    found = {
+        "scene": [part.distance(tuple(point)) for point in points],
+        "search": outline_of(part).distance(points @ [1.0, 1j]),
+        "motion": np.array(moving(points.T)).ravel(),
+        "certificate": surfaces.nearest(part, points).distance,
+    }
+    for name, distances in found.items():
+        assert np.abs(distances - truth).max() < 1e-12, name
+    beyond = truth > 1e-9
+    pieces = np.min([surfaces.nearest(piece, points).distance for piece in part.pieces], axis=0)
+    assert np.abs(pieces - truth)[beyond].max() < 1e-12
+
+
+def test_center_of_mass_and_inertia_of_an_ell_are_those_of_its_bars():
+    areas, centers = np.array([0.06 * 0.02, 0.02 * 0.04]), np.array([[0.03, 0.01], [0.01, 0.04]])
+    middle = areas @ centers / areas.sum()
+    own = areas * np.array([0.06**2 + 0.02**2, 0.02**2 + 0.04**2]) / 12.0
+    second = (own + areas * ((centers - middle) ** 2).sum(axis=1)).sum()
+    for corners in (ELL, ELL[::-1]):
+        body = {"shape": "polygon", "vertices": corners, "mass": 0.3, "position": (0.2, 0.0)}
+        scene = load("configs/mpc/turn_bar.yaml").changed({"object": body})
+        assert scene.object.com == pytest.approx(middle, rel=1e-12)
+        assert scene.inertia == pytest.approx(0.3 * second / areas.sum(), rel=1e-12)
+
+
+def test_rounded_corners_are_those_of_shapely_and_reflex_ones_stay():
+    body = Polygon(shape="polygon", vertices=ELL, corner_radius=0.006, mass=0.1, position=(0.0, 0.0))
+    (part,) = body.parts
+    truth = shapely.Polygon(ELL).buffer(-0.006, join_style="mitre").buffer(0.006, quad_segs=2000)
+    points = np.random.default_rng(1).uniform(-0.02, 0.08, (200, 2))
+    distance = shapely.distance(truth, shapely.points(points))
+    found = surfaces.nearest(part, points).distance
+    assert np.abs(np.maximum(found, 0.0) - distance).max() < 1e-8
+    assert shapely.Polygon(part.outline(4000)).symmetric_difference(truth).area < 1e-8
+
+
+def test_contacts_sit_on_faces_and_convex_corners_alone():
+    part = OffsetPolygon(ELL)
+    features = surface_of(part).features(part)
+    corners = {one.numbers[:2] for one in features if one.numbers[:2] == one.numbers[2:4]}
+    assert corners == set(ELL) - {(0.02, 0.02)}
+    assert len(features) == 11
+
+
+def test_walls_meet_the_outermost_corners_and_what_lies_between_feet_is_no_face():
+    arch = ((0.0, 0.0), (0.01, 0.0), (0.01, 0.02), (0.04, 0.02), (0.04, 0.0), (0.05, 0.0), (0.05, 0.04), (0.0, 0.04))
+    part = OffsetPolygon(arch)
+    outline = outline_of(part)
+    ends = [point for point, _ in outline.extremes(-1j, 1e-9)]
+    assert sorted(z.real for z in ends) == [0.0, 0.05]
+    assert sorted(outline.face_normals) == pytest.approx([-0.5 * math.pi, 0.0, 0.5 * math.pi, math.pi])
+    assert len(surface_of(part).lowest_points(part, Vec(0.0, -1.0))) == 4
+
+
+def test_a_tip_between_two_faces_touches_that_whose_normal_it_states():
+    """A tip in the corner of an L touches both of its bars."""
+    part, center = OffsetPolygon(ELL), np.array([0.025, 0.025])
+    for normal, foot in (((1.0, 0.0), (0.02, 0.025)), ((0.0, 1.0), (0.025, 0.02))):
+        touched = surfaces.touched(part, center, np.array(normal))
+        found = surfaces.nearest(touched, center[None])
+        assert found.normal[0] == pytest.approx(normal)
+        assert found.point[0] == pytest.approx(foot)
+        # From afar the other bar, which lies in front of the face, does not count.
+        assert surfaces.nearest(touched, (center + 0.1 * np.array(normal))[None]).point[0] == pytest.approx(foot)
+
+
+# -- files ---------------------------------------------------------------------------------------------------------
+
+DROP = """M 0 -30 C 20 -10 20 20 0 20 C -8 20 -4 8 -14 6 Z"""
+
+
+def drop(count=4000):
+    """The same curve by Bernstein polynomials, y up [m]."""
+    pieces = [[(0, -30), (20, -10), (20, 20), (0, 20)], [(0, 20), (-8, 20), (-4, 8), (-14, 6)]]
+    t = np.linspace(0.0, 1.0, count)[:, None]
+    weights = np.hstack([(1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t**2 * (1 - t), t**3])
+    points = np.concatenate([weights @ np.array(piece, float) for piece in pieces])
+    return shapely.Polygon(points * [1e-3, -1e-3])
+
+
+def written(folder, form):
+    file = folder / f"drop.{form}"
+    ring = np.array(drop(400).exterior.coords[:-1])
+    if form == "svg":
+        optional("svgelements")
+        size = 'width="80mm" height="80mm" viewBox="-40 -40 80 80" xmlns="http://www.w3.org/2000/svg"'
+        file.write_text(f'<svg {size}><path id="drop" d="{DROP}"/></svg>')
+    elif form == "csv":
+        file.write_text("x_mm,y_mm\n" + "\n".join(f"{x * 1e3:.6f},{y * 1e3:.6f}" for x, y in ring))
+    elif form == "dxf":
+        ezdxf = optional("ezdxf")
+        drawing = ezdxf.new(units=ezdxf.units.MM)
+        drawing.modelspace().add_lwpolyline(ring * 1e3, close=True, dxfattribs={"layer": "drop"})
+        drawing.saveas(file)
+    else:
+        from PIL import Image, ImageDraw
+
+        image = Image.new("L", (1600, 2400), 255)
+        ImageDraw.Draw(image).polygon([(800 + 4e4 * x, 1200 - 4e4 * y) for x, y in ring], fill=0)
+        image.resize((400, 600), Image.Resampling.BOX).save(file)
+    return file
+
+
+UNITS = {"svg": {}, "dxf": {"path": "drop"}, "csv": {"scale": "1 mm"}, "png": {"scale": "0.1 mm"}}
+
+
+def object_of(file, **keys):
+    keys = {"shape": "outline", "file": str(file), "mass": 0.1, "position": [0.06, 0.0], "tolerance": "0.05 mm"} | keys
+    return load(SCENE).changed({"object": keys, "supports": {}, "gravity": {"mode": "none"}}).object
+
+
+@pytest.mark.parametrize("form", UNITS)
+def test_a_curve_of_any_file_is_that_polygon_to_the_tolerance(tmp_path, form):
+    file = written(tmp_path, form)
+    body, truth = object_of(file, **UNITS[form]), drop()
+    assert isinstance(body, Polygon)
+    found = shapely.Polygon(body.vertices)
+    centered = translate(truth, -truth.centroid.x, -truth.centroid.y)
+    # The polygon is within the tolerance of the curve, and its centroid, the origin, is so, too.
+    assert found.hausdorff_distance(centered) < (0.12e-3 if form == "png" else 0.1e-3)
+    assert found.area == pytest.approx(truth.area, rel=5e-3)
+    assert body.com == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert len(body.vertices) < 60
+    rougher = object_of(file, **UNITS[form] | {"tolerance": "0.5 mm"})
+    assert len(rougher.vertices) < len(body.vertices)
+
+
+def test_a_mirrored_curve_is_the_mirrored_outline(tmp_path):
+    ring = np.array(drop(50).exterior.coords[:-1])
+    (tmp_path / "one.csv").write_text("\n".join(f"{x:.9f},{y:.9f}" for x, y in ring))
+    (tmp_path / "other.csv").write_text("\n".join(f"{-x:.9f},{y:.9f}" for x, y in ring))
+    one, other = (shapely.Polygon(object_of(tmp_path / name).vertices) for name in ("one.csv", "other.csv"))
+    assert shapely.affinity.scale(one, -1.0, 1.0, origin=(0.0, 0.0)).symmetric_difference(other).area < 1e-9
+
+
+def test_a_file_is_beside_the_configuration_and_members_of_a_union_may_be_outlines(tmp_path):
+    written(tmp_path, "csv")
+    member = "{shape: outline, file: drop.csv, scale: 1 mm, position: [0.01, 0.0], angle: 90 deg}"
+    text = (
+        f"schema_version: 1\nfinger: {load(SCENE).finger.model_dump_json(exclude_unset=True)}\n"
+        f"object:\n  shape: union\n  members: [{member}, {{shape: circle, diameter: 20 mm}}]\n"
+        "  center_of_mass: [0, 0]\n  mass: 0.1\n  position: [0.09, 0.03]\ngravity: {mode: none}\n"
+        "contacts: {friction: 0.5, normal_force_max: 10, middle: on, tip: on}\n"
+        "fidelity: {family: arc, elements: 2}\nobjective: least_tension\n"
+    )
+    (tmp_path / "scene.yaml").write_text(text)
+    first, _ = load(tmp_path / "scene.yaml").object.parts
+    truth = drop()
+    turned = translate(rotate(translate(truth, -truth.centroid.x, -truth.centroid.y), 90, (0, 0)), 0.01)
+    assert shapely.Polygon(first.vertices).hausdorff_distance(turned) < 2e-4
+
+
+SQUARE = "0,0\n40,0\n40,40\n0,40\n"
+BAD = {
+    "crossing": ("csv", "0,0\n40,40\n40,0\n0,40\n", {}, r"object.file: the curve must be .* at \(0.02, 0.02\) m"),
+    "no curve": ("csv", "0,0\n40,40\n", {}, "object.file: no closed curve in it"),
+    "not two columns": ("csv", "0,0\n40,0,1\n", {}, "object.file: cannot be read: line 2 has no two numbers"),
+    "unit": ("csv", SQUARE, {"scale": 1.0}, r"object.scale: the outline would be 40 m long; in which unit"),
+    "tolerance": ("csv", SQUARE, {"tolerance": 0.05}, "object.tolerance: 0.05 m leaves nothing"),
+    "unknown form": ("stl", SQUARE, {}, "object.file: expected .svg, .dxf, .csv, .png, got bad.stl"),
+    "unknown key": ("csv", SQUARE, {"scal": 1e-3}, "object.scal: unknown key; did you mean 'scale'"),
+    "no such path": ("csv", SQUARE, {"path": "rim"}, "object.path: no closed curve 'rim'"),
+    "not a picture": ("png", "none", {}, "object.file: cannot be read"),
+}
+
+
+@pytest.mark.parametrize(("form", "content", "keys", "message"), BAD.values(), ids=BAD)
+def test_errors_say_which_key_and_what_is_wrong(tmp_path, form, content, keys, message):
+    (tmp_path / f"bad.{form}").write_text(content)
+    with pytest.raises(InputError, match=message):
+        object_of(tmp_path / f"bad.{form}", **{"scale": "1 mm"} | keys)
+
+
+def test_holes_several_curves_and_pictures_without_a_scale_are_refused(tmp_path):
+    from PIL import Image
+
+    optional("svgelements")
+    frame = 'viewBox="0 0 80 80" width="80mm" height="80mm" xmlns="http://www.w3.org/2000/svg"'
+    hole = '<rect id="rim" width="60" height="60"/><circle id="eye" cx="30" cy="30" r="9"/>'
+    (tmp_path / "hole.svg").write_text(f"<svg {frame}>{hole}</svg>")
+    with pytest.raises(InputError, match=r"object.file: the outline has a hole at .* m .* choose one"):
+        object_of(tmp_path / "hole.svg")
+    assert max(object_of(tmp_path / "hole.svg", path="rim").vertices)[0] == pytest.approx(0.03)
+    two = '<rect id="one" width="20" height="20"/><rect id="other" x="40" width="20" height="20"/>'
+    (tmp_path / "two.svg").write_text(f"<svg {frame}>{two}</svg>")
+    with pytest.raises(InputError, match=r"object.file: 2 closed curves \('one', 'other'\): expected one"):
+        object_of(tmp_path / "two.svg")
+    Image.new("L", (8, 8), 0).save(tmp_path / "dark.png")
+    with pytest.raises(InputError, match="object: scale: missing"):
+        object_of(tmp_path / "dark.png")
+    with pytest.raises(InputError, match=r"object.file: no such file of an outline"):
+        object_of(tmp_path / "none.png")
+
+
+def test_polygons_that_cross_or_touch_themselves_are_refused_with_the_place():
+    with pytest.raises(InputError, match=r"self-intersection at \(0.01, 0.01\) m"):
+        Polygon(shape="polygon", vertices=((0, 0), (0.02, 0.02), (0.02, 0), (0, 0.02)), mass=0.1, position=(0, 0))
+    with pytest.raises(InputError, match="a corner is there twice"):
+        Polygon(shape="polygon", vertices=(*ELL, ELL[0]), mass=0.1, position=(0.0, 0.0))
