@@ -18,7 +18,6 @@ SCENES = [("one", 5), ("one", 7), ("one", 1), ("one", 2), ("one", 6), ("one", 11
 MORE = [
     *(("one", seed) for seed in range(50, 90)),
     *(("union", seed) for seed in (0, *range(50, 60))),
-    *((kind, seed) for kind in ("two", "wrap", "three") for seed in range(3)),
 ]
 NONE = 1e-6
 """Tension that is none, per the greatest."""
