@@ -9,6 +9,10 @@ from scipy.interpolate import CubicSpline
 
 from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp import certify, optimize_grasp
+from continuum_grasp.grasp.problem import solver_run
+from continuum_grasp.grasp.search import Search
+from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.load import load
 
 # An L, 60 mm by 60 mm of bars 25 mm wide, whose foot is away from the palm; from its center of mass.
@@ -43,6 +47,24 @@ def test_an_outline_is_grasped_as_the_union_of_its_bars_is():
     union = optimize_grasp(scene_of({"shape": "union", "members": BARS}))
     assert whole.status == union.status == "optimal"
     assert whole.tension == pytest.approx(union.tension, rel=1e-9)
+
+
+def test_a_contact_goes_on_where_a_face_ends(monkeypatch):
+    """From the face beside the corner of a tooth that the tip of the best grasp is on; not beyond its end, 8 % more."""
+    scene = load("configs/grasp/gear.yaml", ["fidelity.elements=2"])
+    search = Search(scene, Budget.of(scene.solver))
+    search.run()
+    solver, best, (part,) = search.best.solver, search.best.attempt, scene.object.parts
+    every = surface_of(part).features(part)
+    beside = best.features | {"finger.tip": every[every.index(best.features["finger.tip"]) - 1]}
+    monkeypatch.setattr(solver_run, "contact_features", lambda *_: beside)
+    moved = solver.run(scene, best.start, Budget())
+    stopped = solver.run(scene, best.start, Budget(), features=beside)
+    assert moved.optimal
+    assert stopped.optimal
+    assert moved.objective == pytest.approx(best.objective, rel=1e-6)
+    assert moved.features == best.features
+    assert stopped.objective > 1.05 * best.objective
 
 
 def random_outline(seed):

@@ -19,6 +19,7 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values, tolerance_of
 from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
@@ -43,6 +44,8 @@ RUNGS = (
     (nlp.OptionSet.DEFAULT, 200),
 )
 """How a start is solved from, boldest first: options, and the most iterations of one solver run."""
+END, BETTER = 1e-6, 1e-6
+"""How near the end of a face or corner a contact is at it, and by what part beyond it must be better."""
 DEEP = 1.1
 """Penetration above which that is done again, per tolerance: active places have one."""
 
@@ -117,8 +120,55 @@ class GraspSolverRun:
         KeyboardInterrupt
             Ctrl-C was pressed meanwhile; this start has no result then.
         """
+        given: dict[str, Any] = {"iterations": iterations, "relaxed": relaxed, "weights": weights, "numbers": numbers}
+        given |= {"pinned": pinned, "most": most}
+        if features is not None:
+            return self._run(scene, start, budget, features, rung=rung, x0=x0, **given)
+        found = self._run(scene, start, budget, contact_features(scene, start.contacts), rung=rung, x0=x0, **given)
+        while (beyond := self._beyond(scene, found)) is not None:
+            other = self._run(scene, start, budget, beyond[0], rung=0, x0=beyond[1], **given)
+            better = other.converged and other.objective < found.objective - BETTER * abs(found.objective)
+            spent, seconds = found.iterations + other.iterations, found.seconds + other.seconds
+            found = replace(other if better else found, iterations=spent, seconds=seconds)
+            if not better:
+                break
+        return found
+
+    def _beyond(self, scene: GraspScene, found: Attempt) -> tuple[dict[str, Feature], Array] | None:
+        """The features beyond the ends of faces and corners against which contacts press, and the unknowns there."""
+        if not found.converged:
+            return None
+        features, x, at = dict(found.features), found.x.copy(), self.problem.x.at
+        for name, feature in found.features.items():
+            if f"place, {name}" not in at:  # of an object that is fixed at a support
+                continue
+            place, part = at[f"place, {name}"], scene.object.parts[found.start.contacts[name].part]
+            for k, (low, high) in enumerate(zip(feature.lower, feature.upper, strict=True)):
+                value, push = found.x[place][k], found.multipliers.bounds[place][k]
+                side = int(value >= high - END and push > 0.0) - int(value <= low + END and push < 0.0)
+                beyond = surface_of(part).beyond(part, feature, side) if side and low < high else None
+                if beyond is not None:
+                    features[name], x[place] = beyond
+        return (features, x) if features != found.features else None
+
+    def _run(
+        self,
+        scene: GraspScene,
+        start: Start,
+        budget: Budget,
+        features: dict[str, Feature],
+        *,
+        rung: int,
+        iterations: int | None,
+        relaxed: Sequence[tuple[Relaxation, float]],
+        weights: Mapping[str, float] | None,
+        x0: Array | None,
+        numbers: Mapping[str, Any] | None,
+        pinned: Mapping[str, ArrayLike] | None,
+        most: Mapping[str, float] | None,
+    ) -> Attempt:
+        """The same on given features."""
         problem, units = self.problem, Units.of(scene)
-        features = features or contact_features(scene, start.contacts)
         values = problem_values(problem, scene, start, features) | dict(numbers or {})
         low, high = problem_bounds(problem, scene, features)
         x = starting_point(problem, scene, start, features) if x0 is None else x0.copy()

@@ -116,6 +116,13 @@ class PolygonSurface(Surface[OffsetPolygon]):
             found.append(Feature((*a, *b, r), (0.0, normal), (1.0, normal)))
         return found
 
+    def beyond(self, part: OffsetPolygon, feature: Feature, side: int) -> tuple[Feature, tuple[float, float]] | None:
+        every = self.features(part)
+        other = every[(every.index(feature) + side) % len(every)]
+        # Faces follow each other at a reflex corner, where the normal jumps.
+        both = feature.upper[0] > 0.0 and other.upper[0] > 0.0
+        return None if both else (other, other.lower if side > 0 else other.upper)
+
     def place(
         self, part: OffsetPolygon, feature: Feature, point: tuple[float, float], normal_angle: float
     ) -> tuple[float, float]:

@@ -129,6 +129,12 @@ class Surface(ABC, Generic[P]):
     def place(self, part: P, feature: Feature, point: tuple[float, float], normal_angle: float) -> tuple[float, float]:
         """The unknowns of a contact on a feature, next to a point of the object's frame [m]."""
 
+    def beyond(self, part: P, feature: Feature, side: int) -> tuple[Feature, tuple[float, float]] | None:
+        """The feature after (+1) or before (-1) one, and the unknowns where they meet; None where a contact cannot roll
+        or slide on to it.
+        """
+        return None
+
     def nearest_feature(self, part: P, point: tuple[float, float], normal_angle: float) -> int:
         """Index among the features of that on which a surface point with this outward normal lies best."""
         return 0
