@@ -244,7 +244,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "grasp/certificate/check.py",
-        ("c.friction * n", "1.01 * c.friction * n"),
+        ("c.held_friction * n", "1.01 * c.held_friction * n"),
         tests="grasp/test_grasp_certificate.py grasp/test_grasp_limits.py",
     ),
     *_in(

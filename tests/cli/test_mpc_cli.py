@@ -150,16 +150,16 @@ def test_bad_input_exits_with_2(arguments, said, tmp_path):
 
 
 def test_an_interrupted_run_is_saved(config, tmp_path, monkeypatch):
-    from continuum_grasp.closed_loop.plant import Plant
+    from continuum_grasp.closed_loop.plant import SharedPlant
 
-    advance = Plant.advance
+    advance = SharedPlant.advance
 
-    def stopped(self, u):
-        if self.t > 0.045:
+    def stopped(self, commands):
+        if self.plants[0].t > 0.045:
             raise KeyboardInterrupt
-        return advance(self, u)
+        return advance(self, commands)
 
-    monkeypatch.setattr(Plant, "advance", stopped)
+    monkeypatch.setattr(SharedPlant, "advance", stopped)
     result = run(config, "--out", tmp_path)
     assert result.exit_code == 130
     assert "interrupted after t = 0.05 s" in result.output

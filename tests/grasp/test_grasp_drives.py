@@ -51,7 +51,7 @@ BETWEEN = [
 
 def mug(drive, friction=0.0, **changes):
     """The mug of the shipped scene, held by a finger with drives."""
-    scene = load(CONFIGS / "mug.yaml")
+    scene = load(CONFIGS / "mug.yaml", ["contacts.reserve=0"])
     tendons = Tendons(offset=OFFSET, max_tension=70.0, friction=friction, drive=drive, **(CABLE if drive else {}))
     fidelity = scene.fidelity.replaced(family="clothoid")
     return scene.replaced(finger=scene.finger.replaced(tendons=tendons), fidelity=fidelity, **changes)

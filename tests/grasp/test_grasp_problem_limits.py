@@ -53,7 +53,7 @@ def places_seen(base):
     setup = make_scene().setups[0]
     half, wall = float(setup.finger.profile.half_thickness(0.0)), surroundings._Obstacle(make_scene().walls[0])
     at, unit = np.array([[1.0, 0.0]]), SimpleNamespace(length=1.0)
-    needed = wall.near(at, np.zeros(1, int), np.array([half]), setup, 1, np.array([base * half, 0.0, 0.0]), None, unit)
+    needed = wall.near(at, np.zeros(1, int), np.array([half]), setup, 1, np.array([base * half, 0.0, 0.0]), unit)
     return needed[2][0] / half
 
 
@@ -260,8 +260,8 @@ def test_scenes_whose_bending_ranges_are_alike_share_a_solver():
 
 @pytest.mark.parametrize("share", [0.25, 1.0])
 def test_a_rounded_cone_costs_nothing_and_has_derivatives_where_nothing_presses(share):
-    rounding, friction = values.APEX, 0.5
-    problem = SimpleNamespace(spec=SimpleNamespace(gravity="out_of_plane"), numbers=lambda name: rounding)
+    numbers, friction = {"cone rounding": values.APEX, "cone share": 1.0}, 0.5
+    problem = SimpleNamespace(spec=SimpleNamespace(gravity="out_of_plane"), numbers=numbers.__getitem__)
     force = ca.SX.sym("force", 3)
     cone = friction_cone(problem, friction, *ca.vertsplit(force))
     at = ca.Function("cone", [force], [cone, ca.gradient(cone, force), ca.hessian(cone, force)[0]])

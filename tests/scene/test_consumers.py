@@ -30,8 +30,8 @@ from tests.features import FEATURES, VERBS, declared, scene_of
 from tests.scene_keys import NOT_ALONE, Place, bases, is_part, keys, others, places
 from tests.scene_products import WALKS, Walk, parts
 
-FROM_OUTSIDE = {"Freedom", "LearnedResidual", "ResidualTraining"}
-"""Classes of values that scenes of simulation refuse, or that belong to one model."""
+FROM_OUTSIDE = {"Freedom", "LearnedResidual", "ResidualTraining", "OutlineFile"}
+"""Classes of values that scenes of simulation refuse, that belong to one model, or that a polygon replaces at load."""
 
 
 schema_of = cache(json_schema)
