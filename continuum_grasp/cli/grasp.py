@@ -40,8 +40,10 @@ def grasp(
 
     from continuum_grasp.grasp import optimize_grasp
 
-    with output.busy("searching"):
-        result = optimize_grasp(scene, raise_on_failure=False, fine=fine)
+    with output.busy("searching") as report:
+        result = optimize_grasp(
+            scene, raise_on_failure=False, fine=fine, progress=lambda text: report(None, f"searching, {text}")
+        )
     with output.saving():  # the grasp is safe before what can be computed again
         result.save(folder, quality=False)
     with output.drawing():

@@ -17,13 +17,13 @@ _SILENCE = 10.0
 
 @dataclass
 class Progress:
-    """Where the work stands: it is called with the share that is done, 0 to 1, by work that knows it."""
+    """Where the work stands: it is called with the share that is done, 0 to 1, or None where that is not known."""
 
     what: str
     share: float | None = None
     start: float = field(default_factory=time.monotonic)
 
-    def __call__(self, share: float, what: str | None = None) -> None:
+    def __call__(self, share: float | None, what: str | None = None) -> None:
         """Note the share, and what is going on where that is more than the work's name."""
         self.share, self.what = share, what or self.what
 

@@ -420,7 +420,19 @@ class Search:
             self.good.append(found)
             if found.acceptable and self._first_left is None:
                 self._first_left = self.budget.left
+        self.budget.tell(self._standing)
         return found
+
+    @property
+    def _standing(self) -> str:
+        """The best so far, what was tried, and how much longer it may take."""
+        best, left, spent = self.best, self.budget.left, sum(tried.attempt.iterations for tried in self.tried)
+        held = "no grasp yet" if best is None else f"{self._tension(best):.4g} N so far"
+        if self._first_left is not None:
+            left = min(left, self._effort.iterations - (self._first_left - left))
+        seconds = max(left, 0.0) * sum(tried.attempt.seconds for tried in self.tried) / max(spent, 1)
+        seconds = max(0.0, min(seconds, self.budget.until - time.monotonic()))
+        return f"{held}; {len(self.tried)} starts tried, {seconds:.2g} s left at most"
 
     def solver(self, start: Start) -> GraspSolverRun:
         """The solver for a start's contacts."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -41,7 +41,11 @@ OPEN = 0.02
 @interrupt.listening()
 @check_arguments
 def optimize_grasp(
-    scene: GraspScene | str | os.PathLike[str], *, raise_on_failure: bool = True, fine: bool = False
+    scene: GraspScene | str | os.PathLike[str],
+    *,
+    raise_on_failure: bool = True,
+    fine: bool = False,
+    progress: Callable[[str], None] | None = None,
 ) -> GraspResult:
     """Find the best grasp of an object by the fingers of a scene, and verify it.
 
@@ -57,6 +61,8 @@ def optimize_grasp(
         Solve once more with a fine model and report in the result's ``fine`` what that changes, and of a scene with
         stations in ``statistics["fine_stations"]`` what twice as many change; takes some seconds. Not for a scene with
         ``robust`` or tendons whose friction states must not matter.
+    progress : callable, optional
+        Takes a line of text now and then: the best so far, and what is left.
 
     Returns
     -------
@@ -85,12 +91,13 @@ def optimize_grasp(
     ('optimal', 42.3, 3)
     """
     scene = scene_of(scene, GraspScene)
-    budget = Budget.of(scene.solver)
+    budget = Budget.of(scene.solver, progress)
     tolerance = asked_tolerance(scene)
     if tolerance is None:
         first = _Verdict(scene, budget)
         result = _for_errors(first.result(), first.search, budget)
         if fine and not scene.is_robust and result.solved and not result.statistics["interrupted"]:
+            budget.tell(f"held with {result.tension:.4g} N; compared with a fine model")
             try:
                 result = with_fine(result, budget)
                 if any(setup.stations for setup in scene.setups):
@@ -118,6 +125,7 @@ def _for_errors(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         return result
     from continuum_grasp.grasp.robust.solve import with_robust
 
+    budget.tell(f"held with {result.tension:.4g} N as it is; errors and friction states are tried")
     try:
         return with_robust(result, search, budget)
     except KeyboardInterrupt:
@@ -189,6 +197,7 @@ class _Verdict:
         if best is not None:
             return self._solved(best)
         closest = min(search.tried, key=lambda t: t.attempt.badness, default=None)
+        self.budget.tell("no grasp found; what would make one possible is sought")
         reasons = self._reasons()
         if not reasons and self._best() is None:
             reasons = self._reasons(further=True)

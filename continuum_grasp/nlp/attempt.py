@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -157,6 +157,8 @@ class Budget:
         ``time.monotonic()`` of the emergency stop [s].
     stopped : bool
         Whether the emergency stop cut something short.
+    listener : callable, optional
+        Takes a line of text about the search now and then.
 
     Examples
     --------
@@ -171,11 +173,17 @@ class Budget:
     left: float = float("inf")
     until: float = float("inf")
     stopped: bool = False
+    listener: Callable[[str], None] | None = None
 
     @classmethod
-    def of(cls, options: SolverOptions) -> Budget:
+    def of(cls, options: SolverOptions, listener: Callable[[str], None] | None = None) -> Budget:
         """The budget that a scene gives, from now on."""
-        return cls(options.max_total_iterations, time.monotonic() + options.time_limit)
+        return cls(options.max_total_iterations, time.monotonic() + options.time_limit, listener=listener)
+
+    def tell(self, text: str) -> None:
+        """Say how the search stands to whoever listens."""
+        if self.listener is not None:
+            self.listener(text)
 
     @contextmanager
     def share(self, iterations: int | None) -> Iterator[Budget]:

@@ -128,3 +128,13 @@ def test_the_rows_of_a_sweep_do_not_depend_on_how_busy_its_worker_is(monkeypatch
     hurry(monkeypatch)
     assert rows() == calm
     assert [row["status"] for row in calm] == ["optimal", "infeasible"]
+
+
+def test_a_search_says_how_it_stands():
+    """The best that it had after each start; at last that of the result, or that reasons are sought."""
+    said = []
+    result = optimize_grasp(make_scene(), progress=said.append)
+    assert len(said) == result.exploration.starts_solved + result.exploration.starts_failed
+    assert said[-1].startswith(f"{result.tension:.4g} N so far; {len(said)} starts tried, ")
+    optimize_grasp(make_scene(mass=60.0), raise_on_failure=False, progress=said.append)
+    assert any(text.startswith("no grasp found") for text in said)
