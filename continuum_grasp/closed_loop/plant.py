@@ -93,7 +93,9 @@ class Plant:
         NumericalError
             If the motion does not stay finite.
         """
-        (states,) = SharedPlant((self,)).advance([u])
+        command = self.checked(u)
+        (states,) = SharedPlant((self,)).moved([self.x], [command], self.t)
+        self.reach(states, command)
         return states
 
     def checked(self, u: ArrayLike) -> Array:
@@ -161,6 +163,8 @@ class SharedPlant:
         NumericalError
             If the motion does not stay finite.
         """
+        if self._joint is None:  # a plant of the user's own may advance in its own way
+            return [self.plants[0].advance(commands[0])]
         known = [plant.checked(u) for plant, u in zip(self.plants, commands, strict=True)]
         states = self.moved([plant.x for plant in self.plants], known, self.plants[0].t)
         for plant, own, command in zip(self.plants, states, known, strict=True):

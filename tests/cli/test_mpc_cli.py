@@ -150,16 +150,16 @@ def test_bad_input_exits_with_2(arguments, said, tmp_path):
 
 
 def test_an_interrupted_run_is_saved(config, tmp_path, monkeypatch):
-    from continuum_grasp.closed_loop.plant import SharedPlant
+    from continuum_grasp.closed_loop.plant import Plant
 
-    advance = SharedPlant.advance
+    advance = Plant.advance
 
-    def stopped(self, commands):
-        if self.plants[0].t > 0.045:
+    def stopped(self, u):
+        if self.t > 0.045:
             raise KeyboardInterrupt
-        return advance(self, commands)
+        return advance(self, u)
 
-    monkeypatch.setattr(SharedPlant, "advance", stopped)
+    monkeypatch.setattr(Plant, "advance", stopped)
     result = run(config, "--out", tmp_path)
     assert result.exit_code == 130
     assert "interrupted after t = 0.05 s" in result.output
