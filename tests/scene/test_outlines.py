@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import casadi as ca
+import ezdxf
 import numpy as np
 import pytest
 import shapely
@@ -17,7 +18,6 @@ from continuum_grasp.model.surfaces import nearest, outline_of, surface_of
 from continuum_grasp.scene import Polygon
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.parts import OffsetPolygon, corners_of
-from tests.marks import optional
 
 SCENE = "configs/grasp/mug.yaml"
 # An L of two bars, 60 mm and 40 mm long, both 20 mm wide.
@@ -141,13 +141,11 @@ def written(folder, form):
     file = folder / f"drop.{form}"
     ring = np.array(drop(400).exterior.coords[:-1])
     if form == "svg":
-        optional("svgelements")
         size = 'width="80mm" height="80mm" viewBox="-40 -40 80 80" xmlns="http://www.w3.org/2000/svg"'
         file.write_text(f'<svg {size}><path id="drop" d="{DROP}"/></svg>')
     elif form == "csv":
         file.write_text("x_mm,y_mm\n" + "\n".join(f"{x * 1e3:.6f},{y * 1e3:.6f}" for x, y in ring))
     elif form == "dxf":
-        ezdxf = optional("ezdxf")
         drawing = ezdxf.new(units=ezdxf.units.MM)
         drawing.modelspace().add_lwpolyline(ring * 1e3, close=True, dxfattribs={"layer": "drop"})
         drawing.saveas(file)
@@ -233,7 +231,6 @@ def test_errors_say_which_key_and_what_is_wrong(tmp_path, form, content, keys, m
 def test_holes_several_curves_and_pictures_without_a_scale_are_refused(tmp_path):
     from PIL import Image
 
-    optional("svgelements")
     frame = 'viewBox="0 0 80 80" width="80mm" height="80mm" xmlns="http://www.w3.org/2000/svg"'
     hole = '<rect id="rim" width="60" height="60"/><circle id="eye" cx="30" cy="30" r="9"/>'
     (tmp_path / "hole.svg").write_text(f"<svg {frame}>{hole}</svg>")

@@ -55,8 +55,6 @@ class OutlineFile(Value):
             raise ValueError(f"file: expected {', '.join(_READERS)}, got {Path(self.file).name}")
         try:
             unit, rings = read(self)
-        except ImportError as error:
-            raise ValueError(f"file: {error.name} is needed: pip install continuum-grasp[outlines]") from None
         except (OSError, ValueError, SyntaxError) as error:
             raise ValueError(f"file: cannot be read: {error}") from None
         if self.path is not None:
