@@ -63,7 +63,7 @@ CASES = {
     ),
     "clear of the mug": (
         MUG,
-        {},
+        {"contacts.reserve": 0.0},
         {
             "finger.base.angle": {"min": -1.7, "max": -1.4},
             "finger.base.position[1]": {"min": -0.065, "max": -0.045},
