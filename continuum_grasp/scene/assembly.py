@@ -6,6 +6,7 @@ import copy
 import os
 import re
 from collections.abc import Iterable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -123,15 +124,13 @@ def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
         _put_in_outlines(document, (*body, "members", k), main)
     if own.value.get("shape") != "outline" or not isinstance(own.value.get("file"), str):
         return
-    from continuum_grasp.scene.objects.body import MemberPlace, ObjectBody
-    from continuum_grasp.scene.objects.outline import OutlineFile
-
+    outline = import_module("continuum_grasp.scene.objects.outline")  # loaded with the first one
     file = named_file(own.place(("file",)), own.get(("file",)), main, "file of an outline", (*body, "file"))
-    others = {*ObjectBody.model_fields, *MemberPlace.model_fields}
+    others = outline.Outline.model_fields.keys() - outline.OutlineFile.model_fields.keys()
     rest = {key: value for key, value in own.value.items() if key in others}
     own.value = {key: value for key, value in own.value.items() if key not in others} | {"file": str(file)}
     try:
-        found = validated(own, OutlineFile)
+        found = validated(own, outline.OutlineFile)
     except InputError as error:
         key = f"{dotted(body)}.{error.key}" if error.key else dotted(body)
         raise InputError(error.message, file=error.file, line=error.line, column=error.column, key=key) from None

@@ -94,7 +94,7 @@ class OutlineFile(Value):
         return tuple((round(a - x, 9), round(b - y, 9)) for a, b in simple)
 
     def _check(self) -> None:
-        assert self.vertices
+        check_simple(self.vertices, "tolerance: the outline")
 
 
 class Outline(OutlineFile, ObjectBody):
