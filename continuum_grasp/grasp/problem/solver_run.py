@@ -111,9 +111,10 @@ class GraspSolverRun:
         ``rung`` says how bold the solver is, as of `RUNGS`: 0 for starts that are nearly exact, 2 for rough ones.
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. Limits may be
         ``relaxed``; their amounts are minimized then, beginning with those given (SI), of several the sum of their
-        parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features`` and the unknowns begin
-        with ``x0``, by default those of the start. Further run-time ``numbers`` go to the problem. Unknowns ``pinned``
-        stay at their values, but for NaN, and others are bounded by ``most`` (units of the problem).
+        parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features``, by default those of the
+        start, beyond whose ends they go on while that is better; the unknowns begin with ``x0``. Further run-time
+        ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for NaN, and others are bounded by
+        ``most`` (units of the problem).
 
         Raises
         ------
