@@ -53,14 +53,14 @@ def drawn(kind: str, seed: int) -> Data:
 
 def _body(random: np.random.Generator, size: float, kind: str) -> tuple[Data, float, float]:
     """An object, and how far it reaches towards -x, and towards -y."""
-    shape = "union" if kind == "union" else random.choice(["drawn"] * 4 + ["polygon", "rounded_polygon", "stadium"])
+    shape = "union" if kind == "union" else random.choice(["drawn"] * 4 + ["polygon", "rounded", "stadium"])
     if shape == "drawn":
         return _object(random, size, aligned=bool(random.random() < 0.5))
     angle = random.uniform(-math.pi, math.pi)
     turns = np.cumsum(random.dirichlet(np.full(random.integers(3, 8), 6.0))) * math.tau
     points, radius = size * np.exp(1j * turns), 0.0
     body: Data = {"shape": str(shape), "angle": angle, "vertices": [(z.real, z.imag) for z in points.tolist()]}
-    if shape == "rounded_polygon":
+    if shape == "rounded":
         body["corner_radius"] = 0.15 * size * random.random() + 0.02 * size
     elif shape == "stadium":
         radius, straight = size * random.uniform(0.5, 0.8), size * random.uniform(0.2, 0.8)

@@ -18,7 +18,7 @@ from continuum_grasp.grasp.fine import FIRST
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.grasp.search import ITERATION_CAP, NEAR, Search
+from continuum_grasp.grasp.search import NEAR, Search
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import FingerStart, Start, start_from, with_contacts
 from continuum_grasp.grasp.values import Reason, tension_of
@@ -27,6 +27,8 @@ from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 Array = NDArray[Any]
 
+MOST = 60
+"""Iterations of an exchange: 40 stop two stations of the mug, which are best, before they balance."""
 STARTS, EXCHANGES = 3, 24
 """Grasps with one middle contact from which sets of stations are sought, and sets that are tried next to the best."""
 LESS = 0.01
@@ -190,5 +192,5 @@ def _better(search: Search, start: Start, rung: int = 2) -> bool:
     tried, best = {frozenset(t.attempt.start.contacts) for t in search.tried}, search.best
     if search.budget.over or not start.contacts or frozenset(start.contacts) in tried:
         return False
-    search.attempt(start, rung=rung, iterations=None if best is None else ITERATION_CAP)
+    search.attempt(start, rung=rung, iterations=None if best is None else MOST)
     return search.best is not best

@@ -31,7 +31,6 @@ _STATUS = {
     "User_Requested_Stop": Status.STOPPED,
 }
 """CasADi's solvers share these names."""
-OVERDETERMINED = "More_Equations_Than_Unknowns"
 _ACCEPTABLE = 100.0
 """Of an acceptable point, its errors per tolerance."""
 
@@ -102,12 +101,6 @@ class Solver(ABC):
             instead.
         """
         began = time.perf_counter()
-        # IPOPT may not come back from more equations than unknowns.
-        if np.count_nonzero(start.lower == start.upper) > np.count_nonzero(start.low < start.high):
-            g = np.array(problem.functions["jac_g"](start.x, start.p)[0]).ravel()
-            none = Multipliers(np.zeros(start.x.size), np.zeros(g.size))
-            violation = start.violation(start.x, g)
-            return Attempt(Status.FAILED, OVERDETERMINED, start.x, g, 0.0, none, 0, 0.0, violation, np.inf)
         function, stop = self._function(problem, start.approach)
         stop.until, stop.calls = until, 0
         given = {}

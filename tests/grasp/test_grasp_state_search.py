@@ -23,7 +23,7 @@ CABLE = {"axial_stiffness": 1e4, "series_stiffness": 3e4, "drive": WINCH, "time_
 def mug(friction=0.0, elements=2, **changes):
     """The mug of the shipped scene, by a finger with four friction states."""
     own = {"finger.tendons.friction": friction, "fidelity.elements": elements, "fidelity.family": "clothoid"}
-    return load(CONFIGS / "mug.yaml").changed({**own, "solver.effort": "quick", **changes})
+    return load(CONFIGS / "mug.yaml").changed({**own, "solver.effort": "quick", "contacts.reserve": 0.0, **changes})
 
 
 def sticking(**changes):

@@ -19,7 +19,7 @@ PLACES = {"stations": 4, "middle_range": (0.06, 0.12)}
 
 def _mug(name: str = "mug", mass: float | None = None, **contacts: Any) -> GraspScene:
     scene = scene_of(f"configs/grasp/{name}.yaml", GraspScene)
-    whole = scene.contacts.replaced(**contacts)
+    whole = scene.contacts.replaced(reserve=0.0, **contacts)
     fidelity = scene.fidelity.replaced(elements=8)
     body = scene.object if mass is None else scene.object.replaced(mass=mass)
     return scene.replaced(object=body, contacts=whole, fidelity=fidelity, solver={"effort": "quick"})

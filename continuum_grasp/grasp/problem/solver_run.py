@@ -46,6 +46,8 @@ RUNGS = (
 """How a start is solved from, boldest first: options, and the most iterations of one solver run."""
 END, BETTER = 1e-6, 1e-6
 """How near the end of a face or corner a contact is at it, and by what part beyond it must be better."""
+OVERDETERMINED = "More_Equations_Than_Unknowns"
+"""Outcome of a run that is not begun."""
 DEEP = 1.1
 """Penetration above which that is done again, per tolerance: active places have one."""
 
@@ -191,7 +193,7 @@ class GraspSolverRun:
         for name, bound in (most or {}).items():
             high[problem.x.at[name]] = bound
         options, cap = RUNGS[rung]
-        solve = partial(self.prepare(scene).solve, self.nlp)
+        solve = partial(self._solved, self.prepare(scene))
         began = time.perf_counter()
         x = np.clip(x, low, high)
         look = self._look(scene, values)
@@ -202,6 +204,14 @@ class GraspSolverRun:
         last = replace(last, seconds=time.perf_counter() - began)
         violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
         return Attempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
+
+    def _solved(self, solver: nlp.Solver, start: nlp.Start, until: Budget) -> nlp.Attempt:
+        # IPOPT may not come back from more equations than unknowns, as of a finger that lifts without a support.
+        if np.count_nonzero(start.lower == start.upper) <= np.count_nonzero(start.low < start.high):
+            return solver.solve(self.nlp, start, until)
+        g = np.array(self.nlp.functions["jac_g"](start.x, start.p)[0]).ravel()
+        none, violation = nlp.Multipliers(np.zeros(start.x.size), np.zeros(g.size)), start.violation(start.x, g)
+        return nlp.Attempt(nlp.Status.FAILED, OVERDETERMINED, start.x, g, 0.0, none, 0, 0.0, violation, np.inf)
 
     def _look(self, scene: GraspScene, values: dict[str, Any]) -> Callable[[Array, Array], tuple[float, Array]]:
         """How deep fingers are at a point, and ``values`` as numbers with the guarded places and circles of it."""
