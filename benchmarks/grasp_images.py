@@ -59,7 +59,7 @@ def _body(random: np.random.Generator, size: float, kind: str) -> tuple[Data, fl
     angle = random.uniform(-math.pi, math.pi)
     turns = np.cumsum(random.dirichlet(np.full(random.integers(3, 8), 6.0))) * math.tau
     points, radius = size * np.exp(1j * turns), 0.0
-    body: Data = {"shape": str(shape), "angle": angle, "vertices": [(z.real, z.imag) for z in points.tolist()]}
+    body: Data = {"shape": "polygon", "angle": angle, "vertices": [(z.real, z.imag) for z in points.tolist()]}
     if shape == "rounded":
         body["corner_radius"] = 0.15 * size * random.random() + 0.02 * size
     elif shape == "stadium":

@@ -66,6 +66,7 @@ def test_a_chain_of_guides_rests_on_the_station_that_closes():
             "fidelity": {"family": "clothoid", "elements": 8},
             "stability": "ignore",
             "solver.effort": "quick",
+            "contacts.reserve": 0.0,
             **{f"contacts.{key}": value for key, value in changes.items()},
         }
     )
