@@ -1,4 +1,4 @@
-"""What the user describes: frozen values in SI units, read from YAML or built in Python.
+"""Descriptions by the user: frozen values in SI units, read from YAML or built in Python.
 
 The names here are loaded when they are first used. Reading files: `continuum_grasp.scene.load.load`.
 """

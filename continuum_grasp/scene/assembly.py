@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     Model = TypeVar("Model", bound=BaseModel)
 
 _VERSION = 1
-"""Of the format of configurations, the only one so far."""
+"""Version of the format of configurations, the only one so far."""
 
 Overrides = Iterable[str] | Mapping[str, Any]
 _PART = re.compile(r"([^.\[\]\s]+)|\[(\d+)\]")
 
 
 def validated(document: Document, model: type[Model]) -> Model:
-    """What a document says, checked: `InputError` has file, line, column and key of everything that is wrong."""
+    """The contents of a document, checked: `InputError` has file, line, column and key of everything that is wrong."""
     from pydantic import ValidationError
 
     from continuum_grasp.scene.problems import input_error
@@ -39,7 +39,7 @@ def validated(document: Document, model: type[Model]) -> Model:
 
 
 def kind_of(data: Any) -> str:
-    """What kind of configuration it is, as in ``KINDS`` of ``scene.load``."""
+    """Kind of a configuration, as in ``KINDS`` of ``scene.load``."""
     if isinstance(data, dict):
         if "controller" in data:
             return "mission" if "grasp" in data else "mpc"
@@ -147,7 +147,7 @@ def named_file(place: Place, target: str, main: Path, what: str, path: KeyPath) 
 
 
 def _part_of(file: Path, words: str, needed: str = "", foreign: str = "") -> Document:
-    """What a file of a part of a scene says, without its version; it has one key, or another not."""
+    """Contents of a file that holds a part of a scene, without its version; the part has one key, or lacks another."""
     found = read_yaml(file, name=os.path.normpath(file))
     if not isinstance(found.value, dict) or (needed and needed not in found.value) or foreign in found.value:
         raise found.places[()].error(f"expected {words}")

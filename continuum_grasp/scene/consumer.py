@@ -1,4 +1,4 @@
-"""What a verb, an export or a plant does not take of a scene: declared by key, refused or listed in one place."""
+"""Keys of a scene that a verb, an export or a plant does not take: declared by key, refused or listed in one place."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LIMITS_OF_BENDING = {
     ),
     "supports.touch": "of grasps",
 }
-"""What motions do not need, by key, and why."""
+"""Keys that motions do not need, and why."""
 LEAST_COMMANDS = dict.fromkeys(
     ("finger.tendons.min_tension", "finger.pressure.min_pressure"), "a limit of commands: from zero on all are taken"
 )
@@ -30,7 +30,7 @@ LIMITS_OF_COMMANDS = {
     **LEAST_COMMANDS,
     **dict.fromkeys(("finger.tendons.max_tension", "finger.pressure.max_pressure"), "a limit of commands"),
 }
-"""What is of commands alone, which a scene keeps to; above, what ranges from zero on do not need."""
+"""Keys that limit commands alone, which a scene keeps to; those above are not needed by ranges from zero on."""
 
 
 @dataclass(frozen=True)

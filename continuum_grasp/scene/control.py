@@ -170,7 +170,7 @@ class ControlScene(CommandedScene):
     REFUSALS = _LOOPS
 
     fidelity: Fidelity = Fidelity()
-    """How finely the controller's model is."""
+    """Resolution of the controller's model."""
     controller: Controller
     """The controller: horizon, weights, limits."""
     reference: Reference = Reference()
@@ -180,11 +180,11 @@ class ControlScene(CommandedScene):
     initial: Initial = Initial(pose="rest")
     """State at time zero."""
     plant: Plant = Plant()
-    """How the plant differs from the controller's model."""
+    """Differences of the plant from the controller's model."""
     loads: Annotated[tuple[ForceLoad, ...], Field(strict=False)] = ()
     """Forces on the plant that the controller does not know."""
     duration: Annotated[Duration | None, Field(examples=[3.0, "3 s"])] = None
-    """How long the closed loop runs [s]."""
+    """Duration of the closed loop [s]."""
 
     def _check(self) -> None:
         self._check_references()

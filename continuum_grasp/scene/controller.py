@@ -54,11 +54,11 @@ class Penalty(Value):
 
 class _Zone(Value):
     of: Literal["tip", "backbone"] = "tip"
-    """What must stay outside: the tip, or also four sections of every element."""
+    """Part of the finger that must stay outside: the tip, or also four sections of every element."""
     clearance: Distance = 0.0
     """Distance from the edge [m]."""
     penalty: Penalty | Literal["hard"] | None = None
-    """Of a violation; hard: there is none, or no solution; None: soft, and hard in plans."""
+    """Penalty of a violation; hard: there is none, or no solution; None: soft, and hard in plans."""
 
 
 class HalfPlaneZone(_Zone):
@@ -96,7 +96,8 @@ class Bounds(Value):
     keep_out: dict[str, Zone] = Field(default_factory=dict)
     """Zones by name."""
     penalty: Penalty | Literal["hard"] | None = None
-    """Of violations of curvature and speed; hard: there is none, or no solution; None: soft, and hard in plans."""
+    """Penalty of violations of curvature and speed; hard: there is none, or no solution; None: soft, and hard in
+    plans."""
     usual_penalty: ClassVar[Penalty | Literal["hard"]] = Penalty()
     """That where none is given."""
 
@@ -121,7 +122,7 @@ class InputLimits(Value):
     """Least and greatest commanded torque of every motor [N m]; None: torque_max of its drive both ways. A motor with
     one tendon needs no more against it than its dry friction."""
     currents: Annotated[Interval, Field(examples=[[-0.5, 5.0]]), Unit("A")] | None = None
-    """The same as currents, of motors with a torque_constant [A]."""
+    """Limits of the torques as currents, of motors with a torque_constant [A]."""
     rate_max: Annotated[Positive, Field(examples=[600.0]), Unit("unit of the input per second")] | None = None
     """Greatest change of the input per time [unit of the input per second], such as N/s of tensions."""
     time_constant: TimeConstant | None = None
@@ -219,7 +220,7 @@ class Horizon(Value):
 
 
 class _Differs(Value):
-    """How a finger differs from that of the controller."""
+    """Differences of a finger from that of the controller."""
 
     stiffness: Annotated[Positive, Unit("1")] = 1.0
     """Bending stiffness per that of the controller's finger [1]."""
@@ -245,16 +246,17 @@ class Scenario(_Differs):
     """A plant that a robust controller plans for, by how it differs from the controller's finger."""
 
     weight: Annotated[Positive, Unit("1")] = 1.0
-    """Of its cost, beside those of the other plants: its probability, up to a factor [1]. Constraints count in full."""
+    """Weight of this plant's cost, beside those of the other plants: its probability, up to a factor [1]. Constraints
+    count in full."""
 
     @property
     def changes(self) -> dict[str, float]:
-        """What differs, by key."""
+        """The differences, by key."""
         return self.stated("weight")
 
 
 class Limited(Value):
-    """What all controllers keep to."""
+    """Limits that all controllers keep to."""
 
     input: InputLimits = InputLimits()
     """Limits of the input."""
@@ -272,12 +274,12 @@ class Controller(Limited):
     horizon: Horizon = Horizon()
     """Time grid of the prediction."""
     cost: Cost
-    """What is tracked, and the weight of each error."""
+    """Tracked quantities, and the weight of each error."""
     sqp_iterations: Annotated[int, Field(ge=1, le=20)] = 1
     """Linearizations of the problem per command. One is the real-time iteration; more approach the optimum of a
     strongly nonlinear problem, in as many times the time."""
     start_iterations: Annotated[int, Field(ge=1, le=100)] = 5
-    """The same for a command without a previous plan, such as the first one."""
+    """Linearizations for a command without a previous plan, such as the first one."""
     start_calls: Annotated[int, Field(ge=1, le=100)] = 1
     """Commands over which these are spread, where the longest call counts: the first one makes its share, rounded down,
     after the integration of a motion from which it starts. No more than ``start_iterations``."""
@@ -310,10 +312,10 @@ class Controller(Limited):
 
 
 class Plant(_Differs):
-    """How the plant differs from what the controller knows."""
+    """Differences of the plant from the controller's model."""
 
     fidelity: Fidelity = Fidelity(family=default_family(free_tip=True), elements=8)
-    """How finely the plant is modeled."""
+    """Resolution of the plant's model."""
     guides: Annotated[int, Field(ge=8, le=200)] | None = None
     """In place of ``fidelity``: a chain of this many hinges with a guide of the tendons at each, at which they stick or
     slide by the capstan law alone, elastic in between, slack where they would push. None: elements and cells."""
@@ -332,7 +334,7 @@ class Plant(_Differs):
     """Seed of the noise."""
 
     def tendon_changes(self, finger: Finger) -> dict[str, float]:
-        """What is different of a finger's tendons, as ``Finger.with_tendons`` takes it."""
+        """Changes of a finger's tendons, as ``Finger.with_tendons`` takes it."""
         own = {"friction": self.tendon_friction, "presliding": self.presliding}
         if finger.winches:
             own |= {"axial_stiffness": self.axial_stiffness, "series_stiffness": self.series_stiffness}

@@ -1,4 +1,4 @@
-"""What a controller tracks: weights of its cost, and setpoints that are constant, sampled in time, or a circle.
+"""Targets of a controller: weights of its cost, and setpoints that are constant, sampled in time, or a circle.
 
 A new cost term has its weight in ``Cost`` and its setpoint in ``Reference``, under the same name; see
 ``control/ocp/cost_terms.py``.

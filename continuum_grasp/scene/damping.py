@@ -1,4 +1,4 @@
-"""What takes energy out of the bending of a finger: damping by the rate, and dry friction, which holds at rest."""
+"""Dissipation in the bending of a finger: damping by the rate, and dry friction, which holds at rest."""
 
 from __future__ import annotations
 

@@ -19,10 +19,10 @@ QUANTITIES = {
     "payload": ("kg", "greatest mass that can be held"),
     "finger_mass": ("kg", "mass of all fingers"),
 }
-"""What expressions may name of a grasp, with unit and meaning; `tension` to `friction_margin` are of the grasp that is
-best by the scene's objective, `payload` of the one with the greatest mass."""
+"""Quantities of a grasp that expressions may name, with unit and meaning; `tension` to `friction_margin` are of the
+grasp that is best by the scene's objective, `payload` of the one with the greatest mass."""
 FUNCTIONS = ("sqrt", "exp", "log")
-"""Which expressions may call."""
+"""Functions that expressions may call."""
 _SUMS = (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow, ast.UAdd, ast.USub)
 _NAME = r"^[A-Za-z][A-Za-z0-9_]{0,30}$"
 _MOST_SYMBOLS = 200
@@ -37,11 +37,11 @@ class DesignVariable(Value):
     max: Annotated[Real, Unit(None), Field(examples=[0.006, "6 mm"])]
     """Greatest value, in the unit of the key."""
     start: Annotated[Annotated[Real, Unit(None)] | None, Field(examples=[0.004, "4 mm"])] = None
-    """Where the search starts, in the unit of the key; None: the scene's value."""
+    """Start of the search, in the unit of the key; None: the scene's value."""
     spacing: Literal["linear", "log"] = "linear"
     """log: equal ratios count alike, for a number that may change by more than a factor of three."""
     name: Annotated[str, Field(pattern=_NAME)] | None = None
-    """What expressions call it; None: they do not name it."""
+    """Name of the variable in expressions; None: expressions do not use it."""
 
     def _check(self) -> None:
         self._check_below("min", "max")
@@ -80,7 +80,7 @@ class QuantityLimit(Value):
 
 
 class DesignSolver(Value):
-    """How the best design is searched."""
+    """Options of the search for the best design."""
 
     starts: Annotated[int, Field(ge=1, le=1000)] = 5
     """Designs whose grasps are searched before the best of them is improved: the start, and others spread evenly
@@ -104,7 +104,7 @@ class Design(Varied):
     """Cost: an expression with + - * / ** ( ), sqrt, exp, log, in SI units, of tension, tension_max, normal_force_max,
     friction_margin, payload, finger_mass, and names of variables."""
     over: Literal["worst", "mean"] = "worst"
-    """Which of the costs of all cases counts."""
+    """Cost that counts, of those of all cases."""
     limits: dict[Key, QuantityLimit] = Field(default_factory=dict)
     """Expressions with bounds, which hold in every case."""
     tolerances: Annotated[dict[Key, Tolerance], InSI, Field(default_factory=dict, max_length=12)]

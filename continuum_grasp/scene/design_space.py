@@ -1,4 +1,4 @@
-"""What a design varies, resolved: variables with their places, and the scene of every case and design."""
+"""Variables of a design, resolved: variables with their places, and the scene of every case and design."""
 
 from __future__ import annotations
 
@@ -65,9 +65,9 @@ class ToleratedKey(SceneKey):
     """A number that is manufactured with an error."""
 
     variable: int | None
-    """Which variable it is; None: a number of the scene that is not chosen."""
+    """Index of the variable; None: a number of the scene that is not chosen."""
     nominal: float
-    """Its value, of one that is not chosen."""
+    """Nominal value of a number that is not chosen."""
     tolerance: Tolerance
 
     def amount(self, value: float) -> float:

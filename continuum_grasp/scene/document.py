@@ -16,7 +16,7 @@ KeyPath = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class Place:
-    """Where a value stands, and where its key does; lines and columns count from 1, None outside a file.
+    """Positions of a value and of its key in a file; lines and columns count from 1, None outside a file.
 
     Paths are relative to ``folder``; where that is None, to the folder of the file, or of the main file outside one.
     """
@@ -67,13 +67,15 @@ class Document:
         return True
 
     def place(self, path: KeyPath) -> Place:
-        """Where ``path`` was written, or the nearest above it: what was set from outside has one place for all."""
+        """Position of ``path``, or of the nearest path above it: values that were set from outside share one
+        position.
+        """
         while path and path not in self.places:
             path = path[:-1]
         return self.places[path]
 
     def nearest(self, path: KeyPath, *, at_key: bool = False) -> Place:
-        """Where ``path`` was written, or the key of what it would stand in."""
+        """Position of ``path``, or of the key that it would stand in."""
         place = self.place(path)
         if (at_key or path not in self.places) and place.key_line is not None:
             return Place(place.file, place.key_line, place.key_column)
@@ -85,7 +87,7 @@ class Document:
         return self.nearest(path).error(error.message, path)
 
     def part(self, path: KeyPath) -> Document:
-        """What lies below ``path``, as a document of its own."""
+        """The part of the document below ``path``, as a document of its own."""
         count = len(path)
         places = {p[count:]: place for p, place in self.places.items() if p[:count] == path}
         return Document(self.get(path), {(): self.place(path), **places})
@@ -170,7 +172,7 @@ def child(value: Any, part: str | int) -> Any:
 
 
 Change = tuple[KeyPath, Document]
-"""What is put where."""
+"""A path, and the document that is put there."""
 
 
 def refuse_what_is_no_file(path: str | os.PathLike[str], name: str | None = None) -> None:

@@ -1,4 +1,4 @@
-"""What winds the tendons up: winches that follow a commanded length, and motors."""
+"""Drives that wind up the tendons: winches that follow a commanded length, and motors."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ _ONE_FLANK = "has no effect per_tendon: a tendon loads one flank alone; see slac
 
 
 class _Winch(Value):
-    """What winches have in common."""
+    """Keys that winches have in common."""
 
     REFUSALS: ClassVar[tuple[Consumer, ...]] = (
         excludes("drives", "slack", "pretension", "and pretension exclude each other", _AT),
@@ -94,7 +94,7 @@ class _Winch(Value):
     pretension: Annotated[NonNegative, Unit("N")] = 0.0
     """Tension of the straight finger while the drives are at zero [N]."""
     slack: Distance = 0.0
-    """How far a drive must wind up until its tendon is taut on the straight finger [m]."""
+    """Length that a drive must wind up until its tendon is in tension on the straight finger [m]."""
 
 
 class LengthDrive(_Winch):

@@ -48,25 +48,25 @@ class Measured(Value):
     REFUSALS = (excludes("estimator.measured", "torque", "current", _TORQUE, "estimator.measured"),)
 
     tip: Annotated[Positive, Field(examples=[3e-4, "0.3 mm"]), Unit("m")] | None = None
-    """Of each coordinate of the tip's world position, by a camera [m]."""
+    """Noise of each coordinate of the tip's world position, by a camera [m]."""
     tension: Annotated[Positive, Field(examples=[0.1]), Unit("N or N m")] | None = None
-    """Of each tendon's tension, or of the tip moment of a finger without tendons [N or N m]; needs a lag, since without
-    one it is the input itself."""
+    """Noise of each tendon's tension, or of the tip moment of a finger without tendons [N or N m]; needs a lag, since
+    without one it is the input itself."""
     pressure: Annotated[Positive, Field(examples=[200.0, "0.2 kPa"]), Unit("Pa")] | None = None
-    """Of each chamber's pressure [Pa], which needs a lag as a tension does."""
+    """Noise of each chamber's pressure [Pa], which needs a lag as a tension does."""
     bending: BendingSensors | None = None
     """Angles of sections; None: not measured."""
     object: ObjectSensor | None = None
     """Pose of an object that moves; None: not measured."""
     length: Annotated[Positive, Field(examples=[2e-5, "20 um"]), Unit("m")] | None = None
-    """Of the cable that each winch has wound up, with ``drive.kind: length`` [m]; of an encoder, a step over the root
-    of 12."""
+    """Noise of the length of cable that each winch has wound up, with ``drive.kind: length`` [m]; of an encoder, a step
+    over the root of 12."""
     angle: Annotated[Positive, Field(examples=[4e-4, "0.4 mrad"]), Unit("rad")] | None = None
-    """Of the angle of each drum, with ``drive.kind: motor`` [rad]; of an encoder, a step over the root of 12."""
+    """Noise of the angle of each drum, with ``drive.kind: motor`` [rad]; of an encoder, a step over the root of 12."""
     torque: Annotated[Positive, Field(examples=[1e-4]), Unit("N m")] | None = None
-    """Of the torque of each motor at its drum [N m]."""
+    """Noise of the torque of each motor at its drum [N m]."""
     current: Annotated[Positive, Field(examples=[5e-3]), Unit("A")] | None = None
-    """Of the current of each motor with a ``torque_constant`` [A]."""
+    """Noise of the current of each motor with a ``torque_constant`` [A]."""
 
     def _check(self) -> None:
         shows = ("tip", "bending", "length", "angle")
@@ -98,7 +98,7 @@ class Disturbed(Value):
 
     @property
     def names(self) -> frozenset[str]:
-        """Those that are estimated."""
+        """Names of the disturbances that are estimated."""
         return frozenset(self.stated())
 
 
@@ -106,11 +106,11 @@ class Spread(Value):
     """Standard deviations of unknowns at the start, of those that a plant has once and for all."""
 
     object_position: Annotated[Positive, Field(examples=["3 mm"]), Unit("m")] | None = None
-    """Of each coordinate of a fixed object [m]."""
+    """Spread of each coordinate of a fixed object [m]."""
     bending_stiffness: Annotated[Positive, Field(examples=["10 %"]), Unit("1")] | None = None
-    """Of the bending stiffness, relative [1]."""
+    """Spread of the bending stiffness, relative [1]."""
     tendon_friction: Annotated[Positive, Field(examples=["40 %"]), Unit("1")] | None = None
-    """Of the friction coefficient of the tendons, relative [1]."""
+    """Spread of the friction coefficient of the tendons, relative [1]."""
 
 
 class Adapt(Value):
@@ -121,12 +121,12 @@ class Adapt(Value):
     """
 
     bending_stiffness: Annotated[Positive, Field(le=1.0, examples=["30 %"]), Unit("1")] | None = None
-    """Of the bending stiffness, relative [1]."""
+    """Drift of the bending stiffness, relative [1]."""
     tip_mass: Annotated[Positive, Field(le=10.0, examples=["5 g"]), Unit("kg")] | None = None
-    """Of the mass at the tip, a payload [kg]; it is never below zero."""
+    """Drift of the mass at the tip, a payload [kg]; it is never below zero."""
     drive_time_constant: Annotated[Positive, Field(le=1.0, examples=["40 %"]), Unit("1")] | None = None
-    """Of the time constant T of the drive, relative [1]. Only the dead time, 2 T and the delay of measurements, shows:
-    a delay other than ``delay`` is found as half of it in T."""
+    """Drift of the time constant T of the drive, relative [1]. Only the dead time, 2 T and the delay of measurements,
+    shows: a delay other than ``delay`` is found as half of it in T."""
     forgetting_time: Annotated[Duration, Field(ge=0.1, examples=["60 s"])] = 60.0
     """Time in which variances return to those of the start where nothing is measured that tells [s]: shorter follows
     parameters that change, longer averages over more noise."""
@@ -179,12 +179,12 @@ class Estimator(Value):
     )
 
     measured: Measured
-    """What is measured, and how noisy it is."""
+    """Measured quantities, and the noise of each."""
     disturbances: Disturbed = Disturbed()
     """Unknowns that are estimated with the state."""
     spread: Spread = Spread()
-    """How far unknowns may be from their nominal values at the start; by default as far as they drift in a second. A
-    stiffness that one plant has and another has not is a wide spread with a slow drift."""
+    """Standard deviations of unknowns from their nominal values at the start; by default as far as they drift in a
+    second. A stiffness that one plant has and another has not is a wide spread with a slow drift."""
     adapt: Adapt | None = None
     """Model parameters that are estimated while it runs; None: none."""
     contact_detection: ContactDetection | None = None

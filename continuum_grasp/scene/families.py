@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 
 @dataclass(frozen=True)
 class CurvatureFamily:
-    """One curvature family, as far as scenes are concerned."""
+    """Properties of a curvature family that scenes use."""
 
     equations: str
     """Module and name of the subclass of ``model.family.Family``, imported when a model is built."""
@@ -40,7 +40,7 @@ FAMILIES = {
 """All families by name, from coarse to fine; a new one is a line here."""
 
 PAPER_FAMILY = "arc"
-"""Of the paper, doi:10.1155/2014/308283."""
+"""Curvature family of the paper, doi:10.1155/2014/308283."""
 
 
 def default_family(*, free_tip: bool) -> str:

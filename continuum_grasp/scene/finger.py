@@ -72,7 +72,8 @@ class Stops(Value):
     stiffness_ratio: Annotated[float, Field(gt=1.0, le=1e6, examples=[50.0]), Unit("1")]
     """Bending stiffness beyond it per that before it [1]."""
     side: Literal["both", "left", "right"] = "both"
-    """Where there are stops: left, against bending towards -X (positive curvature); right, against the other."""
+    """Side of the finger with stops: left, against bending towards -X (positive curvature); right, against the
+    other."""
 
     @property
     def signs(self) -> tuple[float, ...]:
@@ -125,7 +126,7 @@ class Finger(Value):
     rod: Rod
     """The elastic rod that the finger is."""
     damping: Damping = Damping()
-    """What damps its bending."""
+    """Dissipation in the bending of the finger."""
     rest_curvature: Annotated[Real, Unit("1/m")] | PiecewiseCurvature = 0.0
     """Curvature of the unloaded finger [1/m], positive towards -X."""
     half_thickness: Annotated[Distance | None, Field(examples=[0.006, "6 mm"])] = None
@@ -137,16 +138,16 @@ class Finger(Value):
     tip_body: TipBody | None = None
     """A body fastened to the tip; None: none."""
     stops: Stops | None = None
-    """Where links of the finger touch; None: nowhere."""
+    """Stops at which links of the finger touch; None: there are none."""
     softening: Softening | None = None
-    """Where its material softens; None: it is linear."""
+    """Softening of the material where it is bent far; None: the material is linear."""
     tendons: Tendons | TendonList | None = None
     """A pair of tendons at equal distances on both sides, or a list of single ones; None: none."""
     pressure: Chamber | ChamberList | None = None
     """A pressure chamber, or a list of them, which may act beside tendons; None: none. Without tendons and chambers the
     input is the tip moment itself."""
     base: BasePose = BasePose()
-    """Where the base is clamped, and in which direction."""
+    """Position and direction of the clamped base."""
 
     def _check(self) -> None:
         length, half = self.rod.length, self.half_thickness
@@ -301,7 +302,7 @@ class Finger(Value):
 
     @property
     def input_keys(self) -> tuple[str, ...]:
-        """Of each input its key in ``actuation``."""
+        """Key of each input in ``actuation``."""
         return tuple(one.key for one in self.inputs)
 
     @property
@@ -312,7 +313,7 @@ class Finger(Value):
 
     @property
     def free_tip_reasons(self) -> tuple[str, ...]:
-        """What a matched tip, whose bending under an input is known beforehand, cannot carry; in words."""
+        """Features that a matched tip, whose bending under an input is known beforehand, cannot carry; in words."""
         winches, tip = self.winches, self.tip_body
         laws = (key for key in SECTION_LAWS if key not in FIT_MATCHED_TIP)
         why = {
@@ -340,7 +341,7 @@ class Finger(Value):
             raise InputError(f"{family} cannot carry {what}: use {free}", key=key)
 
     def with_tendons(self, **changes: Any) -> Self:
-        """The same with changes of every tendon; of a finger without tendons, itself."""
+        """A copy of the finger with changes of every tendon; a finger without tendons is returned as it is."""
         tendons = self.tendons
         if isinstance(tendons, tuple):
             return self.replaced(tendons=tuple(tendon.replaced(**changes) for tendon in tendons))
@@ -352,7 +353,7 @@ class Finger(Value):
         return changed.replaced(pressure=tuple(c.replaced(time_constant=time_constant) for c in self.chambers) or None)
 
     def places_of(self, key: str) -> tuple[str, ...]:
-        """Where the finger states what it has one or several of, by its key: tendons, pressure."""
+        """Paths to the entries of a key that may hold one or several: tendons, pressure."""
         given = getattr(self, key)
         if isinstance(given, tuple):
             return tuple(f"{key}[{k}]" for k in range(len(given)))
@@ -367,7 +368,7 @@ class Finger(Value):
 
     @property
     def pulls(self) -> tuple[Pull, ...]:
-        """Of each tendon, then of each chamber: by what its tension or pressure bends the finger."""
+        """Limits of each tendon's tension, then of each chamber's pressure, with the channel and arm by which it bends."""
         limits = [(one.min_tension, one.max_tension) for one in self.tendon_list]
         limits += [(one.min_pressure, one.max_pressure) for one in self.chambers]
         places = (next((one, one.arms[k]) for one in self.channels if one.arms[k]) for k in range(len(limits)))

@@ -1,4 +1,4 @@
-"""What a graded rod is given by: sections, samples, or a straightened spiral."""
+"""Data that describe a graded rod: sections, samples, or a straightened spiral."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _Number = TypeVar("_Number")
 Varying: TypeAlias = _Number | Annotated[tuple[_Number, _Number], Field(strict=False)]
 """A number, or its values at the base end and at the tip end, linear between."""
 Along: TypeAlias = "float | tuple[float, float] | PiecewiseCurvature"
-"""What is given along a finger, as `scene.profile.Curve` reads it."""
+"""Values along a finger, as `scene.profile.Curve` reads it."""
 Modulus = Annotated[float, Field(ge=1e-3, le=1e15), Unit("Pa")]
 Density = Annotated[float, Field(ge=1e-3, le=1e6), Unit("kg/m3")]
 Stiffness = Annotated[float, Field(ge=1e-24, le=1e15), Unit("N m2")]
@@ -67,8 +67,8 @@ def shapes(whose: str, at: str) -> tuple[Consumer, ...]:
 
 
 class Section(Value):
-    """What a rod, or a part of it, is across; each value is a number, or ``[from, to]`` for one that changes linearly
-    from base to tip side.
+    """Cross section of a rod, or of a part of a rod; each value is a number, or ``[from, to]`` for one that changes
+    linearly from base to tip side.
 
     Give ``thickness`` and ``width`` (a rectangle), or ``diameter`` (round), with the modulus and density of the
     material; or ``bending_stiffness`` and ``linear_density``. A ``thickness`` or ``diameter`` beside these sets only
@@ -100,7 +100,7 @@ class Section(Value):
 
     @property
     def thick(self) -> float | tuple[float, float] | None:
-        """Its thickness or diameter [m], where known."""
+        """Thickness or diameter [m], where known."""
         return self.thickness if self.diameter is None else self.diameter
 
     def check_shape(self) -> None:
@@ -127,7 +127,7 @@ class RodSection(Section):
     REFUSALS = shapes("rod sections", "finger.rod.sections")
 
     to: Length
-    """Where it ends [m]; the last section ends at the rod's length."""
+    """End of the section [m]; the last section ends at the rod's length."""
     rest_curvature: Varying[Curvature] | None = None
     """Curvature of the unloaded section [1/m], positive towards -X; none where not given."""
 
@@ -205,11 +205,11 @@ class SpiRob(Value):
         return 0.5 * (low + high)
 
     def unit_angle(self, length: float) -> float:
-        """How far each unit turns where its gap is closed [rad], for a straightened length [m]."""
+        """Angle by which each unit turns where its gap is closed [rad], for a straightened length [m]."""
         return math.log(self.base_thickness / self.tip_thickness) / (self.growth(length) * self.units)
 
     def edges(self, length: float) -> tuple[float, ...]:
-        """Where units begin and end [m], from 0 to the length."""
+        """Ends of the units [m], from 0 to the length."""
         base, tip, n = self.base_thickness, self.tip_thickness, self.units
         inside = (length * (base - base * (tip / base) ** (k / n)) / (base - tip) for k in range(1, n))
         return (0.0, *inside, length)

@@ -38,8 +38,8 @@ from continuum_grasp.scene.value import Configuration
 # Names become parts of contact names, as in left.middle_1, and of columns in tables.
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 _RELEASED = 1.4
-"""How much further an element may bend by default where friction may let go: with tendons that slide back, at tensions
-that stay, it bent by 1.8, 2.7 and 3.6 rad at friction 0.05, 0.1 and 0.15, pulled by 1.3 rad (mug)."""
+"""Factor on the default bend of an element where friction may let go: with tendons that slide back, at tensions that
+stay, it bent by 1.8, 2.7 and 3.6 rad at friction 0.05, 0.1 and 0.15, pulled by 1.3 rad (mug)."""
 TOUCHING = 1e-6
 """Gap, as a part of the object's size, up to which an object at rest lies against a support."""
 _TURNS = 360
@@ -87,7 +87,7 @@ _STATIONS = beside("grasp of a finger by stations", lambda one: one.stations, "c
 
 @dataclass(frozen=True)
 class FingerSetup:
-    """One finger of a scene with everything resolved."""
+    """A finger of a scene with all defaults resolved."""
 
     name: str
     finger: GraspFinger
@@ -128,7 +128,7 @@ class FingerSetup:
 
     @property
     def drive(self) -> DriveLaw | None:
-        """What winds up its tendons; None where tensions are commanded."""
+        """Drive that winds up the tendons; None where tensions are commanded."""
         return DriveLaw.of(self.finger)
 
     @property
@@ -172,7 +172,7 @@ class FingerSetup:
 
     @property
     def middle_places(self) -> tuple[float, ...]:
-        """Where middle contacts are that are clear [m]: the stations, or spread as the elements are."""
+        """Positions of middle contacts that do not touch [m]: the stations, or spread as the elements are."""
         return self.stations or tuple(self.finger.rod.length * count / self.elements for count in self.before)
 
     @property
@@ -211,13 +211,13 @@ class GraspScene(Configuration, Supported):
     fingers: Annotated[dict[str, AnyFinger], Field(min_length=1, max_length=4)] | None = None
     """One to four fingers by name, in place of ``finger``."""
     object: GraspObject
-    """What is held: its shape, mass and pose."""
+    """The object to be held: shape, mass and pose."""
     contacts: GraspContacts
-    """Where fingers touch the object, and what the surfaces bear."""
+    """Contacts of fingers with the object, and limits of the touching surfaces."""
     gravity: GraspGravity
     """Weight in the plane, perpendicular to it, or none."""
     fidelity: Fidelity = Fidelity()
-    """How finely the fingers are modeled."""
+    """Resolution of the fingers' models."""
     objective: Aim | ObjectiveWeights = "least_tension"
     """least_tension: least sum of all tendon tensions; least_normal_force: the greatest normal force is as small as
     can be; greatest_disturbance: the ``disturbances`` may grow by the greatest factor; greatest_friction_margin: the
@@ -231,8 +231,9 @@ class GraspScene(Configuration, Supported):
     """require: small motions that the contacts allow must raise the energy, at constant tensions; ignore: an
     equilibrium is enough, as where the drives hold their position or something else steadies the object."""
     friction_states: Literal["any", "pulled"] = "any"
-    """Of tendons with friction, and of dry friction in bending. any: the grasp, reached by pulling, holds with these
-    tensions whatever the friction states become; pulled: it need only hold as it is reached."""
+    """Friction states, of tendons and of dry friction in bending, in which the grasp must hold. any: the grasp, reached
+    by pulling, holds with these tensions whatever the friction states become; pulled: it need only hold as it is
+    reached."""
     overlap: Literal["forbid", "allow"] = "forbid"
     """forbid: fingers keep clear of each other in the plane; allow: they lie at different heights and may cross."""
     robust: Robust | None = None
@@ -269,7 +270,7 @@ class GraspScene(Configuration, Supported):
 
     @property
     def state_columns(self) -> dict[str, slice]:
-        """Where the friction states of each finger are among all those that must not matter; empty where none do."""
+        """Columns of each finger's friction states among all those that must not matter; empty where none do."""
         found, start = dict[str, slice](), 0
         for setup in self.setups if self.friction_states == "any" else ():
             if setup.friction_states:
@@ -324,7 +325,7 @@ class GraspScene(Configuration, Supported):
         return self.contacts.friction
 
     def held_friction(self, contact: str) -> float:
-        """The same less ``contacts.reserve``: what grasps are sought and certified with [1]."""
+        """Friction coefficient less ``contacts.reserve``, with which grasps are sought and certified [1]."""
         return (1.0 - self.contacts.reserve) * self.friction(contact)
 
     def normal_force_max(self, contact: str) -> float:

@@ -1,4 +1,4 @@
-"""What winds up the tendons of a finger that grasps, as plain numbers."""
+"""Drives of a finger that grasps, as plain numbers."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class DriveLaw:
 
     @staticmethod
     def of(finger: Finger) -> DriveLaw | None:
-        """That of a finger; None where its tensions are commanded."""
+        """Drive of a finger; None where tensions are commanded."""
         tendon = finger.tendon_list[0]
         if tendon.drive is None or tendon.axial_stiffness is None or tendon.series_stiffness is None:
             return None

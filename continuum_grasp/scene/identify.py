@@ -1,4 +1,4 @@
-"""What is to be estimated from measurements, and how to read these."""
+"""Parameters to be estimated from measurements, and how measurements are read."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Column(Value):
     minus: str | None = None
     """Heading of a column of the same unit that is subtracted first, such as the base's position."""
     zero: Annotated[Real, Unit("unit of the column")] = 0.0
-    """What the column shows where the quantity is zero, subtracted first [unit of the column], such as the motor's
+    """Reading of the column where the quantity is zero, subtracted first [unit of the column], such as the motor's
     steps at the straight finger."""
 
 
@@ -85,7 +85,7 @@ class RowsEqual(Value):
 
 class _Data(Value):
     name: str | None = None
-    """What reports call this set; the file's name where not given."""
+    """Name of this set in reports; the file's name where not given."""
     file: str | None = None
     """Name of the file with wildcards, torque_*.csv; None: every file that is given."""
     where: Annotated[tuple[RowsEqual, ...], Field(strict=False)] = ()
@@ -116,12 +116,12 @@ class StaticPoses(_Rows):
 
 
 class StartPrior(Value):
-    """What is known of an estimated start: standard deviations about what the first samples show."""
+    """Prior of an estimated start: standard deviations about what the first samples show."""
 
     bend: Annotated[Positive, Unit("rad")]
-    """Of the bend of every element [rad]."""
+    """Standard deviation of the bend of every element [rad]."""
     rate: Annotated[Positive, Unit("rad/s")]
-    """Of its rate [rad/s]."""
+    """Standard deviation of the rate of that bend [rad/s]."""
 
 
 class TipTrajectory(_Data):
@@ -147,7 +147,7 @@ class TipTrajectory(_Data):
     measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False)] = ()
     """Columns with what was measured at further sections at the same instants."""
     start: Literal["scene", "measured", "estimated"] = "scene"
-    """How the motion starts. scene: at time zero as ``initial`` says; measured: at the first sample, in the smoothest
+    """Start of the motion. scene: at time zero as ``initial`` says; measured: at the first sample, in the smoothest
     shape and rates through what is measured there; estimated: so, but both are estimated with the parameters."""
     start_prior: StartPrior | None = None
     """Standard deviations of an estimated start about the measured one; None: any start is as likely, whatever its
@@ -205,7 +205,7 @@ class Estimate(Value):
     tension_deadband, drive_time_constant, drive_delay, drive_pretension, drive_slack, drive_inertia,
     drive_viscous_friction or drive_coulomb_friction."""
     start: Annotated[Estimated | None, Field(examples=[0.7])] = None
-    """Where the search starts [SI unit of the parameter]; None: the scene's value."""
+    """Start of the search [SI unit of the parameter]; None: the scene's value."""
     min: Annotated[Estimated | None, Field(examples=[0.0])] = None
     """Least value [SI unit of the parameter]; None: 0, or none for angles and curvatures."""
     max: Annotated[Estimated | None, Field(examples=[2.0])] = None
@@ -225,7 +225,7 @@ class Excitation(Value):
     """Commands over time from which a finger with its drives is to be identified."""
 
     duration: Duration = 20.0
-    """How long they last [s]."""
+    """Duration of the excitation [s]."""
     sample: Annotated[Duration, Field(examples=[0.01, "10 ms"])] = 0.01
     """Time between two samples of what is measured [s]."""
     reach: Annotated[float, Field(ge=0.01, le=1.0), Unit("1")] = 0.8
@@ -257,7 +257,7 @@ class IdentifyScene(Scene):
     estimate: Annotated[tuple[Estimate, ...], Field(strict=False, min_length=1)]
     """Parameters that are to be found."""
     data: Annotated[tuple[DataSet, ...], Field(strict=False)] = ()
-    """How to read the files that are given beside this one."""
+    """Formats of the files that are given beside this one."""
     excitation: Excitation = Excitation()
     """Commands that ``identify --excitation`` designs."""
     loss: Literal["squares", "huber"] = "squares"

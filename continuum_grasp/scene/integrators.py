@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Integrator:
-    """What is known of a method without its equations."""
+    """Properties of a method that need no equations."""
 
     text: str
     order: int
     """Power of the step in the error of a smooth motion."""
     evaluations: int
-    """Of the dynamics per step; of iterative methods the usual number."""
+    """Evaluations of the dynamics per step; for iterative methods the usual number."""
     stable: float | None = None
     """Greatest product of step and spectral radius at which it is stable; None: it is implicit, any step is stable."""
     partial: bool = False
@@ -28,9 +28,9 @@ class Integrator:
     symplectic: bool = False
     """Preserves the symplectic form, and so the energy of a conservative motion within a bound."""
     double_only: bool = False
-    """Its iterations end at a tolerance that single precision does not reach."""
+    """The method's iterations end at a tolerance that single precision does not reach."""
     failure: str = "the motion is not finite"
-    """What is wrong where a step gives no finite state."""
+    """Cause where a step gives no finite state."""
 
 
 # rk4 is stable up to 2.83 where eigenvalues are imaginary (undamped) and up to 2.79 where they are real (overdamped);

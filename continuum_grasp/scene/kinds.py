@@ -22,7 +22,7 @@ class _Kind(NamedTuple):
 
     @property
     def expected(self) -> str:
-        """What errors say that is expected."""
+        """Expected kind of file, as errors name it."""
         return f"{self.words} ({self.keys}, ...)"
 
 
@@ -37,7 +37,7 @@ KINDS = {
     "design": _Kind("design", "Design", "a design", "scene, variables, minimize", "design"),
     "finger": _Kind("finger", "Finger", "a finger alone", "rod", None),
 }
-"""Of configurations, by name."""
+"""Kinds of configurations, by name."""
 
 
 def model_of(kind: str) -> type[BaseModel]:

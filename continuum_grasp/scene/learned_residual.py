@@ -1,4 +1,4 @@
-"""What a model misses, as it was learned from logs: generalized forces as functions of its state."""
+"""Residual of a model, learned from logs: generalized forces as functions of its state."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _Rows = Annotated[tuple[_Row, ...], Field(strict=False)]
 
 
 class ResidualTraining(Value):
-    """How a residual was learned; nothing is computed from it."""
+    """Record of how a residual was learned; nothing is computed from it."""
 
     logs: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Logs from which it was learned."""
@@ -50,7 +50,7 @@ class LearnedResidual(Value):
     center: _Features
     """Mean of coordinates, rates and pulls in the logs (2 n + k) [unit of the feature]."""
     scale: Annotated[tuple[Annotated[Positive, Unit("unit of the feature")], ...], Field(strict=False, min_length=1)]
-    """Their standard deviations (2 n + k) [unit of the feature]."""
+    """Standard deviations of the features (2 n + k) [unit of the feature]."""
     metric: _Rows
     """Upper triangular matrix (2 n + k, 2 n + k) [1] that makes them uncorrelated."""
     radius: Annotated[Positive, Unit("1")]
@@ -60,9 +60,9 @@ class LearnedResidual(Value):
     width: Annotated[Positive, Unit("1")] = 6.0
     """Distance from its center at which a kernel ends [1]."""
     weights: Annotated[tuple[_Forces, ...], Field(strict=False)]
-    """Of each generalized force (n, 1 + 3 n + n k + m), in the order above [unit of the force]."""
+    """Weights of each generalized force (n, 1 + 3 n + n k + m), in the order above [unit of the force]."""
     training: ResidualTraining | None = None
-    """How it was learned."""
+    """Record of the training."""
 
     def _check(self) -> None:
         n, k, m = len(self.coordinates), len(self.drives), len(self.kernels)

@@ -141,5 +141,5 @@ def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], lo
 
 
 def kind_of_scene(loaded: Loaded) -> str:
-    """What kind of configuration a loaded one is."""
+    """Kind of a loaded configuration."""
     return next(name for name, kind in KINDS.items() if kind.model == type(loaded).__name__)

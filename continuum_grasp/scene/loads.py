@@ -14,7 +14,7 @@ from continuum_grasp.scene.value import Distance, Increasing, Real, Value, Vecto
 
 
 class Sampled(Value):
-    """What is given at instants."""
+    """Values at instants."""
 
     times: Annotated[tuple[Real, ...], Field(strict=False, min_length=2), Increasing, Unit("s")]
     """Instants, increasing [s]; before the first and after the last the value is held."""

@@ -36,7 +36,7 @@ _Spread = Annotated[float, Field(ge=0.0, lt=1.0), Unit("1")]
 
 
 class Phases(Value):
-    """How long each phase lasts; setpoints move smoothly within a phase."""
+    """Durations of the phases; setpoints move smoothly within a phase."""
 
     REFUSALS = (needs("missions", "squeeze_share", "settle", at="phases"),)
 
@@ -110,7 +110,8 @@ class MissionController(Limited):
 
 
 class Turn(Value):
-    """How the object stands before its grasp, and how it is turned into that: pushed on its table by the fingertip.
+    """Pose of the object before its grasp, and the strokes that turn it into the grasp: pushed on its table by the
+    fingertip.
 
     The controller predicts the object's pose meanwhile, with friction of fingertip, table and supports, and a camera
     measures it (``estimator.measured.object``).
@@ -217,9 +218,9 @@ class MissionScene(Configuration):
     controller: MissionController = MissionController()
     """The controller in all phases."""
     estimator: Estimator
-    """What is measured, and what is estimated."""
+    """Measured quantities, and estimated ones."""
     plant: Plant = Plant()
-    """How the plant differs from the controller's model."""
+    """Differences of the plant from the controller's model."""
     tendons: Tendons | TendonList | None = None
     """Tendons of the finger that carries the grasp out, with what drives them; None: those of the grasp."""
     drive_tension: Annotated[Positive, Field(examples=[60.0, "60 N"]), Unit("N")] | None = None
@@ -237,11 +238,11 @@ class MissionScene(Configuration):
     """More positions along each finger where it may touch the object in the plant, which its controller does not know
     [m]."""
     phases: Phases = Phases()
-    """How long each phase lasts."""
+    """Durations of the phases."""
     pull_share: Annotated[float, Field(ge=0.0, le=10.0), Unit("1")] = 1.0
     """Share of the disturbances that the certificate promises to resist, pulled one after the other [1]."""
     beyond_certificate: Literal["warn", "refuse"] = "warn"
-    """What becomes of a mission with a heavier object, less friction, stronger pulls or a weaker drive than the
+    """Treatment of a mission with a heavier object, less friction, stronger pulls or a weaker drive than the
     certificate of its grasp covers. warn: it is tried, after a warning with both numbers; refuse: it is an error."""
     trials: Trials = Trials()
     """Plants that differ at random, for ``--trials``."""

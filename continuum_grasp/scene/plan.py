@@ -58,7 +58,7 @@ class ShapeAim(_Aim):
     at: Annotated[tuple[Length, ...], Field(strict=False, min_length=1)]
     """Positions along the finger [m]."""
     value: Annotated[tuple[Position, ...], Field(strict=False, min_length=1)]
-    """Their world positions [m]."""
+    """World positions of the points [m]."""
 
     def _check(self) -> None:
         self._check_count("value", self.value, len(self.at), "position of at")
@@ -69,7 +69,7 @@ TipAim = Annotated[PointAim, BeforeValidator(_exact, json_schema_input_type=Posi
 
 
 class Goal(Value):
-    """Where the motion ends."""
+    """End of the motion."""
 
     end: Literal["moving", "still", "held"] = "still"
     """moving: with any speed; still: all rates are zero; held: the accelerations too, so that the finger stays there
@@ -87,7 +87,7 @@ class Goal(Value):
 
     @property
     def targets(self) -> dict[str, tuple[float, ...]]:
-        """What is to be reached, by key: rows of numbers, x and y of points one after the other."""
+        """Targets, by key: rows of numbers, x and y of points one after the other."""
         found = {key: aim.value for key, aim in self if isinstance(aim, RowAim | PointAim)}
         return found if self.shape is None else {**found, "shape": tuple(chain.from_iterable(self.shape.value))}
 
@@ -115,7 +115,7 @@ class PlanInput(InputLimits):
 
 
 class PlanBounds(Bounds):
-    """What must not be left at the nodes of the grid; penalties of soft bounds are per share and second."""
+    """Bounds that hold at the nodes of the grid; penalties of soft bounds are per share and second."""
 
     usual_penalty: ClassVar[Penalty | Literal["hard"]] = "hard"
     least_tension: Annotated[NonNegative, Unit("N")] | None = None
@@ -227,7 +227,7 @@ class PlanScene(CommandedScene):
     loads: Annotated[tuple[ForceLoad, ...], Field(strict=False)] = ()
     """Known forces at places of ``contacts`` or at the tip; over time only where the duration is given."""
     goal: Goal
-    """Where the motion ends."""
+    """End of the motion."""
     objective: Literal["least_time", "least_effort", "least_input_rate", "tracking"] = "least_effort"
     """least_time: the duration; least_effort: integral of the squared input away from ``input.initial``;
     least_input_rate: integral of its squared rate; tracking: ``cost`` about ``reference``."""
@@ -239,7 +239,7 @@ class PlanScene(CommandedScene):
     """Weight of input changes beside ``least_time``, whose inputs would not be unique [1]: the plan is this share of
     the duration, or less, longer for smooth inputs."""
     duration: Annotated[Duration | DurationRange, Field(examples=[0.8, "800 ms"])]
-    """How long the motion takes, or between which bounds that is found [s]."""
+    """Duration of the motion, or bounds between which it is found [s]."""
     intervals: Annotated[int, Field(ge=2, le=5000)] = 50
     """Number of intervals of the time grid."""
     method: Literal["multiple_shooting", "collocation", "single_shooting"] | None = None
@@ -249,7 +249,7 @@ class PlanScene(CommandedScene):
     solver: PlanSolver = PlanSolver()
     """Options of the solver."""
     check: FineCheck = FineCheck()
-    """How the plan is tried on a finer model."""
+    """Trial of the plan on a finer model."""
 
     def _check(self) -> None:
         goal, limits = self.goal, list(zip(*self.input_limits, strict=True))

@@ -36,9 +36,9 @@ class Chamber(Value):
     contracts: bool = False
     """Whether it is a muscle that shortens under pressure, and bends the finger to its own side as a tendon does."""
     start: Distance = 0.0
-    """Where it begins [m]."""
+    """Begin of the chamber [m]."""
     to: Length | None = None
-    """Where it ends [m]; None: at the tip."""
+    """End of the chamber [m]; None: at the tip."""
     min_pressure: Annotated[float, Field(ge=-1e6, le=1e9, examples=[-20e3, "-20 kPa"]), Unit("Pa")] = 0.0
     """Least pressure above that of the surroundings [Pa]; negative for suction."""
     max_pressure: Annotated[float, Field(ge=-1e6, le=1e9, examples=[100e3, "100 kPa"]), Unit("Pa")]
@@ -60,14 +60,14 @@ class Chamber(Value):
         return (1.0 if self.contracts else -1.0) * self.area * self.offset
 
     def along(self, length: float, inside: float, outside: float) -> Curve:
-        """One value where it is and another elsewhere, along a finger of a length [m]."""
+        """One value along the chamber and another elsewhere, along a finger of a length [m]."""
         from continuum_grasp.scene.profile import Curve
 
         starts = (0.0, self.start, length if self.to is None else self.to)
         return Curve.of_pieces(length, starts, ((outside,), (inside,), (outside,)))
 
     def shape(self, length: float) -> Curve:
-        """One where it is, along a finger of a length [m], and zero elsewhere."""
+        """Shape of the moment along a finger of a length [m]: one along the chamber and zero elsewhere."""
         return self.along(length, 1.0, 0.0)
 
     def channel(self, length: float, entry: int, inputs: int) -> Channel:

@@ -1,4 +1,4 @@
-"""What validation found wrong, said in the user's words and at the user's line."""
+"""Faults found by validation, in the user's words and at the user's line."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _LIMITS = {
 
 @dataclass(frozen=True)
 class Problem:
-    """One fault: where in the data, and what; ``at_key`` points at the key rather than at its value."""
+    """A fault: its place in the data, and its text; ``at_key`` points at the key rather than at its value."""
 
     path: KeyPath
     message: str
@@ -74,7 +74,7 @@ def input_error(error: ValidationError, model: type[BaseModel], document: Docume
 
 
 def input_error_of_values(error: ValidationError, model: type[BaseModel], data: Mapping[str, Any]) -> InputError:
-    """What is wrong with values that were given in Python, with the class in place of a file."""
+    """Error about values that were given in Python, with the class in place of a file."""
     return input_error(error, model, Document(plain(data), {(): Place(model.__name__)}))
 
 
@@ -120,7 +120,7 @@ def _locate(error: Any, data: Any, shape: Shape) -> _Located:
 
 
 def _choose_branches(located: list[_Located], shape: Shape, data: Any) -> list[Problem]:
-    """Of each union, keep the branches whose kind of value fits; where none does, say what all expect."""
+    """Keep the branches of each union whose kind of value fits; where none does, say what all expect."""
     unions = sorted(dict.fromkeys(path for item in located for path, _ in item.branches), key=len)
     problems: list[Problem] = []
     for union in unions:

@@ -26,7 +26,7 @@ _SAME = 1e-9
 _JUMP = 1e-12
 """Jump per value from which on a curve jumps [1]: above the rounding of its pieces."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
-"""Of integrals between breaks: rounding for means of a taper to a tenth."""
+"""Nodes and weights of integrals between breaks: rounding for means of a taper to a tenth."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Curve:
     """
 
     edges: tuple[float, ...]
-    """Where pieces begin and end [m], from 0 to the length: one more than pieces."""
+    """Ends of the pieces [m], from 0 to the length: one more than pieces."""
     coefficients: tuple[tuple[float, ...], ...]
     """Per piece, of the powers 0, 1, ... of the distance from its start [m]."""
     exponential: bool = False
@@ -45,7 +45,9 @@ class Curve:
 
     @classmethod
     def along(cls, length: float, value: Along) -> Curve:
-        """What a user gives along a finger: a number, its values at base and tip, or numbers between breaks."""
+        """Curve from what a user gives along a finger: a number, its values at base and tip, or numbers between
+        breaks.
+        """
         if isinstance(value, float | tuple):
             return cls((0.0, length), (_coefficients(_line(value, length)),))
         return cls((0.0, *value.breaks, length), tuple((one,) for one in value.values))
@@ -102,25 +104,25 @@ class Curve:
 
     @cached_property
     def constant(self) -> float | None:
-        """Its value where that is the same everywhere; else None."""
+        """The value where it is the same everywhere; else None."""
         first = self.coefficients[0][0]
         same = all(c[0] == first and not any(c[1:]) for c in self.coefficients)
         return float(np.exp(first) if self.exponential else first) if same else None
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Where it may jump or have a kink [m], without the ends."""
+        """Places where the curve may jump or have a kink [m], without the ends."""
         return () if self.constant is not None else self.edges[1:-1]
 
     @cached_property
     def jumps(self) -> tuple[float, ...]:
-        """Where its value jumps [m]."""
+        """Places where the value jumps [m]."""
         before, after = self(self.edges[1:-1]), self(self.edges[1:-1], tip_side=True)
         large = np.abs(after - before) > _JUMP * np.maximum(np.abs(after), np.abs(before))
         return tuple(float(at) for at, jumps in zip(self.edges[1:-1], large, strict=True) if jumps)
 
     def integral(self) -> float:
-        """Its integral over the whole length."""
+        """Integral over the whole length."""
         return float(integral(self, pairwise(self.edges)))
 
     def most(self) -> float:
@@ -128,7 +130,7 @@ class Curve:
         return float(max(*self(self.edges), *self(self.edges, tip_side=True)))
 
     def scaled(self, factor: float) -> Curve:
-        """The same times a factor, positive for an exponential."""
+        """The curve times a factor, positive for an exponential."""
         return self if factor == 1.0 else self.times(Curve.along(self.edges[-1], factor))
 
     def times(self, factors: Curve) -> Curve:
@@ -159,7 +161,7 @@ class Profile:
     factors (nominal 1), and lengths of elements are none."""
 
     def scaled(self, factors: RodFactors) -> Profile:
-        """The same with other stiffness and mass everywhere."""
+        """A copy with other stiffness and mass everywhere."""
         keys = ("bending_stiffness", "linear_density", "rotary_inertia")
         return replace(self, **{key: getattr(self, key).scaled(getattr(factors, key)) for key in keys})
 
@@ -175,7 +177,7 @@ class Profile:
 
     @cached_property
     def breaks(self) -> tuple[float, ...]:
-        """Where these may jump or have kinks [m], increasing."""
+        """Places where these curves may jump or have kinks [m], increasing."""
         return tuple(start for start, _ in smooth_parts(self.length, self.curves))[1:]
 
     @cached_property
@@ -207,7 +209,7 @@ class Profile:
 
 @dataclass(frozen=True)
 class Channel:
-    """What bends the finger by a moment of a known shape: tendons that run alike, or a chamber.
+    """Source of a bending moment of a known shape: tendons that run alike, or a chamber.
 
     The bending moment at s is ``gain * amplitude * shape(s)``; the amplitude [N m, or Pa] is the sum of inputs times
     ``arms``.

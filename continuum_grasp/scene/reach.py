@@ -1,4 +1,4 @@
-"""What a finger can reach: goals, setpoints and waypoints are compared with it before anything is computed."""
+"""Reach of a finger: goals, setpoints and waypoints are compared with it before anything is computed."""
 
 from __future__ import annotations
 

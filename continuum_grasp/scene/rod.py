@@ -165,7 +165,7 @@ class Rod(Section):
 
     @property
     def _ends(self) -> list[tuple[str, float, bool]]:
-        """Where sections begin and end, or samples are [m], with their keys, and whether that is seen from the tip."""
+        """Ends of sections, or places of samples [m], with their keys, and whether that is seen from the tip."""
         if self.samples is not None:
             return [(f"samples.at[{k}]", at, False) for k, at in enumerate(self.samples.at)]
         keys = [f"sections[{k}]" for k in range(len(self.sections or ()))] or ["spirob" if self.spirob else "section"]
@@ -238,7 +238,7 @@ class Rod(Section):
 
     @property
     def mass(self) -> float:
-        """Its whole mass [kg]."""
+        """Mass of the whole rod [kg]."""
         return self.profile.linear_density.integral()
 
     @cached_property

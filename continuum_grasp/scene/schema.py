@@ -105,7 +105,7 @@ def _changes(name: str, definitions: _Node) -> str:
 
 
 def _optional(node: Any, definitions: _Node) -> Any:
-    """The same with each mapping replaced by its changes; lists stay, since they are replaced whole."""
+    """A schema with each mapping replaced by its changes; lists stay, since they are replaced whole."""
     if isinstance(node, list):
         return [_optional(child, definitions) for child in node]
     if not isinstance(node, dict) or node.get("type") == "array":

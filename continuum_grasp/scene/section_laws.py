@@ -1,4 +1,4 @@
-"""What a finger's sections may have beside linear elasticity and damping: by key, and in words."""
+"""Laws of a finger's sections beside linear elasticity and damping: by key, and in words."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ SECTION_LAWS = {
     "finger.damping.relaxation": "a material that relaxes",
 }
 FIT_MATCHED_TIP = ("finger.damping.quadratic",)
-"""Those under which the moment of the input alone gives the curvature at the tip."""
+"""Laws under which the moment of the input alone gives the curvature at the tip."""
 
 
 def unknown_to(who: str, *known: str) -> dict[str, str]:

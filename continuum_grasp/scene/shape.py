@@ -1,4 +1,4 @@
-"""What a model allows where: keys, choices and descriptions, looked up in its JSON Schema."""
+"""Contents that a model allows: keys, choices and descriptions, looked up in its JSON Schema."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Shape:
         return None
 
     def in_si(self, path: KeyPath, value: Any, data: Any = None) -> Any:
-        """What is to stand at ``path``, with its texts that have a unit as SI numbers; others are left as they are."""
+        """The value for ``path``, with its texts that have a unit as SI numbers; others are left as they are."""
         if isinstance(value, dict):
             return {key: self.in_si((*path, key), one, data) for key, one in value.items()}
         if isinstance(value, list | tuple):
@@ -77,7 +77,7 @@ class Shape:
         return Unit(self.unit(path, data)).read(value) if isinstance(value, str) else value
 
     def size(self, path: KeyPath, data: Any) -> int | None:
-        """How many entries a list at ``path`` must have, where that is fixed."""
+        """Number of entries of a list at ``path``, where it is fixed."""
         for node in self._at(path, data):
             if node.get("type") == "array" and node.get("minItems") == node.get("maxItems") is not None:
                 return int(node["minItems"])

@@ -61,13 +61,13 @@ _BOTH = "friction_states and reached_by: state need each other"
 
 
 class Fidelity(Value):
-    """How finely the finger is modeled: by a tolerance, or by family, elements and accuracy."""
+    """Resolution of the finger's model: by a tolerance, or by family, elements and accuracy."""
 
     tolerance: Annotated[float, Field(ge=1e-9, le=0.5, examples=[0.005, "0.5 %"]), Unit("1")] | None = None
     """Greatest error of position per length, and of frequency where the scene moves [1], such as 0.005 or 0.5 %.
     The cheapest model that keeps it in this scene is found by measurement; what else is given stays fixed."""
     frequencies: Annotated[int, Field(ge=0, le=2)] = 1
-    """How many natural frequencies, from the first on, must keep the tolerance where the scene moves."""
+    """Number of natural frequencies, from the first on, that must keep the tolerance where the scene moves."""
     family: FamilyName | None = None
     """Curvature family; None: matched_clothoid, or clothoid where the tip balance is not given by the input alone
     (tendon friction, a moment on the tip that varies in time) or, at time zero, does not fit the initial pose."""
@@ -116,12 +116,12 @@ class Initial(Value):
     qd: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad/s or 1/(m s)")] | None = None
     """Rates of the bending coordinates [rad/s] (arcs) or [1/(m s)] (clothoids)."""
     reached_by: Literal["pulling", "releasing", "state"] | None = None
-    """How the finger came to be where it is, where tendons or bending have friction. pulling: from straight, tendons
-    slid and the finger was bent all the way; releasing: it was bent so much further, to the same side, that all has
-    slid back since, by twice its presliding or more; state: by ``friction_states``. None: nothing slid, and friction
-    is zero; an equilibrium needs one of the others."""
+    """Path by which the finger came to its posture, where tendons or bending have friction. pulling: from straight,
+    tendons slid and the finger was bent all the way; releasing: it was bent so much further, to the same side, that all
+    has slid back since, by twice its presliding or more; state: by ``friction_states``. None: nothing slid, and
+    friction is zero; an equilibrium needs one of the others."""
     friction_states: Annotated[tuple[Real, ...], Field(strict=False), Unit("1")] | None = None
-    """Which way friction acts in each friction cell, from -1 to 1 [1]: as ``x_names`` of the model lists them."""
+    """Direction of friction in each friction cell, from -1 to 1 [1]: as ``x_names`` of the model lists them."""
     motor_angles: Annotated[tuple[Real, ...], Field(strict=False), Unit("rad")] | None = None
     """Angles at which motors stand in an equilibrium [rad], one per motor: held there by dry friction, a worm gear or a
     brake, whatever is commanded. A motion begins with the command from there. None: where the commands lead."""
@@ -138,7 +138,7 @@ class Timing(Value):
     """Time span, output step and integration method; at most 10 million steps."""
 
     duration: Annotated[Duration, Field(examples=[2.0, "2 s"])]
-    """How long the motion lasts [s]."""
+    """Duration of the motion [s]."""
     step: Annotated[Duration, Field(examples=[0.001, "1 ms"])]
     """Output step [s]; the integrator takes sub-steps of its own where the scene needs them."""
     method: Method = "auto"
@@ -163,7 +163,7 @@ class Timing(Value):
 
 
 class FingerScene(Configuration, Surroundings):
-    """What scenes of one finger have in common."""
+    """Keys that scenes of one finger have in common."""
 
     REFUSALS: ClassVar[tuple[Consumer, ...]] = (
         beside("scenes without friction", lambda s: not s.finger.has_friction, "initial.reached_by", _NONE),
@@ -187,7 +187,7 @@ class FingerScene(Configuration, Surroundings):
     """Positions along the finger where contact forces may act, increasing [m]; element boundaries. These and the tip
     are where it touches an object."""
     fidelity: Fidelity = Fidelity()
-    """How finely the finger is modeled."""
+    """Resolution of the finger's model."""
     parameters: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Names of model parameters that stay run-time arguments of the generated functions and controllers."""
 

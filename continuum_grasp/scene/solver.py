@@ -1,4 +1,4 @@
-"""What plans and grasps have in common in their solver options."""
+"""Solver options that plans and grasps have in common."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What else holds an object: fixed walls, points, edges and grooves."""
+"""Supports of an object: fixed walls, points, edges and grooves."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Wall:
     normal_angle: float
     """World angle of its normal, out of the material [rad]."""
     half_length: float
-    """It reaches this far from ``point`` to both sides [m]; infinite for a half plane."""
+    """Half length: the wall reaches this far from ``point`` to both sides [m]; infinite for a half plane."""
     friction: float | None
     touch: Switch
 
@@ -85,11 +85,11 @@ class _Support(Value):
     better."""
 
     def walls(self, name: str) -> tuple[Wall, ...]:
-        """Its straight surfaces."""
+        """Straight surfaces of the support."""
         return ()
 
     def pegs(self, name: str) -> tuple[Peg, ...]:
-        """Its round surfaces."""
+        """Round surfaces of the support."""
         return ()
 
 
@@ -169,7 +169,7 @@ Place = Wall | Peg
 """A support's surface."""
 
 Support = Annotated[Palm | Line | Point | VGroove, Field(discriminator="type")]
-"""What else holds the object."""
+"""A support of the object."""
 
 
 class Supported(Value):

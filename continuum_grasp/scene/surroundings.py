@@ -1,4 +1,4 @@
-"""What a finger can touch in motion: an object, what else holds it, and the law of contact between surfaces."""
+"""Surroundings of a finger in motion: an object, its supports, and the law of contact between surfaces."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ class ContactLaw(Value):
     """In place of ``presliding``: the friction force grows smoothly with the speed of slip and has about 70 % of its
     limit at this one [m/s]. It needs no state, but what it holds creeps."""
     viscous: Annotated[NonNegative, Field(examples=[0.5]), Unit("s/m")] = 0.0
-    """What a film between the surfaces adds to the friction coefficient per speed of slip [s/m], beside ``friction``
-    and in its direction against the slip."""
+    """Part that a film between the surfaces adds to the friction coefficient per speed of slip [s/m], beside
+    ``friction`` and in its direction against the slip."""
 
     def _check(self) -> None:
         stiffness_why = "N/m is that of no fingertip (expected: N/m)"
@@ -77,8 +77,8 @@ class ContactLaw(Value):
 
 
 class Table(Value):
-    """What an object stands on until it sinks: parallel to the plane, where gravity acts out of it, up to height zero;
-    with a ``point`` an endless wall in the plane.
+    """A table on which an object stands until the table sinks: parallel to the plane, where gravity acts out of it, up
+    to height zero; with a ``point`` an endless wall in the plane.
     """
 
     REFUSALS = (
@@ -103,7 +103,7 @@ class Table(Value):
 
     @property
     def wall(self) -> Wall | None:
-        """Its surface at height zero, where it is in the plane."""
+        """The table's surface at height zero, where it is in the plane."""
         if self.point is None or self.normal_angle is None:
             return None
         return Wall("table", self.point, self.normal_angle, math.inf, self.friction, "auto")
@@ -124,7 +124,7 @@ class Surroundings(Supported):
     )
 
     object: GraspObject | None = None
-    """What the finger can touch; None: nothing."""
+    """Object that the finger can touch; None: there is none."""
     contact_law: ContactLaw | None = None
     """The force law of the object's surface; needed with an object."""
     object_moves: bool = False
@@ -133,10 +133,10 @@ class Surroundings(Supported):
     """Gravity perpendicular to the plane [m/s2]: the weight of a moving object is then carried by friction alone. The
     object slides out of the plane where that does not suffice, but never tilts; the finger is stiff that way."""
     table: Table | None = None
-    """What carries an object that moves until it is lowered; None: nothing but contacts."""
+    """Table that carries an object that moves, until the table is lowered; None: contacts alone do."""
     moment_of_inertia: Annotated[Positive, Unit("kg m2")] | None = None
-    """Of a moving object about its center of mass [kg m2]; None: that of its mass spread evenly over its shape (over
-    each part by its area, for a union)."""
+    """Moment of inertia of a moving object about its center of mass [kg m2]; None: that of its mass spread evenly over
+    its shape (over each part by its area, for a union)."""
 
     def _check(self) -> None:
         body = self.object

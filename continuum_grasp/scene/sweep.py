@@ -26,7 +26,7 @@ QUANTITIES = {
     "reason_limit": "",
     "reason_needed": "",
 }
-"""What the table says of every grasp besides status, reason and message, and the unit."""
+"""Columns of the table about every grasp besides status, reason and message, and their units."""
 
 Values = Annotated[tuple[Any, ...], Field(strict=False, min_length=1, max_length=100_000)]
 _RECORDED = re.compile(r"(quality|certificate|statistics)(\.[A-Za-z0-9_]+)+")
@@ -84,7 +84,7 @@ class Grid(Value):
 
 
 class Draw(Value):
-    """How one key is drawn at random."""
+    """Random distribution of one key."""
 
     uniform: Annotated[Interval, Unit(None)] | None = None
     """Least and greatest value, in the unit of the key."""
@@ -102,7 +102,7 @@ class Draw(Value):
 
     @property
     def kind(self) -> str:
-        """Which of the four it is."""
+        """Name of the distribution, of the four."""
         return next(iter(self.stated()))
 
 
@@ -129,7 +129,7 @@ class Map(Value):
     color: Key
     """Column of the table that is shown in color."""
     reduce: Literal["median", "mean", "least", "greatest"] = "median"
-    """What is shown where several grasps share a place, as they do where more than these two keys are varied."""
+    """Value shown where several grasps share a place, as they do where more than these two keys are varied."""
 
 
 class Front(Value):
@@ -140,9 +140,9 @@ class Front(Value):
     y: Key
     """Column of the table upwards."""
     x_best: Literal["least", "greatest"] = "least"
-    """Which x is better."""
+    """Better direction of x."""
     y_best: Literal["least", "greatest"] = "least"
-    """Which y is better."""
+    """Better direction of y."""
     color: Key | None = None
     """Column of the table that is shown in color."""
 

@@ -32,7 +32,7 @@ _AT, _COMMANDED = "finger.tendons", "has no effect where the tension is commande
 
 
 class _Tensions(Value):
-    """What one tendon's drive and guides are."""
+    """Drive and guides of one tendon."""
 
     REFUSALS = (
         needs("finger", "axial_stiffness series_stiffness", "drive", _COMMANDED, _AT),
@@ -101,7 +101,7 @@ class Tendon(_Tensions):
     """Distance e from the backbone [m], or its values at the base and at the tendon's end; positive on the -X side,
     where its tension bends the finger positively."""
     to: Length | None = None
-    """Where it is fastened to the finger [m]; None: at the tip."""
+    """Place where the tendon is fastened to the finger [m]; None: at the tip."""
 
     def _check(self) -> None:
         if abs(ends(self.offset)[0]) < LEAST_OFFSET:
@@ -113,7 +113,7 @@ class Tendon(_Tensions):
         return max(map(abs, ends(self.offset)))
 
     def end(self, length: float) -> float:
-        """Where it ends along a finger of a length [m]."""
+        """End of the tendon along a finger of a length [m]."""
         return length if self.to is None else self.to
 
     def slope(self, length: float) -> float:
@@ -122,7 +122,7 @@ class Tendon(_Tensions):
         return (last - first) / self.end(length)
 
     def shape(self, length: float) -> Curve:
-        """Its offset along a finger of a length [m], per that at the base; zero beyond its end."""
+        """Offset along a finger of a length [m], per that at the base; zero beyond the tendon's end."""
         from continuum_grasp.scene.profile import Curve
 
         (first, last), to = ends(self.offset), self.end(length)
@@ -192,7 +192,7 @@ ALIKE = (
     *map(_unlike, ("friction", "axial_stiffness", "series_stiffness", "to", "drive")),
     _on_pulley("on one side", _one_sided, _SIDES),
 )
-"""What several tendons of one finger must have alike."""
+"""Keys that must be equal for several tendons of one finger."""
 
 
 def alike(tendons: tuple[Tendon, ...], length: float) -> list[list[int]]:

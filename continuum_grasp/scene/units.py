@@ -16,7 +16,7 @@ from pydantic_core import CoreSchema, core_schema
 from continuum_grasp.errors import InputError
 
 _NUMBER = r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?"
-"""Of YAML 1.2, without infinity and NaN."""
+"""Pattern of numbers of YAML 1.2, without infinity and NaN."""
 _LONGEST = 60
 """Characters of a text that is read: Fraction would write 1e999999999 out."""
 _LARGEST_EXPONENT = 400
@@ -27,7 +27,7 @@ _DEGREE = Fraction("3.14159265358979323846264338327950288419716939937510") / 180
 
 @dataclass(frozen=True)
 class Quantity:
-    """What is measured in one SI unit, and in which other units it may be written."""
+    """A quantity with its SI unit, and other units in which it may be written."""
 
     words: str
     example: str
@@ -98,7 +98,7 @@ def to_si(text: str, si: str) -> float | None:
 
 
 def advice_on(text: str, si: str) -> str:
-    """What to do about a text that `to_si` does not read; empty where its unit is one of another quantity."""
+    """Advice about a text that `to_si` does not read; empty where its unit is one of another quantity."""
     if re.match(r"[-+]?\d+,\d", text):
         return "write a decimal point, not a comma, and no separators of thousands"
     if not re.match(_NUMBER, text) or any(_unit_in(text, other, _NUMBER) for other in QUANTITIES if other != si):
@@ -109,7 +109,7 @@ def advice_on(text: str, si: str) -> str:
 
 
 def expected(si: str) -> str:
-    """What is expected of a value with an SI unit: ``a length [m] such as 0.012 or 12 mm``."""
+    """Expected form of a value with an SI unit: ``a length [m] such as 0.012 or 12 mm``."""
     quantity = QUANTITIES.get(si)
     if quantity is None:
         return f"a number [{si}]"

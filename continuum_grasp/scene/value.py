@@ -197,7 +197,7 @@ class Value(BaseModel):
 
 
 class Configuration(Value):
-    """What has a file of its own."""
+    """A description with a file of its own."""
 
     schema_version: Literal[1] = 1
     """Format of a file, which must state it; not needed in Python."""
@@ -214,7 +214,7 @@ def _written(value: Any) -> str:
 
 @cache
 def field_docs(model: type) -> dict[str, str]:
-    """What stands below each field of a class and of its base classes, by field.
+    """Docstrings below the fields of a class and of its base classes, by field.
 
     Pydantic's ``use_attribute_docstrings`` reads the same when a class is made: a quarter of the time that a command
     takes to know its scene.
@@ -244,17 +244,17 @@ Real = Annotated[float, Field(ge=-1e12, le=1e12)]
 Positive = Annotated[float, Field(ge=1e-12, le=1e12)]
 NonNegative = Annotated[float, Field(ge=0.0, le=1e12)]
 Length = Annotated[float, Field(ge=1e-6, le=1e4), Unit("m")]
-"""Of a finger or a part of it [m]."""
+"""Length of a finger or of a part of it [m]."""
 Extent = Annotated[float, Field(ge=1e-9, le=1e8), Unit("m")]
-"""Of a section or of something else than the finger [m]."""
+"""Length of a section or of something else than the finger [m]."""
 Distance = Annotated[NonNegative, Unit("m")]
-"""Which may be zero [m]."""
+"""Length that may be zero [m]."""
 Angle = Annotated[Real, Unit("rad")]
 """Counter-clockwise [rad]."""
 Duration = Annotated[Positive, Unit("s")]
 """[s]"""
 TimeConstant = Annotated[float, Field(ge=1e-6, le=1e6), Unit("s")]
-"""Of a drive [s]."""
+"""Time constant of a drive [s]."""
 Mass = Annotated[NonNegative, Unit("kg")]
 """[kg]"""
 Ratio = Annotated[NonNegative, Unit("1")]

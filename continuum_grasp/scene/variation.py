@@ -1,4 +1,4 @@
-"""What a configuration varies, resolved: the scene as plain data, and for every key its place and its values."""
+"""Varied keys of a configuration, resolved: the scene as plain data, and for every key its place and its values."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Variation:
     """A sweep, resolved."""
 
     kind: str
-    """Of the scene: grasp, or mpc."""
+    """Kind of the scene: grasp, or mpc."""
     base: dict[str, Any]
     """The scene as plain data, with fingers from other files and what the sweep sets put in."""
     axes: tuple[Axis, ...]
@@ -114,7 +114,7 @@ def _random(scene: SceneKeys, key: str, draw: Draw) -> Random:
 
 
 def fault_kinds(error: ValidationError) -> set[str]:
-    """What is wrong, in pydantic's words: ``value_error`` of checks of several keys."""
+    """Kinds of faults, in pydantic's words: ``value_error`` of checks of several keys."""
     return {one["type"] for one in error.errors(include_url=False, include_context=False)}
 
 
@@ -141,7 +141,7 @@ class SceneKeys:
     def values(
         self, where: KeyPath, key: str, given: Sequence[Any], *, listed: bool, only_key: bool = False
     ) -> tuple[KeyPath, tuple[Any, ...]]:
-        """Where a key lies in the scene, and its values, each tried on its own in the scene."""
+        """Path of a key in the scene, and its values, each tried on its own in the scene."""
         found: list[Any] = []
         path: KeyPath = ()
         for k, value in enumerate(given):

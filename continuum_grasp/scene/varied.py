@@ -1,4 +1,4 @@
-"""What configurations share that vary keys of one scene."""
+"""Keys shared by configurations that vary keys of one scene."""
 
 from __future__ import annotations
 

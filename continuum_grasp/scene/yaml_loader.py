@@ -188,7 +188,7 @@ class _Builder:
 
 
 def _comma_hint(before: yaml.Node | None, key: yaml.Node, child: yaml.Node) -> str:
-    """What to write where a decimal comma has cut a number in two: ``{length: 0,6}`` has the keys length and 6."""
+    """Advice where a decimal comma has cut a number in two: ``{length: 0,6}`` has the keys length and 6."""
     halves = [node.value if isinstance(node, yaml.ScalarNode) else "" for node in (before, key, child)]
     whole, part, value = halves
     if re.fullmatch(r"[-+]?\d+", whole) and re.fullmatch(r"\d+(?:[eE][-+]?\d+)?", part) and not value:
