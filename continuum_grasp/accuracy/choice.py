@@ -37,7 +37,7 @@ _MARGIN = 1.1
 
 @dataclass(frozen=True)
 class Choice:
-    """One way to model the finger of a scene."""
+    """A way to model the finger of a scene."""
 
     scene: Scene
     family: str
@@ -79,11 +79,11 @@ class Choice:
             return False
 
     def finest(self, accuracies: Iterable[float]) -> Choice | None:
-        """The same with the finest of some accuracies that is open to it; None where none is."""
+        """A copy with the finest of some accuracies that the choice may take; None where it may take none."""
         return next((c for a in sorted(accuracies) if (c := self.with_accuracy(a)).open), None)
 
     def with_accuracy(self, accuracy: float) -> Choice:
-        """The same with another accuracy of evaluation."""
+        """A copy with another accuracy of evaluation."""
         return self if accuracy == self.accuracy else replace(self, accuracy=accuracy)
 
     def __str__(self) -> str:

@@ -34,7 +34,7 @@ _SPAN = 1.0
 INSTANTS = 200
 """At which tips are compared: 5 ms apart in a motion of a second."""
 _FIRST = 10
-"""Of them until which steps that are too long have mostly run away: those are given up after a twentieth."""
+"""Instants until which steps that are too long have mostly run away: those are given up after a twentieth."""
 _SUBSTEPS = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 1024)
 """Steps between two instants that are tried; the pace is known to the ratio of neighbors, from 4 on at most 1.5."""
 
@@ -50,7 +50,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Pace:
-    """How fast a model runs at a given error of the time steps alone."""
+    """Speed of a model at a given error of the time steps alone."""
 
     steps_per_second: int  # Runge-Kutta steps per second of model time
     step_ns: float  # time of one [ns], in C where there is a compiler
@@ -130,7 +130,7 @@ def rms(off: Array) -> float:
 _STATES = 64
 """Random states over which the greatest error is taken; seeded, so that the figure repeats."""
 _STEPS = 2000
-"""Of a timed rollout: 8,000 evaluations, which take far longer than the resolution of the timers."""
+"""Steps of a timed rollout: 8,000 evaluations, which take far longer than the resolution of the timers."""
 _REPEATS = 7
 """Timed rollouts, of which the median counts."""
 

@@ -94,7 +94,7 @@ def _text(value: Any) -> str:
 
 @dataclass(frozen=True)
 class AccuracyReport(Result):
-    """What every choice of a scene costs, and how wrong it is."""
+    """Cost and error of every choice of a scene."""
 
     kind: ClassVar[str] = "accuracy"
     texts: ClassVar[tuple[File, ...]] = (
@@ -112,7 +112,7 @@ class AccuracyReport(Result):
     statistics: Mapping[str, Any] = field(default_factory=dict)
 
     def pairs(self) -> dict[str, str]:
-        """How many choices were measured, and the cheapest and the most exact of those that none dominates."""
+        """Number of choices measured, and the cheapest and the most exact of those that none dominates."""
         front, columns = self.front(), self.choices.columns
         time, error = columns.index("evaluation [ns]"), columns.index("tip / L")
         rows = {"choices": f"{len(self.choices.rows)} families and numbers of elements"}

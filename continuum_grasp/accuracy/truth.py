@@ -1,4 +1,4 @@
-"""What a scene does in truth: equilibria and natural frequencies of the exact elastic rod in its load cases.
+"""Truth about a scene: equilibria and natural frequencies of the exact elastic rod in its load cases.
 
 Load cases are static: the loads and inputs of the scene, frozen at the instants at which they turn.
 """
@@ -28,7 +28,7 @@ _LARGEST_BEND = 3.0 * np.pi
 
 @dataclass(frozen=True)
 class TrueCase:
-    """One load case of the exact rod."""
+    """A load case of the exact rod."""
 
     case: LoadCase
     rod: Elastica

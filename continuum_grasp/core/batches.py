@@ -22,7 +22,7 @@ Load = Callable[[Callable[[], str]], ctypes.CDLL | None]
 
 
 class Batch:
-    """One function of many rows."""
+    """A function applied to many rows."""
 
     def __init__(self, function: ca.Function, load: Load, real: str = "double") -> None:
         self.function = function
@@ -101,7 +101,7 @@ class Scan:
     def _on_virtual_machine(
         self, steps: int, start: Array, signals: Sequence[Array], outputs: Sequence[Array], back: bool
     ) -> None:
-        """The same, step by step."""
+        """The scan on CasADi's virtual machine, step by step."""
         mapped = self.function.map(len(start))
         carry, *results = outputs
         carry[:, steps if back else 0] = start

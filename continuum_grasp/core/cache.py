@@ -57,7 +57,8 @@ def library_for(source: str, compiler: Compiler, what: str = "code") -> Path:
 
 
 def entry_for(identity: str, suffix: str, build: Callable[[Path], Path], maker: str, kind: str = "compiled") -> Path:
-    """What ``build`` writes in an empty folder, which gives its path there, unless it is in the cache by its identity.
+    """Cached file of an identity; where there is none, ``build`` writes it in an empty folder and returns its path
+    there.
 
     ``identity`` is everything that it depends on, ``maker`` a note of what made it. The rules are those of
     `library_for`.

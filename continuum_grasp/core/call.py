@@ -1,4 +1,4 @@
-"""One function of a model on numpy arrays, and whether what it is given means something."""
+"""A function of a model on numpy arrays, with its arguments checked."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
 class Caller:
-    """One function on numpy arrays."""
+    """A function on numpy arrays."""
 
     def __init__(
         self,

@@ -27,7 +27,7 @@ def call(function: ca.Function, *given: ca.MX) -> list[ca.MX]:
 
 _CALLS_ONLY = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_CALL}
 _SUMS = {ca.OP_ADD}
-"""Of the derivatives of calls, which add up what comes from several of them."""
+"""Operations beside calls in derivatives, which add up contributions of several calls."""
 
 
 def straight_functions(functions: Iterable[ca.Function]) -> list[ca.Function]:
@@ -113,7 +113,7 @@ def calls_source(function: ca.Function, kind: str, real: Callable[[float], str],
 
 
 def _results(function: ca.Function) -> dict[tuple[int, int], str]:
-    """Where an output of an instruction goes that is a result, by the numbers of both."""
+    """Destination of each output of an instruction that is a result, by the numbers of both."""
     written: dict[int, tuple[int, int]] = {}
     found = dict[tuple[int, int], str]()
     for k in range(function.n_instructions()):

@@ -28,8 +28,8 @@ _LONG = 20_000
 thousand lines, 0.2 s with -O3 (measured on functions of 70,000 to 140,000 lines); what either gains
 over -O0 in straight-line code is the registers, and -O1 has that."""
 _LONG_LEVEL = ("-O1", "-fexpensive-optimizations")
-"""Of longer functions: the second one has products and sums fused, 21,400 instead of 27,400 instructions of the slope
-of a mission's estimator, and takes no longer."""
+"""Optimization level of longer functions: the second one has products and sums fused, 21,400 instead of 27,400
+instructions of the slope of a mission's estimator, and takes no longer."""
 _GCC = ("-fschedule-insns", "-fsched-pressure", "-flive-range-shrinkage")
 """Scheduling under register pressure: straight-line code gains about 7 %, compiling takes twice as long."""
 _SHORT = 15_000
@@ -138,7 +138,7 @@ def find_compiler() -> Compiler | None:
 
 
 def why_no_compiler() -> str:
-    """What was tried, and why none of it is a C compiler."""
+    """Compilers that were tried, and why none of them works."""
     named = os.environ.get("CC")
     if named is None:
         return "no C compiler found (" + "; ".join(f"{command}: {why}" for command, why in _tried()) + ")"

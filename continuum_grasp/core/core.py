@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 
 
 _WARNED: set[str] = set()
-"""What has been reported of missing or failing compilers."""
+"""Reports of missing or failing compilers so far."""
 
 
 @check_arguments
@@ -129,11 +129,11 @@ class Core(Remade, Summarized):
             _warn(why_no_compiler())
 
     def headline(self) -> str:
-        """What it runs on."""
+        """Backend that the core runs on."""
         return f"in {self.precision} precision, {'compiled' if self.compiled else 'on the virtual machine'}"
 
     def pairs(self) -> dict[str, str]:
-        """Its model."""
+        """The core's model."""
         return {"model": f"{type(self.model).__name__} {self.model.headline()}", **self.model.pairs()}
 
     @property

@@ -96,7 +96,7 @@ class Rollouts:
         w: Signal,
         p: Array,
     ) -> tuple[list[Array], NDArray[np.int64]]:
-        """The same motion in steps of several lengths, in one call.
+        """A motion in steps of several lengths, in one call.
 
         x0 (levels, nx) is where each level starts, ``ratios`` the length of its steps per h, 1 for the first, and
         ``every`` the stored states of the first level from one that the others store to the next. The other arguments

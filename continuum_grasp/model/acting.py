@@ -89,5 +89,5 @@ class Acting:
 
     @property
     def travel(self) -> list[Scalar]:
-        """What moves each friction state, since the finger was straight: sliding of tendons, bending [1]."""
+        """Travel of each friction state, since the finger was straight: sliding of tendons, bending [1]."""
         return [*self.tendons.slid, *self.sections.travel]

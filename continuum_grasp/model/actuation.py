@@ -13,7 +13,7 @@ from continuum_grasp.scene.profile import Channel
 
 @dataclass(frozen=True)
 class InputLayout:
-    """What the input vector holds: values, then (for known moments that vary) their rates and accelerations."""
+    """Layout of the input vector: values, then (for known moments that vary) their rates and accelerations."""
 
     drives: tuple[Input, ...]  # the finger's own: tip moment, tensions, ...
     couples: tuple[str, ...]  # names of the couples of the scene that are inputs
@@ -49,7 +49,7 @@ def lag_rates(states: Sequence[Any], commanded: Any, time_constant: Any) -> list
 
 @dataclass(frozen=True)
 class Source(Channel):
-    """What gives a bending moment of one shape, by a channel of the finger whose amplitude may lag behind its command.
+    """Source of a bending moment of one shape, by a channel of the finger whose amplitude may lag behind its command.
 
     ``arms`` are per entry of the finger's own input, 1 for the tip moment itself; the lag is of first order, or a
     critically damped one of second order, whose rate and acceleration a matched tip needs.
@@ -70,7 +70,9 @@ class Source(Channel):
         return [commanded, 0.0][: self.lags]
 
     def amplitudes(self, values: Sequence[Any], drives: int, scale: Scalar = 1.0) -> tuple[Any, Any]:
-        """Those of the drive, times a scale, and of the couples [N m], of a block of the input; numbers or arrays."""
+        """Amplitudes by the drive, times a scale, and by the couples [N m], of a block of the input; numbers or
+        arrays.
+        """
         driven: Any = 0.0
         couples = sum((values[drives + k] for k in self.couples), 0.0)
         if self.wound:

@@ -25,7 +25,7 @@ from continuum_grasp.model.planar import Scalar, column, matrix
 from continuum_grasp.model.quadrature import RANGES, Collocation, collocation, node_count, running_weights
 
 _MOST_NODES = 16
-"""Of arcs beyond one turn: exact to 1e-10 up to two [1]."""
+"""Nodes of arcs beyond one turn: exact to 1e-10 up to two [1]."""
 
 
 class Panel(ABC):
@@ -118,7 +118,7 @@ class Backbone:
             start, point, angle = start + h, last.end, last.end_angle
 
     def _panels(self, k: int, start: Scalar, point: ca.SX, angle: Scalar) -> list[Panel]:
-        """Those of an element, from its first section on."""
+        """Panels of an element, from its first section on."""
         link, made = self._eq.chain.links[k].link, self._eq.structure
         reach, accuracy = made.ranges[k], made.accuracy or made.family.default_accuracy
         if isinstance(link, CollocatedLink):

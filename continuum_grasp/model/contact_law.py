@@ -52,7 +52,7 @@ def stored_energy(law: ContactLaw, gap: Scalar) -> Scalar:
 
 
 def _onset(law: ContactLaw, gap: Scalar) -> tuple[ca.SX, ca.SX]:
-    """How far the onset has got, 0 to 1, and the depth beyond it [m]."""
+    """Share of the onset, 0 to 1, and the depth beyond it [m]."""
     rounding = law.rounding
     t = ca.fmin(ca.fmax((0.5 / rounding) * (rounding - gap), 0.0), 1.0)
     return ca.SX(t), ca.SX(ca.fmax(-gap - rounding, 0.0))

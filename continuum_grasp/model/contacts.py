@@ -1,4 +1,4 @@
-"""What a finger touches: a body, and contacts with it: laws of gaps and slips, with states of friction."""
+"""Surroundings of a finger: a body, and contacts with it: laws of gaps and slips, with states of friction."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from continuum_grasp.model.touching import Pair, Station, disc_pair, support_pai
 from continuum_grasp.scene.surroundings import Surroundings
 
 OBJECT_PARAMETERS = {"object_mass": "kg", "friction_factor": "1", "object_x": "m", "object_y": "m"}
-"""What of an object can be a run-time argument, and its unit: mass, if it moves; a factor of all its friction
-coefficients; where it is, if it is fixed."""
+"""Numbers of an object that can be run-time arguments, with units: mass, if it moves; a factor of all its friction
+coefficients; position, if it is fixed."""
 CONTACT_FRICTION = "contact_friction_"
 """Before the name of a station, ``1`` and so on or ``tip``, a run-time argument too: friction there as a share of its
 limit [1], along the object's normal turned by +90 degrees on the finger, in place of the law of its states."""
@@ -88,7 +88,7 @@ class Contacts:
 def _pairs_of(
     body: Body, around: Surroundings, stations: Sequence[Station], given: Mapping[str, Scalar]
 ) -> Iterator[Pair]:
-    """What can touch an object: stations of a finger first, then supports, then the table."""
+    """Contact pairs of an object: stations of a finger first, then supports, then the table."""
     if around.contact_law is None:
         return
     for station in stations:

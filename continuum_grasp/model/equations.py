@@ -154,7 +154,7 @@ class Equations:
 
     @cached_property
     def rod(self) -> Rod:
-        """What the family needs to know of the rod."""
+        """Properties of the rod that the family needs."""
         par = self._par
         masses = tuple((place.link, float(place.fraction), par[name]) for name, place in self._structure.masses())
         rest = par["rest_curvature"] if par.is_runtime("rest_curvature") else None
@@ -318,7 +318,7 @@ class Equations:
 
     @cached_property
     def _stations(self) -> list[tuple[Place, Station]]:
-        """Where the finger may touch something."""
+        """Stations at which the finger may touch something."""
         made = self._structure
         if made.around is None:
             return []
@@ -337,7 +337,7 @@ class Equations:
 
     @property
     def pairs(self) -> list[Pair]:
-        """What can touch: stations of the finger first, then supports, then the table."""
+        """Contact pairs: stations of the finger first, then supports, then the table."""
         return self.contacts.pairs
 
     @cached_property
@@ -376,7 +376,7 @@ class Equations:
 
     @cached_property
     def moving(self) -> Acting:
-        """What acts on a finger that moves."""
+        """Forces on a finger that moves."""
         return self._in_motion(IN_MOTION, self.full_rates)
 
     def _in_motion(self, memory: Memory, rates: Sequence[Scalar]) -> Acting:
@@ -391,12 +391,12 @@ class Equations:
 
     @cached_property
     def resting(self) -> Acting:
-        """What acts on a finger at rest under what is commanded, with friction by ``history``."""
+        """Forces on a finger at rest under its command, with friction by ``history``."""
         return self._at_rest(self._still, ca.vertsplit(self.u))
 
     @property
     def commanding(self) -> Acting:
-        """What acts on a finger that moves while drives are where they rest, with friction by ``history``."""
+        """Forces on a finger that moves while drives are where they rest, with friction by ``history``."""
         return self._at_rest(self.full_rates, ca.vertsplit(self.u))
 
     @property
@@ -435,7 +435,7 @@ class Equations:
 
     @property
     def drives_drawn(self) -> list[Scalar]:
-        """The same of winches that stand where (the first of) their tendons have the tension ``pulled``."""
+        """Forces by winches that stand where (the first of) their tendons have the tension ``pulled``."""
         return self._drives_of(self._at_rest(self._still, [None for _ in self._structure.winches]))
 
     def _bending_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
@@ -493,7 +493,9 @@ class Equations:
 
     @cached_property
     def force_at_rest(self) -> list[Scalar]:
-        """The same where neither finger nor inputs move: without mass matrix and velocity products, half the work."""
+        """Generalized force where neither finger nor inputs move: without mass matrix and velocity products, half the
+        work.
+        """
         return self._forces(self.resting, None)
 
     def _forces(self, acting: Acting, rates: Sequence[Scalar] | None, driven: bool = True) -> list[Scalar]:
@@ -562,7 +564,7 @@ class Equations:
 
     @cached_property
     def pattern(self) -> Pattern | None:
-        """One link for all elements; None where the equations of motion are solved densely (``model.sweep``)."""
+        """Link shared by all elements; None where the equations of motion are solved densely (``model.sweep``)."""
         return pattern_of(self._family, self.rod) if one_link_serves(self._structure) else None
 
     @cached_property

@@ -1,4 +1,4 @@
-"""What every curvature family answers: its coordinates, and the links, stiffness and limits that these give.
+"""Interface of curvature families: coordinates, and the links, stiffness and limits that these give.
 
 The unknowns of a family are its *full coordinates*: they bend the finger above its shape at rest, linearly. The last of
 them may be no coordinates of the model but functions of its input: where the moment at the tip or a tendon that ends on
@@ -42,11 +42,11 @@ class Mesh:
 
     @property
     def ends(self) -> tuple[float, ...]:
-        """Where elements begin and end [m]."""
+        """Ends of the elements [m]."""
         return (0.0, *accumulate(self.lengths))
 
     def span(self, element: int) -> tuple[float, float]:
-        """Where an element begins and ends [m]."""
+        """Both ends of an element [m]."""
         return self.ends[element], self.ends[element + 1]
 
     def panels(self, element: int, *curves: Curve) -> list[tuple[float, float]]:
@@ -84,7 +84,7 @@ def mean(mesh: Mesh, element: int, curve: Curve) -> float:
 
 @dataclass(frozen=True)
 class Rod:
-    """What the links of a family need to know of the rod: lengths [m], factors of the mesh's densities, masses."""
+    """Properties of the rod that the links of a family need: lengths [m], factors of the mesh's densities, masses."""
 
     lengths: tuple[Scalar, ...]
     linear_density: Scalar
@@ -116,15 +116,15 @@ class Family(ABC):
 
     @property
     def known(self) -> Array:
-        """Of the full coordinates at the end that are functions of the input, the value [1/m] per amplitude of each of
-        the mesh's moments [N m], times the factor of the stiffness.
+        """Value of the full coordinates at the end that are functions of the input [1/m], per amplitude of each of the
+        mesh's moments [N m], times the factor of the stiffness.
         """
         return np.zeros((0, len(self.mesh.moments)))
 
     @property
     def nodal(self) -> Array | None:
-        """Of the coordinates, the values at which they balance the moments of the input, per amplitude [1/(N m2)] times
-        the factor of the stiffness; where these are known.
+        """Values of the coordinates at which they balance the moments of the input, per amplitude [1/(N m2)] times the
+        factor of the stiffness; where these are known.
         """
         return None
 
@@ -172,7 +172,7 @@ class Family(ABC):
         """Integral over an element of the mesh's stiffness times the products of the shapes of its coordinates."""
 
     def stiffness(self, lengths: Sequence[Scalar]) -> list[list[Scalar]]:
-        """The same over all elements, of all coordinates."""
+        """Stiffness over all elements, of all coordinates."""
         matrix: list[list[Scalar]] = [[0.0] * self.size for _ in range(self.size)]
         for k, h in enumerate(lengths):
             for i, row in zip(self.local(k), self.block(k, h), strict=True):

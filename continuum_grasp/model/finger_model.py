@@ -161,7 +161,7 @@ class FingerModel(Functions):
         self.q_names, self.friction_names = made.q_names, made.friction_names
 
     def headline(self) -> str:
-        """Its elements."""
+        """The model's elements."""
         return f"of {len(self.lengths)} x {self.family}, {self.finger.rod.length:g} m long"
 
     # Equation numbers are those of the paper, doi:10.1155/2014/308283.
@@ -279,7 +279,9 @@ class FingerModel(Functions):
         return self._tensions_at_rest
 
     def tension_places(self) -> list[NDArray[np.float64]]:
-        """Where tensions along the finger are, per tendon [m]: in the middle of friction cells, or where it ends."""
+        """Places of the tensions along the finger, per tendon [m]: in the middle of friction cells, or where it
+        ends.
+        """
         ends = [self.structure.length if t.to is None else t.to for t in self.finger.tendon_list]
         found = [np.array([end]) for end in ends]
         for cells in self.structure.cell_sets:

@@ -57,7 +57,7 @@ def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Outp
 
 
 class Functions(Remade, Summarized):
-    """What a finger alone and a finger with an object have in common: functions with named inputs and outputs."""
+    """Base of a finger alone and a finger with an object: functions with named inputs and outputs."""
 
     x_names: list[str]
     u_names: list[str]

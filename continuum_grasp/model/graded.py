@@ -52,7 +52,7 @@ class Shapes:
 
     @cached_property
     def sides(self) -> Array:
-        """The same (K + 1, 2 P) at both ends of each part, from inside."""
+        """Shapes (K + 1, 2 P) at both ends of each part, from inside."""
         starts, ends = np.array(self.parts).T
         both = [self.on(starts, tip_side=True), self.on(ends)]
         return np.stack(both, axis=-1).reshape(len(self.values) + 1, -1)

@@ -1,4 +1,4 @@
-"""Where elements begin and end, and where along them loads act."""
+"""Ends of elements, and places along them where loads act."""
 
 from __future__ import annotations
 

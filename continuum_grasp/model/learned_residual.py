@@ -52,7 +52,7 @@ def check_residual(
 
 
 def features_at(residual: LearnedResidual, at: Instant) -> list[Scalar]:
-    """What the forces depend on."""
+    """Features that the forces depend on."""
     n = len(residual.coordinates)
     return [*at.full[:n], *at.rates[:n], *(at.named[name] for name in residual.drives)]
 
@@ -73,7 +73,7 @@ def distance(residual: LearnedResidual, features: Sequence[Scalar]) -> Scalar:
 
 
 def terms(residual: LearnedResidual, features: Sequence[Scalar]) -> list[Scalar]:
-    """What the weights multiply."""
+    """Terms that the weights multiply."""
     n, z = len(residual.coordinates), scaled(residual, features)
     rates = zip(features[n : 2 * n], residual.scale[n : 2 * n], strict=True)
     directions = [rate / ca.sqrt(rate * rate + (_TURN * scale) ** 2) for rate, scale in rates]

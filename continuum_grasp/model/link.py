@@ -1,4 +1,4 @@
-"""What the chain needs to know of a flexible link, whatever curvature it has.
+"""Interface of a flexible link to the chain, whatever curvature it has.
 
 A link is a piece of rod with a few bending coordinates of its own (its *local coordinates*). All vectors are in the
 axes of its start section (X along the tangent there) and from its start. The derivative of a point with respect to a

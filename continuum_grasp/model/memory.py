@@ -28,7 +28,7 @@ def clipped(z: Scalar) -> Scalar:
 
 
 def direction(z: Scalar) -> Scalar:
-    """Which way friction acts, from -1 to 1, of a state of a motion, with a continuous slope."""
+    """Direction of friction, from -1 to 1, for a state of a motion, with a continuous slope."""
     y = clipped(z)
     return y * (1.5 - 0.5 * (y * y))
 
@@ -40,7 +40,7 @@ def state_of(way: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Memory:
-    """How states of friction are known: the one place that tells motion, rest and implicit steps apart.
+    """Knowledge of friction states: the one place that tells motion, rest and implicit steps apart.
 
     ``moved`` is a number h of a finger at rest, where friction acts as ``clip(z + h u)`` of the sliding u since the
     finger was straight: states alone are frictions that stay; h = 1 alone is that of a finger that was bent from
@@ -56,7 +56,7 @@ class Memory:
         travel: Callable[[], Sequence[Scalar]],
         moving: Callable[[Scalar], Scalar] = clipped,
     ) -> list[Scalar]:
-        """Which way friction acts, from -1 to 1; ``moving`` says so of a state in motion."""
+        """Directions of friction, from -1 to 1; ``moving`` gives them for a state in motion."""
         if self.moved is None:
             return [moving(z) for z in states]
         # At rest without the cubic's flat ends, on which Newton's method would stop.
@@ -83,7 +83,7 @@ IN_MOTION = Memory()
 
 @dataclass(frozen=True)
 class Instant:
-    """How a finger is known where laws act on it.
+    """State of a finger as laws see it.
 
     Attributes
     ----------

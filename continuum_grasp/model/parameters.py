@@ -77,7 +77,7 @@ class Parameters:
         self._symbols = {name: ca.SX.sym(name, len(self._nominal[name])) for name in names}
 
     def extended(self, more: Mapping[str, tuple[str, float]]) -> Parameters:
-        """The same with further run-time arguments, of which units and nominal values are given by name."""
+        """A copy with further run-time arguments, of which units and nominal values are given by name."""
         made = copy(self)
         made.names = (*self.names, *more)
         made._units = self._units | {name: unit for name, (unit, _) in more.items()}
@@ -123,7 +123,7 @@ class Parameters:
 
 
 def places_of(finger: Finger, keys: str) -> list[str]:
-    """Where a finger has what is at keys of a `Number`."""
+    """Paths in a finger of the keys of a `Number`."""
     found = list[str]()
     for key in keys.split():
         owner, every, rest = key.partition("*")

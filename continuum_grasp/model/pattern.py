@@ -1,4 +1,4 @@
-"""One link for all elements of a finger: what it needs to know of each of them is a row of numbers."""
+"""A link shared by all elements of a finger: each element is a row of numbers."""
 
 from __future__ import annotations
 

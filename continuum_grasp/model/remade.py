@@ -24,7 +24,7 @@ class Remade:
         return _remake, (type(self), *self._arguments), self.__getstate__()
 
     def __getstate__(self) -> Any:
-        """What the object has gone through since; for ``__setstate__`` of the copy, None for nothing."""
+        """Changes since the object was made; for ``__setstate__`` of the copy, None for none."""
         return None
 
 

@@ -122,7 +122,9 @@ class Structure:
             self.check_initial(scene.initial)
 
     def beside(self, around: Surroundings | None, more: Mapping[str, tuple[str, float]]) -> Structure:
-        """The same finger in surroundings with an object, of whose run-time arguments unit and value are given."""
+        """A copy of the structure in surroundings with an object, of whose run-time arguments unit and value are
+        given.
+        """
         made = copy(self)
         made.around, made.object_parameters, made.parameters = around, tuple(more), self.parameters.extended(more)
         return made
@@ -175,7 +177,7 @@ class Structure:
 
     @property
     def _runtime_at_tip(self) -> str:
-        """What a matched tip cannot carry of what run-time arguments may be, in words."""
+        """Run-time arguments that a matched tip cannot carry, in words."""
         runtime = self.parameters.is_runtime
         turns = any(runtime(f"tip_body_{key}") for key in ("inertia", "across", "along"))
         return "tendon friction" if runtime("tendon_friction") else "a body at the tip that turns" if turns else ""
@@ -264,7 +266,7 @@ class Structure:
         return isinstance(load, MomentLoad) and (load.input or self.on_tip(load.at))
 
     def _sources(self) -> tuple[Source, ...]:
-        """What gives bending moments, one per shape."""
+        """Sources of bending moments, one per shape."""
         length, whole, drives = self.length, Curve.along(self.length, 1.0), len(self.inputs.drives)
         wound = bool(self.finger.winches)
         own = self.has_tendon_friction or wound
@@ -292,7 +294,7 @@ class Structure:
 
     @property
     def motors(self) -> tuple[Motor, ...]:
-        """Those of the winches that are motors."""
+        """Winches that are motors."""
         return tuple(winch for winch in self.winches if isinstance(winch, Motor))
 
     @property

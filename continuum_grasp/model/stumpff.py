@@ -48,7 +48,7 @@ def _one_chain(x: Scalar, k: int, degree: int) -> Scalar:
 
 
 def _two_chains(x: Scalar, k: int, degree: int) -> Scalar:
-    """The same by Horner's rule for even and odd powers apart, which a processor computes side by side."""
+    """The series by Horner's rule for even and odd powers apart, which a processor computes side by side."""
     c, square = coefficients(k, degree), x * x
     even, odd = (ca.polyval(ca.DM(part[::-1]), square) for part in (c[::2], c[1::2] or [0.0]))
     return even + x * odd

@@ -204,7 +204,7 @@ class Builder:
         return (*(load.place.link for load in self._loads), *every)
 
     def _symbols(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """What is carried to a link, its coordinates and their rates."""
+        """Symbols carried to a link, its coordinates and their rates."""
         spin = ca.SX.sym("spin")
         return spin, ca.SX.sym("q", self._local), ca.SX.sym("qd", self._local)
 
@@ -418,7 +418,7 @@ class Builder:
 
 
 _OWN = ("stiffness", "driven", "bends", "mass", "ports")
-"""What a row has beside the numbers of the link: stiffness; what each source of moments exerts on the coordinates, or
+"""Entries of a row beside the numbers of the link: stiffness; what each source of moments exerts on the coordinates, or
 where it is known the coordinates that it balances; bending angle per coordinate; mass at the end [kg]; per port of the
 laws its measure, shapes, curvature at rest and the numbers of the law there."""
 
@@ -483,7 +483,7 @@ def sweep_function(builder: Builder) -> ca.Function:
     same = [ca.repmat(each, 1, count) for each in (drive, p, part)]
 
     def from_base(state: ca.DM, function: ca.Function, *given: ca.MX) -> ca.MX:
-        """What a function accumulates, at the start of every link and at the tip."""
+        """Values that a function accumulates, at the start of every link and at the tip."""
         return ca.horzcat(state, function.mapaccum(count)(state, *given))
 
     *starts, last = ca.horzsplit(from_base(ca.DM.zeros(made.carry.size1_in("spin")), made.carry, q, qd, rows))

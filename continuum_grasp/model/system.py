@@ -158,12 +158,12 @@ class System(Functions):
 
     @property
     def object_states(self) -> slice:
-        """Where in x the object's pose is: x, y, angle, and z where it can slide out of the plane; empty if fixed."""
+        """Slice of x with the object's pose: x, y, angle, and z where it can slide out of the plane; empty if fixed."""
         return slice(self.finger_model.nx, self.finger_model.nx + len(self._equations.contacts.start))
 
     @property
     def friction_states(self) -> slice:
-        """Where in x the friction states are."""
+        """Slice of x with the friction states."""
         return slice(self.finger_model.nx + 2 * (self.object_states.stop - self.object_states.start), self.nx)
 
     def state(

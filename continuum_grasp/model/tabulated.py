@@ -36,7 +36,7 @@ class Directions:
 
     @cached_property
     def _rotations(self) -> list[Rotation]:
-        """Of the nodes."""
+        """Rotations of the nodes."""
         # Products of two turns first: half the depth, so the processor can work on them side by side.
         found = [self._turns[0], self._doubled[0]]
         for k in range(2, self._count):
@@ -50,7 +50,7 @@ class Directions:
 
     @cached_property
     def end(self) -> Rotation:
-        """Of the end section."""
+        """Direction of the end section."""
         return self._rotations[-1] @ self._turns[-1]
 
     @cached_property
@@ -67,7 +67,7 @@ class Directions:
 
 @dataclass(frozen=True)
 class LinkTable:
-    """What describes a link of m nodes and L local coordinates: arrays, or in ``filled`` matrices of CasADi.
+    """Table of a link of m nodes and L local coordinates: arrays, or in ``filled`` matrices of CasADi.
 
     Pairs of nodes j < k are in the order of ``itertools.combinations``; before them stands what is on the diagonal.
     """

@@ -1,4 +1,4 @@
-"""What tendons that have a tension of their own exert: those with friction, and those that are wound up."""
+"""Forces of tendons that have a tension of their own: those with friction, and those that are wound up."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ class TendonForces:
 
     @cached_property
     def directions(self) -> list[list[Scalar]]:
-        """Which way friction acts, per set and state; of tendons on the other side the other way."""
+        """Direction of friction, per set and state; tendons on the other side have the opposite one."""
         ways = iter(self._memory.ways(self._states, lambda: self.slid, direction))
         return [list(islice(ways, cells.states)) for cells in self._sets]
 
@@ -171,7 +171,7 @@ class TendonForces:
     # -- winches --------------------------------------------------------------------------------------------------
 
     def _drawn(self, values: Sequence[Scalar], *, rest: bool) -> list[Scalar]:
-        """How much a curvature draws in each tendon [m]; of a pair the same but for its sign."""
+        """Length of each tendon that a curvature draws in [m]; both of a pair differ in sign alone."""
         found: dict[int, Scalar] = {}
         for cells in self._sets:
             bent = self._bent([(cell, cell.work) for cell in cells.cells], values, 1.0, rest=rest)
@@ -181,7 +181,7 @@ class TendonForces:
 
     @cached_property
     def _paths(self) -> list[Scalar]:
-        """How much each tendon is drawn in by the bend [m]."""
+        """Length of each tendon that the bend draws in [m]."""
         return self._drawn(self._full, rest=True)
 
     @cached_property
@@ -191,7 +191,7 @@ class TendonForces:
 
     @cached_property
     def _cables(self) -> list[Cables]:
-        """Those of each winch."""
+        """Cables of each winch."""
         return [held.winch.cables(self.compliances, self._paths) for held in self.held]
 
     @cached_property
@@ -239,7 +239,7 @@ class TendonForces:
 
     @cached_property
     def tensions(self) -> Sequence[Scalar]:
-        """Of each tendon at its drive [N]."""
+        """Tension of each tendon at its drive [N]."""
         found = list(self._given)
         for k, held in enumerate(self.held):
             found += held.tensions or self._cables[k].tensions(self._slacks[k])
@@ -256,7 +256,7 @@ class TendonForces:
 
     @property
     def motors(self) -> list[tuple[Scalar, Scalar, Scalar, Scalar]]:
-        """Of each motor its angle, rate, torque without dry friction [N m] and inertia [kg m2]."""
+        """Angle, rate, torque without dry friction [N m] and inertia [kg m2] of each motor."""
         found = []
         for held in self.held:
             if isinstance(held.winch, Motor) and held.command is not None:

@@ -62,7 +62,7 @@ class Pair:
     arm: float = 0.0  # greatest moment of friction per friction force [m]; the last direction of slip is then a turning
 
     def pressed(self) -> Pair:
-        """The same with a gap that is smaller by a run-time number ``press``."""
+        """A copy with a gap that is smaller by a run-time number ``press``."""
         press = ca.SX.sym("press")
         return replace(self, gap=self.gap - press, press=press)
 
@@ -84,7 +84,7 @@ class Pair:
 
     @property
     def stored_energy(self) -> Scalar:
-        """Of the normal spring [J]."""
+        """Energy in the normal spring [J]."""
         return stored_energy(self.law, self.gap) if self.load is None else 0.0
 
     @cached_property

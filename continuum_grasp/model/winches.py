@@ -38,7 +38,7 @@ _DRUM_STEPS = 3
 """Steps of Newton's method that find the drum behind a play: torques are off by 2e-6 N m in one of a thousand states
 that are drawn around the corners of gear and tendons (two steps: 1e-4 N m)."""
 _RESTING_STEPS = 1
-"""The same of a motor at rest: torques are off by 7e-5 N m at most, where a tendon begins to pull."""
+"""Steps of a motor at rest: torques are off by 7e-5 N m at most, where a tendon begins to pull."""
 _TINY = 1e-12
 """Keeps a root differentiable at zero [1]."""
 _ROUNDING = 1e-9
@@ -47,7 +47,7 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Winch(ABC):
-    """One drive, and what it winds up."""
+    """A drive, and the cables that it winds up."""
 
     drive: LengthDrive | MotorDrive
     tendons: tuple[int, ...]
@@ -56,7 +56,7 @@ class Winch(ABC):
     stiffness: Scalar
     """Tension per length wound up, of a tendon without friction [N/m]."""
     parameters: Parameters | None = None
-    """Of which some may be run-time arguments; None: all numbers are those of the drive."""
+    """Parameters, of which some may be run-time arguments; None: all numbers are those of the drive."""
 
     def _own(self, key: str) -> Scalar:
         """A number of the drive, which may be a run-time argument."""
@@ -73,11 +73,11 @@ class Winch(ABC):
         return (1.0, -1.0)[: len(self.tendons)]
 
     def of_its(self, values: Sequence[Scalar]) -> list[Scalar]:
-        """Those of its tendons, of values per tendon."""
+        """The entries for the winch's tendons, of values per tendon."""
         return [values[k] for k in self.tendons]
 
     def cables(self, compliances: Sequence[Scalar], paths: Sequence[Scalar]) -> Cables:
-        """Its tendons, of compliances [m/N] and paths [m] per tendon."""
+        """The winch's tendons as cables, from compliances [m/N] and paths [m] per tendon."""
         return Cables(self, self.of_its(compliances), self.of_its(paths))
 
     def wound(self, position: Scalar) -> list[Scalar]:
@@ -175,7 +175,9 @@ class LengthServo(Winch):
 
 @dataclass(frozen=True)
 class _Spring:
-    """What turns a drum: a torque towards an angle from beyond a play on, up to a greatest one; or a torque alone."""
+    """Torque that turns a drum: a torque towards an angle from beyond a play on, up to a greatest one; or a torque
+    alone.
+    """
 
     angle: Scalar
     stiffness: float = 0.0  # [N m/rad]; 0: the torque alone
@@ -405,7 +407,7 @@ class Cables:
         return [y - path for y, path in zip(self.winch.wound(drum), self.paths, strict=True)]
 
     def tensions(self, slacks: Sequence[Scalar]) -> list[Scalar]:
-        """Of cable wound up beyond taut [N]."""
+        """Tensions for cable wound up beyond its straight length [N]."""
         return [soft(slack) / c for slack, c in zip(slacks, self.compliances, strict=True)]
 
     def slopes(self, slacks: Sequence[Scalar]) -> list[Scalar]:
@@ -462,7 +464,7 @@ def _within(angle: Scalar, half: float) -> Scalar:
 
 
 def _beyond(angle: Scalar, half: float) -> Scalar:
-    """What an angle is beyond it [rad]."""
+    """Part of an angle that is beyond the play [rad]."""
     return angle - _within(angle, half)
 
 
@@ -518,7 +520,7 @@ def _number(drive: WinchDrive, key: str, parameters: Parameters | None) -> Scala
 
 
 def stiffnesses(tendon: Tendon, parameters: Parameters | None = None) -> tuple[Scalar, Scalar]:
-    """Those of a tendon whose tension is not commanded: along the finger [N], and in series [N/m]."""
+    """Stiffnesses of a tendon whose tension is not commanded: along the finger [N], and in series [N/m]."""
     found: list[Scalar] = []
     for key, stated in (("axial", tendon.axial_stiffness), ("series", tendon.series_stiffness)):
         if stated is None:

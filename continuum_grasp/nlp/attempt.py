@@ -1,4 +1,4 @@
-"""Where a solver starts, what it may spend, and what it gave."""
+"""Starts, budgets and results of solver runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[Any]
 
 
 class Status(StrEnum):
-    """How a solver run ended; the same words for every solver."""
+    """Outcome of a solver run; the same words for every solver."""
 
     SOLVED = "solved"
     """At a point where the conditions of optimality hold to the full tolerance, whatever the solver says of it."""
@@ -43,7 +43,9 @@ class Multipliers:
 
 
 class OptionSet(StrEnum):
-    """How near a solution a start is taken to be; a solver has options for each, and builds for those that are used."""
+    """Assumed distance of a start from a solution; a solver has options for each, and builds for those that are
+    used.
+    """
 
     DEFAULT = "default"
     """Rough: what the settings say."""
@@ -55,7 +57,7 @@ class OptionSet(StrEnum):
 
 @dataclass(frozen=True)
 class Approach:
-    """What of a start decides on the options of a solver; see `Start`."""
+    """Properties of a start that decide on the options of a solver; see `Start`."""
 
     option_set: OptionSet = OptionSet.DEFAULT
     barrier: float | None = None
@@ -96,7 +98,7 @@ class Start:
 
     @property
     def approach(self) -> Approach:
-        """What decides on the options of a solver."""
+        """Properties that decide on the options of a solver."""
         return Approach(self.option_set, self.barrier, self.multipliers is not None)
 
     def violation(self, x: Array, g: Array) -> float:
@@ -109,7 +111,7 @@ class Start:
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """What one run of a solver gave.
+    """Result of a solver run.
 
     Attributes
     ----------
@@ -207,5 +209,5 @@ class Budget:
 
     @property
     def cut(self) -> str:
-        """What cut the search short: ``clock``, ``iterations``, or nothing."""
+        """Limit that cut the search short: ``clock``, ``iterations``, or none."""
         return "clock" if self.stopped else "iterations" if self.left <= 0 else ""

@@ -20,7 +20,7 @@ _CLOSE = 1e-6
 
 
 _REFINED = {"mu_init": 1e-3, "bound_mult_init_method": "mu-based", **dict.fromkeys(_PUSHES[:4], 1e-3)}
-"""Of starts within 1e-3 of a solution: no farther from it than they are."""
+"""Options for starts within 1e-3 of a solution: no farther from it than they are."""
 _SETS: dict[OptionSet, dict[str, Any]] = {
     OptionSet.DEFAULT: {},
     # From refined starts of 73 grasps: 72 verified after a median of 7 iterations; monotone 71 after 13; the defaults

@@ -1,4 +1,4 @@
-"""How well a point satisfies the conditions of optimality, whatever a solver says of it.
+"""Error of a point in the conditions of optimality, whatever a solver says of it.
 
 Karush, Kuhn and Tucker: with the multipliers lam of constraints and z of bounds, which are negative at lower ends,
 
@@ -23,10 +23,10 @@ from continuum_grasp.nlp.problem import NLP
 Array = NDArray[Any]
 
 _GREATEST = 100.0
-"""Of gradients at the start, beyond which functions are scaled, and of the mean multiplier (IPOPT:
+"""Greatest gradient at the start, beyond which functions are scaled, and greatest mean multiplier (IPOPT:
 nlp_scaling_max_gradient, s_max)."""
 _LEAST_SCALE = 1e-8
-"""Of functions (IPOPT: nlp_scaling_min_value)."""
+"""Least scale of functions (IPOPT: nlp_scaling_min_value)."""
 
 
 def optimality_error(problem: NLP, start: Start, x: Array, multipliers: Multipliers) -> float:

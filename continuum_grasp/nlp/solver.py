@@ -32,12 +32,12 @@ _STATUS = {
 }
 """CasADi's solvers share these names."""
 _ACCEPTABLE = 100.0
-"""Of an acceptable point, its errors per tolerance."""
+"""Errors of an acceptable point per tolerance."""
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What is asked of a solver.
+    """Options of a solver.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ class Solver(ABC):
         return reported
 
     def statistics(self, function: ca.Function) -> dict[str, Any]:
-        """What the solver reports of its last run: ``return_status``, ``iter_count``."""
+        """Report of the solver on its last run: ``return_status``, ``iter_count``."""
         return dict(function.stats())
 
     def _function(self, problem: NLP, approach: Approach) -> tuple[ca.Function, _Stop]:

@@ -34,7 +34,7 @@ _MAX_NODES = 1600
 _MAX_REFINEMENTS = 16
 """Halvings of a panel, down to 1e-5 of the length: the capstan law is rounded off over some 1e-4 of it."""
 _ROUNDING = 16.0 * np.finfo(float).eps
-"""Of angles and positions, which are sums over the nodes [1]."""
+"""Rounding of angles and positions, which are sums over the nodes [1]."""
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ does. A law that is rounded off over 0.02 has the tip off by 3e-3 of the length 
 
 @dataclass(frozen=True)
 class Balance:
-    """What is missing for equilibrium at the nodes."""
+    """Residual of the equilibrium at the nodes."""
 
     missing: Array  # (N,) elastic moment less the share of the moment of the loads
     slope: Array  # (N, N) derivative with respect to the curvature
@@ -210,7 +210,7 @@ class RodEquations:
         return [self._tension(each, curvature, *self._share(each, curvature))[0] for each in wound]
 
     def _ways(self, curvature: Array) -> tuple[Array, Array]:
-        """Which way tendons slid, from -1 to 1, and its derivative by the bend beyond."""
+        """Direction in which tendons slid, from -1 to 1, and its derivative by the bend beyond."""
         slid = self.mesh.backward @ curvature
         root = np.sqrt(slid**2 + WAY_ROUNDING**2)
         return slid / root, WAY_ROUNDING**2 / root**3

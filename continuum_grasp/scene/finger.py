@@ -368,7 +368,7 @@ class Finger(Value):
 
     @property
     def pulls(self) -> tuple[Pull, ...]:
-        """Limits of each tendon's tension, then of each chamber's pressure, with the channel and arm by which it bends."""
+        """Limits of each tendon's tension, then of each chamber's pressure, with its channel and arm."""
         limits = [(one.min_tension, one.max_tension) for one in self.tendon_list]
         limits += [(one.min_pressure, one.max_pressure) for one in self.chambers]
         places = (next((one, one.arms[k]) for one in self.channels if one.arms[k]) for k in range(len(limits)))

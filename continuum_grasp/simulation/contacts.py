@@ -1,4 +1,4 @@
-"""What the contacts of an object bear during a motion."""
+"""Forces at the contacts of an object during a motion."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class ContactForces:
 
     @staticmethod
     def of(core: Core, x: Array, u: Array, w: Array) -> ContactForces:
-        """Those of a compiled system at states x (T, nx), inputs u and forces w."""
+        """Contact forces of a compiled system at states x (T, nx), inputs u and forces w."""
         found = dict(zip(core.model.touch.name_out(), core.batch("touch", x, u, w), strict=True))
         wanted: dict[str, Any] = {name: np.asarray(found[name]) for name in _ARRAYS}
         return ContactForces(tuple(core.model.touch_names), **wanted)
@@ -48,7 +48,9 @@ class ContactForces:
     def from_expressions(
         names: tuple[str, ...], touch: Mapping[str, ca.SX], rows: Callable[[ca.SX], Array]
     ) -> ContactForces:
-        """Those of outputs of ``System.touch``, where ``rows`` gives the values of an expression over time."""
+        """Contact forces from outputs of ``System.touch``, where ``rows`` gives the values of an expression over
+        time.
+        """
         found: dict[str, Any] = {name: rows(ca.vec(touch[name])) for name in _ARRAYS}
         for name in ("force", "point"):
             found[name] = found[name].reshape(-1, len(names), 2).transpose(0, 2, 1)
@@ -56,7 +58,7 @@ class ContactForces:
 
     @staticmethod
     def joined(fingers: Mapping[str, ContactForces]) -> ContactForces:
-        """Those of several fingers by name, each with the supports, which are the same for all."""
+        """Contact forces of several fingers by name, each with the supports, which are the same for all."""
         names: list[str] = []
         columns: dict[str, list[Array]] = {name: [] for name in _ARRAYS}
         for finger, contacts in fingers.items():
@@ -102,7 +104,7 @@ STORED = tuple(
         ("point", "(time, xy, contact)", "m", "where it acts, world"),
     )
 )
-"""How results with ``contacts`` store them."""
+"""Stored arrays of results with ``contacts``."""
 CONTACT = Dimension(
     "contact", "contacts of the object: finger.1 and so on, finger.tip, then the supports", "contacts.names"
 )

@@ -43,7 +43,7 @@ class SmallMotions:
 
 
 def small_motions(found: Equilibrium) -> SmallMotions:
-    """Those about an equilibrium."""
+    """Small motions about an equilibrium."""
     model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
     core, n = Core(model, compiled=False), model.n
     mass, damping = core.mass_matrix(q, u, p), damping_matrix(core, q, u, p)

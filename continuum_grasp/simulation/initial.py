@@ -97,7 +97,7 @@ def _standing(model: FingerModel, drives: Array, angles: Sequence[float], at_res
 
 
 def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:
-    """What the user must know of a start that a matched tip cannot have."""
+    """Warnings about a start that a matched tip cannot have."""
     if not model.structure.matched or not tip_moment_jumps(scene):
         return ()
     return (

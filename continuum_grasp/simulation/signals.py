@@ -110,7 +110,7 @@ class Signals:
         return [0.0, *later[:: max(1, math.ceil(len(later) / 15))]]
 
     def warnings(self, step: float, duration: float) -> tuple[str, ...]:
-        """What the user must know of samples that change within less than a step, unless a slower lag takes them up."""
+        """Warnings about samples that change within less than a step, unless a slower lag takes them up."""
         # A lag rounds off what a tension does; a tenth of it resolves its exponential.
         pulled = zip(self._values, self._model.finger.tendon_list, strict=False)
         drive = [tension for tension, tendon in pulled if step <= 0.1 * (tendon.time_constant or 0.0)]

@@ -36,8 +36,8 @@ Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 _FAST, _STIFF, _STIFF_SWEPT = "rk4", "rodas", "extrapolated_euler"
-"""What ``time.method: auto`` chooses between; the last for models of many elements, whose Jacobian costs more with
-every element than the steps that it saves."""
+"""Methods that ``time.method: auto`` chooses between; the last for models of many elements, whose Jacobian costs more
+with every element than the steps that it saves."""
 _IMPLICIT_FROM = 40
 """Sub-steps per output step from which on the implicit method is chosen."""
 _MOST_SUBSTEPS = 10_000
@@ -69,7 +69,7 @@ def simulate(scene: Scene, *, progress: Progress | None = None) -> Trajectory:
 
 
 class _Run:
-    """One simulation."""
+    """A simulation run."""
 
     def __init__(self, scene: Scene, time: Timing, model: FingerModel, progress: Progress | None) -> None:
         self._scene, self._time, self._model, self._p = scene, time, model, np.array(model.p_nominal)
@@ -265,7 +265,7 @@ class _Run:
         return self._controlled(finer, final=substeps < wanted)
 
     def _error_warnings(self, plan: Plan, motion: Motion) -> tuple[str, ...]:
-        """What the user must know of a time error beyond the tolerance."""
+        """Warnings about a time error beyond the tolerance."""
         found, tolerance = motion.time_error, self._time.tolerance
         if found <= tolerance or plan.method == "reference" or motion.error is not None:
             return ()

@@ -1,4 +1,4 @@
-"""When tendons that winches and motors wind up go slack, and when they pull more than they may."""
+"""Slack and overload of tendons that winches and motors wind up."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def tension_limits(finger: Finger, tensions: NDArray[np.float64] | None) -> tupl
 
 
 def tension_warnings(finger: Finger, t: NDArray[np.float64], tensions: NDArray[np.float64] | None) -> tuple[str, ...]:
-    """What the user must know of tensions (T, tendons) [N] that winches and motors leave to the motion."""
+    """Warnings about tensions (T, tendons) [N] that winches and motors leave to the motion."""
     if tensions is None or not finger.winches:
         return ()
     found, times = [], slack_times(t, tensions)

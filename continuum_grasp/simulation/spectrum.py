@@ -1,4 +1,4 @@
-"""How fast a scene can move: what steps must resolve of the finger itself, and of its contacts."""
+"""Fastest motions of a scene, which steps must resolve: of the finger itself, and of its contacts."""
 
 from __future__ import annotations
 

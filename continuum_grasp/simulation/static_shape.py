@@ -86,7 +86,7 @@ class Equilibrium(Result):
 
     @property
     def friction_states(self) -> Array:
-        """Which way friction acts, per friction state, from -1 to 1 [1]."""
+        """Direction of friction, per friction state, from -1 to 1 [1]."""
         return friction_states(self.model, self.q, self.u, self.p, self.history)
 
     @cached_property
@@ -146,7 +146,7 @@ class Equilibrium(Result):
         return {"iterations": self.iterations, "residual": self.residual, "margin": self.margin}
 
     def pairs(self) -> dict[str, str]:
-        """Where the tip is, how stiff and how exact."""
+        """Position of the tip, stiffness and accuracy."""
         x, y = self.tip
         return {
             "tip": f"({x:.4f}, {y:.4f}) m",
@@ -190,7 +190,7 @@ def states_of_motors(model: FingerModel, drives: Array) -> list[Array]:
 
 
 def slid(model: FingerModel, q: Array, u: Array, p: Array) -> Array:
-    """What slid since the finger was straight, per presliding, and its bends above rest, per those that slide."""
+    """Sliding since the finger was straight, per presliding, and its bends above rest, per those that slide."""
     return np.array(model.sliding()(q, u, p)).ravel()
 
 
@@ -226,7 +226,7 @@ def friction_history(
 
 
 def friction_states(model: FingerModel, q: Array, u: Array, p: Array, history: Array) -> Array:
-    """Which way friction acts in a shape, per friction state, by its history (states + 1,) or none."""
+    """Direction of friction in a shape, per friction state, by its history (states + 1,) or none."""
     if not history.size:
         return np.zeros(0)
     *states, moved = history

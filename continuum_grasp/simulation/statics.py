@@ -104,7 +104,7 @@ class Search:
         return limit_warnings(self._model, use[None])
 
     def _buckling(self, q: Array, margin: float) -> tuple[str, ...]:
-        """What to know of a shape whose least stiffness the loads have nearly used up."""
+        """Warning about a shape whose least stiffness the loads have nearly used up."""
         mass = self._core.mass_matrix(q, self._u, self._p)
         unloaded = float(np.linalg.eigvalsh(in_mass_metric(mass, self._elasticity()[1])[1])[0])
         coarse = self._model.structure.family.order <= 2
@@ -319,14 +319,14 @@ def _locked(drive: Any) -> Any:
 
 
 class Friction(TypedDict, total=False):
-    """How a finger with friction came to its shape; see ``equilibrium_under``."""
+    """History by which a finger with friction came to its shape; see ``equilibrium_under``."""
 
     reached_by: str
     friction_states: Sequence[float] | None
 
 
 def friction_of(initial: Initial, model: FingerModel, *, needed: bool = True) -> Friction:
-    """What a scene says of the friction of its finger, if anything; InputError where it is ``needed`` and not there."""
+    """Friction history that a scene gives for its finger, if any; InputError where it is ``needed`` and not there."""
     if needed or initial.reached_by is not None:
         model.structure.check_reached_by(initial)
     if initial.reached_by is None or not model.friction_names:

@@ -45,7 +45,7 @@ _LOOSER = 100.0
 
 @dataclass(frozen=True)
 class Plan:
-    """How to integrate."""
+    """Plan of an integration: method and steps."""
 
     method: str  # name in ``INTEGRATORS``, or ``reference``
     substeps: int  # steps of the method per output step
@@ -211,7 +211,7 @@ class Stepper:
         return [x[: last + 1] for x, last in zip(states, valid, strict=True)]
 
     def _stopped(self, plan: Plan, index: int, state: Array) -> NumericalError:
-        """What to say of a motion that is not finite after an output step."""
+        """Error about a motion that is not finite after an output step."""
         time = index * self._time.step
         other = "reference" if self._time.method == "auto" else "auto"
         reason = (

@@ -110,7 +110,7 @@ class Trajectory(MotionResult):
 
     @property
     def moving(self) -> FingerModel | System:
-        """What the states are those of: the system, or the finger alone."""
+        """Model that the states belong to: the system, or the finger alone."""
         return self.system or self.model
 
     @property
@@ -196,7 +196,7 @@ class Trajectory(MotionResult):
 
     @cached_property
     def tip_angle(self) -> Array:
-        """How far the tip is turned (T,) [rad], from the base."""
+        """Angle of the tip against the base (T,) [rad]."""
         return np.asarray(np.sum(self.core.batch("bending", self.q, self.acting, None), axis=1))
 
     @cached_property
@@ -216,7 +216,7 @@ class Trajectory(MotionResult):
 
     @cached_property
     def contacts(self) -> ContactForces | None:
-        """What the contacts of the object bear; None without an object."""
+        """Forces at the contacts of the object; None without an object."""
         return None if self.system is None else ContactForces.of(self.system_core, self.x, self.u, self.w)
 
     def backbone(self, indices: ArrayLike, points: int = 50) -> Array:
@@ -323,7 +323,7 @@ LOST = 3.0
 
 
 def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | None = None) -> tuple[str, ...]:
-    """What the user must know of bends beyond the declared range and of strains beyond the limit.
+    """Warnings about bends beyond the declared range and of strains beyond the limit.
 
     ``use`` (T, elements) is the share of its bending range that each element uses, at instants (T,) [s] of a motion.
     """

@@ -1,4 +1,4 @@
-"""One step of each method of ``scene.integrators`` as CasADi expressions, a file per method."""
+"""A step of each method of ``scene.integrators`` as CasADi expressions, a file per method."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def step_function(model: Any, method: str) -> ca.Function:
 def differentiated_step(
     method: str, name: str, slope: ca.Function, start: ca.MX, others: tuple[ca.MX, ...], h: ca.MX, instants: int = 1
 ) -> list[ca.MX]:
-    """One step of a method in ``CONTROL_METHODS`` with its derivatives, as calls of straight-line functions.
+    """A step of a method in ``CONTROL_METHODS`` with its derivatives, as calls of straight-line functions.
 
     ``slope`` is (state, *others) -> rate (n), its Jacobian (n, n + m) by the first n entries of the state and by m
     inputs; the further entries of the state are constant over the step h [s], as are ``others``. No function has loops,

@@ -1,4 +1,4 @@
-"""What steps with derivatives share: sparsity of the derivatives, and elimination without pivoting."""
+"""Shared parts of steps with derivatives: sparsity of the derivatives, and elimination without pivoting."""
 
 from __future__ import annotations
 

@@ -17,7 +17,8 @@ _TOLERANCE = 1e-9
 """Last correction of the iterations, per 1 + |x| [1]. The next would be a hundredth of it; over 2e4 steps of 5 ms (two
 arcs let go) the mean energy moved by 2e-8 of the swing."""
 _MOST_ITERATIONS = 20
-"""Of Newton's method in a step [1]: 5 are usual at steps of 1 ms, 7 at 10 ms (two arcs of 0.6 m with 20 g let go)."""
+"""Iterations of Newton's method in a step [1]: 5 are usual at steps of 1 ms, 7 at 10 ms (two arcs of 0.6 m with 20 g
+let go)."""
 
 
 def step(model: Any, x: ca.MX, u: list[ca.MX], w: list[ca.MX], p: ca.MX, h: ca.MX) -> ca.MX:

@@ -65,7 +65,7 @@ def numbers_of_branches(name: str, branches: Sequence[Value], units: Mapping[str
 
 @dataclass(frozen=True)
 class Port:
-    """Where a law sees the curvature."""
+    """Port at which a law sees the curvature."""
 
     element: int
     measure: Scalar  # [m]
