@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 _NO_TENSION = 1e-9
 """Tension below which a tendon has no friction that could be read off [N]."""
 _NO_BEND = 1e-9
-"""The same of its greatest loss, in logarithms [1]."""
+"""Greatest loss, as a logarithm, below which a tendon has no friction that could be read off [1]."""
 
 
 class ChainSystem(HingeChain, Functions):
@@ -253,7 +253,7 @@ class ChainSystem(HingeChain, Functions):
         return found
 
     def friction_along(self, x: ca.SX, u: ca.SX, tendon: int, start: float, end: float) -> ca.SX:
-        """Which way friction acts on a tendon between two positions [m]: its loss there per the greatest one."""
+        """Direction of friction on a tendon between two positions [m]: the loss there per the greatest one."""
         own, n = self.tendons[tendon], self.n
         first = int(own.conduit > 0.0)
         base = self.tensions(x[: self.nx], u[: self.nu], ca.SX.zeros(self.np))[tendon]

@@ -1,4 +1,4 @@
-"""The same controller with every problem solved to convergence by IPOPT.
+"""A controller whose every problem is solved to convergence by IPOPT.
 
 A real-time iteration is measured against it. It needs the state: an estimator is no part of it.
 """
@@ -104,7 +104,7 @@ class Converged(Remade):
 
     @property
     def statistics(self) -> dict[str, Any]:
-        """How often it was solved, how often not, and how long that took."""
+        """Counts of solved and unsolved problems, and times."""
         return {"steps": len(self.times), "failures": self.failures, "median_s": float(np.median(self.times or [0.0]))}
 
     def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:

@@ -17,7 +17,7 @@ from continuum_grasp.scene.tendons import Tendon
 Array = NDArray[np.float64]
 
 OF_FINGER = ("bending_stiffness", "material_damping", "tendon_friction")
-"""What of the finger may be changed without compiling anew."""
+"""Numbers of the finger that may be changed without compiling anew."""
 
 
 @dataclass(frozen=True)

@@ -51,7 +51,8 @@ class Links:
         return int(np.searchsorted(self.at, s, side="right")) - 1
 
     def pulsations(self, ratio: float = 1.0) -> tuple[Array, Array]:
-        """Of small motions of the straight, unloaded chain [rad/s], increasing, and their decay times [s].
+        """Angular frequencies of small motions of the straight, unloaded chain [rad/s], increasing, and their decay
+        times [s].
 
         A mode with damping d and stiffness k has the decay time d / k; it is the same in all where the damping goes
         with the stiffness. ``ratio`` is a factor of the stiffness.
@@ -62,7 +63,7 @@ class Links:
 
     @property
     def mass_matrix(self) -> Array:
-        """That of the straight chain (N, N) [kg m2]."""
+        """Mass matrix of the straight chain (N, N) [kg m2]."""
         on = np.arange(len(self.at))[:, None] >= np.arange(len(self.at))[None, :]
         lever = np.where(on, self.center[:, None] - self.at[None, :], 0.0)
         turning = (self.inertia + self.mass * self.across**2)[:, None] * on

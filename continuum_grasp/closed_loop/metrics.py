@@ -1,4 +1,4 @@
-"""How well a closed loop did: tracking, effort, violated bounds, times and counts."""
+"""Performance of a closed loop: tracking, effort, violated bounds, times and counts."""
 
 from __future__ import annotations
 

@@ -141,7 +141,7 @@ class SharedPlant:
 
     @property
     def _integration(self) -> Integration:
-        """What integrates the plants, made once for each model."""
+        """Integrators of the plants, made once for each model."""
         model, method = self._joint or self.plants[0].model, self.plants[0].method.name
         if method not in model.integrations:
             model.integrations[method] = ChainIntegration(model) if method == GUIDES else Integration(model, method)
@@ -197,7 +197,7 @@ _SHAPES = 4
 
 
 class Method(NamedTuple):
-    """How a plant is integrated: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s].
+    """Integration of a plant: name in ``INTEGRATORS``, steps per control period, fastest rate [1/s].
 
     ``guides``: the steps of a chain of guides, whatever its rates (0).
     """

@@ -79,7 +79,7 @@ def plant_scene(scene: ControlScene) -> Scene:
 
 
 def _stiffer(rod: Rod, factor: float) -> Rod:
-    """The same rod with a multiple of its stiffness."""
+    """A copy of a rod with a multiple of its stiffness."""
     if rod.graded:
         return rod.replaced(factors=rod.factors.replaced(bending_stiffness=rod.factors.bending_stiffness * factor))
     name = "youngs_modulus" if rod.bending_stiffness is None else "bending_stiffness"
@@ -188,7 +188,7 @@ class PlantModel(Remade):
 
     @property
     def drive(self) -> ca.SX:
-        """What the drive exerts: tensions [N], or the tip moment [N m]; then what is commanded of chambers [Pa]."""
+        """Tensions [N] or tip moment [N m] that the drive exerts; then the commanded pressures of chambers [Pa]."""
         lagging = ca.vertsplit(self._x)[self.system.nx : self.system.nx + self._lags]
         return ca.vertcat(ca.SX(0, 1), *lagging, *ca.vertsplit(self._u)[self._lags :])
 
@@ -232,7 +232,7 @@ class PlantModel(Remade):
         return ca.SX(found)
 
     def friction_along(self, tendon: int, start: float, end: float) -> ca.SX:
-        """Which way friction acts on a tendon between two positions [m], on average: 1 where it slides to the base."""
+        """Direction of friction on a tendon between two positions [m], on average: 1 where it slides to the base."""
         if isinstance(self.system, ChainSystem):
             along: ca.SX = self.system.friction_along(self._x, self._u, tendon, start, end)
             return along

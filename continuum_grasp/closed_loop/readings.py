@@ -1,4 +1,4 @@
-"""What the cost tracks and what the bounds bound, read off the plant itself."""
+"""Tracked and bounded quantities, read off the plant itself."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ class Bound:
 
 
 def quantities_of(plant: PlantModel, prediction: Prediction, u: Any, rate: Any) -> Quantities:
-    """What cost terms and sensors are computed from, of a plant; bending is that of the controller's elements.
+    """Quantities of a plant that cost terms and sensors are computed from; bending is that of the controller's
+    elements.
 
     Commands and their rates are expressions, or (K, nu) over time.
     """
@@ -63,7 +64,7 @@ def quantities_of(plant: PlantModel, prediction: Prediction, u: Any, rate: Any) 
 
 
 def tracked_expression(plant: PlantModel, prediction: Prediction, held: ca.SX, stage: float) -> ca.SX:
-    """What the cost tracks of a plant (nr), of its x, u, w and p and the input before, ``held`` (nu).
+    """Tracked quantities of a plant (nr), from its x, u, w and p and the input before, ``held`` (nu).
 
     Terms of the input are those of the command; its rate is per ``stage`` [s], as the controller's.
     """

@@ -1,4 +1,4 @@
-"""What a closed loop gave."""
+"""Result of a closed loop."""
 
 from __future__ import annotations
 
@@ -155,12 +155,12 @@ class ControlRun(MotionResult):
 
     @property
     def outcome(self) -> str:
-        """How the run ended, or ``missed`` where it finished far from a setpoint; ``status`` is of each command."""
+        """Outcome of the run, or ``missed`` where it finished far from a setpoint; ``status`` is of each command."""
         return "missed" if self.ended == "finished" and self.missed else self.ended
 
     @cached_property
     def missed(self) -> tuple[str, ...]:
-        """What ends far from setpoints which stood long enough to be met, in words."""
+        """Quantities that end far from setpoints which stood long enough to be met, in words."""
         return missed_setpoints(self.r_names, self.tracked, self.r, self.t, self.scene.reference, self.length)
 
     def pairs(self) -> dict[str, str]:
@@ -274,7 +274,7 @@ class ControlRun(MotionResult):
 
     @property
     def disturbance_std(self) -> Array:
-        """Their standard deviations (K, nd)."""
+        """Standard deviations of the disturbances (K, nd)."""
         return self.std[:, [k for _, k in self._disturbed]]
 
     @property
@@ -294,7 +294,7 @@ class ControlRun(MotionResult):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the user must know: incidents, commands that are not the solver's, bends beyond the plant's range."""
+        """Warnings: incidents, commands that are not the solver's, bends beyond the plant's range."""
         first: dict[str, str] = {}
         for t, health, text in self.incidents:
             first.setdefault(health, f"{health} at {t:.3g} s: {text}")
@@ -329,7 +329,7 @@ class ControlRun(MotionResult):
 
     @property
     def log(self) -> ControlLog:
-        """What was measured and commanded, from which a residual of the controller's model is learned."""
+        """Log of measurements and commands, from which a residual of the controller's model is learned."""
         return ControlLog(self.t[:-1], self.u, self.y, self.u_names, self.y_names, self.scene.name or "run")
 
     def details(self) -> dict[str, Any]:

@@ -136,7 +136,7 @@ def run_closed_loop(
 
 
 class FingerLoop(NamedTuple):
-    """One finger of a closed loop: its scene, what controls it, its plant, and what it is to do."""
+    """A finger of a closed loop: its scene, controller, plant and schedule."""
 
     scene: ControlScene
     control: Controls

@@ -1,4 +1,4 @@
-"""What a closed loop is to do, phase by phase."""
+"""Schedule of a closed loop, phase by phase."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Moment:
-    """What is known at an instant of a closed loop: time since the phase began [s], plant, last command."""
+    """An instant of a closed loop: time since the phase began [s], plant, last command."""
 
     t: float
     plant: Any

@@ -113,7 +113,7 @@ class SharedModel:
 
     @property
     def chain_numbers(self) -> Array:
-        """What the C of their motion needs to know of the chains."""
+        """Numbers of the chains for the C of their motion."""
         return np.concatenate([plant.chain.numbers_at(plant.p) for plant in self.plants])
 
     @property
@@ -142,7 +142,7 @@ class SharedModel:
 
     @property
     def _others_at(self) -> list[list[int]]:
-        """Where the other states of each chain are among those of all."""
+        """Places of each chain's other states among those of all."""
         before = sum(self._first)
         return [(place[first:] - before).tolist() for place, first in zip(self._at, self._first, strict=True)]
 
@@ -198,12 +198,12 @@ def _size(at: list[list[int]]) -> int:
 
 
 def _first_other(plant: PlantModel) -> int:
-    """Where the states behind the coordinates of a finger, their rates and the tensions of a chain begin."""
+    """Index of the first state behind the coordinates of a finger, their rates and the tensions of a chain."""
     return plant.system.first_other if isinstance(plant.system, ChainSystem) else 2 * plant.system.n
 
 
 def _shared(plant: PlantModel) -> NDArray[np.intp]:
-    """Where in a plant's state the object is, and the friction states of supports and table."""
+    """Places in a plant's state of the object, and of the friction states of supports and table."""
     system = plant.system
     pose = system.object_states
     body = range(pose.start, 2 * pose.stop - pose.start)

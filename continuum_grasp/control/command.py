@@ -22,7 +22,7 @@ _HEALTH = tuple(Health)
 
 
 class Layout(NamedTuple):
-    """Where the C controller writes its numbers, and the names of its vectors."""
+    """Layout of the numbers that the C controller writes, and the names of its vectors."""
 
     parts: dict[str, slice]
     measurement_names: tuple[str, ...]
@@ -41,7 +41,8 @@ class Plan(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What the plan starts from: state of the prediction (nx), and parameters with the estimated disturbances (np).
+    """Estimate that the plan starts from: state of the prediction (nx), and parameters with the estimated disturbances
+    (np).
 
     ``std`` (nz) and ``covariance`` (nz, nz) are of states and disturbances at the time of the measurement; None without
     an estimator.
@@ -98,7 +99,7 @@ class Command(Summarized):
         self.u = self._part("u")
 
     def headline(self) -> str:
-        """What it comes from, and the health."""
+        """Status and health of the command."""
         return quoted(
             None, self.status.name.lower(), f"{self.health.name.lower()} ({self.suspect})" if self.health else ""
         )
@@ -247,7 +248,9 @@ class Command(Summarized):
 
     @property
     def suspect(self) -> str | None:
-        """What contradicts the model most (tip, tension, bending or call rate), or the reading that is frozen."""
+        """Quantity that contradicts the model most (tip, tension, bending or call rate), or the reading that is
+        frozen.
+        """
         sensor, entry = int(self._number("sensor")), int(self._number("entry"))
         if self.health in (Health.FROZEN, Health.TRIPPED) and entry >= 0:
             return self._layout.measurement_names[entry].split(" ")[0]
@@ -261,7 +264,7 @@ class Command(Summarized):
 
     @property
     def rung(self) -> int:
-        """How often the weight of the command's rate is raised fourfold: 0 to 3."""
+        """Number of times that the weight of the command's rate is raised fourfold: 0 to 3."""
         return int(self._number("rung"))
 
     @property
@@ -293,7 +296,7 @@ class Command(Summarized):
 
     @property
     def contact(self) -> DetectedContact | None:
-        """What the drives feel, by ``estimator.contact_detection``; None without."""
+        """Contact that the drives feel, by ``estimator.contact_detection``; None without."""
         if not self._layout.places:
             return None
         parts = {name: self._out[part] for name, part in self._layout.parts.items()}

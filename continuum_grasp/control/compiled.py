@@ -158,11 +158,11 @@ _HEAD = struct.Struct("<8s16sqqq")
 """Head of a saved state: magic, key of problem and precision, bytes of the state, two numbers of its owner."""
 _MAGIC = b"cgstate1"
 _ALIGNMENT = 64
-"""Of the object's memory [bytes]: a cache line, and the widest vector register (AVX-512)."""
+"""Alignment of the object's memory [bytes]: a cache line, and the widest vector register (AVX-512)."""
 
 
 def _slices(sizes: dict[str, int]) -> dict[str, slice]:
-    """Where each of the named vectors lies in their concatenation."""
+    """Slice of each named vector in their concatenation."""
     ends = np.cumsum([0, *sizes.values()])
     return {name: slice(int(a), int(b)) for name, a, b in zip(sizes, ends[:-1], ends[1:], strict=True)}
 

@@ -1,4 +1,4 @@
-"""What controllers of scenes and solvers of problems share: the C of ``control/c``, called once per period."""
+"""Base of controllers of scenes and solvers of problems: the C of ``control/c``, called once per period."""
 
 from __future__ import annotations
 
@@ -301,7 +301,9 @@ class CompiledController(Remade, Summarized):
 
     @property
     def current_setpoints(self) -> dict[str, Array]:
-        """What the next step follows at its first node where it is given no ``reference``, by name."""
+        """Setpoints, by name, that the next step follows at its first node where it is given no ``reference``, by
+        name.
+        """
         row = self._following().rows(self._now)[0]
         return {key: row[part] for key, part in self._following().parts.items()}
 

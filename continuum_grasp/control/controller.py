@@ -131,11 +131,11 @@ class Controller(CompiledController):
         self.reset()
 
     def headline(self) -> str:
-        """Its scene and periods."""
+        """Scene and periods of the controller."""
         return quoted(self.scene.name, f"{1e3 * self.period:g} ms, {self.stages.stages} stages")
 
     def pairs(self) -> dict[str, str]:
-        """What it measures, follows and commands, and how its steps ended."""
+        """Measured, followed and commanded quantities, and how steps ended."""
         counts = ", ".join(f"{count} {name}" for name, count in self.statistics["status"].items() if count)
         return {
             "measures": ", ".join(self.measurement_names),

@@ -18,7 +18,7 @@ COMMANDED = "commanded_"
 
 @dataclass(frozen=True, eq=False)
 class ControlLog:
-    """What a controller measured and commanded in K periods.
+    """Measurements and commands of a controller in K periods.
 
     Attributes
     ----------

@@ -212,7 +212,7 @@ class Prediction(Remade):
 
     @property
     def _of_system(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """The same without w, on which shapes do not depend."""
+        """The function without w, on which shapes do not depend."""
         x, u, _, p = self.arguments
         return x, u, p
 
@@ -378,7 +378,7 @@ def _symbols(names: Sequence[str]) -> ca.SX:
 
 
 def _drives(scene: ModelScene) -> list[tuple[tuple[float, ...], float | None]]:
-    """Of each moment that the inputs exert, or of each tension or pressure, its arms and its time constant [s]."""
+    """Arms and time constant [s] of each moment that the inputs exert, or of each tension or pressure."""
     finger = scene.finger
     inputs = len(finger.input_keys)
     if "tip_moment" in finger.input_keys:

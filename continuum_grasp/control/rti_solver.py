@@ -130,7 +130,7 @@ class RtiSolver(CompiledController):
         self.reset()
 
     def headline(self) -> str:
-        """Its problem."""
+        """Problem of the solver."""
         return self.problem.headline()
 
     def pairs(self) -> dict[str, str]:

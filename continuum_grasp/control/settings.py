@@ -152,14 +152,14 @@ def free_ranges(stages: Stages, most: float) -> Ranges:
 
 
 def calls_of(scene: ControlScene) -> Calls:
-    """How the controller of a scene is called."""
+    """Calls of the controller of a scene."""
     asked = scene.controller
     counts = asked.sqp_iterations, asked.start_iterations, asked.start_calls, asked.iterations
     return Calls(asked.step, np.array(scene.rest_input), _RAMP, *counts)
 
 
 class Calls(NamedTuple):
-    """How a controller is called: what its C needs beside the problem.
+    """Calls of a controller: numbers that its C needs beside the problem.
 
     Period [s]; safe input (nu), to which the command goes where there is no plan, and the time in which that ramp
     crosses the whole range of an input [s]; iterations per call and from a plan at rest, and calls over which the

@@ -17,7 +17,7 @@ CALL_RATE = "call rate"
 
 
 class Status(IntEnum):
-    """What a command comes from."""
+    """Origin of a command."""
 
     SOLVED = 0
     """A new plan."""

@@ -46,13 +46,13 @@ _MARGIN = 1.5
 _MOST_BEND = 20.0
 """Greatest bending range that a scene may declare [rad]."""
 _OPPOSED = 3.0
-"""What the other tendon may pull meanwhile beyond its least tension [N]."""
+"""Tension that the other tendon may have meanwhile beyond its least tension [N]."""
 _SLIP_SPEED = 0.005
-"""Of the controller's contacts with an object that is turned [m/s]: friction without a state, which is enough for
-horizons below a second. Below this speed the model creeps where the plant sticks, and the controller waits for a motion
-that does not come: with 0.01 m/s 3 of 12 plants of configs/mission/turn_block.yaml end 2 degrees short or more. At
-0.003 m/s friction follows the noise of the estimated speed while the object is held: the estimated force is restless,
-and one of nine plants dropped the block.
+"""Slip speed of the controller's contacts with an object that is turned [m/s]: friction without a state, which is
+enough for horizons below a second. Below this speed the model creeps where the plant sticks, and the controller waits
+for a motion that does not come: with 0.01 m/s 3 of 12 plants of configs/mission/turn_block.yaml end 2 degrees short or
+more. At 0.003 m/s friction follows the noise of the estimated speed while the object is held: the estimated force is
+restless, and one of nine plants dropped the block.
 """
 _DENSE = 60
 """Places along the finger whose distance is looked at."""
@@ -64,7 +64,7 @@ _STEPS = 200
 
 @dataclass(frozen=True)
 class Assignment:
-    """What one finger has to do; a mission has one for each."""
+    """Task of one finger; a mission has one for each finger."""
 
     mission: MissionScene
     grasp: GraspResult
@@ -76,7 +76,7 @@ class Assignment:
     object_pose: tuple[float, float, float]
     """Pose of the object in the grasp: world x, y [m] and angle [rad]."""
     tensions: Array
-    """Of the grasp, of each tendon [N]."""
+    """Tension of each tendon in the grasp [N]."""
     held: Array
     """Inputs (nu) under which the finger holds the object with them."""
     tight: Array
@@ -107,7 +107,7 @@ class Assignment:
 
     @property
     def force(self) -> float:
-        """Its normal force in the grasp [N]."""
+        """Normal force of the followed contact in the grasp [N]."""
         return self.forces[self.contact]
 
     def own_name(self, contact: str) -> str:
@@ -131,7 +131,7 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Ass
 
 
 def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance, setup: FingerSetup) -> Assignment:
-    """What one finger has to do."""
+    """Task of one finger."""
     name, posture = setup.name, found.fingers[setup.name]
     contacts = {one.name: one for one in found.contacts if one.name.startswith(f"{name}.")}
     tip = contacts.pop(setup.tip_name, None)
@@ -269,7 +269,7 @@ def _control_scene(
 
 
 def _surroundings(mission: MissionScene, body: GraspObject) -> dict[str, Any]:
-    """What the controller knows of the object and of what is around it, by keys of its scene.
+    """Object and surroundings as the controller knows them, by keys of its scene.
 
     It stays where the grasp has it, and is touched by the finger alone; where it is turned first, it begins where it
     stands before that, moves, and is pushed on a table and against supports.
@@ -346,7 +346,7 @@ def object_of(scene: ControlScene | Scene) -> GraspObject:
 
 
 def present(value: T | None) -> T:
-    """What a mission always has, where other scenes and closed loops may have none."""
+    """A value that a mission always has, where other scenes and closed loops may have none."""
     if value is None:
         raise ValueError("a mission has an object that moves")
     return value

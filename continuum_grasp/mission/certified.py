@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CertifiedContact:
-    """What the certificate says of one contact of the plant; several contacts of one support count together."""
+    """Certified numbers of one contact of the plant; several contacts of one support count together."""
 
     friction: float
     """Friction coefficient for which the grasp is certified [1]."""

@@ -1,4 +1,4 @@
-"""What drives are commanded so that tendons have the tensions of a grasp, or of a finger on its way to it."""
+"""Commands of the drives with which tendons have the tensions of a grasp, or of a finger on its way to it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Commands:
         return np.array([self._command(winch, pulled, drawn) for winch in self._winches])
 
     def closing(self, pulls: ArrayLike) -> Array:
-        """Which way each command (nu) goes to pull harder with the tendons that close the finger: 1 up, -1 down, as
+        """Direction in which each command (nu) pulls harder with the tendons that close the finger: 1 up, -1 down, as
         of a pulley that winds up its second tendon, 0 where it moves none of them. ``pulls`` says which tendons do (T).
         """
         closes = np.asarray(pulls, dtype=bool)
@@ -42,7 +42,7 @@ class Commands:
         return np.array(found) if self._winches else closes.astype(float)
 
     def _drawn(self, tendon: int, angles: Array) -> tuple[float, float]:
-        """How much of a tendon is drawn in by the bend [m], and by tension [m/N]."""
+        """Length of a tendon drawn in by the bend [m], and by tension [m/N]."""
         own = self._finger.tendon_list[tendon]
         _, _, channel, arm = self._finger.pulls[tendon]
         middle = 0.5 * (self._s[1:] + self._s[:-1])

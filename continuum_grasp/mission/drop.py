@@ -28,7 +28,7 @@ ON_CONE = 0.99
 
 @dataclass(frozen=True)
 class Slip:
-    """One contact that gave way before the object fell.
+    """A contact that gave way before the object fell.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Slip:
 
     @property
     def text(self) -> str:
-        """What gave way, and the certificate's numbers beside those of the plant."""
+        """The contact that gave way, and the certificate's numbers beside those of the plant."""
         way = {"slipped": "slipped at", "parted": "parted from", "absent": "not held at"}[self.how]
         head = f"{way} {self.contact} at {self.time:.2f} s: "
         if self.certified_friction is None:
@@ -69,7 +69,7 @@ class Slip:
 
 @dataclass(frozen=True)
 class Lowered:
-    """How far a pull lowers an object that weighs in the plane, though no contact slips.
+    """Distance by which a pull lowers an object that weighs in the plane, though no contact slips.
 
     Attributes
     ----------
@@ -102,7 +102,8 @@ def keep_position(fingers: Sequence[Finger]) -> bool:
 
 
 def lowered_by_pulls(assignments: Sequence[Assignment], variation: Variation) -> tuple[Lowered, ...]:
-    """How far every pull lowers an object that weighs in the plane, once it rests; empty where it weighs out of it.
+    """Distances by which pulls lower an object that weighs in the plane, once it rests; empty where it weighs out of
+    it.
 
     For small motions. Controllers that follow a force give way further than drives that keep their tension.
     """
@@ -149,7 +150,7 @@ class Drop:
 
     @property
     def text(self) -> str:
-        """When it fell, and at which contact it began."""
+        """Time of the fall, and the contact at which it began."""
         if not self.slips:
             until = f"until {self.time:.2f} s ({self.phase})"
             head = f"fell by {1e3 * FALLEN:g} mm {until}, with all contacts in their cones"

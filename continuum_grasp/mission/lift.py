@@ -88,7 +88,7 @@ class NotLifted:
 
     @property
     def text(self) -> str:
-        """When, which contacts with both forces, the cause, and what to try."""
+        """Time, contacts with both forces, cause, and advice."""
         return (
             f"not lifted at {self.time:.2f} s: {'; '.join(one.text for one in self.shortfalls)}; {self.cause}. Try "
             "stiffer pads (contact_law.stiffness), more tension (drive_tension), more time (phases.settle), or a grasp "
@@ -157,7 +157,7 @@ class LiftCheck:
         return tuple(found)
 
     def _cause(self) -> str:
-        """What keeps the fingers from squeezing harder."""
+        """Cause that keeps the fingers from squeezing harder."""
         reached = []
         for k, one in enumerate(self._of):
             command, names = self._seen[k].command, one.control.contact_names

@@ -1,4 +1,4 @@
-"""What the contacts of a grasp bear on the compliant pads of its mission: fingers close on an object that gives way."""
+"""Contact forces of a grasp on the compliant pads of its mission: fingers close on an object that gives way."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def _as_known(one: Assignment, stiffer: float) -> Assignment:
 
 
 def _view(one: Assignment, model: PlantModel) -> Callable[[Array], list[Array]]:
-    """What is looked at of a finger's plant in a state (nx): tensions, normal forces, gaps, places, pose."""
+    """Quantities of a finger's plant in a state (nx): tensions, normal forces, gaps, places, pose."""
     names = [k for k, name in enumerate(model.system.touch_names) if name.startswith("finger.")]
     at = (*model.scene.contacts, model.scene.finger.rod.length)
     values = {"force": model.touch["normal_force"][names], "gap": model.touch["gap"][names]}

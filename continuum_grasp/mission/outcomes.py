@@ -1,4 +1,4 @@
-"""How a mission went on many plants."""
+"""Outcomes of a mission on many plants."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from continuum_grasp.scene.mission import MissionScene
 
 @dataclass(frozen=True)
 class Outcome:
-    """One plant, and how the mission went on it; ``error`` says why there is no verdict."""
+    """A plant, and the outcome of the mission on it; ``error`` says why there is no verdict."""
 
     variation: Variation
     verdict: Verdict | None
@@ -55,9 +55,9 @@ class Summary:
     plants: int
     """All of them."""
     held: int
-    """Those on which the object was never dropped."""
+    """Number of plants on which the object was never dropped."""
     succeeded: int
-    """Those that also let it go in the end, and turned it before where that was asked for."""
+    """Number of plants that also let the object go in the end, and turned it before where that was asked for."""
     force_error_median: float
     force_error_worst: float
     estimate_error_worst: float
@@ -69,11 +69,11 @@ class Summary:
     fallbacks: int
     """On all plants together."""
     failed: tuple[int, ...]
-    """Those that did not succeed, by number."""
+    """Numbers of the plants that did not succeed."""
     turned: int | None = None
-    """Those on which the object was turned as asked; None where that was not asked for."""
+    """Number of plants on which the object was turned as asked; None where that was not asked for."""
     turn_error_median: float | None = None
-    """Of the object's angle before it was grasped, without its sign [rad]."""
+    """Median error of the object's angle before it was grasped, without its sign [rad]."""
     turn_error_worst: float | None = None
 
     def pairs(self) -> dict[str, str]:
@@ -101,7 +101,7 @@ class Summary:
 
 @dataclass(frozen=True)
 class TrialsResult(Result, Sequence[Outcome]):
-    """One mission on many plants: a sequence of `Outcome`.
+    """A mission on many plants: a sequence of `Outcome`.
 
     Attributes
     ----------
@@ -158,12 +158,12 @@ class TrialsResult(Result, Sequence[Outcome]):
 
     @property
     def outcome(self) -> str:
-        """How many plants succeeded."""
+        """Number of plants that succeeded."""
         done = "held and released" if self.scene.turn is None else "turned, held and released"
         return f"{sum(one.succeeded for one in self.outcomes)} of {len(self)} plants {done} the object"
 
     def stored_arrays(self) -> dict[str, Any]:
-        """Of every plant what differs and the verdict; NaN, and false, where there is none."""
+        """Variation and verdict of every plant; NaN, and false, where there is none."""
         rows = [_row(one) | {"succeeded": one.succeeded} for one in self.outcomes]
         found: dict[str, Any] = {}
         for one in self.stored:

@@ -25,17 +25,17 @@ from continuum_grasp.scene.surroundings import Table
 Array = NDArray[np.float64]
 
 _FINGER, _OBJECT = ("bending_stiffness", "material_damping"), ("object_mass", "friction_factor")
-"""What of finger and object varies from plant to plant: run-time numbers, so that equations are compiled once. Friction
-of the tendons is one of them where they have any."""
+"""Numbers of finger and object that vary from plant to plant: run-time numbers, so that equations are compiled once.
+Friction of the tendons is one of them where they have any."""
 _SUNK = 0.05
-"""How far the table sinks [m]."""
+"""Distance by which the table sinks [m]."""
 _PROJECTIONS = 200
 """Supports that a shifted object is moved out of, one after the other [1]: between two walls each leaves a part of what
 the other had, of a groove of 60 degrees a quarter."""
 _CLEAR = 1e-9
 """Depth in a support that is none [m]: 20 uN at 20 kN/m."""
 _FOLLOWED = {"posture": ("bending_",), "force": ("contact_force",), "gap": ("gap_",), "angle": ("gap_", "object_angle")}
-"""What the controller may follow in a phase, and how the names of its setpoints begin."""
+"""Quantities that the controller may follow in a phase, and how the names of their setpoints begin."""
 MOVES = 0.75
 """Share of a stroke in which the setpoint of the angle moves, and of a squeeze in which inputs grow; in the rest object
 and fingers come to rest."""
@@ -43,20 +43,20 @@ and fingers come to rest."""
 
 @dataclass(frozen=True)
 class Variation:
-    """How one plant differs from another; None: as the mission's ``plant`` says."""
+    """Difference of one plant from another; None: as the mission's ``plant`` says."""
 
     stiffness: float | None = None
     """Per that of the controller's finger [1]."""
     damping: float | None = None
     """Per that of the controller's finger [1]."""
     mass: float = 1.0
-    """Of the object, per that of the mission [1]."""
+    """Mass of the object, per that of the mission [1]."""
     friction: float = 1.0
-    """Of all contacts of the object, per that of the mission [1]."""
+    """Friction of all contacts of the object, per that of the mission [1]."""
     shift: tuple[float, float] = (0.0, 0.0)
-    """Of where the object stands, world x, y [m]."""
+    """Shift of the object's place, world x, y [m]."""
     seed: int | None = None
-    """Of the measurement noise."""
+    """Seed of the measurement noise."""
     tendon_friction: float = 1.0
     """Friction of the tendons, per that of the plant [1]."""
 
@@ -79,7 +79,7 @@ def mission_plant_model(assignment: Assignment) -> PlantModel:
 
 
 def _table(mission: MissionScene, body: GraspObject, mass: float) -> Table:
-    """What the object stands on: below the plane, or with gravity in the plane a wall below the object."""
+    """Table that the object stands on: below the plane, or with gravity in the plane a wall below the object."""
     down = np.array(mission.plane_gravity)
     size = float(np.hypot(*down))
     if size == 0.0:
@@ -186,7 +186,7 @@ class Timetable:
 
     @property
     def latest(self) -> float:
-        """When the mission goes on at the latest [s]."""
+        """Latest time at which the mission goes on [s]."""
         return self._waits + self._of.mission.phases.squeeze
 
     def resume(self, t: float, name: str) -> None:
@@ -216,7 +216,7 @@ class Timetable:
 
     @property
     def duration(self) -> float:
-        """Of all phases [s]."""
+        """Duration of all phases [s]."""
         return self.spans[-1].end
 
     def _risen(self, t: Array, name: str, share: float = 1.0) -> Array:

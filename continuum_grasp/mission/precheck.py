@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Exceeded:
-    """One number of a mission that its certificate does not cover.
+    """A number of a mission that its certificate does not cover.
 
     Attributes
     ----------
@@ -109,7 +109,7 @@ def check_mission(
 
 
 def exceeded(assignments: Sequence[Assignment], variation: Variation) -> tuple[Exceeded, ...]:
-    """What of a mission on a plant goes beyond the certificate."""
+    """Numbers of a mission on a plant that go beyond the certificate."""
     plant = _OnPlant(assignments, variation)
     found = (*plant.weight(), *plant.tension(), *plant.turning())
     # What is dropped at once, or held with less force than certified, leaves pulls nothing to be compared with.
@@ -119,7 +119,9 @@ def exceeded(assignments: Sequence[Assignment], variation: Variation) -> tuple[E
 
 
 def exceeded_by_trials(assignments: Sequence[Assignment], drawn: Sequence[Variation]) -> tuple[str, ...]:
-    """What goes beyond the certificate at the heavy and slippery end of the trials, and on how many plants drawn."""
+    """Sentences about numbers beyond the certificate at the heavy and slippery end of the trials, and the count of
+    plants.
+    """
     asked = assignments[0].mission.trials
     found = exceeded(assignments, Variation(mass=1.0 + asked.mass, friction=1.0 - asked.friction))
     # What holds an object less against a pull holds it less against a push.

@@ -1,4 +1,6 @@
-"""What a grasp resists with drives that hold, as those of a mission do, whatever its certificate lets them do."""
+"""Disturbances that a grasp resists with drives that hold, as those of a mission do, whatever its certificate lets them
+do.
+"""
 
 from __future__ import annotations
 

@@ -37,11 +37,11 @@ _HEAD = """\
 
 
 _OWN = ("t", "object_pose", "contacts")
-"""What belongs to the mission and not to a finger."""
+"""Attributes that belong to the mission and not to a finger."""
 
 
 def _path(name: str) -> str:
-    """Where a mission has an attribute of a closed loop, dots lead into attributes."""
+    """Path in a mission of an attribute of its closed loop; dots lead into attributes."""
     return name if name.partition(".")[0] in _OWN else f"run.{name}"
 
 
@@ -85,10 +85,10 @@ class MissionRun(MotionResult):
     fps: ClassVar[float] = 25.0
 
     assignments: tuple[Assignment, ...]
-    """What each finger had to do."""
+    """Task of each finger."""
     timetable: Timetable
     variation: Variation
-    """How the plant differed from the mission's own."""
+    """Difference of the plant from the mission's own."""
     runs: tuple[ControlRun, ...]
     """The closed loop of each finger."""
     scenes: tuple[Scene, ...] = field(repr=False)
@@ -97,7 +97,7 @@ class MissionRun(MotionResult):
     """Gaps and forces of all contacts."""
     verdict: Verdict
     exceeded: tuple[Exceeded, ...] = ()
-    """What the mission asked beyond its certificate, as it was said before the run."""
+    """Numbers that the mission asked beyond its certificate, as said before the run."""
 
     @property
     def name(self) -> str | None:
@@ -106,7 +106,7 @@ class MissionRun(MotionResult):
 
     @property
     def outcome(self) -> str:
-        """What became of the object."""
+        """Outcome for the object."""
         return self.verdict.word
 
     @property
@@ -131,13 +131,13 @@ class MissionRun(MotionResult):
 
     @property
     def status(self) -> str:
-        """How the closed loops ended: tripped, if one of them did; not_lifted, if they let go before the lift."""
+        """Status of the closed loops: tripped, if one of them did; not_lifted, if they let go before the lift."""
         ends = [run.ended for run in self.runs]
         return "tripped" if "tripped" in ends else ends[0] if self.verdict.refused is None else "not_lifted"
 
     @property
     def statistics(self) -> Mapping[str, Any]:
-        """Those of the closed loop, of several by the fingers' names."""
+        """Statistics of the closed loop, of several by the fingers' names."""
         if self.run is not None:
             return self.run.statistics
         return {name: run.statistics for name, run in self.fingers.items()}
@@ -153,8 +153,8 @@ class MissionRun(MotionResult):
 
     @property
     def held_forces(self) -> dict[str, tuple[Array, Array, Array]]:
-        """Of each finger's held contact that presses hardest, by name: setpoint of its normal force (K + 1,), its
-        estimate (K,) and the standard deviation of that (K,) [N].
+        """Normal force of each finger's held contact that presses hardest, by name: setpoint (K + 1,), estimate (K,)
+        and the estimate's standard deviation (K,) [N].
         """
         found = {}
         for one, run in zip(self.assignments, self.runs, strict=True):
@@ -184,7 +184,7 @@ class MissionRun(MotionResult):
 
     @property
     def wrenches(self) -> Array:
-        """The same as rows (K, 3)."""
+        """Wrenches as rows (K, 3)."""
         return self.assignments[0].pulls
 
     @cached_property
@@ -199,7 +199,7 @@ class MissionRun(MotionResult):
         return maker_of(self.page)(self.run, self.controller_changes)
 
     def controller_changes(self, stages: Stages) -> list[dict[str, Any]]:
-        """What phases changed of the controller of the only finger, whose problem is given: from instants ``t`` [s] on
+        """Changes by phases to the controller of the only finger, whose problem is given: from instants ``t`` [s] on
         ``weights`` of setpoints and limits ``low`` and ``high`` of the input.
         """
         run, found = self.runs[0], list[dict[str, Any]]()
@@ -231,8 +231,8 @@ class MissionRun(MotionResult):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What the user must know: what goes beyond the certificate, that of the closed loop, and of a finger in the
-        object between its contacts.
+        """Warnings: about numbers beyond the certificate, of the closed loop, and about a finger in the object between
+        its contacts.
         """
         known = [one.text for one in self.exceeded]
         for (name, run), scene in zip(self.fingers.items(), self.scenes, strict=True):
@@ -277,14 +277,14 @@ class MissionRun(MotionResult):
         return "\n".join(lines)
 
     def yaml(self) -> str:
-        """What a person wants to read of a mission as YAML, in SI units."""
+        """Summary of a mission as YAML, in SI units."""
         from continuum_grasp.results.yaml_text import yaml_text
 
         head = {"name": self.name, "status": self.status, "outcome": self.outcome, "warnings": list(self.warnings)}
         return _HEAD + yaml_text(plain({**head, **self.findings()}))
 
     def meta(self, **options: Any) -> dict[str, Any]:
-        """That of the closed loop, with phases and verdict; of several fingers theirs are in their folders."""
+        """Meta data of the closed loop, with phases and verdict; those of several fingers are in their folders."""
         return {
             **(super().meta(**options) if self.run is None else self.run.meta(**options)),
             "mission": self.mission.model_dump(mode="json"),

@@ -1,4 +1,4 @@
-"""One mission on many plants."""
+"""A mission on many plants."""
 
 from __future__ import annotations
 

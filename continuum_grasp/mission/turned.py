@@ -1,4 +1,4 @@
-"""How far an object was turned before its grasp, and why it was not turned as asked."""
+"""Turn of an object before its grasp, and causes why it was not turned as asked."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _TIP = ".tip"
 
 @dataclass(frozen=True)
 class Turned:
-    """What became of a turn; NaN for what was not reached.
+    """Outcome of a turn; NaN for angles and times that were not reached.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ def find_turned(
     pose: Array,
     contacts: ContactForces,
 ) -> Turned | None:
-    """How far the object was turned, off its poses (K + 1, 3 or 4) [m, rad]; None where no turn was asked for."""
+    """Turn of the object from its poses (K + 1, 3 or 4) [m, rad]; None where no turn was asked for."""
     of, run = assignments[0], runs[0]
     turn = of.mission.turn
     if turn is None:

@@ -53,7 +53,7 @@ class Verdict:
     refused: NotLifted | None = None
     """Why it was let go without a lift; None where it was lifted."""
     turned: Turned | None = None
-    """How far it was turned before it was grasped; None where that was not asked for."""
+    """Turn of the object before it was grasped; None where that was not asked for."""
 
     @property
     def succeeded(self) -> bool:
@@ -62,7 +62,7 @@ class Verdict:
 
     @property
     def word(self) -> str:
-        """What became of the object."""
+        """Outcome for the object, in a word."""
         if self.refused is not None:
             found = "not lifted, released" if self.released else "not lifted, not released"
         else:

@@ -111,7 +111,7 @@ class Assembly(Constraints):
         return ca.MX.sym("w", self.size)
 
     def _given(self, placed: _Placed) -> tuple[ca.MX, ca.MX]:
-        """What a term reads, a column per place."""
+        """Values that a term reads, a column per place."""
         # CasADi's vectors are read column by column: hence ``order="F"`` everywhere.
         picked = self._w[placed.columns.ravel(order="F").tolist()]
         return ca.reshape(picked, *placed.columns.shape), ca.MX(placed.data)

@@ -174,7 +174,7 @@ class Condensed:
         return point if np.isfinite(point.f) and np.isfinite(point.violated) else None
 
     def beyond(self, rows: Array, low: Array, high: Array) -> float:
-        """What is violated in all by more than half of what is tolerated: along kinks a little always is."""
+        """Sum of violations beyond half of the tolerance: along kinks a little always is."""
         excess = np.maximum(low - rows, rows - high) - 0.5 * self.feasible
         return float(np.maximum(excess, 0.0).sum())
 
@@ -247,7 +247,7 @@ class _Model:
         return step, left, np.concatenate([np.array(found["lam_x"]).ravel()[:n], forces])
 
     def multipliers(self, own: Array) -> Multipliers:
-        """Those of the whole problem: forces of the motion make the objective stationary in the states."""
+        """Multipliers of the whole problem: forces of the motion make the objective stationary in the states."""
         problem = self._problem
         n, count = problem._free.size, problem._others.size
         bounds, forces = np.zeros(self._point.w.size), np.zeros(self._point.g.size)

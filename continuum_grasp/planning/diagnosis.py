@@ -26,11 +26,11 @@ _TEXTS = {
     "tension": ("a limit of the tensions stops it", "raise finger.tendons.max_tension or lower bounds.least_tension"),
     "speed": ("the speed limit stops it", "raise bounds.speed"),
 }
-"""What the message says of a limit, and what to try."""
+"""Texts about each limit in the message, and advice."""
 
 
 class Diagnosis(NamedTuple):
-    """What is missed, by name and amount, and what stops the plan."""
+    """Missed goals, by name and amount, and the limit that stops the plan."""
 
     violated: tuple[str, ...]
     message: str
@@ -38,7 +38,7 @@ class Diagnosis(NamedTuple):
 
 
 def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis | None:
-    """What stops a plan, from the solution of its relaxed problem; None if goal and bounds are met after all."""
+    """Find what stops a plan, from the solution of its relaxed problem; None if goal and bounds are met after all."""
     missed, worst = missed_goals(problem, attempt.x, weighted=False)
     outside = _outside(problem, attempt)
     if not missed and not outside:
@@ -137,7 +137,7 @@ def _time_slope(problem: PlanProblem, attempt: Attempt) -> float:
 
 
 def _nearest(problem: PlanProblem, w: Array) -> str:
-    """How near to its goal the plan comes."""
+    """Distance of the plan's end from its goal, in words."""
     model, path = problem.motion.prediction, problem.path(w)
     tip = np.array(model.tip(path.x[-1], path.u[-1], model.p_nominal)).ravel()
     text = f"the nearest tip reached is ({tip[0]:.4f}, {tip[1]:.4f}) m"

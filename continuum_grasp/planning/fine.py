@@ -112,7 +112,7 @@ def excess_over_intervals(motion: Motion, states: Array) -> Array:
 
 
 def checked(plan: Plan, motion: Motion) -> Plan:
-    """The same plan with what a fine simulation of its inputs shows."""
+    """A copy of the plan with the results of a fine simulation of its inputs."""
     scene, model, warnings = plan.scene, motion.prediction, list(plan.warnings)
     path = Path(plan.x, plan.u, plan.duration)
     try:

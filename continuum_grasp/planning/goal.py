@@ -1,4 +1,4 @@
-"""What the end of a plan must meet, as functions of the last state and input."""
+"""Goals of a plan as functions of the last state and input."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _STILL_WHEN_RELAXED = 1e4
 _MET = 1e-5
 """Error of a goal, per its scale, with which it counts as reached where it has no weight [1]."""
 _MET_BY_WEIGHT = 0.1
-"""The same where it has one and no tolerance [1]: 1 % of the finger's length, 0.05 rad."""
+"""Tolerance of a goal with a weight and no tolerance of its own [1]: 1 % of the finger's length, 0.05 rad."""
 _SETTLED = 1e4
 """Weight of rest of a finger whose tendons have friction and may stick [units of the problem]: what is asked exactly of
 friction that turns around leads to steps of micrometers. Only the drives are at rest exactly."""
@@ -29,7 +29,7 @@ friction that turns around leads to steps of micrometers. Only the drives are at
 
 @dataclass(frozen=True)
 class GoalPart:
-    """One aim: its entries by name, the target, and the physical amount of one unit of error.
+    """A part of a goal: its entries by name, the target, and the physical amount of one unit of error.
 
     ``weight`` is that of half the squared error [1/unit2]; None: reached exactly. ``tolerance`` is the greatest error
     with which it counts as reached, per ``scale`` [1]. ``value`` is what is compared with the target, as an expression

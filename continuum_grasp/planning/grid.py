@@ -1,4 +1,4 @@
-"""How motion and bounds of the state hold on the grid: multiple shooting or collocation."""
+"""Equations of motion and bounds of the state on the grid: multiple shooting or collocation."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 _LONGER = 2.0
-"""How much longer than where the search begins a duration is expected to be."""
+"""Factor by which a duration is expected to be longer than where the search begins."""
 _TARGET = 0.6
 """Product of sub-step and fastest rate, where the Runge-Kutta method is accurate to some 1e-4 of the fastest mode."""
 _TARGET_OF_INPUTS = 1.5
-"""The same where inputs alone are unknowns: half of where the method is unstable. What is that fast is overdamped, and
-a finer simulation checks the plan."""
+"""Product of sub-step and fastest rate where inputs alone are unknowns: half of where the method is unstable. What is
+that fast is overdamped, and a finer simulation checks the plan."""
 _MOST_SUBSTEPS = 10_000
 """Sub-steps per interval up to which their expressions are built [1]: 5 ms and 0.1 MB each."""
 _PARTS = 4
@@ -119,7 +119,7 @@ def _defects(assembly: Assembly, motion: Motion, intervals: int, name: str = "mo
 
 
 def _numbers(motion: Motion, shares: Array) -> Array:
-    """What the motion reads (count, points, nd) at shares of the duration (count, points)."""
+    """Numbers that the motion reads (count, points, nd) at shares of the duration (count, points)."""
     # Only where the duration is given does anything vary over time.
     rows = motion.numbers(shares.ravel() * motion.scene.duration_range[1])
     return rows.reshape(*shares.shape, -1)
@@ -137,7 +137,7 @@ class _Bound:
 
 
 class StateBounds:
-    """What the state must not leave, at the nodes and for zones also between them; ``relaxed`` bounds have a penalty.
+    """Bounds of the state, at the nodes and for zones also between them; ``relaxed`` bounds have a penalty.
 
     Between nodes the state is a cubic polynomial through both nodes with their rates, as far as these are states too.
     """
@@ -212,7 +212,7 @@ class StateBounds:
             self._assembly.add(term, slack, [OBJECTIVE], [])
 
     def values(self, w: Array, g: Array, block: Block) -> Array:
-        """What a block of constraints bounds (count, size), without slacks."""
+        """Values that a block of constraints bounds (count, size), without slacks."""
         bound = self._bounds.get(block.name)
         if bound is None:
             return np.asarray(g[block.rows])

@@ -1,4 +1,4 @@
-"""Where the search for a plan begins: the first state, a posture that meets the goal (of a grasp too), smooth paths."""
+"""Starts of the search for a plan: the first state, a posture that meets the goal (of a grasp too), smooth paths."""
 
 from __future__ import annotations
 
@@ -207,7 +207,7 @@ def first_state_of_plan(scene: PlanScene, model: Prediction) -> tuple[Array, Pos
 
 
 def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Hint | None]:
-    """The same plan with the goal of its grasp, and the posture there; a plan without a grasp as it is.
+    """A copy of the plan with the goal of its grasp, and the posture there; a plan without a grasp as it is.
 
     ``given`` is the grasp, or its run folder, where it was found already.
     Raises a SolverError where there is no verified grasp, and an InputError where it does not fit the plan.

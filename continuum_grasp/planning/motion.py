@@ -28,7 +28,7 @@ _COMPILE_FROM = 150_000
 
 @dataclass(frozen=True)
 class _Scales:
-    """What one unit of the problem amounts to."""
+    """Physical amounts of the units of the problem."""
 
     x: Array
     u: Array
@@ -147,7 +147,7 @@ class Motion:
 
     @cached_property
     def _units(self) -> list[ca.SX]:
-        """What one unit of x, u, time and objective amounts to, as read from the numbers."""
+        """Physical amounts of one unit of x, u, time and objective, as read from the numbers."""
         start = self.prediction.np + self.nr
         cuts = np.cumsum([start, self.nx, self.nu, 1, 1]).tolist()
         return list(ca.vertsplit(self.symbols[3], [0, *cuts])[1:])
@@ -198,17 +198,19 @@ class Motion:
 
     @cached_property
     def flow_of_given_friction(self) -> Term:
-        """The same with friction states of tendons that stay as they are, whatever slides."""
+        """Flow with friction states of tendons that stay as they are, whatever slides."""
         return replace(self.flow, value=_without_rows("flow_value", self.flow.value, self.friction_states))
 
     @cached_property
     def tendon_friction(self) -> list[int]:
-        """Where the state has the friction of tendons."""
+        """Places in the state of the friction of tendons."""
         return [k for k, name in enumerate(self.prediction.x_names) if name.startswith("friction_")]
 
     @cached_property
     def motor_friction(self) -> dict[int, float]:
-        """Where it has the dry friction of motors that no servo turns to an angle, and their ``presliding_angle``."""
+        """Places in the state of the dry friction of motors that no servo turns to an angle, and their
+        ``presliding_angle``.
+        """
         names = list(self.prediction.x_names)
         return {
             names.index(f"motor_friction_{k + 1} [1]"): drive.presliding_angle
@@ -218,7 +220,9 @@ class Motion:
 
     @cached_property
     def friction_states(self) -> list[int]:
-        """Where the state has a friction whose way decides where the finger rests: of tendons, then of motors."""
+        """Places in the state of friction whose direction decides where the finger rests: of tendons, then of
+        motors.
+        """
         return [*self.tendon_friction, *self.motor_friction]
 
     def slid(self, q: Array, u: Array) -> Array:
@@ -235,7 +239,7 @@ class Motion:
 
     @cached_property
     def sliding(self) -> ca.SX:
-        """Its rate [1/s] as an expression of the symbols."""
+        """Rate of sliding [1/s] as an expression of the symbols."""
         x, _, _, p, _ = self.physical
         z = x[self.friction_states]
         # A friction state follows what slides, but for its return from beyond its range.

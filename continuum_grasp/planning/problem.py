@@ -154,7 +154,7 @@ class PlanProblem:
             self.assembly.add_linear(rows, np.broadcast_to(self.grid.time, rows.shape), -share)
 
     def _add_sliding(self) -> None:
-        """What slides one way does not slide the other way at any node; at the last one it may be at rest."""
+        """Forbid tendons that slide one way to slide back at any node; at the last one they may be at rest."""
         motion, one_way = self.motion, self.one_way
         if one_way is None:
             return

@@ -35,7 +35,7 @@ _PARTS = {
 
 
 class PlanStatus(StrEnum):
-    """How the search ended."""
+    """Outcome of the search."""
 
     OPTIMAL = "optimal"
     """A local optimum."""
@@ -54,7 +54,7 @@ class PlanStatus(StrEnum):
 
 @dataclass(frozen=True)
 class Constraint:
-    """What is bounded.
+    """A bounded quantity.
 
     Attributes
     ----------
@@ -91,10 +91,10 @@ class Constraint:
 
 @dataclass(frozen=True)
 class Deviation:
-    """How far a simulated motion is from a plan."""
+    """Distance of a simulated motion from a plan."""
 
     model: str
-    """What was simulated."""
+    """Model that was simulated."""
     tip: float
     """Largest deviation of the tip [m]."""
     final_tip: float
@@ -291,7 +291,7 @@ class Plan(MotionResult):
 
     @cached_property
     def contacts(self) -> ContactForces | None:
-        """What the contacts of the object bear; None without an object."""
+        """Forces at the contacts of the object; None without an object."""
         model = self.prediction
         if not model.system.touch_names:
             return None
@@ -337,12 +337,12 @@ class Plan(MotionResult):
     # -- files --------------------------------------------------------------------------------------------------------
 
     def stored_arrays(self) -> dict[str, Any]:
-        """Those declared, and what each constraint has."""
+        """Declared arrays, and those of each constraint."""
         parts = {f"constraint {n} {part}": getattr(c, part) for n, c in self.constraints.items() for part in _PARTS}
         return {**super().stored_arrays(), **parts}
 
     def details(self) -> dict[str, Any]:
-        """How the search ended, and what the plan does in a fine simulation."""
+        """Outcome of the search, and results of a fine simulation of the plan."""
         return {
             "message": self.message,
             "advice": self.advice,

@@ -32,7 +32,8 @@ Array = NDArray[np.float64]
 FEASIBLE = 1e-6
 """Violation below which constraints count as satisfied [units of the problem]: 100 times the solver's tolerance."""
 FEASIBLE_MOTION = 1e-5
-"""The same where inputs alone are unknowns [1]: a micrometer of a finger of 1 m, and rates of 1e-5 of their range."""
+"""Violation below which constraints count as satisfied where inputs alone are unknowns [1]: a micrometer of a finger of
+1 m, and rates of 1e-5 of their range."""
 _SIDES = (0.0, 0.5, -0.5, 1.0, -1.0, 0.25, -0.25, 1.5, -1.5)
 """Amplitudes of the paths, in half bending ranges, bent to one side or the other in between."""
 _STARTS_WITH_ZONES = 5
@@ -72,7 +73,7 @@ class Search:
         self.feasible = FEASIBLE_MOTION if scene.transcription == "single_shooting" else FEASIBLE
         self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
         self.problem = PlanProblem(self.motion, self.x0)
-        """That of the last attempt."""
+        """Problem of the last attempt."""
         self.budget, options = Budget.of(scene.solver), scene.solver
         # Plans start far from their solution, where the adaptive barrier is the more robust one; no bound is relaxed,
         # since the limits of a plan are reported as satisfied.
@@ -290,7 +291,7 @@ class Search:
         return PlanProblem(self.motion, self.x0, relaxed=True)
 
     def _approach(self, name: str, path: Path) -> None:
-        """How near the goal can be reached; if it can, the search goes on from there."""
+        """Seek the least distance from the goal; where it is none, go on with the search from there."""
         problem = self._near_goal
         attempt = self._solved(problem, problem.start(path))
         if not attempt.violation <= self.feasible:
@@ -304,7 +305,7 @@ class Search:
 
     @property
     def nearest(self) -> tuple[PlanProblem, Attempt]:
-        """What comes nearest to the goal, and its problem."""
+        """The attempt that comes nearest to the goal, and its problem."""
         return self._near_goal, min((a for _, a in self.relaxed), key=lambda a: a.objective)
 
 

@@ -61,7 +61,7 @@ def derived(name: str, z: ca.SX, d: ca.SX, o: ca.SX, *, exact: bool = True, squa
 
 
 def compiled(term: Term) -> Term:
-    """The same term as compiled code, or the term itself where nothing can be compiled."""
+    """A term as compiled code, or the term itself where nothing can be compiled."""
     compiler = find_compiler()
     if compiler is None:
         return term

@@ -206,7 +206,7 @@ def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
 
 
 def _cut(search: Search) -> str:
-    """What cut the search short."""
+    """Cause that cut the search short, in words."""
     options = search.scene.solver
     if search.budget.stopped:
         return f"the clock stopped the search after {options.time_limit:g} s (solver.time_limit)"

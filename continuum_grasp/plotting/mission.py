@@ -31,9 +31,9 @@ _COLUMNS = (4, 5, 6)
 _WIDE = 2.1
 """Width of one [inch]: six fit across a page in landscape."""
 _NAMED = {"approach": "about to touch", "squeeze": "squeezed", "hold": "lifted and held", "end": "released"}
-"""What has come about at the end of a phase."""
+"""State reached at the end of a phase, in words."""
 _WORDS = {"load": "pull", "contact": "contact, on the finger", "support": "support, on the object"}
-"""What a legend calls a kind of force, where that is another word."""
+"""Words of a legend for a kind of force, where they differ from its name."""
 _BANDS = {
     **dict.fromkeys(("approach", "release", "touch", "leave"), "#EAF2FA"),
     "turn": "#EFE6F5",
@@ -329,7 +329,7 @@ _CURVES = (
     (_draw_friction, "friction used [1]"),
     (_draw_moved, "object moved [mm]"),
 )
-"""What is drawn over time, from top to bottom."""
+"""Curves drawn over time, from top to bottom."""
 
 
 def plot_trials(outcomes: Sequence[Outcome]) -> list[Axes]:

@@ -89,7 +89,7 @@ def _write_gif(path: Path, pictures: Iterator[NDArray[Any]], count: int, fps: fl
 
 
 def _palette(images: list[Image]) -> Image:
-    """One palette for all frames, from a few of them side by side, so that colors do not flicker."""
+    """A palette for all frames, from a few of them side by side, so that colors do not flicker."""
     from PIL import Image
 
     chosen = [images[k] for k in np.unique(np.linspace(0, len(images) - 1, 6).astype(int))]
@@ -177,7 +177,7 @@ def save_picture(drawn: Any | Sequence[Any], path: str | os.PathLike[str], *, dp
 
 
 def inline_picture(drawn: Any, described: str) -> str:
-    """What a plot returned as an HTML element with its data in it, described for who cannot see it."""
+    """A plot as an HTML element with its data in it, described for readers who cannot see it."""
     figure, buffer = _figure_of(drawn), io.BytesIO()
     figure.savefig(buffer, format="png", dpi=_DPI)
     data = base64.b64encode(buffer.getvalue()).decode("ascii")

@@ -1,4 +1,4 @@
-"""What a result declares: arrays, the dimensions they share, texts and pictures."""
+"""Declarations of a result: arrays, the dimensions they share, texts and pictures."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Stored:
         return np.array(found, dtype=str) if self.unit == "text" and found is not None else found
 
     def each(self, words: Mapping[str, Iterable[str]]) -> list[Stored]:
-        """One for each name of each word in its name; itself where there is no such word."""
+        """Arrays for each name of each word in this array's name; the array itself where there is no such word."""
         for word, names in words.items():
             if f"{{{word}}}" in self.name:
                 given = [
@@ -64,7 +64,7 @@ class Stored:
 
 @dataclass(frozen=True)
 class Dimension:
-    """What arrays extend along.
+    """A dimension of arrays.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class Dimension:
     unit: str = ""
 
     def labels_of(self, result: Any, size: int) -> list[Any] | None:
-        """One label for each of so many places; None where there are none."""
+        """A label for each of so many places; None where there are none."""
         if isinstance(self.labels, int):
             return list(range(self.labels, self.labels + size))
         found = attribute(result, self.labels) if isinstance(self.labels, str) and self.labels else self.labels

@@ -82,7 +82,7 @@ class MotionResult(Result):
 
     @cached_property
     def _page(self) -> Any:
-        """What `show` gives, made once."""
+        """Page that `show` gives, made once."""
         if not self.page:
             raise InputError(f"there is no page of a {type(self).__name__}: take animate")
         return maker_of(self.page)(self)

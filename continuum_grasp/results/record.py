@@ -1,4 +1,4 @@
-"""What a run was made with, and what it wrote into its folder: the next one there removes that and nothing else."""
+"""Record of the versions that made a run and of the files in its folder, which alone the next run there removes."""
 
 from __future__ import annotations
 

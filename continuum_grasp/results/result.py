@@ -1,4 +1,4 @@
-"""What every result is: arrays, meta data, texts and pictures that it declares, and the files made of them."""
+"""Base of results: arrays, meta data, texts and pictures that a result declares, and the files made of them."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Result(Summarized):
 
     @property
     def outcome(self) -> str:
-        """How it ended, in a word or two."""
+        """Outcome, in a word or two."""
         return str(self.status)
 
     def headline(self) -> str:

@@ -1,4 +1,4 @@
-"""One folder per run: ``result.npz`` and ``meta.json``."""
+"""A folder per run: ``result.npz`` and ``meta.json``."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from continuum_grasp.summary import Summarized
 RESULT = "result.npz"
 META = "meta.json"
 FORMAT_VERSION = 1
-"""Of run folders, the only one so far; a later one is refused rather than misread."""
+"""Version of the format of run folders, the only one so far; a later one is refused rather than misread."""
 _META_KEY = "__meta__"
 # what zipfile and numpy raise on damaged files
 _BROKEN = (

@@ -12,7 +12,7 @@ _BARE = re.compile(r"[A-Za-z][A-Za-z0-9_./+-]*( [A-Za-z0-9_./+-]+)*")
 _WORDS = {"true", "false", "yes", "no", "on", "off", "null", "y", "n"}
 """Texts that YAML 1.1 reads as something else."""
 _WIDTH = 110
-"""Of a line [characters]: fits terminals and the page of a report without a bar to scroll."""
+"""Width of a line [characters]: fits terminals and the page of a report without a bar to scroll."""
 
 
 class _Dumper(yaml.SafeDumper):

@@ -1,4 +1,4 @@
-"""What an estimator knows of the model parameters that it adapts."""
+"""Model parameters that an estimator adapts."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Adapted(NamedTuple):
 
 
 class AdaptedState(NamedTuple):
-    """Where an adapted parameter is: its name and unit, indices in z and p, deviation of its error at the start."""
+    """An adapted parameter: name and unit, indices in z and p, deviation of its error at the start."""
 
     label: str
     state: int

@@ -29,7 +29,7 @@ _MOST = 1e9
 
 
 class Contact(IntEnum):
-    """What the residual of a contact detector shows."""
+    """Contact shown by the residual of a contact detector."""
 
     FREE = 0
     """No more than a finger that touches nothing."""
@@ -97,7 +97,7 @@ class DetectedContact(Summarized):
 
     @property
     def place(self) -> float | None:
-        """Where the contact is [m]; None where it may be at several of the places, or there is none."""
+        """Place of the contact [m]; None where it may be at several of the places, or there is none."""
         possible = np.isfinite(self.forces).all(axis=1)
         return float(self.places[possible][0]) if self.detected and possible.sum() == 1 else None
 
@@ -209,11 +209,11 @@ class ContactDetector(Remade, Summarized):
         self.reset()
 
     def headline(self) -> str:
-        """Its scene and period."""
+        """Scene and period of the detector."""
         return quoted(self.scene.name, f"{1e3 * self.period:g} ms")
 
     def pairs(self) -> dict[str, str]:
-        """What it measures."""
+        """Measured quantities."""
         return {"measures": ", ".join(self.measurement_names), "members": str(len(self.model.groups))}
 
     def reset(self, lengths: ArrayLike | None = None, reached_by: str | None = None) -> None:

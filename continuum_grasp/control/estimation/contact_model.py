@@ -77,7 +77,7 @@ class ContactModel:
 
     @cached_property
     def lengths(self) -> Array:
-        """What winches have wound up at the start of the scene [m]."""
+        """Lengths that winches have wound up at the start of the scene [m]."""
         winches = winches_of(self.scene.finger.tendon_list, self.scene.finger.rod.length)
         start, driven = first_state(self.scene, self.prediction), self.prediction.driven
         return np.array([w.radius * start[each.state] for w, each in zip(winches, driven, strict=False)])
@@ -88,7 +88,7 @@ class ContactModel:
         return self.fields_within(self.measurement_names)
 
     def fields_within(self, names: Sequence[str]) -> list[Field]:
-        """The same where a step is given the measurements of these names."""
+        """Fields of a step that is given the measurements of these names."""
         felt = [names.index(name) for name in self.measurement_names]
         return [*_fields(self.scene, self), Field("felt", felt, whole=True)]
 

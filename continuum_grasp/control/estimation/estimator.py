@@ -178,11 +178,11 @@ class Estimator(Remade, Summarized):
         self.reset()
 
     def headline(self) -> str:
-        """Its scene and period."""
+        """Scene and period of the estimator."""
         return quoted(self.scene.name, f"{1e3 * self.period:g} ms")
 
     def pairs(self) -> dict[str, str]:
-        """What it measures and estimates."""
+        """Measured and estimated quantities."""
         return {"measures": ", ".join(self.measurement_names), "estimates": ", ".join(self.names)}
 
     def reset(self, state: ArrayLike | None = None, u: ArrayLike | None = None) -> None:

@@ -24,7 +24,7 @@ _DRIVE = 0.01
 """Standard deviation of a drive at rest from the model of its lag, as a share of the greatest tip moment [1]: four
 times the noise of the tension sensors in configs/mpc, so that the filter trusts these more than the model."""
 _DRIVE_AT_START = 0.1
-"""The same at the start [1], where the tensions before are unknown."""
+"""Noise of the drive at the start [1], where the tensions before are unknown."""
 _MARGIN = 1.5
 """Limits of estimates and measurements as multiples of those of the model [1]: an estimate may overshoot by noise, but
 the model's series are accurate within its range only."""

@@ -61,7 +61,7 @@ class BoundedRows:
         self.penalties += [penalty] * len(names)
 
     def groups(self) -> dict[str, Row]:
-        """The same by groups of entries that were added together."""
+        """Rows by groups of entries that were added together."""
         found, at = {}, 0
         for value in self.values:
             end = at + value.numel()

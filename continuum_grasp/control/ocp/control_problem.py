@@ -185,7 +185,7 @@ class ControlProblem(Summarized):
         self.cost_names = tuple((key, len(one.names)) for key, one in tracked.items())
 
     def headline(self) -> str:
-        """Its sizes."""
+        """Sizes of the problem."""
         s = self.stages
         sizes = ((s.nd, "state"), (s.nu, "input"), (s.np, "parameter"), (s.nr, "setpoint"), (s.nc, "row"))
         counted = [f"{count} {word}{'' if count == 1 else 's'}" for count, word in sizes if count]

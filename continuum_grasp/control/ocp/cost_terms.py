@@ -49,7 +49,8 @@ class Residual(NamedTuple):
 
 @dataclass(frozen=True)
 class Quantities:
-    """What terms and sensors are computed from: expressions of a controller's model or of a plant, made when asked for.
+    """Quantities that terms and sensors are computed from: expressions of a controller's model or of a plant, made when
+    asked for.
 
     Length of the finger [m]; world position of the tip (2) [m]; of sections at positions along the finger [m] the world
     positions (2, K) [m] and angles (K) [rad]; pose of an object that moves, x, y [m] and angle [rad]; bending angle of
@@ -117,7 +118,7 @@ class CostTerm:
 
     @property
     def label(self) -> str:
-        """What its entries have in common, in words."""
+        """Common name of the entries."""
         return re.split(r"_?\{| \[", self.entry)[0].replace("_", " ")
 
     @property
@@ -206,7 +207,7 @@ class Tracked(NamedTuple):
 
 
 def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
-    """What follows setpoints among a controller's outputs (name and unit each); terms of the input are left out."""
+    """Outputs of a controller that follow setpoints (name and unit each); terms of the input are left out."""
     found = []
     for term in TERMS:
         # Setpoints of the input are what costs no effort, not what is followed.
@@ -240,7 +241,7 @@ def predicted(cost: Cost, model: Prediction, p: ca.SX, input_rate: ca.SX | None 
 
 @dataclass(frozen=True)
 class Outputs:
-    """What the terms of a cost track of a model, in the order of a controller's setpoints."""
+    """Quantities of a model that the terms of a cost track, in the order of a controller's setpoints."""
 
     cost: Cost
     model: Prediction

@@ -87,7 +87,7 @@ class Setpoints:
 
     @property
     def parts(self) -> dict[str, slice]:
-        """Where the entries of each setpoint are, by its name."""
+        """Slice of the entries of each setpoint, by name."""
         ends = np.cumsum([0, *(width for width, _ in self._blocks)]).tolist()
         return {key: slice(a, b) for key, a, b in zip(self._keys, ends[:-1], ends[1:], strict=True) if key}
 

@@ -212,7 +212,7 @@ class RealTimeIteration:
             self._must(self._library.rti_rollout(self._plan_at, self._work_at, *given))
 
     def step(self, x0: ArrayLike, refs: ArrayLike | None = None, p: ArrayLike | None = None) -> Report:
-        """One iteration; ``plan[1][0]`` is the input to apply.
+        """An iteration; ``plan[1][0]`` is the input to apply.
 
         Parameters
         ----------

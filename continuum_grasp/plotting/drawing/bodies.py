@@ -1,4 +1,4 @@
-"""What is solid: fingers, the object in any pose, what supports it, and zones that must not be entered."""
+"""Solid bodies: fingers, the object in any pose, what supports it, and zones that must not be entered."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ _EDGE_WIDTH = 3.0
 _DEPTH = 0.035
 """Thickness of the hatched material, as a part of the picture: two strokes of the hatching."""
 _LEAST_RADIUS = 0.012
-"""Of a peg, as a part of the diagonal: a point peg is still seen."""
+"""Least radius of a peg, as a part of the diagonal: a point peg is still seen."""
 _POINTS = {False: 60, True: 240}
-"""Of a backbone, without and with a thickness that changes: chords of a spiral of two turns, of which the last is a
-fortieth of the length across, are then as short as its units."""
+"""Points of a backbone, without and with a thickness that changes: chords of a spiral of two turns, of which the last
+is a fortieth of the length across, are then as short as its units."""
 CIRCLE = np.stack([np.cos(np.linspace(0.0, math.tau, 25)), np.sin(np.linspace(0.0, math.tau, 25))], axis=1)
 """Points of a unit circle: enough for limits of pictures and places of labels."""
 
@@ -77,7 +77,7 @@ def side_path(
     angle: Array | None = None,
     unit: float = 1.0,
 ) -> Array:
-    """Where a tendon or a chamber runs (points, 2), towards the tip; arguments as of `finger_outline`."""
+    """Path of a tendon or a chamber (points, 2), towards the tip; arguments as of `finger_outline`."""
     line, s, angle = _placed(backbone, finger, s, angle)
     length = finger.rod.length
     begin, to = getattr(side, "start", 0.0), length if side.to is None else side.to
@@ -158,7 +158,7 @@ def draw_clamp(ax: Axes, backbone: Array, finger: Finger, unit: float = 1.0) -> 
 
 
 def backbone_points(finger: Finger) -> int:
-    """How many points of a backbone show the finger: more where its thickness changes, or it may curl up."""
+    """Number of points of a backbone that show the finger: more where its thickness changes, or it may curl up."""
     return _POINTS[finger.profile.graded]
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 
 Force = tuple[Array, Array, str]
-"""Where it acts (2,) [m], force (2,) [N], and what kind it is."""
+"""Point of action (2,) [m], force (2,) [N], and its kind."""
 
 _COLORS = {"contact": BLUE, "load": ORANGE, "tip": GREEN, "support": SKY}
 _SPARE = PURPLE, YELLOW, SKY

@@ -15,13 +15,14 @@ FAINT: dict[str, Any] = {"fill": False, "edgecolor": GRAY, "linewidth": 0.7}
 """The object where it was before."""
 MATERIAL: dict[str, Any] = {"facecolor": "#E3E3E3", "edgecolor": "#9A9A9A", "hatch": "////", "linewidth": 0.0}
 CLAMP: dict[str, Any] = {"facecolor": "#DDDDDD", "edgecolor": "#777777", "hatch": "////", "linewidth": 0.0}
-"""What is fixed is hatched, as in drawings of mechanics; the clamp a little darker than supports that it may lie on."""
+"""Style of fixed bodies, which are hatched, as in drawings of mechanics; the clamp a little darker than supports that
+it may lie on."""
 FORBIDDEN: dict[str, Any] = {"facecolor": "#F3D3C7", "edgecolor": "#C25B36", "linewidth": 0.9}
 """Zones that must not be entered."""
 
 
 class Z:
-    """Which covers which, from the ground up."""
+    """Order of layers, from the ground up."""
 
     ZONE = 0.0
     SUPPORT = 1.0

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 DISCS = 4
 """Discs side by side."""
 _LETTERS = 13
-"""Of a contact's name that fit below a disc."""
+"""Letters of a contact's name that fit below a disc."""
 _PITCH, _TALL = 2.5, 3.1
 """Width and height of what one takes, with its name below, in radii of a disc."""
 
@@ -75,5 +75,5 @@ def plot_friction(result: GraspResult, *, ax: Axes | None = None) -> Axes:
 
 
 def friction_rows(view: GraspView) -> int:
-    """How many rows of discs there are."""
+    """Number of rows of discs."""
     return -(-len(view.contacts) // DISCS)

@@ -28,9 +28,9 @@ _NEAR, _FAR, _STEP = 7.0, 170.0, 7.0
 """Distances of a label from what it names that are tried [points]: up to half of the drawing, by a line's height."""
 _ASIDE, _DRAWN, _WRITTEN, _TOUCHING, _CROSSED = 9.0, 400.0, 2000.0, 250.0, 60.0
 _ON_BODY, _OVER = 80.0, 0.5
-"""What a place costs, as points of distance: pointing away from the wished side, share of it on the drawing and on
-other labels, touching either at all, a leader over a label; standing on a body, for labels that would rather not, and
-each point of a leader over the drawing. A label on another cannot be read: any distance is better.
+"""Costs of a place, as points of distance: pointing away from the wished side, share of it on the drawing and on other
+labels, touching either at all, a leader over a label; standing on a body, for labels that would rather not, and each
+point of a leader over the drawing. A label on another cannot be read: any distance is better.
 """
 
 
@@ -40,7 +40,7 @@ class Label(NamedTuple):
     text: str
     color: str
     at: Array
-    """What it names (2,), in data coordinates."""
+    """Point that the label names (2,), in data coordinates."""
     away: Array
     """Direction (2,) in which to look first; zeros where there is none."""
     on_body: bool = False

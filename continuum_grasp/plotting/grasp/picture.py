@@ -158,7 +158,7 @@ def _title_style(result: GraspResult) -> dict[str, Any]:
 
 
 def _labels(view: GraspView, forces: bool) -> list[Label]:
-    """Of contacts and weight; with the forces where they do not stand beside the picture."""
+    """Labels of contacts and weight; with the forces where they do not stand beside the picture."""
     found, nowhere, scene = [], np.zeros(2), view.result.scene
     written = view.result.force_text
     for contact in view.contacts:
@@ -205,7 +205,7 @@ def _draw_fingers(ax: Axes, view: GraspView, tendons: bool) -> list[Array]:
 _CONE = 0.3
 """Length of a friction cone as a part of the object's width: a little shorter than the greatest force."""
 _ROUND_SIZES = 0.5, 1.0, 2.0, 5.0
-"""What the force of the scale may be, times a power of ten."""
+"""Forces that the scale may show, times a power of ten."""
 
 
 def _draw_contacts(ax: Axes, view: GraspView) -> tuple[list[Array], list[Array]]:
@@ -274,11 +274,11 @@ def _draw_scale(ax: Axes, view: GraspView) -> list[Array]:
 
 
 _REASONS = 6
-"""How many repairs are written beside the drawing; the report has all."""
+"""Number of repairs written beside the drawing; the report has all."""
 _ROW = 0.17
 """Height of a row [inch]."""
 _SIZE = 8.0
-"""Of the font [points]: a row of 0.17 inch is 12 points high."""
+"""Size of the font [points]: a row of 0.17 inch is 12 points high."""
 Row = tuple[tuple[str, str], ...]
 
 

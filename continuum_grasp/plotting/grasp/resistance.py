@@ -64,7 +64,7 @@ def resistance_extremes(resisted: ArrayLike) -> tuple[float, float]:
 
 
 def resistance_words(resisted: ArrayLike) -> str:
-    """What the outline of the resisted forces says, in a sentence of two lines."""
+    """Meaning of the outline of the resisted forces, in a sentence of two lines."""
     least, greatest = resistance_extremes(resisted)
     unlimited = np.isinf(np.asarray(resisted, dtype=float)).any()
     most = "without limit in the best" if unlimited else f"up to {greatest:.2g} N in the best"

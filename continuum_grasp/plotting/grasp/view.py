@@ -1,4 +1,4 @@
-"""What a picture of a grasp shows: shapes in millimeters, colors, scales."""
+"""Contents of a picture of a grasp: shapes in millimeters, colors, scales."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class GraspView:
 
     @cached_property
     def greatest_force(self) -> float:
-        """Of all contacts, and the weight in the plane [N]."""
+        """Greatest of all contact forces and the weight in the plane [N]."""
         forces = [float(np.hypot(*contact.force)) for contact in self.contacts]
         return max([float(np.hypot(*self.weight)), *forces])
 
