@@ -23,7 +23,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def choice(key: str, value: Any, allowed: Iterable[Any]) -> Any:
-    """One of some words or numbers."""
+    """A choice of some words or numbers."""
     known = tuple(allowed)
     # Not by ``in``: what compares to an array, as some foreign types do, has no truth.
     if isinstance(value, str | Integral) and any(value is one or value == one for one in known):
@@ -124,7 +124,7 @@ def shown(value: Any, width: int = 60) -> str:
 
 
 def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
-    """What the parameters of a function may be; Any where a name is not there when it runs."""
+    """Types of the parameters of a function; Any where a name is not there when it runs."""
     found = dict[str, Any]()
     for name, parameter in inspect.signature(function).parameters.items():
         plain = parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)

@@ -12,7 +12,7 @@ class ContinuumGraspError(Exception):
 
 
 class InputError(ContinuumGraspError, ValueError):
-    """What the user gave is wrong.
+    """An error in the user's input.
 
     Parameters
     ----------

@@ -24,7 +24,8 @@ from typing import Any
 STATUS = 130
 """Exit status of a command that Ctrl-C ended: 128 and the signal's number, as in shells."""
 _LONGEST_WAIT = 10.0
-"""How long a command waits for one call into C++ that cannot be stopped [s]; building a controller has some of 5 s."""
+"""Longest time that a command waits for one call into C++ that cannot be stopped [s]; building a controller has some of
+5 s."""
 _PATIENCE = 1.5
 """After which it says that it waits [s]."""
 _SAME_PRESS = 0.5
@@ -47,9 +48,9 @@ _PARTS = {
 """Modules, and functions of them, in and under which an exception would be lost or leave half of something."""
 
 _noted: float | None = None
-"""When Ctrl-C was pressed, as long as it has not been raised [s of the monotonic clock]."""
+"""Time at which Ctrl-C was pressed, as long as it has not been raised [s of the monotonic clock]."""
 _blocks = 0
-"""How many blocks hold it back."""
+"""Number of blocks that hold Ctrl-C back."""
 _seen = False
 _ending = threading.Lock()
 _watched = False

@@ -1,11 +1,11 @@
-"""How many threads linear algebra takes."""
+"""Number of threads of linear algebra."""
 
 from __future__ import annotations
 
 import os
 
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""Of the environment, which the libraries under numpy and scipy read when they are loaded."""
+"""Variables of the environment, which the libraries under numpy and scipy read when they are loaded."""
 
 
 def one_thread() -> None:

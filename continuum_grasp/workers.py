@@ -23,7 +23,7 @@ from continuum_grasp.threads import VARIABLES
 class _Worker:
     pool: ProcessPoolExecutor
     started: Future[Any]
-    """Of `_confirm_start`: failed where the process ended before any task of the caller."""
+    """Future of `_confirm_start`: failed where the process ended before any task of the caller."""
     busy: Future[Any]
 
 

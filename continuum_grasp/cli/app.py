@@ -95,7 +95,7 @@ for _name in _VERBS.split():
 
 
 def _say_warning(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-    """One line, without the place in the code; above a bar where there is one."""
+    """Print a warning as one line, without the place in the code; above a bar where there is one."""
     print(f"warning: {message}", file=sys.stderr, flush=True)
 
 

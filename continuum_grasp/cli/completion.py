@@ -1,4 +1,4 @@
-"""What a shell completes: names of examples, and configurations that a verb takes."""
+"""Completions of a shell: names of examples, and configurations that a verb takes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the verbs print, and where."""
+"""Output of the verbs."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Output:
-    """What a verb was asked for, and what it prints: text for people, or one JSON object for programs; warnings always
-    go to the error stream.
+    """Request to a verb, and its output: text for people, or one JSON object for programs; warnings always go to the
+    error stream.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What is shown while work goes on, on the error stream: a bar on a terminal, else lines; and what is compiled."""
+"""Progress on the error stream: a bar on a terminal, else lines; and what is compiled."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SILENCE = 10.0
 
 @dataclass
 class Progress:
-    """Where the work stands: it is called with the share that is done, 0 to 1, or None where that is not known."""
+    """Display of progress: called with the share that is done, 0 to 1, or None where it is not known."""
 
     what: str
     share: float | None = None

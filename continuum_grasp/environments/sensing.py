@@ -1,4 +1,4 @@
-"""What an environment reads off its plants: sensors, contact forces, use of the model's range, tip."""
+"""Readings of an environment from its plants: sensors, contact forces, use of the model's range, tip."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Sensing:
 
     @property
     def forces(self) -> slice:
-        """Where contact forces are [N]."""
+        """Places of the contact forces [N]."""
         return slice(len(self.names), len(self.names) + len(self.contacts))
 
 

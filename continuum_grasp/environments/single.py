@@ -1,4 +1,4 @@
-"""One finger as an environment of gymnasium."""
+"""A finger as an environment of gymnasium."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 class FingerEnv(gymnasium.Env[Array, Array]):
-    """One plant of a closed loop; the same as ``FingerVectorEnv`` with one, without autoreset.
+    """A plant of a closed loop; the same as ``FingerVectorEnv`` with one, without autoreset.
 
     Parameters
     ----------

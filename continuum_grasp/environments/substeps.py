@@ -1,4 +1,4 @@
-"""How many steps of RK4 a control period takes: as few as satisfy the tolerance of ``simulate`` in random motions."""
+"""Number of steps of RK4 in a control period: as few as satisfy the tolerance of ``simulate`` in random motions."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from continuum_grasp.examples import shipped_folder
 
 _LOOPS = shipped_folder() / "configs" / "mpc"
 _FAST = {"family": "matched_clothoid", "elements": 2}
-"""Of free space: the fewest elements that bend unevenly, at two steps a period."""
+"""Model of free space: the fewest elements that bend unevenly, at two steps a period."""
 _PLANTS = {
     "plant.stiffness": {"log_uniform": [0.8, 1.25]},
     "plant.damping": {"log_uniform": [0.7, 1.4]},

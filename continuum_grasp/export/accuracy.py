@@ -1,4 +1,4 @@
-"""How far what a package computes in single precision is from double precision, per output."""
+"""Errors of a package in single precision against double precision, per output."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ def _interface(contents: Contents) -> dict[str, object]:
 
 
 def _beginnings(contents: Contents) -> dict[str, dict[str, object]]:
-    """What structs begin with that have a function to fill them; others begin with zeros."""
+    """First values of structs that have a function to fill them; others begin with zeros."""
     subject, loop, found = contents.subject, contents.subject.loop, dict[str, dict[str, object]]()
     if contents.calls and subject.touching is not None:
         found["state"] = dict(zip((f.name for f in subject.state.fields), map(float, subject.start), strict=True))
@@ -72,7 +72,7 @@ def _beginnings(contents: Contents) -> dict[str, dict[str, object]]:
 
 
 def _members(subject: Subject, function: Stateful) -> list[str]:
-    """What may be changed of what a function keeps, in its order."""
+    """Members of a function's memory that may be changed, in order."""
     known = ["known"] if subject.loop is not None and subject.loop.known is not None else []
     return (["settings"] if function.types[0] == "controller" else []) + known
 
@@ -120,7 +120,7 @@ def wasm_files(contents: Contents) -> dict[str, str]:
 
 
 _DESCRIBED = ("struct", "name", "unit", "size", "low", "high")
-"""What is known of a field at run time, of the part ``metadata``."""
+"""Description of a field at run time, of the part ``metadata``."""
 _WASM = ("build.sh", "test.mjs", "string.h", "string.c", "vectors.c")
 
 

@@ -24,7 +24,8 @@ from continuum_grasp.export.source import Given, chosen, prefix_of, source_of
 from continuum_grasp.model.finger_model import FUNCTIONS
 
 _MOST_INSTRUCTIONS = 60_000
-"""Of one function of a controller, without loops: what is compiled once for a plant may take a minute and 1.4 GB."""
+"""Instructions of one function of a controller, without loops: what is compiled once for a plant may take a minute and
+1.4 GB."""
 STEP = "rk4_step"
 """Name of the Runge-Kutta step, beside those of the model's functions."""
 

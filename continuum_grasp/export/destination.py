@@ -1,4 +1,4 @@
-"""Where an export may write: looked at before any work, so that nothing foreign is replaced and no work is lost."""
+"""Destination of an export: checked before any work, so that nothing foreign is replaced and no work is lost."""
 
 from __future__ import annotations
 

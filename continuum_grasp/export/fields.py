@@ -1,4 +1,4 @@
-"""What a package computes in: two real types, and structs of entries with name, unit, range and meaning."""
+"""Data types of a package: two real types, and structs of entries with name, unit, range and meaning."""
 
 from __future__ import annotations
 
@@ -86,12 +86,12 @@ or is of a motion that diverged; angles are within the thousand turns up to whic
 
 @dataclass(frozen=True)
 class Field:
-    """One entry of a struct."""
+    """An entry of a struct."""
 
     name: str
     unit: str
     text: str = ""
-    """What it is, where name and unit do not say it."""
+    """Meaning, where name and unit do not say it."""
     low: float = -math.inf
     """Least value that is taken; infinite of what is no input."""
     high: float = math.inf
@@ -112,7 +112,7 @@ class Field:
         return f"{self.low:.6g} or more" if self.low > -math.inf else f"up to {self.high:.6g}" * (self.high < math.inf)
 
     def within(self, low: float, high: float, scale: float) -> Field:
-        """The same with a range and the size of usual values."""
+        """A copy with a range and the size of usual values."""
         return replace(self, low=low, high=high, scale=scale)
 
     def around(self, scale: float) -> Field:

@@ -123,7 +123,7 @@ class Kernel:
 
     @property
     def operations(self) -> Counter[str]:
-        """How many operations of each kind it has."""
+        """Number of operations of each kind."""
         names = (_NAMES[o].removeprefix("OP_") for o in self._operations)
         return Counter(_SHOWN.get(n, n.lower()) for n in names if n not in ("INPUT", "OUTPUT", "CONST", "ASSIGN"))
 
@@ -146,7 +146,7 @@ class Kernel:
         return "\n".join([f"/* {self.text} */", self.prototype(prefix), *self._body(f"{prefix}_real", real, _C), ""])
 
     def lane_source(self, real: Real) -> str:
-        """The same on vectors of the type ``lanes``, which ``batch.c`` declares, each lane with the same bits."""
+        """C source on vectors of the type ``lanes``, which ``batch.c`` declares, each lane with the same bits."""
         return "\n".join([self.prototype(None), *self._body("lanes", real, _LANES), ""])
 
     def lane_helpers(self, real: Real) -> str:
@@ -202,7 +202,9 @@ class Kernel:
         return ["{", *(() if self._called else inputs), *lines, "}"]
 
     def evaluate(self, real: Real, **rows: Array) -> dict[str, Array]:
-        """What the C computes, to the last bit, for rows (count, size) of inputs by name; outputs of the same form."""
+        """Evaluate as the C does, to the last bit, for rows (count, size) of inputs by name; outputs of the same
+        form.
+        """
         f, t = self._function, real.dtype
         columns = {name: np.asarray(rows[name], dtype=t) for name in self.inputs}
         count = len(next(iter(rows.values())))

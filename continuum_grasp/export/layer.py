@@ -1,4 +1,4 @@
-"""What a package contains, its public header, and the checked layer: the C between public functions and kernels."""
+"""Contents of a package, its public header, and the checked layer: the C between public functions and kernels."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ DIMENSIONS = {
     "nw": "force components",
     "np": "run-time parameters",
 }
-"""Of a model, and what they count."""
+"""Dimensions of a model, and what they count."""
 
 
 def _header(contents: Contents) -> str:
@@ -162,7 +162,7 @@ def _documented(call: Call, prefix: str) -> str:
 
 
 def _internal_header(contents: Contents) -> str:
-    """What kernels and checked layer share."""
+    """Header shared by kernels and checked layer."""
     prefix, real = contents.subject.prefix, contents.subject.real
     declared = "\n".join(f"{prefix.upper()}_API {kernel.prototype(prefix)};" for kernel in contents.kernels)
     return contents.fill(

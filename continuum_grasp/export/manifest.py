@@ -32,7 +32,7 @@ fuses multiplications with additions in vectors (x86 with FMA) in spite of -ffp-
 
 
 def strict_flags(version: str) -> list[str]:
-    """Those of a compiler, by what it says of its version."""
+    """Strict flags of a compiler, by its version text."""
     return FLAGS["strict"] + ([] if "clang" in version.lower() else FLAGS["gcc"])
 
 

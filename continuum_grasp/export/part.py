@@ -1,4 +1,4 @@
-"""What a package is made of: parts, each with kernels, structs, public functions and their truth.
+"""Parts of a package, each with kernels, structs, public functions and their truth.
 
 A part is what ``--what`` names. It brings the strict kernels, the structs of the header and the public functions, each
 with the C between its checked inputs and its outputs and with a reference that computes the same bits from arrays.
@@ -104,7 +104,7 @@ class Argument:
     array: str
     """Name of its numbers in the body: an array, or the number itself."""
     code: Code = Code.ERR_RANGE
-    """What is returned where a number of it is out of range."""
+    """Code returned where a number of the argument is out of range."""
     drawn: bool = False
     """Whether numbers out of their range are taken; the function warns then."""
 
@@ -120,7 +120,7 @@ class Argument:
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """Its numbers."""
+        """Numbers of the argument."""
         return self.kind.fields if isinstance(self.kind, Struct) else (self.kind,)
 
     @property
@@ -188,7 +188,7 @@ class Stateful:
 
 @dataclass(frozen=True)
 class Part:
-    """One entry of ``--what``."""
+    """An entry of ``--what``."""
 
     name: str
     kernels: Sequence[Kernel]

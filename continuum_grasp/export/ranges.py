@@ -85,7 +85,7 @@ def state_fields(moving: FingerModel | System, parameters: Sequence[Field]) -> t
 _USUAL_OBJECT = {"rad": math.pi, "m/s": 0.1, "rad/s": 1.0, "1": 1.5, "N": 1.0, "N m": 0.01}
 """Sizes of usual values of an object and its contacts by unit."""
 _HEIGHT = 1e-3
-"""The same of heights over the table [m]."""
+"""Range of heights over the table [m]."""
 
 
 def _object_fields(labels: Sequence[str], reach: float) -> tuple[Field, ...]:
@@ -234,7 +234,7 @@ class JointRange:
 
     @staticmethod
     def of(model: FingerModel, equations: Equations, pressed: float = 0.0) -> JointRange:
-        """That of a model; nothing where the tip is not matched, tensions are commanded, and nothing is touched.
+        """Joint range of a model; empty where the tip is not matched, tensions are commanded, and nothing is touched.
 
         ``pressed`` is the greatest depth of contacts [m].
         """
@@ -312,7 +312,7 @@ def _pulled(model: FingerModel, drive: re.Match[str]) -> Pull:
 
 
 def _description(model: FingerModel, name: str) -> str:
-    """What a number is; empty where its name says it."""
+    """Description of a number; empty where its name says it."""
     contact = re.fullmatch(r"contact_(\d+)_[xy]", name)
     if contact:
         return f"world force at contact {contact[1]}, {model.contacts[int(contact[1]) - 1]:g} m along the finger"

@@ -85,7 +85,7 @@ def _usage(contents: Contents) -> dict[str, object]:
 
 
 def _stateful(contents: Contents) -> str:
-    """What estimator and controller need, and what they do."""
+    """Text on needs and work of estimator and controller."""
     loop, words = contents.subject.loop, contents.words
     if loop is None or not contents.stateful:
         return ""

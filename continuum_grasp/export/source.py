@@ -1,4 +1,4 @@
-"""What is given to be exported: a model, a scene, or the path of its file."""
+"""Source of an export: a model, a scene, or the path of its file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
 
 _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
-"""What may mean something in a comment of C, in XML, CMake, pkg-config or Markdown."""
+"""Characters that may mean something in a comment of C, in XML, CMake, pkg-config or Markdown."""
 
 _CUT = 0.25
 """Share of the rounding below which the terms of an arc's series are left out in single precision."""
@@ -42,14 +42,14 @@ class Source:
     """None for a solver."""
     title: str
     name: str
-    """What the README says that it was made from."""
+    """Name of the source in the README."""
     step: float | None
     configuration: Mapping[str, Any] | None
     """The resolved scene as plain values."""
     loop: ControlScene | RtiSolver | None = None
     """The closed loop, where it is one, or a solver."""
     surroundings: Surroundings | None = None
-    """What the finger may touch."""
+    """Surroundings that the finger may touch."""
 
     @property
     def finger(self) -> FingerModel:
@@ -88,7 +88,9 @@ def source_of(given: Given, real: Real) -> Source:
 
 
 def _of_precision(model: FingerModel, real: Real) -> FingerModel:
-    """The same model; one that is evaluated to rounding, in single precision with series that are cut at its own."""
+    """A model of the asked precision; one that is evaluated to rounding, in single precision with series that are cut
+    at its own.
+    """
     if not _is_cut(model, real):
         return model
     finger, options = model.structure.asked

@@ -1,4 +1,4 @@
-"""What is exported: a model with its structs, their ranges, and the steps that it may take."""
+"""Subject of an export: a model with its structs, their ranges, and the steps that it may take."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from continuum_grasp.simulation.spectrum import SLIDING, spring_frequency
 
 T = TypeVar("T")
 _NO_STATE, _NO_INPUT = Struct("state", "", ()), Struct("input", "", ())
-"""Those of a solver."""
+"""Empty structs in place of a solver's state and input."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ class Subject:
 
     @property
     def equations(self) -> Equations:
-        """Its expressions; InputError where there is none."""
+        """Expressions of the model; InputError where there is none."""
         return _known(self.finger_equations)
 
     @property
@@ -142,12 +142,12 @@ class Subject:
 
     @property
     def moving(self) -> FingerModel | System:
-        """What the state is of: the finger, with the object where there is one."""
+        """Model that the state belongs to: the finger, with the object where there is one."""
         return self.model if self.touching is None else self.touching
 
     @cached_property
     def system(self) -> System:
-        """The same as a system."""
+        """The subject as a system."""
         given, options = self.model.structure.asked
         return self.touching or System(given, **options)
 
@@ -280,7 +280,7 @@ STABLE = 2.5
 """Greatest product of step and spectral radius that is taken; the method is stable up to about 2.7, and the radius of
 shapes between those that are looked at may be some percent greater."""
 _ACCURATE = 1.0
-"""The same up to which the motion is followed as well as it is resolved."""
+"""Product of step and spectral radius up to which the motion is followed as well as it is resolved."""
 MOST_SUBSTEPS = 1000
 """Within one step."""
 _CORNERS = 32

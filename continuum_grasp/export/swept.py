@@ -53,7 +53,7 @@ class SweptKernel(Kernel):
 
     @property
     def operations(self) -> Counter[str]:
-        """How many operations of each kind an evaluation has."""
+        """Number of operations of each kind in an evaluation."""
         total: Counter[str] = Counter()
         for key, part in self._parts.items():
             times = 1 if key in ("head", "tip", "loads", "root", "driven") else self._made.links
@@ -66,7 +66,7 @@ class SweptKernel(Kernel):
         return "\n".join([*parts, self._loop(prefix, f"{prefix}_real", real)])
 
     def lane_source(self, real: Real) -> str:
-        """The same on vectors of the type ``lanes``."""
+        """C source on vectors of the type ``lanes``."""
         return "\n".join(
             [*(part.lane_source(real) for part in self._parts.values()), self._loop(None, real.name, real)]
         )
@@ -124,7 +124,7 @@ class SweptKernel(Kernel):
         )
 
     def evaluate(self, real: Real, **rows: Array) -> dict[str, Array]:
-        """What the C computes, to the last bit; see ``Kernel``."""
+        """Evaluate as the C does, to the last bit; see ``Kernel``."""
         made, t = self._made, real.dtype
         n, links = made.unknowns, range(made.links)
         x = np.asarray(rows["x"], dtype=t)

@@ -1,4 +1,4 @@
-"""What a package is made for: targets, and examples for bare metal, ROS 2 nodes, Simulink blocks, and a GPU."""
+"""Targets of a package, and examples for bare metal, ROS 2 nodes, Simulink blocks, and a GPU."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ _BARE_METAL = ("start.c", "board.h", "board.ld", "main.c", "run.sh")
 _TENTH = 0.1
 """Time within which the example's input sets in [s]."""
 _SHARE = 0.25
-"""Of the usual input, that the example takes."""
+"""Share of the usual input that the example takes."""
 
 
 def example_files(contents: Contents, target: str) -> dict[str, str]:

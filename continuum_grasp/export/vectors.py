@@ -147,7 +147,7 @@ def _bad(real: Real, arguments: list[Argument], row: int) -> list[Bad]:
 
 
 def bad_entries(real: Real, fields: Sequence[Field], row: int, first: int, code: Code) -> list[Bad]:
-    """The same for the fields of one struct, whose numbers stand in the row from ``first`` on."""
+    """Bad entries of the fields of one struct, whose numbers stand in the row from ``first`` on."""
     found = []
     for entry, field in enumerate(f for f in fields for _ in range(f.size)):
         for value in (np.nan, np.inf, -np.inf):

@@ -24,10 +24,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Entry:
-    """One measured number."""
+    """A measured number."""
 
     label: str
-    """Of what and where."""
+    """Quantity and place."""
     group: str
     """Entries of one group share a standard deviation."""
     unit: str
@@ -44,7 +44,7 @@ class Entry:
 
 
 class Block:
-    """One set of measurements."""
+    """A set of measurements."""
 
     name: str
     entries: list[Entry]
@@ -75,7 +75,7 @@ class Block:
         raise NotImplementedError
 
     def warnings(self, values: Array) -> tuple[str, ...]:
-        """What the user must know of shapes beyond the bending range or the strain limit."""
+        """Warnings about shapes beyond the bending range or the strain limit."""
         raise NotImplementedError
 
 

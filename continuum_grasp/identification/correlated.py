@@ -1,4 +1,4 @@
-"""How much residuals scatter the estimates that follow one another in time and hang together.
+"""Scatter of estimates from residuals that follow one another in time and are correlated.
 
 Least squares weigh all rows as if they were independent. What the estimates scatter is then the sandwich B M B, with
 B = (J^T J)^-1 and M = J^T G J, where G is the covariance of the residuals: here their own autocovariance, of all

@@ -16,7 +16,7 @@ from continuum_grasp.identification.least_squares import least_squares
 Array = NDArray[np.float64]
 
 _LEAST_SAMPLES = 12
-"""Of a signal: two per unknown, of which a damped sine with offset and drift has six."""
+"""Least samples of a signal: two per unknown, of which a damped sine with offset and drift has six."""
 
 
 @dataclass(frozen=True)

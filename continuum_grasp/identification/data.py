@@ -29,7 +29,7 @@ UNIT_OF = {
 KIND_OF = {"x": "positions", "y": "positions", "angle": "angles", "bend": "angles"}
 """Quantities that share a standard deviation; those of drives have one each."""
 STARTS = ("scene", "measured", "estimated")
-"""How the motion of a path starts."""
+"""Starts of the motion of a path."""
 START_SAMPLES = 7
 """Samples that a measured start is read from [1]: a parabola through them halves the noise of the position and leaves
 the rate with a third of what two samples would."""
@@ -37,7 +37,7 @@ the rate with a third of what two samples would."""
 
 @dataclass(frozen=True)
 class Reading:
-    """What was measured at one section or drive, in every row.
+    """Measured quantity at one section or drive, in every row.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Reading:
 
     @property
     def kind(self) -> str:
-        """What shares its standard deviation."""
+        """Kind of readings that share a standard deviation."""
         return KIND_OF.get(self.quantity, self.quantity)
 
 

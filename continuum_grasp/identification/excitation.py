@@ -29,7 +29,7 @@ from continuum_grasp.simulation.trajectory import Trajectory
 Array = NDArray[np.float64]
 
 _ROUNDS = 30
-"""Of the shares of time of the segments, which settle to a percent in a dozen."""
+"""Rounds of adjusting the segments' shares of time, which settle to a percent in a dozen."""
 _LEAST = {"hold": 0.3, "loop": 1.1, "steps": 0.5, "sweep": 0.9}
 """Least share of time of a segment, per equal shares [1]: none is left out, since the values at which the information
 is taken are guesses, a loop must stay slow, and a sweep swing."""
@@ -234,7 +234,7 @@ def _information(
 
 
 def _predicted(unknowns: Sequence[Unknown], values: Array, jacobian: Array) -> Inference:
-    """What least squares will report of residuals that scatter as stated."""
+    """Deviations that least squares will report where residuals scatter as stated."""
     rows = len(jacobian)
     residuals = np.full(rows, np.sqrt(max(rows - len(unknowns), 0) / rows))
     free = [one._replace(lower=-np.inf, upper=np.inf) for one in unknowns]

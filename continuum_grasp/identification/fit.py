@@ -1,4 +1,4 @@
-"""What an identification found, and a scene with estimated values in it."""
+"""Result of an identification, and a scene with estimated values in it."""
 
 from __future__ import annotations
 
@@ -180,12 +180,12 @@ class Fit(Result):
 
     @cached_property
     def measured(self) -> Array:
-        """What was measured (m,)."""
+        """Measured values (m,)."""
         return np.array([entry.value for entry in self.entries])
 
     @cached_property
     def fitted(self) -> NDArray[np.bool_]:
-        """Which entries (m,) were fitted."""
+        """Mask of the entries that were fitted (m,)."""
         return np.array([entry.fitted for entry in self.entries], dtype=bool)
 
     @property
@@ -313,7 +313,7 @@ def _with_parameter(scene: Any, target: str, value: float) -> Any:
 
 
 def _rod(rod: Rod, target: str, value: float) -> dict[str, float]:
-    """What changes of the rod in its own terms: section and material, or linear density and bending stiffness.
+    """Changes of the rod in its own terms: section and material, or linear density and bending stiffness.
 
     The values are factors for a graded rod.
     """

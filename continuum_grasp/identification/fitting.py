@@ -166,7 +166,7 @@ def _resolved(scene: Scene) -> tuple[Scene, str]:
 
 
 def _measurements(scene: Scene, data: Measurements) -> list[Data]:
-    """What is given, and what is in the files among it, which come first."""
+    """Given measurements, and those in given files, which come first."""
     kinds, places = (Poses, TipPath, Frequencies), (str, os.PathLike)
     given = list(data) if isinstance(data, Sequence) and not isinstance(data, (*kinds, *places)) else [data]
     found: list[Data] = []

@@ -1,4 +1,5 @@
-"""What least squares report of the parameters: deviations, intervals, what the data cannot see, and what is doubtful.
+"""Inference about parameters from least squares: deviations, intervals, combinations that the data cannot see, and
+doubts.
 
 A model with twice the elements says whether the model's own error matters beside these deviations.
 """
@@ -118,8 +119,8 @@ def infer(
 def _worth(
     jacobian: Array, residuals: Array, inverse: Array, series: Sequence[NDArray[np.intp]]
 ) -> tuple[float, Array, float]:
-    """How many independent numbers the rows are worth, the covariance (n, n) before the parameters are paid for, and
-    the degrees of freedom.
+    """Number of independent numbers that the rows are worth, covariance (n, n) before the parameters are paid for, and
+    degrees of freedom.
 
     The parameters take of the sum of squares what the covariance of the residuals has in their directions: n mean
     squares where the rows are independent, more where they hang together.
@@ -203,7 +204,7 @@ def model_error_warnings(
 
 
 def doubts(problem: Problem, solution: Solution, freedom: float) -> list[str]:
-    """What speaks against normal, independent residuals, on which the intervals rest, and against the model."""
+    """Evidence against normal, independent residuals, on which the intervals rest, and against the model."""
     weighted = (solution.predictions - problem.measured) / solution.sigma
     return [
         *(_outliers(problem, weighted) if freedom >= 5 else ()),

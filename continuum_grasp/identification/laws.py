@@ -38,7 +38,7 @@ _SLIPS = (_LATE, _BEFORE, _ORIGIN)
 
 
 def doubts_of_laws(problem: Problem, solution: Solution, given: Given, build: Build) -> list[str]:
-    """What the residuals say against the laws of stiffness, damping and memory that the model has."""
+    """Evidence of the residuals against the laws of stiffness, damping and memory that the model has."""
     further: list[Further] = []
     for name in ("quadratic_damping", "softening_ratio"):
         # A law that is estimated already, or that this finger cannot have, is not tried.
@@ -74,7 +74,9 @@ def _kind(further: Further) -> str:
 def _judged(
     problem: Problem, solution: Solution, further: Sequence[Further], least: float, chances: int
 ) -> tuple[float, float, float]:
-    """Of the last one: step per what noise makes of it, 0 where it matters less than ``least``; step; deviation."""
+    """Judgment of the last parameter: step per what noise makes of it, 0 where it matters less than ``least``; step;
+    deviation.
+    """
     tried, slopes = zip(*further, strict=True)
     jacobian, residuals = problem.weighted(solution, np.column_stack(slopes))
     step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
@@ -119,7 +121,7 @@ def _words(problem: Problem, further: Unknown, step: float, deviation: float) ->
 
 
 def _has(problem: Problem) -> dict[str, bool]:
-    """Which laws beside the linear ones the model has, or is to find."""
+    """Laws beside the linear ones that the model has, or is to find."""
     estimated, fingers = {one.target for one in problem.unknowns}, problem.fingers
     return {
         "softening": any(finger.softening is not None for finger in fingers),
@@ -181,7 +183,7 @@ def _late(problem: Problem, predictions: Array) -> list[Further]:
 
 
 def _origins(problem: Problem) -> list[Further]:
-    """What positions of all sets are off along an axis."""
+    """Offset of the positions of all sets along an axis."""
     found = []
     for axis in "xy":
         slope = np.array([float(one.quantity == axis) for one in problem.entries])

@@ -48,8 +48,8 @@ _GAIN = 0.7
 """Share of the one-step errors of the tip's velocity that must be left at most, or nothing was learned [1]: of logs of
 the model itself, what the smoother takes for forces leaves 0.8."""
 _HARM = 1.0
-"""The same of the errors over ten periods [1]. Friction that sticks is in these and in no function of the state, so
-that they fall less: to 0.6 to 0.9 with tendon friction."""
+"""Share of the errors over ten periods that must be left at most [1]. Friction that sticks is in these and in no
+function of the state, so that they fall less: to 0.6 to 0.9 with tendon friction."""
 _EDGE = 5
 """Periods at both ends of a log that are left out [1]: states are uncertain where one side shows nothing."""
 _LEAST = 100
@@ -58,7 +58,7 @@ _SHRINK = 0.05
 """Added to the variances of scaled features [1], so that directions in which the logs hardly vary do not count as far
 away at once: a shape and its tip moment move together within 5 %."""
 _ROUNDS = 20
-"""Of moving the kernels to the means of what is near them [1]; they settle in about ten."""
+"""Rounds of moving the kernels to the means of points near them [1]; they settle in about ten."""
 
 
 @check_arguments
@@ -164,7 +164,7 @@ def learn_residual(
 
 
 class _Features:
-    """What a residual depends on, along periods: coordinates, rates, and what drives exert, or inputs without a lag."""
+    """Features of a residual along periods: coordinates, rates, and what drives exert, or inputs without a lag."""
 
     def __init__(self, model: Prediction) -> None:
         finger, own = model.system.finger_model, model.system
@@ -306,7 +306,7 @@ def ridge_weights(factors: Array, slopes: Array, targets: Array, ridges: Sequenc
 
 
 class _TipErrors:
-    """One-step errors of the tip from those of the state."""
+    """Tip errors of one step from those of the state."""
 
     def __init__(self, model: Prediction) -> None:
         n = model.system.finger_model.n

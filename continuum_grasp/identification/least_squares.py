@@ -23,7 +23,7 @@ _AT_BOUND = 1e-6
 
 
 class Minimum(NamedTuple):
-    """Where the sum of squares is least: values (n,), residuals (m,) and their Jacobian (m, n)."""
+    """Minimum of the sum of squares: values (n,), residuals (m,) and their Jacobian (m, n)."""
 
     values: Array
     residuals: Array
@@ -82,7 +82,7 @@ def least_squares(
 
 
 def _at(function: Function, values: Array, iterations: int = 0, evaluations: int = 0) -> Minimum:
-    """What is found without a search."""
+    """Minimum found without a search."""
     residuals, jacobian = function(values)
     if not (np.isfinite(residuals).all() and np.isfinite(jacobian).all()):
         raise NumericalError("the predictions at the start values, or their derivatives, are not finite")

@@ -1,4 +1,4 @@
-"""What is measured, as expressions of a model: along the finger, and at the drives of its tendons."""
+"""Measured quantities as expressions of a model: along the finger, and at the drives of its tendons."""
 
 from __future__ import annotations
 

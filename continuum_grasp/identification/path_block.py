@@ -172,7 +172,7 @@ def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> Shapes 
 
 
 _MOST_STEPS = 200_000
-"""Of a path: seconds per evaluation, of which a search takes dozens."""
+"""Steps of a path: seconds per evaluation, of which a search takes dozens."""
 _FINER = 2.0
 """Steps per step of a simulation [1]: a sixteenth of its error, so that the steps do not pass for parameters."""
 _CHANGE = 0.1

@@ -32,7 +32,7 @@ _PART = 0.05
 """Misfit, r.m.s., and distance beyond the reach, per size of the finger [1], from which data are refused where their
 noise is not stated: measured rods and robots are met to 0.02, and noise of 0.02 does not reach it in 12 numbers."""
 _BEYOND = 5.0
-"""The same in stated standard deviations [1], which normal noise does not reach."""
+"""Misfit in stated standard deviations [1], which normal noise does not reach."""
 _STATED = 0.2
 """Least misfit that is refused where the noise is stated, per that where it is not [1]: models of real fingers
 are off by a hundredth of their length however well a camera sees."""
@@ -60,7 +60,7 @@ _BEND = 2.0
 
 
 class Misfit(NamedTuple):
-    """How far the model is from the fitted measurements of one kind in one set."""
+    """Distance of the model from the fitted measurements of one kind in one set."""
 
     set: str
     kind: str
@@ -70,7 +70,7 @@ class Misfit(NamedTuple):
     """Misfit from which the data are refused; infinite for decay rates, which scatter by a factor of five between the
     postures of one rod."""
     scatter: float
-    """Of the measurements about their means, r.m.s.; infinite where they are too few."""
+    """Scatter of the measurements about their means, r.m.s.; infinite where they are too few."""
 
     @property
     def doubtful(self) -> bool:
@@ -150,7 +150,7 @@ def _limit(kind: str, measured: Array, length: float) -> float:
 
 
 def _too_far(problem: Problem, sigma: Array, given: Given) -> str:
-    """What lies beyond the reach of the finger: farther from the base than the finger is long up to there."""
+    """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
     found, over = "", [np.zeros(0)]
     for (data, scene), block, part in zip(given, problem.blocks, problem.parts, strict=True):
         readings = readings_of(data)

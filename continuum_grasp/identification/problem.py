@@ -96,12 +96,12 @@ class Problem:
 
     @property
     def fingers(self) -> list[Finger]:
-        """Of all sets, those whose laws predict them."""
+        """Fingers of all sets whose laws predict them."""
         return [block.finger for block in self.blocks if block.finger is not None]
 
     @property
     def series(self) -> list[NDArray[np.intp]]:
-        """Of each set whose entries follow one another, the number (T, readings) that they have among the fitted."""
+        """Numbers (T, readings) among the fitted entries of each set whose entries follow one another."""
         rows = np.cumsum(self.fitted) - 1
         own = [(block, rows[part][self.fitted[part]]) for block, part in zip(self.blocks, self.parts, strict=True)]
         return [
@@ -111,12 +111,12 @@ class Problem:
         ]
 
     def prior(self, values: Array) -> tuple[Array, Array]:
-        """What is known of the values beforehand, but for what sets that are not fitted have of their own."""
+        """Prior of the values, but for those of sets that are not fitted."""
         unknowns = zip(self.unknowns, self._sought, strict=True)
         return prior([one if sought else one._replace(sigma=math.inf) for one, sought in unknowns], values)
 
     def by_block(self, values: Array) -> list[Array]:
-        """Those of the values that each block has."""
+        """Values that each block has."""
         return [values[columns] for columns in self._columns]
 
     def predict(self, values: Array, chosen: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
@@ -277,7 +277,9 @@ class Problem:
         return np.asarray(np.sqrt(np.minimum(1.0, _HUBER / np.maximum(size, 1e-300))))
 
     def _inflation(self, predictions: Array, sigma: Array) -> float:
-        """Of the covariance (P. J. Huber, Robust Statistics, 1981, section 7.6), relative to plain squares."""
+        """Inflation of the covariance (P. J. Huber, Robust Statistics, 1981, section 7.6), relative to plain
+        squares.
+        """
         if self.loss == "squares":
             return 1.0
         size = ((predictions - self.measured) / sigma)[self.fitted]

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 class OneStepError(NamedTuple):
-    """One-step errors of a log: r.m.s. of the tip's position [m] and velocity [m/s], without and with the residual.
+    """Errors of one step in a log: r.m.s. of the tip's position [m] and velocity [m/s], without and with the residual.
 
     ``beyond`` is the share of its periods that are beyond the trust region [1].
     """
@@ -87,11 +87,11 @@ class ResidualFit(Result):
     statistics: Mapping[str, Any] = field(default_factory=dict)
 
     def headline(self) -> str:
-        """What was learned from how many logs."""
+        """Size of the residual, and number of logs."""
         return f"{self.status.replace('_', ' ')}, {sum(not one.holdout for one in self.errors)} logs"
 
     def pairs(self) -> dict[str, str]:
-        """One-step errors of each log, without and with the residual."""
+        """Errors of one step in each log, without and with the residual."""
         names = [one.log for one in self.errors]
         return {
             (

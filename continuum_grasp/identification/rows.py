@@ -119,7 +119,7 @@ def _behind_deadband(first: float, second: float, deadband: float) -> tuple[Arra
 _TOLERANCE = 1e-11
 """Last Newton step per bending range [1]: the search for parameters, which converges to 1e-9, must not see it."""
 _ITERATIONS = 25
-"""Of Newton's method, which takes a handful where it converges quadratically."""
+"""Iterations of Newton's method, which takes a handful where it converges quadratically."""
 _SHORTEST = 1.0 / 1024.0
 """Step along the path to new parameters [1] below which it is lost: at a fold no step is short enough."""
 
@@ -226,7 +226,7 @@ class Shapes:
         return Resting(z, q, history, by_values, np.asarray(slope), by_history)
 
     def warnings(self, values: Array) -> tuple[str, ...]:
-        """What the user must know of shapes beyond the bending range or the strain limit."""
+        """Warnings about shapes beyond the bending range or the strain limit."""
         use = []
         for resting in self.all(values):
             u, _, p = np.split(resting.z, np.cumsum([self.model.nu, self.model.nw]))

@@ -49,7 +49,7 @@ class Segment(NamedTuple):
 
 
 class Pattern(NamedTuple):
-    """How the drives go together: name, commands per unit, and the greatest factor to try."""
+    """Pattern of drives that move together: name, commands per unit, and the greatest factor to try."""
 
     name: str
     commands: Array
@@ -123,7 +123,7 @@ def _patterns_of_drives(scene: Scene) -> list[Pattern]:
 
 
 def _of_sides(sides: Array, directions: Mapping[str, float], paid: float, most: float) -> list[Pattern]:
-    """One tendon each: those of a side pull while the others pay out a share of it, and all together."""
+    """Patterns of single tendons: those of a side pull while the others pay out a share of it, and all together."""
     found = [
         Pattern(name, np.where(sides == side, 1.0, -paid), most)
         for name, side in directions.items()
@@ -188,7 +188,9 @@ class Design:
         return tensions is None or bool(np.all(tensions.max(axis=0) <= [one.max_tension for one in tendons]))
 
     def _first_frequency(self) -> float:
-        """Of the finger alone [Hz]: where drives hold it, it is higher, and the sweep stays below."""
+        """First natural frequency of the finger alone [Hz]: where drives hold it, it is higher, and the sweep stays
+        below.
+        """
         finger = self._scene.finger.model_copy(update={"tendons": None, "pressure": None})
         alone = self._scene.model_copy(update={"finger": finger, "actuation": None, "loads": ()})
         initial = alone.initial.model_copy(update={"reached_by": None, "friction_states": None})

@@ -30,7 +30,7 @@ _AXES: Mapping[str, Columns] = {
     "the data are turned by -90 degrees": {"x": ("y", -1.0), "y": ("x", 1.0)},
     "columns of x and y are swapped, and both signs": {"x": ("y", -1.0), "y": ("x", -1.0)},
 }
-"""Which columns x and y are, for all frames with axes along those of the world."""
+"""Columns of x and y, for all frames with axes along those of the world."""
 _GROUPS = {
     "positions": {"x": 1, "y": 1},
     "times": {"t": 1, "frequency": -1, "decay rate": -1},
@@ -40,13 +40,13 @@ _GROUPS = {
 
 
 class Slip(NamedTuple):
-    """What may be wrong, in words, and what undoes it."""
+    """A possible mistake, in words, and the change that undoes it."""
 
     words: str
     columns: Columns
     """The column that each wrong one should be, and the factor on its values."""
     turn: float = 0.0
-    """What the angle of the base lacks [rad]."""
+    """Correction of the angle of the base [rad]."""
     gravity: float = 1.0
     """Factor on gravity [1]."""
 
@@ -151,7 +151,7 @@ def _undone_data(slip: Slip, data: Data) -> Data:
 
 
 def _changes(slip: Slip, scene: Scene) -> Iterator[tuple[str, Any]]:
-    """What a slip changes of a scene."""
+    """Changes of a scene by a slip."""
     if slip.turn:
         yield "finger.base.angle", math.remainder(scene.finger.base.angle + slip.turn, 2.0 * math.pi)
     if slip.gravity != 1.0:

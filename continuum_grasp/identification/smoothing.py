@@ -169,7 +169,7 @@ class Smoother:
         return np.zeros(system.nu), self._p[: system.np]
 
     def compared(self, log: ControlLog) -> Array:
-        """What was measured of each state (K, ny), NaN where something is missing: a delay after its measurement."""
+        """Measurements of each state (K, ny), NaN where one is missing: a delay after its measurement."""
         mixed = np.full((len(log.y), self._estimation.ny), np.nan)
         rows = np.where(np.isfinite(log.y), log.y, np.nan)
         # A sum with a share of zero does not miss what is missing.

@@ -21,9 +21,9 @@ from continuum_grasp.scene.units import factor_to_si
 Array = NDArray[np.float64]
 
 MAX_BYTES = 200_000_000
-"""Of a file: cells as Python texts take some ten times that in memory."""
+"""Greatest size of a file: cells as Python texts take some ten times that in memory."""
 _LARGEST = 1e15
-"""Of a number in a file [its unit]: what is larger was never measured, and its square may overflow."""
+"""Greatest number in a file [its unit]: larger ones were never measured, and its square may overflow."""
 _HEADING = re.compile(r"^(.*?)\s*(?:\[([^\]]*)\])?$")
 
 

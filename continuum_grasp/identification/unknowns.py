@@ -56,7 +56,7 @@ _ESTIMATES = (
 
 
 class Unknown(NamedTuple):
-    """One parameter to estimate, between bounds."""
+    """A parameter to estimate, between bounds."""
 
     name: str
     unit: str
@@ -78,7 +78,7 @@ class Unknown(NamedTuple):
 
 
 def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unknown]:
-    """What is to be estimated, with bounds and sizes; start values come from the scene.
+    """Parameters to estimate, with bounds and sizes; start values come from the scene.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
 
 
 def prior(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:
-    """How far values (n,) are from what is known of them beforehand (k,), per deviation, and the derivatives (k, n)."""
+    """Distance of values (n,) from their prior (k,), per deviation, and its derivatives (k, n)."""
     known = [k for k, one in enumerate(unknowns) if math.isfinite(one.sigma)]
     rows = np.zeros((len(known), len(unknowns)))
     for row, k in zip(rows, known, strict=True):

@@ -157,7 +157,7 @@ class Rollout:
         return [(count, time, f.nnz_out(k)) for k, time in enumerate(times)]
 
     def _parts(self, trajectory: Any) -> tuple[Any, Any]:
-        """Of a trajectory what is before each step, and what is after the last, in the direction of the recursion."""
+        """States of a trajectory before each step, and after the last, in the direction of the recursion."""
         return (trajectory[:, 1:], trajectory[:, 0]) if self.recursion.back else (trajectory[:, :-1], trajectory[:, -1])
 
     def residuals(self, inputs: Arrays, outputs: Arrays) -> Arrays:

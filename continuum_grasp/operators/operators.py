@@ -1,4 +1,4 @@
-"""What the operators of all toolkits share: names, shapes, defaults, checks, and how arrays become rows."""
+"""Base of the operators of all toolkits: names, shapes, defaults, checks, and how arrays become rows."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ class Operators(Remade, Summarized, ABC):
         self._checks: dict[str, Callable[[Sequence[Array]], None]] = {}
 
     def headline(self) -> str:
-        """What it runs on."""
+        """Backend of the operators."""
         return self._core.headline()
 
     def pairs(self) -> dict[str, str]:
-        """Its model."""
+        """Model of the operators."""
         return self._core.pairs()
 
     # -- what a toolkit gives -------------------------------------------------------------------------------------
@@ -235,7 +235,7 @@ class Operators(Remade, Summarized, ABC):
         return states[..., -1, :]
 
     def _check(self, method: str) -> Callable[[Sequence[Array]], None]:
-        """What is refused of a rollout: the same function each time, since an operator is known by it."""
+        """Check of a rollout's arguments: the same function each time, since an operator is known by it."""
         if method not in self._checks:
             finger = self.model.finger_model if isinstance(self.model, System) else self.model
             self._checks[method] = partial(_check_rollout, finger, method, self.nonfinite == "raise")

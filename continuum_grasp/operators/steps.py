@@ -1,4 +1,4 @@
-"""One step with inputs that hold during it."""
+"""A step with inputs that hold during it."""
 
 from __future__ import annotations
 

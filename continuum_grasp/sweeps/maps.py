@@ -1,4 +1,4 @@
-"""What the pictures of a sweep show, worked out from its table."""
+"""Contents of the pictures of a sweep, computed from its table."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ class Map:
     x: NDArray[Any]
     """Values of the key (nx,) in the order of the picture, numbers or words."""
     y: NDArray[Any]
-    """The same (ny,)."""
+    """Values of the key upwards (ny,), numbers or words."""
     color: NDArray[np.float64]
     """The quantity (ny, nx); NaN where there is no grasp."""
     kind: NDArray[np.str_]
     """Why there is none (ny, nx); empty where there is one, or no row yet."""
     labels: tuple[str, str, str]
-    """Of x, y and color, with units."""
+    """Labels of x, y and color, with units."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ class Front:
     best: NDArray[np.int64]
     """Positions of the front in x and y (n,), with increasing x."""
     labels: tuple[str, str, str]
-    """Of x, y and color, with units."""
+    """Labels of x, y and color, with units."""
     best_words: str
-    """Which way is better."""
+    """Directions that are better, in words."""
 
 
 @check_arguments
@@ -169,7 +169,7 @@ def front_of(
 
 
 def _solved(table: SweepTable) -> NDArray[np.bool_]:
-    """Which rows have a grasp; the first that is asked of a table."""
+    """Rows that have a grasp; the first that is asked of a table."""
     if not hasattr(table, "grid_keys"):
         raise InputError(f"expected a SweepTable, got {shown(table)}", key="table")
     return table.solved

@@ -1,4 +1,4 @@
-"""Which scenes a sweep consists of: the same for the same configuration, in the same order, wherever it runs."""
+"""Scenes of a sweep: the same for the same configuration, in the same order, wherever it runs."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from continuum_grasp.scene.sweep import QUANTITIES, Sweep
 from continuum_grasp.scene.variation import Axis, Random, Tie, Variation, variation_of
 
 FORMAT_VERSION = 1
-"""Of the stored plan: a sweep resumes with the version that began it."""
+"""Version of the stored plan: a sweep resumes with the version that began it."""
 _BLOCK = 4096
 """Random rows that are drawn at once, each block from a seed of its own: any row is had without those before it."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """One scene of a sweep: its number, what is put where in the scene, and what the table calls that."""
+    """A scene of a sweep: its number, the changes of the scene, and their names in the table."""
 
     index: int
     values: tuple[Any, ...]
@@ -81,7 +81,7 @@ class Plan:
         return Point(index, tuple(values), tuple(labels))
 
     def as_json(self) -> dict[str, Any]:
-        """What decides which scenes there are and what their rows hold, as plain data."""
+        """Plain data that determine the scenes and the contents of their rows."""
         sample = self.sweep.sample
         found: dict[str, Any] = plain(
             {
@@ -133,7 +133,7 @@ def _drawn(seed: int, block: int, count: int) -> NDArray[np.float64]:
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any], most: int = 6) -> list[str]:
-    """What differs between two plans, in words, key by key."""
+    """Differences between two plans, in words, key by key."""
     a, b = _leaves(old), _leaves(new)
     found = []
     for key in {**a, **b}:

@@ -42,7 +42,7 @@ _ANYWHERE = Consumer("sweep at a scheduler", {"executor": "is given beside sched
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a sweep stands.
+    """Progress of a sweep.
 
     Attributes
     ----------

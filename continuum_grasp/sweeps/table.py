@@ -35,7 +35,7 @@ WORDS = {
     "iterations": "iterations of the solver",
     "seconds": "time",
 }
-"""What columns are called."""
+"""Names of columns."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ class SweepTable(Result):
 
     @property
     def kinds(self) -> NDArray[np.str_]:
-        """Of every row its reason, or its status where it has none, shape (rows,)."""
+        """Reason of every row, or its status where it has none (rows,)."""
         return np.asarray(np.where(self["reason"] == "", self["status"], self["reason"]))
 
     def run_folder(self, index: int) -> Path:
@@ -185,7 +185,7 @@ class SweepTable(Result):
         return "finished" if self.finished else "unfinished"
 
     def pairs(self) -> dict[str, str]:
-        """How many scenes have a grasp, and why the others have none."""
+        """Number of scenes with a grasp, and reasons of the others."""
         return {
             "scenes": f"{len(self)} of {self.total}",
             "varied": ", ".join(self.keys),

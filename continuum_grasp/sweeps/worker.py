@@ -1,4 +1,4 @@
-"""What runs in a worker: a few scenes, one after the other, and a row for each whatever happens.
+"""Work of a worker process: a few scenes, one after the other, and a row for each whatever happens.
 
 A Dask cluster may be the pool of workers.
 """
@@ -39,32 +39,32 @@ _ONE_AT_A_TIME = threading.Lock()
 _MESSAGE = 300
 """Characters of a message in the table: lines stay readable."""
 _PATIENCE = 10.0
-"""How long to wait for an answer of the scheduler [s]."""
+"""Time to wait for an answer of the scheduler [s]."""
 _ASK_AGAIN = 2.0
-"""How long a count of workers is taken as current [s]: asking is a call over the network."""
+"""Time for which a count of workers is taken as current [s]: asking is a call over the network."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """What all scenes of a sweep share; travels with every chunk."""
+    """Data that all scenes of a sweep share; they travel with every chunk."""
 
     base: dict[str, Any]
     """The scene as plain data."""
     keys: tuple[str, ...]
     """The varied keys, as the table names them."""
     paths: tuple[KeyPath, ...]
-    """Where they lie in the scene."""
+    """Paths of the varied keys in the scene."""
     record: tuple[str, ...]
     """Further columns of the table."""
     keep: Keep
-    """Of which runs files are wanted."""
+    """Runs whose files are wanted."""
     evaluate: Callable[[GraspScene], Any]
     """From a scene to a GraspResult."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one scene: its line in the table, and the files of its run."""
+    """Outcome of one scene: its line in the table, and the files of its run."""
 
     index: int
     status: str
@@ -269,7 +269,7 @@ def dask_pool(address: str, patience: float = _PATIENCE) -> Iterator[ExecutorPoo
 
 
 class _Count:
-    """How many worker processes there are, asked every two seconds."""
+    """Number of worker processes, asked every two seconds."""
 
     def __init__(self, client: Any) -> None:
         self._client, self._count, self._asked = client, 0, -_ASK_AGAIN

@@ -30,7 +30,7 @@ _TEXTS = {
     "tension": "What the tendons of a finger that touches nothing pull winches with.",
     "gain": "Tension per force across the finger.",
 }
-"""What a kernel computes, by the last word of its name."""
+"""Descriptions of kernels, by the last word of their names."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,9 @@ class Adapter:
 
 
 def adapters_of(functions: Sequence[ca.Function]) -> list[Adapter]:
-    """Those of what functions are or call; the slopes of stages and filter are one kernel where they agree."""
+    """Adapters of the functions and of those that they call; the slopes of stages and filter are one kernel where they
+    agree.
+    """
     straight = {f.name(): f for f in straight_functions(functions)}
     shared = _slopes(straight.get("stage_slope"), straight.get("estimator_slope"))
     return [shared[name] if name in shared else _own(function) for name, function in straight.items()]

@@ -1,4 +1,4 @@
-"""What is exported of a closed loop: problem, estimator, their numbers, and the structs of the header."""
+"""Exported parts of a closed loop: problem, estimator, their numbers, and the structs of the header."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Loop:
     """A closed loop as its parts see it."""
 
     parts: tuple[str, ...]
-    """Those that the package has: estimator, mpc."""
+    """Parts that the package has: estimator, mpc."""
     stages: Stages
     estimation: Estimation | None
     contact: ContactModel | None
@@ -94,7 +94,7 @@ class Loop:
     kicks: Array
     """Size (nd) of pushes in test vectors, of each state."""
     safe: str
-    """Where commands go when there is no plan."""
+    """Command that is approached when there is no plan."""
     estimated: tuple[str, ...]
     """Names and units of what the plan starts from: states, then disturbances."""
     distance: ca.Function | None = None
@@ -175,14 +175,14 @@ class Loop:
 
     @property
     def watched(self) -> tuple[str, ...]:
-        """What the supervisor watches: the sensors, then the call rate."""
+        """Signals that the supervisor watches: the sensors, then the call rate."""
         return (*(() if self.estimation is None else self.estimation.sensor_names), CALL_RATE)
 
     # -- structs ------------------------------------------------------------------------------------------------------
 
     @cached_property
     def measurement(self) -> Struct:
-        """What is measured."""
+        """Struct of the measurements."""
         text = "What is measured, NaN where it was not." if self.estimation else "The state."
         return Struct("measurement", text, named_fields(self.measurement_names, self.ranges.measurement))
 
@@ -208,7 +208,7 @@ class Loop:
 
     @cached_property
     def applied(self) -> Struct:
-        """The same that was applied, which may be off or beyond what can be commanded."""
+        """Struct of the applied command, which may be off or beyond what can be commanded."""
         return Struct("applied", "", named_fields(self.stages.u_names, self.ranges.applied))
 
     @cached_property
@@ -219,13 +219,13 @@ class Loop:
 
     @property
     def measured_at_start(self) -> Array:
-        """What is measured of the first state under the command before (ny), without noise."""
+        """Measurements of the first state under the command before (ny), without noise."""
         low, high = np.transpose(self.measurement.bounded)
         within: Array = np.clip(self.measured(self.first, self.before), low, high)
         return within
 
     def measured(self, z: Array, u: Array) -> Array:
-        """What is measured of states, and disturbances, under a command (ny), without noise."""
+        """Measurements of states, and disturbances, under a command (ny), without noise."""
         e = self.estimation
         if e is None:
             return z
@@ -249,7 +249,7 @@ class Loop:
 
     @cached_property
     def settings(self) -> Struct:
-        """What may be changed between calls, in the order of ``CHANGEABLE``."""
+        """Settings that may be changed between calls, in the order of ``CHANGEABLE``."""
         s = self.stages
         labels = {**dict.fromkeys(_WEIGHTS, s.r_names), **dict.fromkeys(_LIMITS, s.u_names)}
         labels |= dict.fromkeys(_ROWS, s.c_names)
@@ -273,7 +273,7 @@ class Loop:
 
     @cached_property
     def touch(self) -> Struct | None:
-        """What the drives feel of a contact; None without a detector."""
+        """Contact that the drives feel; None without a detector."""
         if self.contact is None:
             return None
         drives, places = self.contact.sizes["ND"], self.contact.sizes["NL"]

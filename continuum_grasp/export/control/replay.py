@@ -117,7 +117,7 @@ class Finger:
             self.x = x if np.isfinite(x).all() else self._loop.first[: s.nd].copy()
 
     def measured(self, u: Array) -> Array:
-        """What is measured now, of as long ago as measurements are late."""
+        """Measurements that arrive now, delayed as in the scene."""
         loop, e = self._loop, self._loop.estimation
         if e is None:
             return self.x.copy()
@@ -134,7 +134,7 @@ class Finger:
 
 
 def _spoilt(loop: Loop, y: Array, episode: int, k: int, rng: np.random.Generator) -> Array:
-    """What arrives of a measurement: now and then an entry is missing or infinite, later on all are, or far off."""
+    """A measurement as it arrives: now and then an entry is missing or infinite, later on all are, or far off."""
     y = y.copy()
     # Periods without a common divisor (here and of the calls below), so that faults meet in ever new combinations.
     patience = round(loop.stages.stages * loop.stages.stage / loop.period)

@@ -25,7 +25,7 @@ from continuum_grasp.export.template import fill
 SIZES = ("estimator_bytes", "estimator_work_bytes", "controller_bytes", "controller_work_bytes")
 """Places of the header for what is known once it was compiled."""
 UNKNOWN = "0x7fffffff"
-"""What stands there before: more than any memory, so that the checks of the sizes in the C hold."""
+"""Placeholder of a size: more than any memory, so that the checks of the sizes in the C hold."""
 _RENAMED = {"BAD_PARAMETERS": "BAD_KNOWN", "INPUT_LIMITED": "COMMAND_LIMITED"}
 """Anomalies of what has another name in a package."""
 ANOMALIES = {
@@ -33,7 +33,7 @@ ANOMALIES = {
     or f"a reading: {MEASUREMENT_TEXTS[Verdict[str(anomaly.name)]]}"
     for anomaly in Anomaly
 }
-"""What each bit of anomalies means, by its name, from the lowest one on."""
+"""Meaning of each bit of anomalies, by its name, from the lowest one on."""
 
 
 class _Writer:

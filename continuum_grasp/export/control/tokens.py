@@ -15,7 +15,7 @@ _MODULES = {
     "supervisor": "supervisor",
     "cg": "checks",
 }
-"""What names begin with in ``control/c``, and behind the prefix of a package."""
+"""Beginnings of names in ``control/c``, and behind the prefix of a package."""
 _NAME = re.compile(rf"\b(?:{'|'.join(_MODULES)})_\w+|\b(?:{'|'.join(module.upper() for module in _MODULES)})_\w+")
 _HEADER = re.compile(r"\b(?:rti|ekf|contact_detector|supervisor|controller|checks)\.h\b")
 _INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)

@@ -56,7 +56,7 @@ class Variable:
 
     @property
     def c_source(self) -> str:
-        """Its row of the table in C."""
+        """Row of the variable in the table in C."""
         low, high = max(self.low, -_GREATEST), min(self.high, _GREATEST)
         numbers = ", ".join(repr(float(value)) for value in (self.start, low, high))
         return f'  {{"{self.name}", "{self.unit}", {numbers}, {_C_KINDS[self.kind]}, {int(self.may_be_missing)}}}'
@@ -64,7 +64,7 @@ class Variable:
 
 @dataclass(frozen=True)
 class Unit:
-    """What a functional mock-up unit is made of.
+    """Contents of a functional mock-up unit.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class Unit:
 
     @property
     def places(self) -> dict[str, int]:
-        """Where the groups begin."""
+        """Beginnings of the groups."""
         starts = itertools.accumulate((len(group) for group in self.groups.values()), initial=0)
         return dict(zip(self.groups, starts, strict=False))
 

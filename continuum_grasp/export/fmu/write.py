@@ -39,7 +39,7 @@ from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
 
 WHAT = ("plant", "controller")
-"""What may be exported of a closed loop; of a simulated scene, the first."""
+"""Parts of a closed loop that may be exported; of a simulated scene, the first."""
 VERSIONS = ("2", "3")
 _NO_LOOP = "a simulated scene has a plant alone; a controller needs a closed loop"
 _OWN = "is for a simulated scene: a closed loop has its own"

@@ -20,17 +20,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Control:
-    """One actuator: a tendon that pulls, or a component of a force or moment at a place of the finger."""
+    """An actuator: a tendon that pulls, or a component of a force or moment at a place of the finger."""
 
     name: str
     value: Any
     """Constant, or samples in time."""
     at: float
-    """Where it ends, or acts [m]."""
+    """Place where the tendon ends, or the force acts [m]."""
     jumps: tuple[float, ...] = ()
-    """Where its bending moment jumps [m]."""
+    """Places where the bending moment jumps [m]."""
     component: int | None = None
-    """Of a force."""
+    """Index of a force's component."""
     gear: tuple[float, ...] | None = None
     """Force and moment per control at a site there; None: it bends hinges by a channel."""
     follows: bool = True
@@ -43,7 +43,7 @@ class Control:
     sense: float = 1.0
     """Factor of the values: whether a pulley winds up or pays out."""
     start: float = 0.0
-    """What is added to them: cable that is wound up of the straight finger [m]."""
+    """Offset of the values: cable that is wound up of the straight finger [m]."""
     channel: Channel | None = None
     """Bending moments of a tendon or a chamber; None: a force or moment at a site."""
     arm: float = 0.0
@@ -66,7 +66,7 @@ class Control:
 
     @property
     def site(self) -> str:
-        """Where a force or moment acts."""
+        """Site at which a force or moment acts."""
         return f"at_{self.at:.12g}"
 
     @property

@@ -26,7 +26,7 @@ load give bends within 0.8 % of their range at 20, 0.3 % at 40; the rate of cree
 _DAMPING = 0.05
 """Damping ratio of a slider on its spring: 0.2 adds 0.4 % to these errors, since it damps branches that stick."""
 IMPEDANCE = 0.9999
-"""Of the friction, the greatest that MuJoCo takes (mjMAXIMP of its sources)."""
+"""Impedance of the friction, the greatest that MuJoCo takes (mjMAXIMP of its sources)."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a finger touches, as bodies and geometry of MuJoCo."""
+"""Surroundings of a finger as bodies and geometry of MuJoCo."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _OBJECT = {"contype": "2", "conaffinity": "1"}
 _SUPPORT = {"contype": "0", "conaffinity": "2"}
 _NOTHING = {"contype": "0", "conaffinity": "0"}
 _CORNERS = 120
-"""Of the polygon in place of a round outline: off by 3e-4 of its radius."""
+"""Corners of the polygon in place of a round outline: off by 3e-4 of its radius."""
 _WIDTH = 0.1
 """Half the width of flat bodies out of the plane, per length of the finger [1]: wider than links are thick."""
 _POINT = 1e-4
@@ -24,7 +24,7 @@ _POINT = 1e-4
 
 
 def touching(scene: Scene) -> dict[str, str]:
-    """What links of the finger touch, as attributes of their geometry."""
+    """Attributes of the geometry of the finger's links that let them touch."""
     return _FINGER | _friction(scene, None) if scene.object is not None else _NOTHING
 
 

@@ -105,7 +105,7 @@ def _link(scene: Scene, links: Links, k: int, sites: Mapping[str, float], slider
 def _explanation(
     scene: Scene, links: Links, controls: Sequence[Control], frequency: float, differences: Sequence[str]
 ) -> str:
-    """What the file is, in its first lines."""
+    """First lines of the file, which explain it."""
     bending = [control for control in controls if control.channel is not None]
     chambers = len(scene.finger.chambers)
     tendons = bending[: len(bending) - chambers]

@@ -35,11 +35,11 @@ _MOST_HINGES = 1000
 """Far beyond what MuJoCo steps in useful time: the cost of a step is linear in them, the stable step falls with their
 square."""
 _LEAST_INERTIA = 1e-15
-"""What MuJoCo accepts of a moving body [kg m2] (mjMINVAL of its sources)."""
+"""Least inertia that MuJoCo accepts of a moving body [kg m2] (mjMINVAL of its sources)."""
 _STABLE = 0.5
 """Share of the longest stable step of the straight chain that is written: bends and tensions change its modes."""
 _LONGEST_STEP = 1e-3
-"""Of a scene without ``time`` [s]."""
+"""Longest step of a scene without ``time`` [s]."""
 _CONTACT = "contacts are MuJoCo's own, as stiff as the step allows"
 _PLANAR = "the chain is planar: a weight out of the plane that friction carries is not exported; set table, or 0"
 _CARRIED = needs("export-mjcf", "out_of_plane_gravity", "table", _PLANAR)
@@ -207,7 +207,7 @@ def export_mjcf(
 
 
 def _differences(scene: Scene, controls: list[Control]) -> list[str]:
-    """What the chain does otherwise."""
+    """Differences of the chain from the finger, in words."""
     found = []
     if any(one.lag and one.channel and one.channel.order > 1 for one in controls):
         key = "tendons.drive.time_constant" if scene.finger.winches else "tendons.time_constant"

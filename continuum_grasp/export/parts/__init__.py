@@ -28,7 +28,7 @@ PARTS: dict[str, Callable[[Subject], Part]] = {
     "mpc": mpc,
     "metadata": metadata,
 }
-"""What makes each part of a subject."""
+"""Makers of the parts of a subject."""
 ASKED_FOR = ("implicit_step", "linearization", "shape", "velocities", "contact", "metadata")
 """Parts that no package has by default."""
 OF_LOOPS = ("estimator", "mpc")

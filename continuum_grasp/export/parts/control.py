@@ -75,7 +75,7 @@ def mpc(subject: Subject) -> Part:
 
 
 def _contact(loop: Loop) -> list[Method]:
-    """What asks for the contact of the last call, where there is a detector."""
+    """Method that gives the contact of the last call, where there is a detector."""
     return [] if loop.touch is None else [Method("contact", "What the drives felt in the last call.", (), "contact")]
 
 

@@ -27,7 +27,7 @@ _STEP = (
 SETTLED = 1e-3
 """Last correction of Newton's method, per range of a bending coordinate, above which a step is reported as coarse."""
 _UNSOLVED = 1e-1
-"""The same above which a step is refused: its equations are not solved."""
+"""Last correction above which a step is refused: its equations are not solved."""
 
 
 def implicit_step(subject: Subject) -> Part:
@@ -99,7 +99,7 @@ def _kernels(subject: Subject) -> tuple[Kernel, Kernel, Kernel, Kernel, Kernel]:
 
 
 def _whole(function: ca.Function) -> ca.Function:
-    """The same of a whole step, with the ends of both stages under one name."""
+    """Function of a whole step, with the ends of both stages under one name."""
     given = {name: function.sx_in(k) for k, name in enumerate(function.name_in())}
     found = function.call({**given, "share": ca.SX(1.0)})
     named = {"next" if name == "end" else name: found[name] for name in function.name_out()}

@@ -210,7 +210,7 @@ def has_linearization(subject: Subject) -> bool:
 
 
 def moment_note(subject: Subject) -> str:
-    """What a caller must know of a tip moment that changes; empty where the model follows it."""
+    """Note about a tip moment that changes; empty where the model follows it."""
     structure = subject.model.structure
     if structure.moment_is_constant:
         return (

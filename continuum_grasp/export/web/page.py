@@ -45,7 +45,7 @@ Array = NDArray[np.float64]
 _TESTED = "tests/check.h"
 """Header of a package's tests."""
 _DIGITS = 6
-"""Of numbers that are only drawn."""
+"""Digits of numbers that are only drawn."""
 _TABLE = 0.005
 """Time between rows of a table of inputs and loads [s]."""
 _PULL = 0.25
@@ -211,7 +211,7 @@ def plant_exports(plant: WebPlant) -> list[str]:
 
 
 def _controller(scene: ControlScene, loop: Loop, sensors: Sensors) -> dict[str, Any]:
-    """What the page must know of controller and sensors."""
+    """Data of controller and sensors for the page."""
     c, wanted = scene.controller, loop.setpoints
     # Setpoints of the scene over time, by rows, of which the last one holds.
     rows = wanted.rows(np.arange(0.0, (scene.duration or 0.0) + c.step, c.step))
@@ -230,7 +230,7 @@ def _controller(scene: ControlScene, loop: Loop, sensors: Sensors) -> dict[str, 
 
 
 def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
-    """What the page must know of the plant."""
+    """Data of the plant for the page."""
     system, finger = plant.system, plant.system.finger_model.finger
     own, body = system.finger_model, system.surroundings
     length = finger.rod.length
@@ -295,7 +295,7 @@ def _slider(field: Any, value: float) -> dict[str, Any]:
 
 
 def _view(plant: WebPlant, scene: Scene | ControlScene) -> list[float]:
-    """What is seen of the world: left, bottom, right and top [m]."""
+    """Visible part of the world: left, bottom, right and top [m]."""
     finger, body = plant.system.finger_model.finger, plant.system.surroundings
     s = plant.at[:, None] / finger.rod.length
     points = [np.array([finger.base.position])]
@@ -313,7 +313,7 @@ def _view(plant: WebPlant, scene: Scene | ControlScene) -> list[float]:
 
 
 def _about(plant: WebPlant, scene: Scene | ControlScene, played: Record | None) -> str:
-    """What is computed, in a sentence or two."""
+    """Computed quantities, in a sentence or two."""
     model = plant.system.finger_model
     words: dict[str, object] = {
         "played": played is not None,

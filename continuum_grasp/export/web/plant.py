@@ -1,4 +1,4 @@
-"""What moves in a page: the finger in its surroundings as strict C, which steps, draws itself and is measured.
+"""Moving part of a page: the finger in its surroundings as strict C, which steps, draws itself and is measured.
 
 A page steps by ``implicit_step``'s method, L-stable, so that contacts and stiff cables need no shorter steps than the
 motion. Hands push the finger at ``PUSHED`` of its length, and an object that moves.
@@ -39,7 +39,7 @@ from continuum_grasp.simulation.signals import Signals
 Array = NDArray[np.float64]
 
 PUSHED = (0.25, 0.5, 0.75, 1.0)
-"""Where a finger can be pushed, as parts of its length."""
+"""Places where a finger can be pushed, as parts of its length."""
 SECTIONS = 25
 """Sections that are drawn, evenly spaced from base to tip; those where a finger can be pushed are among them."""
 STEP, CONTACT_STEP = 1e-3, 2.5e-4
@@ -133,7 +133,7 @@ class WebPlant:
 
     @cached_property
     def look(self) -> tuple[Kernel, ...]:
-        """What is drawn: sections and contacts, by the kernels of ``export-c``."""
+        """Drawn points: sections and contacts, by the kernels of ``export-c``."""
         x, _, w, p = self.symbols
         own, given = x[: self.system.nx], self.given
         shape = sections_kernel("shape", self.system, self.at.tolist(), given, own, self.acting, p)
@@ -143,7 +143,7 @@ class WebPlant:
 
     @cached_property
     def sense(self) -> Kernel | None:
-        """What is measured, if anything is."""
+        """Measurements, if there are any."""
         if not self.sensed.numel():
             return None
         seen = {"sensed": ca.densify(ca.vec(ca.SX(self.sensed)))}

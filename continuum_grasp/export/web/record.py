@@ -22,7 +22,7 @@ _FRAME = 1.0 / 60.0
 _MOST = 1200
 """Most frames of a record."""
 _DIGITS = 8
-"""Of recorded numbers: contacts are stiff, 1e-7 of a length is a force that is seen."""
+"""Digits of recorded numbers: contacts are stiff, 1e-7 of a length is a force that is seen."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Record:
     dt: float = 0.0
 
     def frames(self) -> dict[str, Any]:
-        """What is played back."""
+        """Frames that are played back."""
         return {name: getattr(self, name) for name in ("t", "x", "u", "w", "z", "known", "changes")}
 
     def table(self) -> dict[str, Any]:

@@ -60,7 +60,7 @@ def add_sizes(contents: Contents, files: Mapping[str, str]) -> None:
 
 
 def _run(folder: Path, *arguments: str) -> str:
-    """What clang says in a folder; SolverError if it fails."""
+    """Run clang in a folder and return its output; SolverError if it fails."""
     done = subprocess.run(["clang", *arguments], cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise SolverError("clang could not make WebAssembly", status="failed", advice=done.stderr[-2000:])
