@@ -64,7 +64,7 @@ class Example:
 
     @property
     def arguments(self) -> tuple[str, ...]:
-        """What follows ``continuum-grasp`` to run it in a folder that has its files."""
+        """Arguments of ``continuum-grasp`` that run the example in a folder that has its files."""
         read = self.files if self.kind == "identify" else ()
         data = [file.parent.as_posix() for file in read if file.suffix == ".csv"]
         options = [word for folder in dict.fromkeys(data) for word in ("--data", folder)]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import doctest
 import inspect
 import pkgutil
+import re
 from importlib import import_module
 from pathlib import Path
 
@@ -47,7 +48,15 @@ METHODS = {
     if method.__module__.startswith("continuum_grasp.") and not name.startswith("_")
 }
 EXPLAINED = PUBLIC | METHODS
+NO_NAME = re.compile(r'^ *"""(?:What|Which|How|Where|When|The same|It|Its|Of|That of|Those|Their)\b', re.MULTILINE)
+"""Openings of docstrings that leave unsaid what the thing is: on hover they stand alone."""
 WITH_EXAMPLES = [name for name, value in EXPLAINED.items() if ">>>" in (inspect.getdoc(value) or "")]
+
+
+def test_a_docstring_says_what_the_thing_is():
+    sources = Path(continuum_grasp.__path__[0]).rglob("*.py")
+    found = [(file.name, line) for file in sources for line in NO_NAME.findall(file.read_text(encoding="utf-8"))]
+    assert found == []
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)

@@ -1,4 +1,4 @@
-"""What may be chosen of a grasp: contacts, gravity, objective, disturbances, solver."""
+"""Options of a grasp: contacts, gravity, objective, disturbances, solver."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _Moment = Annotated[Real, Unit("N m")]
 
 
 class FingerContacts(Value):
-    """Where one finger touches the object; what is not given is as in ``contacts``."""
+    """Contacts of one finger with the object; keys that are not given are as in ``contacts``."""
 
     friction: Friction | None = None
     """Coulomb friction coefficient between this finger and the object [1]."""
@@ -55,7 +55,7 @@ class FingerContacts(Value):
 
 
 class GraspContacts(FingerContacts):
-    """Where fingers touch the object, and what the touching surfaces bear."""
+    """Contacts of fingers with the object, and limits of the touching surfaces."""
 
     friction: Friction
     """Coulomb friction coefficient between fingers and object [1]."""
@@ -76,12 +76,12 @@ class GraspFinger(Finger):
     """A finger with what is its own in a grasp."""
 
     contacts: FingerContacts = FingerContacts()
-    """Where this finger touches, where it differs from the scene's ``contacts``."""
+    """Contacts of this finger, where they differ from the scene's ``contacts``."""
     fidelity: Fidelity | None = None
-    """How finely this finger is modeled; None: as the scene says."""
+    """Resolution of this finger's model; None: as the scene says."""
     tendons_used: Literal["both", "left", "right"] = "both"
-    """Which tendons there are: both (antagonists), only that on the finger's left (-X side, tendon 1), or only that
-    on its right (tendon 2)."""
+    """Tendons that pull: both (antagonists), only that on the finger's left (-X side, tendon 1), or only that on its
+    right (tendon 2)."""
     base_free: Freedom | None = None
     """Bounds within which the base's pose may be chosen; None: it is fixed."""
 
@@ -184,7 +184,7 @@ class Closing(Value):
 
 
 Effort = Literal["quick", "normal", "thorough"]
-"""How much a search tries."""
+"""Effort of a search."""
 
 
 _Share = Annotated[float, Field(ge=0.0, le=0.9, examples=[0.05, "5 %"]), Unit("1")]
@@ -194,21 +194,21 @@ class Robust(Value):
     """Errors of what is known about the object, each up to a bound to both sides, with which the grasp must hold."""
 
     position: Annotated[Distance, Field(examples=[0.002, "2 mm"])] = 0.0
-    """Of the object's position, along x and along y [m], as far as the supports that it touches leave it."""
+    """Error of the object's position, along x and along y [m], as far as the supports that it touches leave it."""
     angle: Annotated[float, Field(ge=0.0, le=0.5, examples=[0.05235987755982989, "3 deg"]), Unit("rad")] = 0.0
-    """Of the object's angle [rad], unless a face lies on a support."""
+    """Error of the object's angle [rad], unless a face lies on a support."""
     radius: _Share = 0.0
-    """Of the object's size, all lengths of its shape being too large or too small by the same share [1]."""
+    """Error of the object's size, all lengths of its shape being too large or too small by the same share [1]."""
     friction: _Share = 0.0
-    """Of all friction coefficients, by the same share [1]."""
+    """Error of all friction coefficients, by the same share [1]."""
     mass: _Share = 0.0
-    """Of the object's mass, as a share [1]."""
+    """Error of the object's mass, as a share [1]."""
     draws: Annotated[int, Field(ge=1, le=100_000)] = 1000
     """Errors drawn at random within the bounds, evenly, with which the grasp that is found is tried."""
 
     @property
     def bounds(self) -> tuple[float, float, float, float, float, float]:
-        """Of x, y [m], angle [rad], size, friction and mass [1]."""
+        """Bounds of the errors of x, y [m], angle [rad], size, friction and mass [1]."""
         return self.position, self.position, self.angle, self.radius, self.friction, self.mass
 
     def _check(self) -> None:
@@ -220,9 +220,9 @@ class GraspSolver(SolverOptions):
     """Options of the search."""
 
     effort: Effort = "normal"
-    """How much is tried. quick: the three most promising postures per set of contacts, for sweeps. normal: all that may
-    be better than what was found, as long as that takes 600 iterations. thorough: without that limit, and from more and
-    rougher starts."""
+    """Effort of the search. quick: the three most promising postures per set of contacts, for sweeps. normal: all that
+    may be better than what was found, as long as that takes 600 iterations. thorough: without that limit, and from more
+    and rougher starts."""
     random_seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the draws with which robust grasps are tried; equal seeds give equal results."""
     max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 200

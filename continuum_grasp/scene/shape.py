@@ -113,7 +113,7 @@ class Shape:
 
 @cache
 def _schema(model: type[BaseModel]) -> _Node:
-    """Of a closed loop it takes 0.5 s, and a sweep asks for it several times."""
+    """JSON Schema of a model; that of a closed loop takes 0.5 s, and a sweep asks for it several times."""
     return model.model_json_schema()
 
 
