@@ -52,9 +52,12 @@ class Example:
     @cached_property
     def files(self) -> tuple[Path, ...]:
         """Every file that it needs, its own first, then the fingers, grasps and data that it names, and schemas."""
+        from continuum_grasp.scene.kinds import DEFINITIONS
+
         root = shipped_folder()
         found = dict.fromkeys([self.path, *(file for file in _named(self.path) if isinstance(file, Path))])
         schemas = [_schema_of(file, file.read_text(encoding="utf-8")) for file in found if file.suffix == ".yaml"]
+        schemas.append(schemas[0].with_name(DEFINITIONS))
         return tuple(file.relative_to(root) for file in dict.fromkeys([*found, *schemas]))
 
     @cached_property

@@ -28,13 +28,13 @@ def schema(
     """JSON Schema of the configurations, for editors."""
     from continuum_grasp.results import write_text
     from continuum_grasp.scene.kinds import KINDS
-    from continuum_grasp.scene.schema import schema_text
+    from continuum_grasp.scene.schema import json_schema, schema_files, schema_text
 
     output = Output()
     if (kind is None) == (out is None):
         raise InputError(f"expected either one of {', '.join(KINDS)}, or --out DIR")
     if kind is not None:
-        output.say(schema_text(kind).rstrip("\n"))
+        output.say(schema_text(json_schema(kind)).rstrip("\n"))
     elif out is not None:
-        for name in KINDS:
-            output.say(str(write_text(schema_text(name), out / f"{name}.json")))
+        for name, text in schema_files().items():
+            output.say(str(write_text(text, out / name)))

@@ -38,6 +38,8 @@ KINDS = {
     "finger": _Kind("finger", "Finger", "a finger alone", "rod", None),
 }
 """Kinds of configurations, by name."""
+DEFINITIONS = "definitions.json"
+"""File beside the schemas of all kinds, with the definitions that they share."""
 
 
 def model_of(kind: str) -> type[BaseModel]:

@@ -6,11 +6,12 @@ import copy
 import json
 from typing import Any
 
-from continuum_grasp.scene.kinds import model_of
+from continuum_grasp.scene.kinds import DEFINITIONS, KINDS, model_of
 from continuum_grasp.scene.shape import alternatives
 from continuum_grasp.scene.units import QUANTITIES, to_si
 
 _Node = dict[str, Any]
+_DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _SUFFIX = "Changes"
 _VERSION = {"const": 1, "description": "Format of this file."}
 _RESIDUAL = {"type": "string", "description": "Path of a learned residual, relative to this file."}
@@ -50,15 +51,25 @@ def json_schema(kind: str) -> _Node:
     schema["properties"]["schema_version"] = _VERSION
     schema["required"].insert(0, "schema_version")
     return {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$schema": _DIALECT,
         **schema,
         "title": f"continuum_grasp {kind} configuration",
     }
 
 
-def schema_text(kind: str) -> str:
-    """The schema as the text of its file."""
-    return json.dumps(json_schema(kind), indent=1, ensure_ascii=False) + "\n"
+def schema_text(schema: _Node) -> str:
+    """A schema as the text of a file."""
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
+
+
+def schema_files() -> dict[str, str]:
+    """Texts of a folder of schemas by name: one file per kind, and one of the definitions that they share."""
+    shared, found = dict[str, _Node](), dict[str, str]()
+    for kind in KINDS:
+        schema = json_schema(kind)
+        shared |= schema.pop("$defs")
+        found[f"{kind}.json"] = schema_text(schema).replace('"#/$defs/', f'"{DEFINITIONS}#/$defs/')
+    return {**found, DEFINITIONS: schema_text({"$schema": _DIALECT, "$defs": dict(sorted(shared.items()))})}
 
 
 def _give_examples(key: _Node) -> None:

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from continuum_grasp.scene.assembly import kind_of
+from continuum_grasp.scene.kinds import DEFINITIONS
 from continuum_grasp.scene.load import KINDS, load
-from continuum_grasp.scene.schema import json_schema
+from continuum_grasp.scene.schema import json_schema, schema_files
 from continuum_grasp.scene.yaml_loader import read_yaml
 
 ROOT = Path(__file__).parents[2]
@@ -36,10 +37,17 @@ def test_configuration_is_valid_and_names_its_schema(path):
     assert (path.parent / target).resolve() == ROOT / "schema" / f"{kind}.json"
 
 
+def test_schema_files_are_current():
+    shipped = {file.name: file.read_text(encoding="utf-8") for file in (ROOT / "schema").glob("*.json")}
+    assert shipped == schema_files(), "run: continuum-grasp schema --out schema"
+
+
 @pytest.mark.parametrize("kind", KINDS)
-def test_schema_file_is_current(kind):
-    shipped = json.loads((ROOT / "schema" / f"{kind}.json").read_text(encoding="utf-8"))
-    assert shipped == json_schema(kind), "run: continuum-grasp schema --out schema"
+def test_a_shared_definition_is_that_of_every_kind(kind):
+    files, whole = schema_files(), json_schema(kind)
+    defined = json.loads(files[DEFINITIONS])["$defs"]
+    assert {name: defined[name] for name in whole["$defs"]} == whole.pop("$defs")
+    assert json.loads(files[f"{kind}.json"].replace(f"{DEFINITIONS}#", "#")) == whole
 
 
 schema_of = lru_cache(json_schema)
