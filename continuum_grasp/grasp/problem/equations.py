@@ -1,9 +1,8 @@
 """The equations of a grasp problem: from its expressions, or compiled after an earlier process had used them.
 
-Expressions and derivatives take 0.1 to 0.3 s, a compiled library of them a few milliseconds. It is made by another
-process, when the one that built the equations ends: at ``-O0``, and without fused operations, so that a grasp is the
-same to the last bit. Compiling takes 2 s of four elements; ``-O1`` would take four times as long for derivatives that
-take 60 in place of 80 us.
+Expressions and derivatives take 0.1 to 0.3 s, a compiled library of them some milliseconds. Another process makes it
+when the one that built the equations ends: at ``-O0`` and without fused operations, so that a grasp is the same to the
+last bit. Compiling takes 2 s of four elements; with ``-O1`` it would take 8 s, for a Jacobian of 60 in place of 80 us.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import casadi as ca
@@ -39,12 +38,13 @@ _CODE = ("grasp/problem", "model", "nlp", "scene")
 """Packages whose code decides on the equations."""
 _FLAGS = ("-std=gnu11", "-O0", "-ffp-contract=off", "-fPIC", "-w")
 _MOST = 8
-"""Structures that are compiled after a process has used them: 2 to 10 s each, so that searches of random scenes do not
+"""Structures that are compiled after a process has used them, 2 to 10 s each: a search of many random scenes does not
 leave an hour of it."""
 _STORED = 300
 """Libraries that are stored, those used last: 2 MB each with four elements."""
-_READER, _PLACES = "values", "places"
+_VALUES = ("nlp_f", "nlp_g", "values", "places")
 _DERIVATIVES = {"grad_f": "nlp_grad_f", "jac_g": "nlp_jac_g", "hess_lag": "nlp_hess_l", "slope": "nlp_slope"}
+"""Names of a library's functions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,14 +58,14 @@ class Equations:
 
 
 def equations(spec: ProblemSpec) -> Equations:
-    """The equations of a structure; those of expressions are compiled after the process for the next one."""
+    """The equations of a structure; those of expressions are compiled when this process ends, for the next one."""
     compiler = find_compiler()
-    if compiler is None:
-        return _built(spec)
-    library = known_entry(_identity(spec, compiler), ".so", KIND)
-    if library is not None:
-        return _loaded(spec, library)
-    _compile_later(spec)
+    if compiler is not None:
+        library = known_entry(_identity(spec, compiler), ".so", KIND)
+        if library is not None:
+            with suppress(OSError, RuntimeError):  # of another C library, say
+                return _loaded(spec, library)
+        _compile_later(spec)
     return _built(spec)
 
 
@@ -78,31 +78,18 @@ def expressions(spec: ProblemSpec) -> GraspProblem:
 def _built(spec: ProblemSpec) -> Equations:
     problem = expressions(spec)
     x, numbers = problem.x.symbol, problem.numbers.symbol
-    layout = Layout.of(spec, described(problem))
     nlp = NLP("grasp", x, problem.objective, problem.rows.g, numbers)
-    return Equations(layout, nlp, point_reader(problem), places_reader(problem))
+    return Equations(Layout.of(spec, described(problem)), nlp, point_reader(problem), places_reader(problem))
 
 
 def _loaded(spec: ProblemSpec, library: Path) -> Equations:
-    described_layout = ctypes.CDLL(str(library)).layout
-    described_layout.restype = ctypes.c_char_p
-    layout = Layout.of(spec, described_layout().decode())
+    text = ctypes.CDLL(str(library)).layout
+    text.restype = ctypes.c_char_p
+    layout = Layout.of(spec, text().decode())
     x, p = ca.MX.sym("x", layout.x.size), ca.MX.sym("p", layout.numbers.size)
-    f, g, read, places, *rest = (ca.external(name, str(library)) for name in _names())
-    nlp = NLP("grasp", x, f(x, p), g(x, p), p, derivatives=dict(zip(_DERIVATIVES, rest, strict=True)))
-    return Equations(layout, nlp, read, places)
-
-
-def _names() -> list[str]:
-    """Names of the functions of a library."""
-    return ["nlp_f", "nlp_g", _READER, _PLACES, *_DERIVATIVES.values()]
-
-
-def _source(made: Equations, text: str) -> str:
-    """C of equations, and their layout."""
-    parts = [made.nlp.values.factory(f"nlp_{name}", ["x", "p"], [name]) for name in ("f", "g")]
-    functions = [*parts, made.read, made.places, *made.nlp.functions.values(), made.nlp.slope]
-    return f"{externals_source(functions)}\nconst char *layout(void) {{ return {json.dumps(text)}; }}\n"
+    f, g, read, places = (ca.external(name, str(library)) for name in _VALUES)
+    derivatives = {key: ca.external(name, str(library)) for key, name in _DERIVATIVES.items()}
+    return Equations(layout, NLP("grasp", x, f(x, p), g(x, p), p, derivatives), read, places)
 
 
 def _identity(spec: ProblemSpec, compiler: Compiler) -> str:
@@ -116,7 +103,7 @@ _wanted: dict[ProblemSpec, None] = {}
 
 
 def _compile_later(spec: ProblemSpec) -> None:
-    """Compile a structure when this process ends, beside what comes then."""
+    """Compile a structure when this process ends."""
     if os.environ.get("CONTINUUM_GRASP_BACKGROUND") == "0" or lasting_folder(KIND) is None:
         return
     if not _wanted:
@@ -126,43 +113,42 @@ def _compile_later(spec: ProblemSpec) -> None:
 
 
 def _start_compiling() -> None:
-    """Start the process that compiles, and leave it alone: nobody waits for it."""
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    """Start the process that compiles, which goes on alone."""
     path = os.pathsep.join(part for part in sys.path if part)
     with suppress(OSError, ValueError):
         child = subprocess.Popen(
-            [sys.executable, "-m", __name__],
+            [sys.executable, "-m", "continuum_grasp.grasp.problem.equations"],
             stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
             env={**os.environ, "PYTHONPATH": path},
             start_new_session=True,
-            **quiet,
         )
-        child.stdin.write(pickle.dumps(list(_wanted)))
-        child.stdin.close()
-        child.returncode = 0  # no warning that it still runs
+        if child.stdin is not None:
+            child.stdin.write(pickle.dumps(list(_wanted)))
+            child.stdin.close()
+        child.returncode = 0  # else Python warns that it still runs
 
 
 def compile_equations(specs: Iterable[ProblemSpec]) -> None:
-    """Compile structures into the cache; nothing where another process does so, or where there is no compiler."""
+    """Compile structures into the cache, unless another process does so or there is no compiler."""
     compiler, folder = find_compiler(), lasting_folder(KIND)
     if compiler is None or folder is None:
         return
     with alone_in(folder) as alone, suppress(CompileError, OSError):
         for spec in specs if alone else ():
-            entry_for(
-                _identity(spec, compiler),
-                ".so",
-                lambda work, of=spec: _compiled(of, compiler, work),
-                compiler.version,
-                KIND,
-            )
+            build = partial(_compiled, spec, compiler)
+            entry_for(_identity(spec, compiler), ".so", build, compiler.version, KIND)
         forget_oldest(folder, ".so", _STORED)
 
 
 def _compiled(spec: ProblemSpec, compiler: Compiler, work: Path) -> Path:
-    made = _built(spec)
+    """Write and compile the equations of a structure and its layout, in a folder."""
+    made, text = _built(spec), described(expressions(spec))
+    parts = [made.nlp.values.factory(f"nlp_{name}", ["x", "p"], [name]) for name in ("f", "g")]
+    source = externals_source([*parts, made.read, made.places, *made.nlp.functions.values(), made.nlp.slope])
     code, library = work / "code.c", work / "code.so"
-    code.write_text(_source(made, described(expressions(spec))))
+    code.write_text(f"{source}\nconst char *layout(void) {{ return {json.dumps(text)}; }}\n")
     compiler.run([*_FLAGS, "-shared", str(code), "-o", str(library), "-lm"])
     library.chmod(0o700)
     return library
