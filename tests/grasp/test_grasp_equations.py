@@ -31,11 +31,11 @@ BOX = Box(shape="box", width=0.08, height=0.06, mass=0.3, position=(0.04, 0.0))
 SOLVE = """
 import json, sys
 from continuum_grasp.grasp.problem import equations
-from continuum_grasp import optimize_grasp
-from continuum_grasp.scene import load
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.scene.load import load
 loaded = []
 equations._loaded = lambda *given, whole=equations._loaded: loaded.append(given) or whole(*given)
-found = optimize_grasp(load(sys.argv[1]).changed({"finger.fidelity.elements": 2}))
+found = optimize_grasp(load(sys.argv[1]).changed({"fidelity.elements": 2}))
 print(json.dumps([len(loaded), {name: values.tolist() for name, values in found.arrays.items()}]))
 """
 
