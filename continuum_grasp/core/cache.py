@@ -79,31 +79,25 @@ def entry_for(identity: str, suffix: str, build: Callable[[Path], Path], maker: 
 def known_entry(identity: str, suffix: str, kind: str = "compiled") -> Path | None:
     """The entry of an identity, which counts as used now; None where it is not in the cache."""
     folder = lasting_folder(kind)
-    if folder is None:
-        return None
-    key, entry, record = _names(folder, identity, suffix)
-    if not _sound(entry, record, key):
+    key, entry, record = _names(folder or Path(), identity, suffix)
+    if folder is None or not _sound(entry, record, key):
         return None
     with suppress(OSError):
         os.utime(entry)
     return entry
 
 
-def forget_oldest(folder: Path, suffix: str, stored: int) -> None:
-    """Remove all entries of a folder but so many, those used last."""
-
-    def used(entry: Path) -> int:
-        return entry.stat().st_mtime_ns
-
+def forget_oldest(suffix: str, kind: str, stored: int) -> None:
+    """Remove all entries of a kind but so many, those used last."""
     with suppress(OSError):  # another process removes them, too
-        for entry in sorted(folder.glob(f"*{suffix}"), key=used)[:-stored]:
+        for entry in sorted(private_folder(kind).glob(f"*{suffix}"), key=os.path.getmtime)[:-stored]:
             entry.with_suffix(".json").unlink(missing_ok=True)
             entry.unlink(missing_ok=True)
 
 
 @cache
 def hash_of_code(*packages: str) -> str:
-    """Hash of the Python files of packages of this one, by their paths in it."""
+    """Hash of the Python files of some packages of this one."""
     files = (file for name in packages for file in sorted((Path(__file__).parents[1] / name).rglob("*.py")))
     return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
 
@@ -135,17 +129,11 @@ def _build_folder(folder: Path) -> Iterator[Path]:
             yield work
 
 
-@contextmanager
-def alone_in(folder: Path) -> Iterator[bool]:
-    """Whether no other process is within this block for a folder; the system ends it however a process ends."""
-    with open(folder / _LOCK, "wb") as file:
-        alone = True
-        if fcntl is not None:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:  # or the file system has no locks
-                alone = False
-        yield alone
+def is_building(kind: str) -> bool:
+    """Whether a process builds an entry of a kind."""
+    folder = private_folder(kind)
+    _remove_left_builds(folder)
+    return any(folder.glob("build-*"))
 
 
 def _is_left(build: Path) -> bool:

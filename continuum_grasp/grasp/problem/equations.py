@@ -23,7 +23,7 @@ from pathlib import Path
 import casadi as ca
 
 from continuum_grasp import __version__
-from continuum_grasp.core.cache import alone_in, entry_for, forget_oldest, hash_of_code, known_entry, lasting_folder
+from continuum_grasp.core.cache import entry_for, forget_oldest, hash_of_code, is_building, known_entry, lasting_folder
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler
 from continuum_grasp.core.source import externals_source
 from continuum_grasp.grasp.problem.functions import described, places_reader, point_reader
@@ -132,14 +132,14 @@ def _start_compiling() -> None:
 
 def compile_equations(specs: Iterable[ProblemSpec]) -> None:
     """Compile structures into the cache, unless another process does so or there is no compiler."""
-    compiler, folder = find_compiler(), lasting_folder(KIND)
-    if compiler is None or folder is None:
+    compiler = find_compiler()
+    if compiler is None or lasting_folder(KIND) is None or is_building(KIND):
         return
-    with alone_in(folder) as alone, suppress(CompileError, OSError):
-        for spec in specs if alone else ():
+    with suppress(CompileError, OSError):
+        for spec in specs:
             build = partial(_compiled, spec, compiler)
             entry_for(_identity(spec, compiler), ".so", build, compiler.version, KIND)
-        forget_oldest(folder, ".so", _STORED)
+    forget_oldest(".so", KIND, _STORED)
 
 
 def _compiled(spec: ProblemSpec, compiler: Compiler, work: Path) -> Path:
