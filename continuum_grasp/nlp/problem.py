@@ -75,7 +75,7 @@ class NLP:
 
     @cached_property
     def slope(self) -> ca.Function:
-        """``(x, p, lam_f, lam_g)``: derivative of lam_f f + lam_g' g by the parameters, a row."""
+        """``(x, p, lam_f, lam_g)``: derivative of lam_f f + lam_g' g by the parameters, a column."""
         return self.derivatives.get("slope") or self.values.factory(
             "nlp_slope", ["x", "p", "lam:f", "lam:g"], ["grad:gamma:p"], {"gamma": ["f", "g"]}
         )

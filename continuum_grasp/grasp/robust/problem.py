@@ -106,7 +106,11 @@ class RobustProblem:
         blocks[0] += sum(each.bends(xs[0], ps[0], e, own) for each, e, own in own_forces)
         names = ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
         hessian = ca.Function("nlp_hess_l", [x, p, weight, forces], [ca.triu(ca.diagcat(*blocks))], *names)
-        derivatives = {"grad_f": gradient, "jac_g": jacobian, "hess_lag": hessian}
+        along = [part.nlp.slope(a, b, weight, own) for part, a, b, own in zip(parts, xs, ps, shares, strict=False)]
+        pull = ca.gradient(ca.dot(ca.vertcat(*shares[count + 1 :]), ca.vertcat(*linked)), p)
+        by_numbers = ca.vertcat(*along, ca.MX.zeros(3 * count)) + pull
+        slope = ca.Function("nlp_slope", [x, p, weight, forces], [by_numbers], names[0], ["grad_gamma_p"])
+        derivatives = {"grad_f": gradient, "jac_g": jacobian, "hess_lag": hessian, "slope": slope}
         self.nlp = nlp.NLP("robust_grasp", x, f, g, p, derivatives=derivatives)
 
     def bounds(self) -> tuple[Array, Array]:
