@@ -270,6 +270,18 @@ FAULTS: tuple[Fault, ...] = (
         ("return self.reserve >= HOLDS", "return self.reserve >= -1.0"),
         tests="grasp/test_grasp_robust.py grasp/test_grasp_response.py",
     ),
+    *_in(
+        "grasp/problem/equations.py",
+        ("(repr(spec), *versions,", "(repr(spec.fingers), *versions,"),
+        ('"model", "nlp", "scene")', '"nlp", "scene")'),
+        ("f(x, p), g(x, p), p, derivatives)", "f(x, p), -g(x, p), p, derivatives)"),
+        tests="grasp/test_grasp_equations.py",
+    ),
+    *_in(
+        "core/cache.py",
+        ("key=os.path.getmtime)[:-stored]", "key=os.path.getmtime)[stored:]"),
+        tests="grasp/test_grasp_equations.py",
+    ),
     # design, sweeps
     *_in(
         "design/held.py",

@@ -22,6 +22,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # ``.ci/run`` does so with some tests of core and controllers.
 os.environ.setdefault("CONTINUUM_GRASP_QUICK_COMPILE", "1")
 
+# No test leaves a process behind that compiles the equations of its grasps.
+os.environ.setdefault("CONTINUUM_GRASP_BACKGROUND", "0")
+
 _UNUSED_DAYS = 7.0
 """After which compiled code of earlier runs is removed [days]: it is stored by content, so old code is never used."""
 

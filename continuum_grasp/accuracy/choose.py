@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from dataclasses import dataclass, field
@@ -18,7 +17,7 @@ from continuum_grasp import __version__, interrupt
 from continuum_grasp.accuracy.choice import ACCURACIES, Assessment, Choice, assess, choices, open_families
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.core.cache import entry_for
+from continuum_grasp.core.cache import entry_for, hash_of_code
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene, Timing
@@ -243,8 +242,6 @@ def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, st
 
     maker = f"{__version__} {ca.CasadiMeta.version()}"
     # The code of the packages too: another version may measure other errors. Not the name, which changes nothing.
-    files = (file for folder in _MEASURE for file in sorted((Path(__file__).parents[1] / folder).rglob("*.py")))
-    of_code = [hashlib.sha256(file.read_bytes()).hexdigest() for file in files]
-    identity = "\n".join([maker, *of_code, asked.model_copy(update={"name": None}).model_dump_json()])
+    identity = "\n".join([maker, hash_of_code(*_MEASURE), asked.model_copy(update={"name": None}).model_dump_json()])
     known, note = json.loads(entry_for(identity, ".choice", choose, maker, kind="choices").read_text())
     return scene.model_copy(update={"fidelity": Fidelity.model_validate(known)}), str(note)

@@ -65,8 +65,7 @@ def entry_for(identity: str, suffix: str, build: Callable[[Path], Path], maker: 
     """
     folder = private_folder(kind)
     _remove_left_builds(folder)
-    key = hashlib.sha256(identity.encode()).hexdigest()
-    entry, record = folder / f"{key}{suffix}", folder / f"{key}.json"
+    key, entry, record = _names(folder, identity, suffix)
     if _sound(entry, record, key):
         return entry
     with _build_folder(folder) as work:
@@ -76,6 +75,38 @@ def entry_for(identity: str, suffix: str, build: Callable[[Path], Path], maker: 
         os.replace(built, entry)
         os.replace(written, record)
     return entry
+
+
+def known_entry(identity: str, suffix: str, kind: str = "compiled") -> Path | None:
+    """The entry of an identity, which counts as used now; None where it is not in the cache."""
+    folder = lasting_folder(kind)
+    key, entry, record = _names(folder or Path(), identity, suffix)
+    if folder is None or not _sound(entry, record, key):
+        return None
+    with suppress(OSError):
+        os.utime(entry)
+    return entry
+
+
+def forget_oldest(suffix: str, kind: str, stored: int) -> None:
+    """Remove all entries of a kind but so many, those used last."""
+    with suppress(OSError):  # another process removes them, too
+        for entry in sorted(private_folder(kind).glob(f"*{suffix}"), key=os.path.getmtime)[:-stored]:
+            entry.with_suffix(".json").unlink(missing_ok=True)
+            entry.unlink(missing_ok=True)
+
+
+@cache
+def hash_of_code(*packages: str) -> str:
+    """Hash of the Python files of some packages of this one."""
+    files = (file for name in packages for file in sorted((Path(__file__).parents[1] / name).rglob("*.py")))
+    return hashlib.sha256(b"\0".join(file.read_bytes() for file in files)).hexdigest()
+
+
+def _names(folder: Path, identity: str, suffix: str) -> tuple[str, Path, Path]:
+    """Key of an identity, and the files of its entry and of its record."""
+    key = hashlib.sha256(identity.encode()).hexdigest()
+    return key, folder / f"{key}{suffix}", folder / f"{key}.json"
 
 
 @cache
@@ -99,6 +130,13 @@ def _build_folder(folder: Path) -> Iterator[Path]:
             yield work
 
 
+def is_building(kind: str) -> bool:
+    """Whether a process builds an entry of a kind."""
+    folder = private_folder(kind)
+    _remove_left_builds(folder)
+    return any(folder.glob("build-*"))
+
+
 def _is_left(build: Path) -> bool:
     """Whether no process works in a folder of a build any more."""
     if time.time() - build.lstat().st_mtime > _LONGEST_BUILD:
@@ -113,13 +151,24 @@ def _is_left(build: Path) -> bool:
 def private_folder(kind: str = "compiled") -> Path:
     """The cache folder of a kind; a temporary one where that cannot be had for this user alone."""
     try:
-        folder = cache_folder(kind)
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        if not (_is_ours(folder) and os.access(folder, os.W_OK)):
-            raise PermissionError(f"{folder} is open to others or cannot be written")
-        return folder
+        return _own_folder(kind)
     except (OSError, RuntimeError) as error:  # RuntimeError: there is no home folder
         return _temporary_folder(kind, str(error))
+
+
+def lasting_folder(kind: str = "compiled") -> Path | None:
+    """The cache folder of a kind; None where it cannot be had for this user alone."""
+    with suppress(OSError, RuntimeError):
+        return _own_folder(kind)
+    return None
+
+
+def _own_folder(kind: str) -> Path:
+    folder = cache_folder(kind)
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    if not (_is_ours(folder) and os.access(folder, os.W_OK)):
+        raise PermissionError(f"{folder} is open to others or cannot be written")
+    return folder
 
 
 @cache

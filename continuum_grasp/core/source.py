@@ -135,6 +135,14 @@ def generated(name: str, *functions: ca.Function) -> str:
     return with_loops(str(generator.dump()), _fill, prelude)
 
 
+def externals_source(functions: Sequence[ca.Function]) -> str:
+    """CasADi's C of functions, as ``casadi.external`` takes it from a library."""
+    generator = ca.CodeGenerator("functions.c", {"with_mem": False, "static_aux": True})
+    for function in functions:
+        generator.add(function)
+    return str(generator.dump())
+
+
 _STRAIGHT = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)
 """Name and body of a straight-line function in what CasADi writes."""
 

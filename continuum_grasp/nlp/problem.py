@@ -27,7 +27,7 @@ class NLP:
     derivatives : mapping of str to casadi.Function
         Those that are assembled by hand, in the form of CasADi; the others are found by automatic differentiation:
         ``grad_f`` (x, p) -> f, gradient; ``jac_g`` (x, p) -> g, Jacobian; ``hess_lag`` (x, p, lam_f, lam_g) -> upper
-        triangle of the Hessian of lam_f f + lam_g' g, or what stands for it.
+        triangle of the Hessian of lam_f f + lam_g' g, or what stands for it; ``slope`` as the attribute.
     semidefinite : bool
         Whether ``hess_lag`` is positive semidefinite everywhere, as that of Gauss and Newton is.
 
@@ -75,8 +75,10 @@ class NLP:
 
     @cached_property
     def slope(self) -> ca.Function:
-        """``(x, p, lam_f, lam_g)``: derivative of lam_f f + lam_g' g by the parameters, a row."""
-        return self.values.factory("nlp_slope", ["x", "p", "lam:f", "lam:g"], ["grad:gamma:p"], {"gamma": ["f", "g"]})
+        """``(x, p, lam_f, lam_g)``: derivative of lam_f f + lam_g' g by the parameters, a column."""
+        return self.derivatives.get("slope") or self.values.factory(
+            "nlp_slope", ["x", "p", "lam:f", "lam:g"], ["grad:gamma:p"], {"gamma": ["f", "g"]}
+        )
 
 
 @dataclass(frozen=True)

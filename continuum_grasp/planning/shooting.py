@@ -14,6 +14,7 @@ import casadi as ca
 
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler
+from continuum_grasp.core.source import externals_source
 
 _WEIGHTS = (1.0 / 6.0, 1.0 / 3.0, 1.0 / 3.0, 1.0 / 6.0)  # of the slopes of RK4
 _AHEAD = (0.0, 0.5, 0.5, 1.0)  # share of the step at which each slope is taken
@@ -65,12 +66,9 @@ def compiled(term: Term) -> Term:
     compiler = find_compiler()
     if compiler is None:
         return term
-    generator = ca.CodeGenerator("term.c", {"with_mem": False, "static_aux": True})
     functions = (term.value, term.jacobian, term.hessian)
-    for function in functions:
-        generator.add(function)
     try:
-        library = str(library_for(generator.dump(), compiler, "the plan"))
+        library = str(library_for(externals_source(functions), compiler, "the plan"))
     except (CompileError, OSError):
         return term
     return Term(*(ca.external(function.name(), library) for function in functions))

@@ -16,8 +16,8 @@ from grasp_scenes import make_scene
 from continuum_grasp import nlp
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import disturbance, limits, points, solver_run, surroundings, values
+from continuum_grasp.grasp.problem.equations import equations, expressions
 from continuum_grasp.grasp.problem.limits import friction_cone
-from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.solver_run import GraspSolverRun, allowed_depth, solve_clear
 from continuum_grasp.grasp.problem.structure import FingerSpec, ProblemSpec
@@ -133,11 +133,12 @@ def posed(objective="least_tension"):
     """The problem of a mug, its numbers and unknowns at a start, and the bounds of these."""
     scene = make_scene(objective=objective)
     start = make_starts(scene, contact_modes(scene)[0], 1)[0]
-    problem = GraspProblem(ProblemSpec.of(scene, start.contacts))
+    problem = expressions(ProblemSpec.of(scene, start.contacts))
+    layout = equations(problem.spec).layout
     features = values.contact_features(scene, start.contacts)
-    numbers = values.problem_values(problem, scene, start, features)
-    x = points.starting_point(problem, scene, start, features)
-    return scene, problem, numbers, x, values.problem_bounds(problem, scene, features)
+    numbers = values.problem_values(layout, scene, start, features)
+    x = points.starting_point(layout, scene, start, features)
+    return scene, problem, numbers, x, values.problem_bounds(layout, scene, features)
 
 
 def relaxed(*names):
@@ -149,20 +150,19 @@ def relaxed(*names):
 def weighed_change():
     """What it costs beside the reserve of the cones to change one tension by its most."""
     scene, problem, numbers, _, _ = posed()
-    robust = GraspProblem(problem.spec.in_error(landed=False))
-    start = make_starts(scene, contact_modes(scene)[0], 1)[0]
+    made = equations(problem.spec.in_error(landed=False))
+    robust, start = made.layout, make_starts(scene, contact_modes(scene)[0], 1)[0]
     values_there = values.problem_values(robust, scene, start, values.contact_features(scene, start.contacts))
-    cost = ca.Function("f", [robust.x.symbol, robust.numbers.symbol], [robust.objective])
     packed, x = robust.numbers.pack({**numbers, **values_there}, 0.0), np.zeros(robust.x.size)
     x[robust.x.at["finger.pulls"]] = values_there["finger.pull_held"]
     taken = x.copy()
     taken[robust.x.at["finger.pulls"].start] += values_there["finger.pull_max"]
     sums = values_there["finger.tension weight"] * values_there["finger.pull_max"]
-    return float(cost(taken, packed) - cost(x, packed)) - sums
+    return float(made.nlp.values(taken, packed)[0] - made.nlp.values(x, packed)[0]) - sums
 
 
 def points_of_backbones():
-    return points.point_reader(posed()[1]).size_out(10)
+    return equations(posed()[1].spec).read.size_out(10)
 
 
 COUNTS = [

@@ -177,7 +177,7 @@ def test_derivatives_of_the_whole_problem_are_those_of_its_expressions(name: str
     force, along = rng.normal(size=whole.g.numel()), rng.normal(size=x.size)
     values = ca.Function("values", [whole.x, whole.p], [whole.f, whole.g])
 
-    def lagrangian(at: np.ndarray) -> float:
+    def lagrangian(at: np.ndarray, p: np.ndarray = p) -> float:
         f, g = values(at, p)
         return float(f) + float(np.asarray(g).ravel() @ force)
 
@@ -188,6 +188,9 @@ def test_derivatives_of_the_whole_problem_are_those_of_its_expressions(name: str
     h = 1e-6
     numeric = (lagrangian(x + h * along) - lagrangian(x - h * along)) / (2.0 * h)
     assert slope(x) @ along == pytest.approx(numeric, rel=1e-6)
+    beside = rng.normal(size=p.size)
+    numeric = (lagrangian(x, p + h * beside) - lagrangian(x, p - h * beside)) / (2.0 * h)
+    assert np.asarray(whole.slope(x, p, 1.0, force)).ravel() @ beside == pytest.approx(numeric, rel=1e-6)
     upper = np.asarray(whole.functions["hess_lag"](x, p, 1.0, force))
     bent = (upper + np.triu(upper, 1).T) @ along
     difference = (slope(x + h * along) - slope(x - h * along)) / (2.0 * h)

@@ -15,32 +15,29 @@ from continuum_grasp.nlp import Constraints, Violation
 Array = NDArray[Any]
 
 
-class Columns:
-    """Symbols by name, in the order in which they were first asked for: the unknowns, or the run-time numbers.
+class Places:
+    """Where named entries are in a column: of the unknowns, or of the run-time numbers.
 
     Attributes
     ----------
     at : dict of str to slice
-        Where the entries of each are in the whole column.
     """
 
-    def __init__(self) -> None:
-        self._symbols: dict[str, ca.SX] = {}
+    def __init__(self, sizes: Mapping[str, int] | None = None) -> None:
         self.at: dict[str, slice] = {}
         self.size = 0
+        for name, size in (sizes or {}).items():
+            self.add(name, size)
 
-    def __call__(self, name: str, size: int = 1) -> ca.SX:
-        """The symbol of a name; created on the first call."""
-        if name not in self._symbols:
-            self._symbols[name] = ca.SX.sym(name, size)
-            self.at[name] = slice(self.size, self.size + size)
-            self.size += size
-        return self._symbols[name]
+    def add(self, name: str, size: int) -> None:
+        """Append entries under a name."""
+        self.at[name] = slice(self.size, self.size + size)
+        self.size += size
 
     @property
-    def symbol(self) -> ca.SX:
-        """All of them as a column."""
-        return ca.vertcat(*self._symbols.values()) if self._symbols else ca.SX(0, 1)
+    def sizes(self) -> dict[str, int]:
+        """Number of entries by name."""
+        return {name: at.stop - at.start for name, at in self.at.items()}
 
     def pack(self, values: Mapping[str, ArrayLike], default: float | None = None) -> Array:
         """The column of numbers for these values; what is missing is the default, if there is one.
@@ -60,7 +57,40 @@ class Columns:
         return out
 
 
+class Columns(Places):
+    """Symbols by name, in the order in which they were first asked for."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._symbols: dict[str, ca.SX] = {}
+
+    def __call__(self, name: str, size: int = 1) -> ca.SX:
+        """The symbol of a name; created on the first call."""
+        if name not in self._symbols:
+            self._symbols[name] = ca.SX.sym(name, size)
+            self.add(name, size)
+        return self._symbols[name]
+
+    @property
+    def symbol(self) -> ca.SX:
+        """All of them as a column."""
+        return ca.vertcat(*self._symbols.values()) if self._symbols else ca.SX(0, 1)
+
+
 class Rows(Constraints):
+    """Named constraints in units of a problem."""
+
+    def violations(self, g: Array, tolerance: float, units: Mapping[str, float]) -> list[Violation]:
+        """The constraints that a point violates by more than ``tolerance``, worst first.
+
+        ``units`` are the amounts of a unit of the problem, by unit; they belong to a scene, the rows to many.
+        """
+        scaled = (replace(block, scale=np.array([units.get(block.unit, 1.0)])) for block in self.blocks)
+        found = [block.violation(g[block.rows]) for block in scaled]
+        return sorted((v for v in found if v.scaled > tolerance), key=lambda v: -v.scaled)
+
+
+class Expressed(Rows):
     """Named constraints with their expressions."""
 
     def __init__(self) -> None:
@@ -80,15 +110,6 @@ class Rows(Constraints):
     def g(self) -> ca.SX:
         """All constraint expressions."""
         return ca.vertcat(*self._expressions)
-
-    def violations(self, g: Array, tolerance: float, units: Mapping[str, float]) -> list[Violation]:
-        """The constraints that a point violates by more than ``tolerance``, worst first.
-
-        ``units`` are the amounts of a unit of the problem, by unit; they belong to a scene, the rows to many.
-        """
-        scaled = (replace(block, scale=np.array([units.get(block.unit, 1.0)])) for block in self.blocks)
-        found = [block.violation(g[block.rows]) for block in scaled]
-        return sorted((v for v in found if v.scaled > tolerance), key=lambda v: -v.scaled)
 
 
 def rotation(angle: ca.SX) -> ca.SX:

@@ -8,13 +8,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.problem.problem import GraspProblem
-from continuum_grasp.grasp.problem.unit_finger import UnitFinger
-from continuum_grasp.grasp.problem.unknowns import Touch
+from continuum_grasp.grasp.problem.layout import FingerLayout, Layout
 from continuum_grasp.grasp.problem.values import Units, node_places
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, turning
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces.surface import Feature
+from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 Array = NDArray[Any]
@@ -26,14 +25,14 @@ PRESSED = 1e-2
 """Least normal force of a contact to start with, as a part of the weight."""
 
 
-def starting_point(problem: GraspProblem, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Array:
+def starting_point(problem: Layout, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Array:
     """Unknowns for a start."""
     units = Units.of(scene)
     values: Values = {"object pose": units.pose(start.object_pose)}
     for setup, finger in zip(scene.setups, problem.fingers, strict=True):
         values |= {f"{setup.name}.{key}": value for key, value in _finger_start(setup, finger, start, units).items()}
     force = max(scene.weight / units.force, 1.0)
-    lift = force / max(len(problem.contacts), 1)
+    lift = force / max(len(problem.spec.contacts), 1)
     values["greatest normal force"] = force
     for contact in problem.spec.contacts:
         at = start.contacts[contact.name]
@@ -48,7 +47,7 @@ def starting_point(problem: GraspProblem, scene: GraspScene, start: Start, featu
     return problem.x.pack(values, 0.0)
 
 
-def _finger_start(setup: FingerSetup, finger: UnitFinger, whole: Start, units: Units) -> Values:
+def _finger_start(setup: FingerSetup, finger: FingerLayout, whole: Start, units: Units) -> Values:
     """The unknowns of a finger, whose curvature is that of the start at the places of its family."""
     tendons, start = setup.tendons, whole.fingers[setup.name]
     length, stiffness = setup.finger.rod.length, setup.stiffness
@@ -65,7 +64,7 @@ def _finger_start(setup: FingerSetup, finger: UnitFinger, whole: Start, units: U
         stretched = [(law.series + law.axial) * stiffness / (length**2 * tendons.offset) * pull for pull in pulls]
         each = [path + stretched[0], -path + stretched[1]]
         wound = {"command": [each[0] - law.start / length] if finger.spec.drive.pulley else each}
-        if finger.wound is not None:
+        if finger.spec.drive.winds:
             wound = {"command": [pulls[0] - pulls[1]], "wound": [stretched[0] - law.start / length]}
     return {
         **wound,
@@ -76,24 +75,24 @@ def _finger_start(setup: FingerSetup, finger: UnitFinger, whole: Start, units: U
     }
 
 
-def _coordinates(setup: FingerSetup, finger: UnitFinger, lengths: Array, knots: Array, curvatures: Array) -> Array:
+def _coordinates(setup: FingerSetup, finger: FingerLayout, lengths: Array, knots: Array, curvatures: Array) -> Array:
     """Coordinates of the unit finger near a shape, curvatures being linear between knots (1, K) along it."""
     ends = np.concatenate([[0.0], np.cumsum(lengths)])
-    family = finger.model.structure.family
+    family = finger.family
     places = ends[:-1, None] + lengths[:, None] * family.places
     at = curvature_at(knots, curvatures, places.reshape(1, -1)).reshape(places.shape)
     bends = np.diff(turning(knots, curvatures, ends[None])[0])
     # The model's unit finger is straight at rest but for run-time numbers.
     length = setup.finger.rod.length
     rest = length * setup.finger.profile.rest_curvature(length * places)
-    return np.asarray(family.coordinates(bends - rest.mean(axis=1) * lengths, at - rest)[: finger.q.numel()])
+    return np.asarray(family.coordinates(bends - rest.mean(axis=1) * lengths, at - rest)[: finger.size])
 
 
 def bending_arrays(
-    setup: FingerSetup, finger: UnitFinger, q: Array, lengths: Array, tip: float, pulls: Array
+    setup: FingerSetup, finger: FingerLayout, q: Array, lengths: Array, tip: float, pulls: Array
 ) -> Values:
     """Coordinates above rest, their shapes and the curvature at the tip, as a result stores them (SI)."""
-    length, profile, family = setup.finger.rod.length, setup.finger.profile, finger.model.structure.family
+    length, profile, family = setup.finger.rod.length, setup.finger.profile, finger.family
     shapes = family.curvature_shapes(lengths.tolist())
     if not setup.graded:
         tip = (tip - float(profile.rest_curvature(0.0)) * length) / length
@@ -102,15 +101,15 @@ def bending_arrays(
     # Nodes have the stiffness of their base side; at a jump, the element beyond bends by another curvature.
     stiffness, beyond = (profile.bending_stiffness(ends, tip_side=side) for side in (False, True))
     moments = q * setup.stiffness / length
-    if finger.model.structure.matched:
+    if FAMILIES[setup.family].matches_tip:
         (channel,) = setup.finger.channels
         moments = moments + np.dot(channel.arms, pulls) * channel.shape(ends)
     bent = moments / stiffness
     shapes[:, 0] *= (stiffness / beyond)[:-1, None]
-    return {"q": bent[: finger.q.numel()], "curvature_shapes": shapes, "tip_curvature": np.array(float(bent[-1]))}
+    return {"q": bent[: finger.size], "curvature_shapes": shapes, "tip_curvature": np.array(float(bent[-1]))}
 
 
-def stored_arrays(problem: GraspProblem, scene: GraspScene, start: Start, values: list[ca.DM]) -> dict[str, Array]:
+def stored_arrays(problem: Layout, scene: GraspScene, start: Start, values: list[ca.DM]) -> dict[str, Array]:
     """What a result stores of a point, from the ``values`` that the problem's reader gives there."""
     units, spec = Units.of(scene), problem.spec
     pose, points, normals, forces, stations, *rest = (np.array(v) for v in values)
@@ -141,39 +140,3 @@ def stored_arrays(problem: GraspProblem, scene: GraspScene, start: Start, values
         "contact_stations": stations.ravel() * lengths,
         "contact_parts": np.array([start.contacts[contact.name].part for contact in spec.contacts], dtype=int),
     }
-
-
-def point_reader(problem: GraspProblem) -> ca.Function:
-    """What a result stores, in units of the problem, from unknowns and run-time numbers."""
-    x, numbers, touched = problem.x.symbol, problem.numbers.symbol, problem.contacts
-
-    def station(contact: Touch) -> ca.SX:
-        spec = contact.spec
-        if spec.finger < 0 or spec.joint < 0:
-            return ca.SX(0 if spec.finger < 0 else 1)
-        return problem.fingers[spec.finger].joints[spec.joint]
-
-    plain: list[Any] = [
-        problem.pose,
-        ca.horzcat(ca.SX(2, 0), *(c.point for c in touched)),
-        ca.horzcat(ca.SX(2, 0), *(c.normal for c in touched)),
-        ca.horzcat(ca.SX(3, 0), *(c.force for c in touched)),
-        ca.vertcat(*(station(c) for c in touched)),
-    ]
-    shared = len(plain)
-    for finger in problem.fingers:
-        plain += finger.stored()
-    read = ca.Function("read", [x, numbers], plain)
-    mx, mp = ca.MX.sym("x", x.numel()), ca.MX.sym("p", numbers.numel())
-    values = list(read(mx, mp))
-    out = values[:shared]
-    s = ca.SX.sym("s")
-    along = ca.DM(np.linspace(0.0, 1.0, BACKBONE_POINTS)).T
-    for k, finger in enumerate(problem.fingers):
-        point, angle = finger.section(s)
-        section = ca.vertcat(s, finger.world(point), angle + finger.base[2])
-        place = ca.Function("place", [s, x, numbers], [section])
-        # Mapped, not unrolled: the expression of one place serves all.
-        line = place.map(BACKBONE_POINTS, [False, True, True], [False])(along, mx, mp)
-        out += [*values[shared + 5 * k : shared + 5 + 5 * k], line]
-    return ca.Function("values", [mx, mp], out)

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp import nlp
-from continuum_grasp.grasp.problem.points import point_reader, starting_point, stored_arrays
-from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.equations import equations
+from continuum_grasp.grasp.problem.points import starting_point, stored_arrays
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Surroundings
@@ -76,11 +76,9 @@ class GraspSolverRun:
     """A grasp problem, and solvers prepared for all scenes of its structure."""
 
     def __init__(self, spec: ProblemSpec) -> None:
-        self.problem = GraspProblem(spec)
-        self._read = point_reader(self.problem)
-        self._near = Surroundings(self.problem)
-        x, numbers = self.problem.x.symbol, self.problem.numbers.symbol
-        self.nlp = nlp.NLP("grasp", x, self.problem.objective, self.problem.rows.g, numbers)
+        made = equations(spec)
+        self.problem, self.nlp, self._read = made.layout, made.nlp, made.read
+        self.near = Surroundings(self.problem, made.places)
         self._solvers: dict[tuple[Any, ...], nlp.Solver] = {}
 
     def prepare(self, scene: GraspScene) -> nlp.Solver:
@@ -217,7 +215,7 @@ class GraspSolverRun:
         """How deep fingers are at a point, and ``values`` as numbers with the guarded places and circles of it."""
 
         def look(x: Array, numbers: Array) -> tuple[float, Array]:
-            sight = self._near.look(scene, x, numbers)
+            sight = self.near.look(scene, x, numbers)
             return sight.deepest, self.problem.numbers.pack({**values, **sight.numbers})
 
         return look
@@ -264,7 +262,7 @@ class GraspSolverRun:
         values = problem_values(self.problem, scene, start, features)
         fingers = (finger.spec.name for finger in self.problem.fingers)
         probes = {name: attempt.numbers[at[f"{name}.probes"]] for name in fingers}
-        values |= self._near.look(scene, attempt.x, numbers.pack(values, 0.0), probes).numbers
+        values |= self.near.look(scene, attempt.x, numbers.pack(values, 0.0), probes).numbers
         stay = [name for name in at if name.endswith((".strain probes", "effort weight", "relaxation weights"))]
         return numbers.pack({**values, **{name: attempt.numbers[at[name]] for name in stay}})
 

@@ -29,6 +29,11 @@ class DriveSpec:
     pulley: bool  # whether one drive moves both tendons
     locks: bool  # whether it holds a position; False: a torque
 
+    @property
+    def winds(self) -> bool:
+        """Whether the angle of the drive is an unknown: of a pulley under a torque."""
+        return self.pulley and not self.locks
+
     @staticmethod
     def of(setup: FingerSetup) -> DriveSpec | None:
         """The structure of a finger's drives; None where its tensions can be chosen and stay."""
@@ -69,6 +74,17 @@ class FingerSpec:
     def emerging(self) -> int:
         """Elements before the first contact along the finger, which may come out of a support."""
         return next((n for n, on in zip(self.before, self.touching, strict=True) if on), self.before[0])
+
+    @property
+    def probes(self) -> int:
+        """Guarded places per element, where it is deepest: long elements can enter an object at two places."""
+        return 2 if self.elements < 4 else 1
+
+    @property
+    def guards(self) -> int:
+        """Guarded places per element that are spread evenly."""
+        # Few are enough beside the probes.
+        return 4 if self.elements > 3 else 6
 
     @staticmethod
     def of(setup: FingerSetup, on: frozenset[str], weighs: bool) -> FingerSpec:

@@ -10,9 +10,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.problem.layout import FingerLayout, Layout
 from continuum_grasp.grasp.problem.points import bending_arrays
-from continuum_grasp.grasp.problem.problem import GraspProblem
-from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.values import Units
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.skin import skin
@@ -81,23 +80,8 @@ class _Obstacle:
 class Surroundings:
     """Looks for what is near the fingers of one problem."""
 
-    def __init__(self, problem: GraspProblem) -> None:
-        self._problem = problem
-        x, numbers = problem.x.symbol, problem.numbers.symbol
-        out: list[ca.SX] = [problem.pose]
-        self._elements: list[list[int]] = []
-        self._free: list[Array] = []  # which guarded places do not touch the object
-        for k, finger in enumerate(problem.fingers):
-            points, elements, touches, half = finger.guarded
-            # The probes are where this look puts them; all others follow from the unknowns.
-            count = points.shape[1] - finger.probes * finger.spec.elements
-            self._elements.append(elements[:count])
-            self._free.append(~np.array(touches))
-            own = [contact for contact in problem.contacts if contact.spec.finger == k]
-            own.sort(key=lambda contact: finger.end_of(contact.spec))
-            touched = ca.horzcat(ca.SX(2, 0), *(contact.local.point for contact in own))
-            out += [touched, points[:, :count], half[:count], finger.curvatures()[1], *finger.stored()]
-        self._places = ca.Function("places", [x, numbers], out)
+    def __init__(self, problem: Layout, places: ca.Function) -> None:
+        self._problem, self._places = problem, places
 
     def look(self, scene: GraspScene, x: Array, numbers: Array, probes: Mapping[str, Array] | None = None) -> Sight:
         """Look at a point of the search, given by unknowns and run-time numbers; what a look finds does not matter in
@@ -134,6 +118,7 @@ class Surroundings:
     ) -> _Traced:
         """Look along one finger; supports and object may be ``allowed`` deep in it."""
         finger, name = self._problem.fingers[index], setup.name
+        clear = ~np.array(finger.touches)  # which guarded places do not touch the object
         touched, points, half, curvatures, q, lengths, tip, pulls, base = values
         half, lengths, base, size = half.ravel(), lengths.ravel(), base.ravel(), setup.finger.rod.length
         line = _Line.of(setup, finger, curvatures, q.ravel(), lengths, float(tip.ravel()[0]), pulls.ravel())
@@ -162,13 +147,13 @@ class Surroundings:
         even = np.tile(np.arange(FINE + 1) / FINE, (finger.spec.elements, 1))
         dense = along(even)
         if given is None:
-            picks = _deepest(depth(dense), finger.probes)
+            picks = _deepest(depth(dense), finger.spec.probes)
             probes = _refined(lambda fractions: depth(along(fractions)), picks)
         else:
-            probes = given[name].reshape(finger.spec.elements, finger.probes)
+            probes = given[name].reshape(finger.spec.elements, finger.spec.probes)
         at, owner, thick = along(probes)
-        owner = np.concatenate([self._elements[index], owner]).astype(int)
-        touching = (~self._free[index], touched.T)
+        owner = np.concatenate([finger.elements, owner]).astype(int)
+        touching = (~clear, touched.T)
         looked = look(np.concatenate([points.T, at]), owner, np.concatenate([half, thick]), touching)
         if finger.spec.strained and line.shape is not None:
             sight.numbers[f"{name}.strain probes"] = _most_strained(setup, line, even)
@@ -176,7 +161,7 @@ class Surroundings:
         planes, every = 0, np.ones(len(owner), dtype=bool)
         words = [*(f"near_{k}" for k in range(count)), *(obstacle.circles for obstacle in obstacles)]
         for k, (word, (circles, gap, needed), slack) in enumerate(zip(words, looked, spare, strict=True)):
-            retained = self._free[index] if k == 0 and count == 1 else every
+            retained = clear if k == 0 and count == 1 else every
             sight.deepest = max(sight.deepest, float((needed - gap)[retained].max()) - slack)
             if word:
                 # One column after the other.
@@ -257,7 +242,7 @@ class _Line:
     def of(
         cls,
         setup: FingerSetup,
-        finger: UnitFinger,
+        finger: FingerLayout,
         curvatures: Array,
         q: Array,
         lengths: Array,
@@ -272,7 +257,7 @@ class _Line:
             arrays |= {"lengths": lengths * size, "tensions": tensions}
             shape = FingerShape(setup, {f"{setup.name}.{key}": value for key, value in arrays.items()})
             return cls(ends, ends, ends, shape, setup.finger)
-        family = finger.model.structure.family
+        family = finger.family
         places = family.places if family.degree else np.array([0.0, 1.0])
         knots = ends[:-1, None] + lengths[:, None] * places
         values = np.broadcast_to(curvatures.T, knots.shape)

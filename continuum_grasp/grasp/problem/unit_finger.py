@@ -6,7 +6,7 @@ solver. Its base is at the origin, pointing along +Y.
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import accumulate, pairwise
 from typing import Any
 
@@ -40,15 +40,8 @@ class UnitFinger:
     def __init__(self, spec: FingerSpec, x: Columns, numbers: Columns, tip: ca.SX) -> None:
         """Add the finger's unknowns to ``x``; its tip bears a contact's (N, f, lift) in units of the problem."""
         self.spec, self._numbers = spec, numbers
-        self._optional = {
-            "gravity": spec.weighs,
-            "rest_curvature": spec.preshaped,
-            "tendon_friction": spec.friction_cells > 0,
-            "tip_mass": spec.tip_heavy,
-            **{f"dry_friction_{k + 1}_{key}": True for k in range(spec.branches) for key in ("stiffness", "moment")},
-        }
         self.curves = Curves(spec.curves, self.number("curves", spec.curves.size))
-        self.model = self._model()
+        self.model = unit_model(spec)
         graded = spec.curves.graded
         self.backbone = GradedBackbone(self.model, spec.curves) if graded else self.model.backbone()
         name, number = spec.name, self.number
@@ -68,43 +61,9 @@ class UnitFinger:
             # What the drives hold: cable per length, of each or of the pulley; of a pulley under a torque the
             # difference of the pulls, and what the pulley winds up beyond the path of the tendon.
             self.command = x(f"{name}.command", 1 if spec.drive.pulley else 2)
-            self.wound = x(f"{name}.wound") if spec.drive.pulley and not spec.drive.locks else None
+            self.wound = x(f"{name}.wound") if spec.drive.winds else None
         # World positions (2, N) of the elements' ends, and world angles (N,) there.
         self.ends, self.angles = self.world(ends), angles + self.base[2]
-
-    def _model(self) -> FingerModel:
-        """The model of the finger, uniform."""
-        spec = self.spec
-        # The values only state what there is: the run-time argument replaces them.
-        unit = Finger(
-            rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0),
-            masses=(PointMass(at=1.0, mass=1.0),) if spec.tip_heavy else (),
-            tendons=Tendons(
-                offset=_OFFSET,
-                max_tension=1.0,
-                friction=0.1 if spec.friction_cells else 0.0,
-                friction_cells=spec.friction_cells or 1,
-                presliding=_OFFSET * PRESLIDING,
-            ),
-            damping=Damping(
-                dry_friction=(DryFriction(stiffness=1.0, moment=1.0),) * spec.branches,
-                friction_cells=spec.bending_cells or 1,
-            ),
-        )
-        contacts = tuple(count / spec.elements for count in spec.before)
-        own = [] if spec.curves.graded else ["element_lengths"]
-        return FingerModel(
-            unit,
-            contacts=contacts,
-            gravity=(0.0, 0.0),
-            family=spec.family,
-            elements=(1.0 / spec.elements,) * spec.elements,
-            bending_range=spec.bending_range,
-            accuracy=spec.accuracy or ACCURACY,
-            parameters=(*own, *(name for name, wanted in self._optional.items() if wanted)),
-            loads=tuple(MomentLoad(at=at, moment=0.0) for at in (*contacts, 1.0)),
-            tip_force=True,
-        )
 
     def _parameters(self) -> ca.SX:
         number, nodes, values = self.number, self.spec.elements + 1, [*self.lengths]
@@ -113,7 +72,7 @@ class UnitFinger:
             values += [number(name, size) for name, size in sizes.items()]
         if self.spec.weighs:
             values.append(rotation(-self.base[2]) @ number("weight", 2))
-        values += [number(key) for key, wanted in self._optional.items() if wanted and key != "gravity"]
+        values += [number(key) for key in _optional(self.spec) if key != "gravity"]
         return ca.vertcat(*values)
 
     def number(self, name: str, size: int = 1) -> ca.SX:
@@ -152,9 +111,9 @@ class UnitFinger:
         spec = self.spec
         touching = {n - 1 for n, on in zip(spec.before, spec.touching, strict=True) if on}
         touching |= {spec.elements - 1} if spec.tip else set()
-        joints, count = range(spec.elements), self.probes
+        joints, count = range(spec.elements), spec.probes
         fractions = ca.reshape(self.number("probes", count * spec.elements), count, spec.elements)
-        places, owners = self.backbone.fixed_places(self.guards)
+        places, owners = self.backbone.fixed_places(spec.guards)
         fixed, at = places(self.q, self.u, self.p)
         probed = self.backbone.places(count)(self.q, self.u, fractions, self.p)
         points = ca.horzcat(self.world(fixed), *(self.ends[:, k] for k in joints), self.world(probed))
@@ -271,13 +230,49 @@ class UnitFinger:
         limited, at, bends = self.backbone.curvatures(self.q, self.u, fractions, self.p)
         return limited, at, bends
 
-    @property
-    def probes(self) -> int:
-        """Guarded places per element, where it is deepest: long elements can enter an object at two places."""
-        return 2 if self.spec.elements < 4 else 1
 
-    @property
-    def guards(self) -> int:
-        """Guarded places per element that are spread evenly."""
-        # Few are enough beside the probes.
-        return 4 if self.spec.elements > 3 else 6
+def _optional(spec: FingerSpec) -> list[str]:
+    """Names of the run-time arguments that a finger's model has beside the lengths of its elements."""
+    wanted = {
+        "gravity": spec.weighs,
+        "rest_curvature": spec.preshaped,
+        "tendon_friction": spec.friction_cells > 0,
+        "tip_mass": spec.tip_heavy,
+        **{f"dry_friction_{k + 1}_{key}": True for k in range(spec.branches) for key in ("stiffness", "moment")},
+    }
+    return [name for name, on in wanted.items() if on]
+
+
+@lru_cache(maxsize=24)
+def unit_model(spec: FingerSpec) -> FingerModel:
+    """The model of a finger in units of its own, uniform; built once in a process."""
+    # The values only state what there is: the run-time argument replaces them.
+    unit = Finger(
+        rod=Rod(length=1.0, linear_density=1.0, bending_stiffness=1.0),
+        masses=(PointMass(at=1.0, mass=1.0),) if spec.tip_heavy else (),
+        tendons=Tendons(
+            offset=_OFFSET,
+            max_tension=1.0,
+            friction=0.1 if spec.friction_cells else 0.0,
+            friction_cells=spec.friction_cells or 1,
+            presliding=_OFFSET * PRESLIDING,
+        ),
+        damping=Damping(
+            dry_friction=(DryFriction(stiffness=1.0, moment=1.0),) * spec.branches,
+            friction_cells=spec.bending_cells or 1,
+        ),
+    )
+    contacts = tuple(count / spec.elements for count in spec.before)
+    own = [] if spec.curves.graded else ["element_lengths"]
+    return FingerModel(
+        unit,
+        contacts=contacts,
+        gravity=(0.0, 0.0),
+        family=spec.family,
+        elements=(1.0 / spec.elements,) * spec.elements,
+        bending_range=spec.bending_range,
+        accuracy=spec.accuracy or ACCURACY,
+        parameters=(*own, *_optional(spec)),
+        loads=tuple(MomentLoad(at=at, moment=0.0) for at in (*contacts, 1.0)),
+        tip_force=True,
+    )

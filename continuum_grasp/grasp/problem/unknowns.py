@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.blocks import Columns, Rows, rotation
+from continuum_grasp.grasp.problem.blocks import Columns, Expressed, rotation
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import ContactSpec, ProblemSpec
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
@@ -40,7 +40,7 @@ class Unknowns:
     def __init__(self, spec: ProblemSpec) -> None:
         self.spec = spec
         self.x, self.numbers = Columns(), Columns()  # unknowns, run-time numbers
-        self.rows = Rows()  # constraints
+        self.rows = Expressed()  # constraints
         # By how much each limit that can be relaxed is relaxed.
         self.slack = {r.name: self.x(f"relaxed {r.name}", r.size) for r in RELAXATIONS}
         # By how much all cones could be narrower, per force reference; negative where contacts would slip or part.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.drives import SOFT, WoundTendons
 from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.problem.curves import curve_numbers
-from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.layout import Layout
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import inner_masses, support_of
 from continuum_grasp.grasp.shape import FingerShape
@@ -97,7 +97,7 @@ def moved_features(
     return found
 
 
-def problem_values(problem: GraspProblem, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Values:
+def problem_values(problem: Layout, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Values:
     """All run-time numbers but those of clearance, with no limit relaxed."""
     units = Units.of(scene)
     values: Values = {
@@ -119,7 +119,7 @@ def problem_values(problem: GraspProblem, scene: GraspScene, start: Start, featu
     return values
 
 
-def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str, Feature]) -> tuple[Array, Array]:
+def problem_bounds(problem: Layout, scene: GraspScene, features: dict[str, Feature]) -> tuple[Array, Array]:
     """Bounds of the unknowns, with no limit relaxed."""
     units = Units.of(scene)
     low: Values = {f"relaxed {r.name}": np.zeros(r.size) for r in RELAXATIONS}
@@ -140,7 +140,7 @@ def problem_bounds(problem: GraspProblem, scene: GraspScene, features: dict[str,
     low["object pose"], high["object pose"] = _pose_bounds(scene.object.pose, scene.object.free, units)
     steady = bool({"greatest_disturbance", "greatest_friction_margin"} & set(problem.spec.aims))
     least = HELD * max(scene.weight / units.force, 1.0) if steady else 0.0
-    if problem.reserve is not None:  # which says whether contacts press
+    if "reserve" in problem.x.at:  # which says whether contacts press
         least = -np.inf
     sideways = [-np.inf, -np.inf] if problem.spec.gravity == "out_of_plane" else [-np.inf]
     for contact in problem.spec.contacts:

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import nlp
+from continuum_grasp.grasp.problem.layout import Layout
 from continuum_grasp.grasp.problem.points import starting_point
-from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.solver_run import (
     RUNGS,
     Attempt,
@@ -28,7 +28,6 @@ from continuum_grasp.grasp.problem.solver_run import (
     solver_for,
 )
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.problem.surroundings import Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, moved_features, problem_values
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.problem import RobustProblem, robust_problem
@@ -80,10 +79,9 @@ class JointSolverRun:
         ]
         self._whole: RobustProblem = robust_problem(self.nominal, tuple(self.others), in_error.left)
         self.nlp = self._whole.nlp
-        self._near = [Surroundings(solver.problem) for solver in self._solvers]
 
     @property
-    def problem(self) -> GraspProblem:
+    def problem(self) -> Layout:
         """The nominal problem."""
         return self.nominal.problem
 
@@ -115,9 +113,9 @@ class JointSolverRun:
 
         def look(x: Array, numbers: Array) -> tuple[float, Array]:
             deepest, found = -np.inf, []
-            parts = zip(self._solvers, self._near, sides, values, self._xs(x), self._ps(numbers), strict=True)
-            for solver, near, (each, _, _), own, part, p in parts:
-                sight = near.look(each, part, p)
+            parts = zip(self._solvers, sides, values, self._xs(x), self._ps(numbers), strict=True)
+            for solver, (each, _, _), own, part, p in parts:
+                sight = solver.near.look(each, part, p)
                 deepest = max(deepest, sight.deepest)
                 found.append(solver.problem.numbers.pack({**own, **sight.numbers}))
             return deepest, np.concatenate([*found, offsets])

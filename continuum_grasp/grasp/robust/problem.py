@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp.problem.blocks import rotation
+from continuum_grasp.grasp.problem.equations import expressions
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
 
@@ -79,7 +80,8 @@ class RobustProblem:
         xs = ca.vertsplit(x, _starts(self.sizes))
         ps = ca.vertsplit(p, _starts([*numbers, *[3] * count]))
         ps, errors = ps[: count + 1], ps[count + 1 :]
-        made = {other: _Link(nominal.problem, other.problem, left) for other in dict.fromkeys(others)}
+        mine = expressions(nominal.problem.spec)
+        made = {other: _Link(mine, expressions(other.problem.spec), left) for other in dict.fromkeys(others)}
         links = [made[other] for other in others]
         self.links = [each.size for each in links]
 
@@ -88,7 +90,12 @@ class RobustProblem:
         f = sum(value[0] for value in values)
         g = ca.vertcat(*(value[1] for value in values), *linked)
 
-        # CasADi finds gradient and Jacobian as well from the parts; of the Hessian it does not see the blocks as soon.
+        # Of the parts, which may be compiled functions, and whose blocks CasADi would not see as soon.
+        slopes = [part.nlp.functions["grad_f"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
+        gradient = ca.Function("nlp_grad_f", [x, p], [f, ca.vertcat(*slopes)], ["x", "p"], ["f", "grad_f_x"])
+        own = [part.nlp.functions["jac_g"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
+        rows = ca.vertcat(ca.diagcat(*own), ca.jacobian(ca.vertcat(*linked), x))
+        jacobian = ca.Function("nlp_jac_g", [x, p], [g, rows], ["x", "p"], ["g", "jac_g_x"])
         weight, forces = ca.MX.sym("weight"), ca.MX.sym("forces", g.numel())
         shares = ca.vertsplit(forces, _starts([*(part.problem.rows.count for part in parts), *self.links]))
         blocks = [
@@ -99,7 +106,12 @@ class RobustProblem:
         blocks[0] += sum(each.bends(xs[0], ps[0], e, own) for each, e, own in own_forces)
         names = ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
         hessian = ca.Function("nlp_hess_l", [x, p, weight, forces], [ca.triu(ca.diagcat(*blocks))], *names)
-        self.nlp = nlp.NLP("robust_grasp", x, f, g, p, derivatives={"hess_lag": hessian})
+        along = [part.nlp.slope(a, b, weight, own) for part, a, b, own in zip(parts, xs, ps, shares, strict=False)]
+        pull = ca.gradient(ca.dot(ca.vertcat(*shares[count + 1 :]), ca.vertcat(*linked)), p)
+        by_numbers = ca.vertcat(*along, ca.MX.zeros(3 * count)) + pull
+        slope = ca.Function("nlp_slope", [x, p, weight, forces], [by_numbers], names[0], ["grad_gamma_p"])
+        derivatives = {"grad_f": gradient, "jac_g": jacobian, "hess_lag": hessian, "slope": slope}
+        self.nlp = nlp.NLP("robust_grasp", x, f, g, p, derivatives=derivatives)
 
     def bounds(self) -> tuple[Array, Array]:
         """Bounds of all rows."""

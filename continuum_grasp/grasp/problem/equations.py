@@ -1,0 +1,160 @@
+"""The equations of a grasp problem: from its expressions, or compiled after an earlier process had used them.
+
+Expressions and derivatives take 0.1 to 0.3 s, a compiled library of them some milliseconds. Another process makes it
+when the one that built the equations ends: at ``-O0`` and without fused operations, so that a grasp is the same to the
+last bit. Compiling takes 2 s of four elements; with ``-O1`` it would take 8 s, for a Jacobian of 60 in place of 80 us.
+"""
+
+from __future__ import annotations
+
+import atexit
+import ctypes
+import json
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from pathlib import Path
+
+import casadi as ca
+
+from continuum_grasp import __version__
+from continuum_grasp.core.cache import entry_for, forget_oldest, hash_of_code, is_building, known_entry, lasting_folder
+from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler
+from continuum_grasp.core.source import externals_source
+from continuum_grasp.grasp.problem.functions import described, places_reader, point_reader
+from continuum_grasp.grasp.problem.layout import Layout
+from continuum_grasp.grasp.problem.problem import GraspProblem
+from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.nlp import NLP
+
+KIND = "grasps"
+"""Folder of the cache."""
+_CODE = ("grasp/problem", "model", "nlp", "scene")
+"""Packages whose code decides on the equations."""
+_FLAGS = ("-std=gnu11", "-O0", "-ffp-contract=off", "-fPIC", "-w")
+_MOST = 8
+"""Structures that are compiled after a process has used them, 2 to 10 s each: a search of many random scenes does not
+leave an hour of it."""
+_STORED = 300
+"""Libraries that are stored, those used last: 2 MB each with four elements."""
+_VALUES = ("nlp_f", "nlp_g", "values", "places")
+_DERIVATIVES = {"grad_f": "nlp_grad_f", "jac_g": "nlp_jac_g", "hess_lag": "nlp_hess_l", "slope": "nlp_slope"}
+"""Names of a library's functions."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """What a solver run needs of a problem."""
+
+    layout: Layout
+    nlp: NLP
+    read: ca.Function  # what a result stores
+    places: ca.Function  # what a look at the surroundings needs
+
+
+def equations(spec: ProblemSpec) -> Equations:
+    """The equations of a structure; those of expressions are compiled when this process ends, for the next one."""
+    compiler = find_compiler()
+    if compiler is not None:
+        library = known_entry(_identity(spec, compiler), ".so", KIND)
+        if library is not None:
+            with suppress(OSError, RuntimeError):  # of another C library, say
+                return _loaded(spec, library)
+        _compile_later(spec)
+    return _built(spec)
+
+
+@lru_cache(maxsize=24)
+def expressions(spec: ProblemSpec) -> GraspProblem:
+    """The expressions of a structure; built once in a process."""
+    return GraspProblem(spec)
+
+
+def _built(spec: ProblemSpec) -> Equations:
+    problem = expressions(spec)
+    x, numbers = problem.x.symbol, problem.numbers.symbol
+    nlp = NLP("grasp", x, problem.objective, problem.rows.g, numbers)
+    return Equations(Layout.of(spec, described(problem)), nlp, point_reader(problem), places_reader(problem))
+
+
+def _loaded(spec: ProblemSpec, library: Path) -> Equations:
+    text = ctypes.CDLL(str(library)).layout
+    text.restype = ctypes.c_char_p
+    layout = Layout.of(spec, text().decode())
+    x, p = ca.MX.sym("x", layout.x.size), ca.MX.sym("p", layout.numbers.size)
+    f, g, read, places = (ca.external(name, str(library)) for name in _VALUES)
+    derivatives = {key: ca.external(name, str(library)) for key, name in _DERIVATIVES.items()}
+    return Equations(layout, NLP("grasp", x, f(x, p), g(x, p), p, derivatives), read, places)
+
+
+def _identity(spec: ProblemSpec, compiler: Compiler) -> str:
+    versions = __version__, ca.CasadiMeta.version(), hash_of_code(*_CODE)
+    return "\0".join((repr(spec), *versions, compiler.identity(" ".join(_FLAGS))))
+
+
+# -- for the next process ----------------------------------------------------------------------------------------------
+
+_wanted: dict[ProblemSpec, None] = {}
+
+
+def _compile_later(spec: ProblemSpec) -> None:
+    """Compile a structure when this process ends."""
+    if os.environ.get("CONTINUUM_GRASP_BACKGROUND") == "0" or lasting_folder(KIND) is None:
+        return
+    if not _wanted:
+        atexit.register(_start_compiling)
+    if len(_wanted) < _MOST:
+        _wanted[spec] = None
+
+
+def _start_compiling() -> None:
+    """Start the process that compiles, which goes on alone."""
+    path = os.pathsep.join(part for part in sys.path if part)
+    with suppress(OSError, ValueError):
+        child = subprocess.Popen(
+            [sys.executable, "-m", "continuum_grasp.grasp.problem.equations"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            env={**os.environ, "PYTHONPATH": path},
+            start_new_session=True,
+        )
+        if child.stdin is not None:
+            child.stdin.write(pickle.dumps(list(_wanted)))
+            child.stdin.close()
+        child.returncode = 0  # else Python warns that it still runs
+
+
+def compile_equations(specs: Iterable[ProblemSpec]) -> None:
+    """Compile structures into the cache, unless another process does so or there is no compiler."""
+    compiler = find_compiler()
+    if compiler is None or lasting_folder(KIND) is None or is_building(KIND):
+        return
+    with suppress(CompileError, OSError):
+        for spec in specs:
+            build = partial(_compiled, spec, compiler)
+            entry_for(_identity(spec, compiler), ".so", build, compiler.version, KIND)
+    forget_oldest(".so", KIND, _STORED)
+
+
+def _compiled(spec: ProblemSpec, compiler: Compiler, work: Path) -> Path:
+    """Write and compile the equations of a structure and its layout, in a folder."""
+    made, text = _built(spec), described(expressions(spec))
+    parts = [made.nlp.values.factory(f"nlp_{name}", ["x", "p"], [name]) for name in ("f", "g")]
+    source = externals_source([*parts, made.read, made.places, *made.nlp.functions.values(), made.nlp.slope])
+    code, library = work / "code.c", work / "code.so"
+    code.write_text(f"{source}\nconst char *layout(void) {{ return {json.dumps(text)}; }}\n")
+    compiler.run([*_FLAGS, "-shared", str(code), "-o", str(library), "-lm"])
+    library.chmod(0o700)
+    return library
+
+
+if __name__ == "__main__":
+    if hasattr(os, "nice"):
+        os.nice(19)
+    compile_equations(pickle.load(sys.stdin.buffer))

@@ -1,0 +1,195 @@
+"""Compiled equations of a grasp problem: the same numbers as those of its expressions, and when they are used."""
+
+from __future__ import annotations
+
+import json
+import os
+import pickle
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from grasp_scenes import CONFIGS, make_scene
+
+import continuum_grasp
+from continuum_grasp.core.cache import cache_folder, forget_oldest
+from continuum_grasp.core.compiler import Compiler, find_compiler
+from continuum_grasp.grasp.modes import contact_modes
+from continuum_grasp.grasp.problem import equations as problem
+from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.problem.unit_finger import unit_model
+from continuum_grasp.grasp.starts.starts import make_starts
+from continuum_grasp.scene.objects import Box
+
+needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="needs a C compiler")
+BOX = Box(shape="box", width=0.08, height=0.06, mass=0.3, position=(0.04, 0.0))
+SOLVE = """
+import json, sys
+from continuum_grasp.grasp.problem import equations
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.scene.load import load
+loaded = []
+equations._loaded = lambda *given, whole=equations._loaded: loaded.append(given) or whole(*given)
+found = optimize_grasp(load(sys.argv[1]).changed({"fidelity.elements": 2}))
+print(json.dumps([len(loaded), {name: values.tolist() for name, values in found.arrays.items()}]))
+"""
+
+
+@cache
+def small():
+    """The structure of a finger of arcs at a mug, with all its contacts."""
+    scene = make_scene(family="arc", tendon_friction=0.2)
+    return ProblemSpec.of(scene, make_starts(scene, contact_modes(scene)[0], 1)[0].contacts)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A cache of its own."""
+    monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
+    return cache_folder(problem.KIND)
+
+
+@pytest.fixture
+def loads(monkeypatch):
+    """Structures whose equations were loaded."""
+    seen, whole = [], problem._loaded
+    monkeypatch.setattr(problem, "_loaded", lambda spec, library: seen.append(spec) or whole(spec, library))
+    return seen
+
+
+def outputs(made):
+    """Values of all functions at a random point."""
+    rng, numbers = np.random.default_rng(0), made.layout.numbers.size
+    x, p = rng.uniform(0.4, 0.6, made.layout.x.size), rng.uniform(0.4, 0.6, numbers)
+    force = rng.normal(size=made.layout.rows.count)
+    slopes = [made.nlp.functions[key](x, p) for key in ("grad_f", "jac_g")]
+    bends = made.nlp.functions["hess_lag"](x, p, 1.0, force), made.nlp.slope(x, p, 1.0, force)
+    return [*made.nlp.values(x, p), *sum(slopes, ()), *bends, *made.read.call([x, p]), *made.places.call([x, p])]
+
+
+@needs_compiler
+def test_compiled_equations_are_those_of_the_expressions_to_the_last_bit(folder, loads):
+    spec = small()
+    plain = problem.equations(spec)
+    assert not loads
+    problem.compile_equations([spec])
+    compiled = problem.equations(spec)
+    assert loads == [spec]
+    for one, other in zip(outputs(plain), outputs(compiled), strict=True):
+        assert one.sparsity() == other.sparsity()
+        np.testing.assert_array_equal(one.nonzeros(), other.nonzeros())
+    layouts = plain.layout, compiled.layout
+    assert len({repr((of.x.sizes, of.numbers.sizes, of.rows.blocks, of.fingers)) for of in layouts}) == 1
+    (library,) = folder.glob("*.so")
+    spoilt = library.with_suffix(".spoilt")  # the library itself is in use
+    spoilt.write_bytes(library.read_bytes()[:-1])
+    os.replace(spoilt, library)
+    problem.equations(spec)
+    assert loads == [spec]  # built anew
+
+
+def test_a_layout_is_that_of_the_expressions():
+    layout, whole = problem.equations(small()).layout, problem.expressions(small())
+    for one, other in ((layout.x, whole.x), (layout.numbers, whole.numbers)):
+        assert (one.at, one.size) == (other.at, int(other.symbol.numel()))
+    np.testing.assert_array_equal(layout.rows.bounds(), whole.rows.bounds())
+    assert [(b.name, b.key, b.unit) for b in layout.rows.blocks] == [(b.name, b.key, b.unit) for b in whole.rows.blocks]
+    assert layout.rows.count == int(whole.rows.g.numel())
+
+
+def test_structures_differ_by_every_key(monkeypatch):
+    """Also by the surfaces that are touched, which are objects."""
+    spec, compiler = small(), find_compiler() or Compiler(("cc",), "1", "here")
+    finger = replace(spec.fingers[0], weighs=not spec.fingers[0].weighs)
+    boxed = ProblemSpec.of(make_scene(object=BOX), {}).surfaces
+    others = [spec, replace(spec, steadied=True), replace(spec, fingers=(finger,)), replace(spec, surfaces=boxed)]
+    assert len({problem._identity(each, compiler) for each in others}) == 4
+    assert problem._identity(pickle.loads(pickle.dumps(spec)), compiler) == problem._identity(spec, compiler)
+    before = problem._identity(spec, compiler)
+    monkeypatch.setattr(problem, "hash_of_code", lambda *_: "other code")
+    assert problem._identity(spec, compiler) != before
+
+
+def test_all_code_that_decides_on_equations_is_part_of_their_identity():
+    """What runs while they are built lies in the packages whose files are hashed, or only checks arguments."""
+    package, ran = Path(continuum_grasp.__file__).parent, set()
+    for built in (problem.expressions, unit_model):
+        built.cache_clear()
+    sys.setprofile(lambda frame, event, _: ran.add(frame.f_code.co_filename) if event == "call" else None)
+    try:
+        problem._built(small())
+    finally:
+        sys.setprofile(None)
+    inside = {Path(file).relative_to(package) for file in ran if Path(file).is_relative_to(package)}
+    assert len(inside) > 20
+    beside = {file.as_posix() for file in inside if not any(file.is_relative_to(each) for each in problem._CODE)}
+    assert beside <= {"arguments.py", "_lazy.py", "summary.py", "errors.py"}
+
+
+@needs_compiler
+def test_one_process_at_a_time_compiles(folder):
+    folder.mkdir(mode=0o700)
+    (folder / "build-of-another").mkdir()
+    problem.compile_equations([small()])
+    assert [file.name for file in folder.iterdir()] == ["build-of-another"]
+
+
+def test_without_a_compiler_equations_are_built(folder, loads, monkeypatch):
+    monkeypatch.setenv("CC", "")
+    monkeypatch.setattr(problem, "_compile_later", pytest.fail)
+    problem.compile_equations([small()])
+    assert problem.equations(small()).layout.x.size == problem.expressions(small()).x.size
+    assert not loads
+    assert not list(folder.glob("*"))
+
+
+@needs_compiler
+@pytest.mark.parametrize("usable", [True, False])
+def test_what_is_compiled_later_is_what_was_built(usable, folder, monkeypatch):
+    monkeypatch.setenv("CONTINUUM_GRASP_BACKGROUND", "1")
+    monkeypatch.setattr(problem, "_wanted", {})
+    asked = []
+    monkeypatch.setattr(problem.atexit, "register", asked.append)
+    if not usable:
+        folder.write_text("a file in its place")
+    specs = [replace(small(), wrenches=count) for count in range(problem._MOST + 2)]
+    for spec in specs:
+        problem._compile_later(spec)
+    assert list(problem._wanted) == (specs[: problem._MOST] if usable else [])
+    assert asked == [problem._start_compiling] * usable
+
+
+def test_libraries_used_last_stay(folder):
+    folder.mkdir(mode=0o700)
+    for age in range(5):
+        for suffix in (".so", ".json"):
+            file = folder / f"{age}{suffix}"
+            file.write_text("")
+            os.utime(file, (100 - age, 100 - age))
+    forget_oldest(".so", problem.KIND, 2)
+    assert sorted(file.name for file in folder.iterdir()) == ["0.json", "0.so", "1.json", "1.so"]
+
+
+@pytest.mark.deep
+@needs_compiler
+def test_the_next_process_finds_the_same_grasp_from_compiled_equations(tmp_path):
+    env = {**os.environ, "CONTINUUM_GRASP_CACHE": str(tmp_path), "CONTINUUM_GRASP_BACKGROUND": "1"}
+
+    def solved():
+        command = [sys.executable, "-c", SOLVE, str(CONFIGS / "mug.yaml")]
+        done = subprocess.run(command, capture_output=True, text=True, env=env, check=True, timeout=600)
+        return json.loads(done.stdout)
+
+    loaded, plain = solved()
+    assert not loaded
+    until = time.monotonic() + 600.0
+    while not list((tmp_path / problem.KIND).glob("*.json")) and time.monotonic() < until:
+        time.sleep(0.2)
+    loaded, compiled = solved()
+    assert loaded
+    assert compiled == plain
