@@ -29,8 +29,13 @@ _STATUS = {
     "Infeasible_Problem_Detected": Status.INFEASIBLE,
     "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
     "User_Requested_Stop": Status.STOPPED,
+    "Stalled": Status.STOPPED,
 }
 """CasADi's solvers share these names."""
+STALLED = "Stalled"
+"""Outcome of a run that lost its patience."""
+_VIOLATED, _SAME = 1e-3, 0.03
+"""Violation from which on a run may lose its patience, and relative change of one that stays as it is."""
 _ACCEPTABLE = 100.0
 """Of an acceptable point, its errors per tolerance."""
 
@@ -102,7 +107,7 @@ class Solver(ABC):
         """
         began = time.perf_counter()
         function, stop = self._function(problem, start.approach)
-        stop.until, stop.calls = until, 0
+        stop.begin(start, until)
         given = {}
         if start.multipliers is not None:
             given = {"lam_x0": start.multipliers.bounds, "lam_g0": start.multipliers.constraints}
@@ -111,7 +116,8 @@ class Solver(ABC):
             found = function(x0=np.clip(start.x, start.low, start.high), p=start.p, **bounds, **given)
         stats = self.statistics(function)
         x, g, bound_forces, forces = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
-        outcome, iterations = str(stats["return_status"]), int(stats.get("iter_count", stop.calls - 1))
+        iterations = int(stats.get("iter_count", stop.calls - 1))
+        outcome = STALLED if stop.stalled else str(stats["return_status"])
         multipliers, violation = Multipliers(bound_forces, forces), start.violation(x, g)
         error = optimality_error(problem, start, x, multipliers)
         status = self._status(_STATUS.get(outcome, Status.FAILED), error, violation)
@@ -181,14 +187,22 @@ def new_solver(settings: Settings) -> Solver:
 
 
 class _Stop(ca.Callback):
-    """Counts iterations; stops the solver at the end of the budget or on Ctrl-C, which an exception cannot."""
+    """Counts iterations; stops the solver at the end of the budget or of the start's patience, or on Ctrl-C, which an
+    exception cannot.
+    """
 
     def __init__(self, problem: NLP) -> None:
         ca.Callback.__init__(self)
         n, m, p = (int(part.numel()) for part in (problem.x, problem.g, problem.p))
         self._sizes = {"x": n, "lam_x": n, "g": m, "lam_g": m, "f": 1, "lam_p": p}
-        self.until, self.calls = Budget(), 0
         self.construct("stop", {})
+
+    def begin(self, start: Start, until: Budget) -> None:
+        """Count from zero."""
+        self.start, self.until, self.calls = start, until, 0
+        # Iterations without a change since the violation was so much, and the violation before.
+        self._idle, self._mark, self._last = 0, np.inf, np.inf
+        self.stalled = False
 
     def get_n_in(self) -> int:
         return int(ca.nlpsol_n_out())
@@ -196,7 +210,18 @@ class _Stop(ca.Callback):
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
 
-    def eval(self, _: Any) -> list[int]:
+    def eval(self, point: Any) -> list[int]:
         self.calls += 1
         self.until.left -= 1
-        return [int(interrupt.pressed() or self.until.over)]
+        if self.start.patience is not None:
+            x, _, g, *_ = (np.asarray(part).ravel() for part in point)
+            self.stalled = self._stalls(self.start.violation(x, g), self.start.patience)
+        return [int(interrupt.pressed() or self.until.over or self.stalled)]
+
+    def _stalls(self, violation: float, patience: int) -> bool:
+        if violation < 0.5 * self._mark:
+            self._idle, self._mark = 0, violation
+        elif abs(violation - self._last) < _SAME * self._last:
+            self._idle += 1
+        self._last = violation
+        return self._idle >= patience and violation > _VIOLATED
