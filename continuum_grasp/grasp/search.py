@@ -50,11 +50,10 @@ COARSE = 4
 """Elements with which grasps of fingers with more are found first. From there 20 of 22 scenes with eight needed 5
 iterations in the median, and none was worse than from a scan of postures."""
 NEAREST = 3
-"""Starts tried with all elements where none led to a grasp with few, or once more where the solver lost its patience,
-those with the least violation then."""
+"""Starts tried with all elements where none led to a grasp with few, those with the least violation there."""
 PATIENCE = 7
-"""Of the solver with a start. In 31 scenes (one finger, two, parts) it saves 60 % of all iterations, and no best grasp is
-lost down to 5; a violation that must halve within some iterations, whatever it does meanwhile, loses one with 10."""
+"""Of the solver with a start. In 31 scenes (one finger, two, parts) it saves 60 % of all iterations, and no best grasp
+is lost down to 5; a violation that must halve within 10 iterations, whatever it does meanwhile, loses one."""
 WORSE = 1.05
 """Objective, per the least there is, from which on guarded places are not moved any more: they only raise it."""
 SAME_BASIN = 5e-3
@@ -167,8 +166,10 @@ class Search:
             if not self.proven:
                 self._from_rough(mode)
         # What few elements cannot hold, many may; and violations may fall late.
-        for _, start, rung in sorted(self._missed, key=lambda one: one[0])[:NEAREST] if self.best is None else ():
-            self.attempt(start, rung=rung)
+        if self.best is None:
+            nearest = sorted(self._missed, key=lambda one: one[0])[: 1 if self._coarse is None else NEAREST]
+            for _, start, rung in nearest:
+                self.attempt(start, rung=rung)
         if not self.proven:
             self._converge()
 

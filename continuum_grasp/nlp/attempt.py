@@ -129,7 +129,8 @@ class Attempt:
     violation : float
         Largest amount by which a constraint or a bound is violated, in units of the problem.
     error : float
-        Of the conditions of optimality, scaled; see `continuum_grasp.nlp.optimality`.
+        Of the conditions of optimality, scaled; see `continuum_grasp.nlp.optimality`. Infinite where a constraint is
+        violated by more than an acceptable point may.
     """
 
     status: Status

@@ -119,7 +119,9 @@ class Solver(ABC):
         iterations = int(stats.get("iter_count", stop.calls - 1))
         outcome = STALLED if stop.stalled else str(stats["return_status"])
         multipliers, violation = Multipliers(bound_forces, forces), start.violation(x, g)
-        error = optimality_error(problem, start, x, multipliers)
+        # Where constraints are violated, the other conditions say nothing.
+        near = violation <= _ACCEPTABLE * self.settings.constraint_tolerance
+        error = optimality_error(problem, start, x, multipliers) if near else np.inf
         status = self._status(_STATUS.get(outcome, Status.FAILED), error, violation)
         seconds, objective = time.perf_counter() - began, float(found["f"])
         return Attempt(status, outcome, x, g, objective, multipliers, iterations, seconds, violation, error)
