@@ -64,6 +64,8 @@ first."""
 BENT = 0.06
 """Imbalance of a posture of more elements, which bend away from those of a scan, up to which a greater limit may repair
 it: a scene that a greater tension repairs had 0.031."""
+UNPROVEN = 6
+"""Starts without a grasp after which a proof is tried that there is none: it takes as long as three of them."""
 HOPELESS = 1e-2
 """Scaled violation of the problem's constraints from which on no certificate is computed: it allows at most 1e-4."""
 LEAST_DIFFERENCE = 1e-4
@@ -320,7 +322,9 @@ class Search:
                 continue
             if self.best and not self._promises(start):
                 continue
-            if self._is_over or self.proven or (self.tried and not self.good and self.impossible):
+            if self._is_over or self.proven:
+                return
+            if len(self.tried) >= UNPROVEN and not self.good and self.impossible:
                 return
             basin = Basin(start, tried=True)
             if not math.isnan(start.estimate):

@@ -36,6 +36,8 @@ STALLED = "Stalled"
 """Outcome of a run that lost its patience."""
 _VIOLATED, _SAME = 1e-3, 0.03
 """Violation from which on a run may lose its patience, and relative change of one that stays as it is."""
+_CONSTRAINTS = 2
+"""Their place among what CasADi passes to a callback, in the order of its outputs."""
 _ACCEPTABLE = 100.0
 """Of an acceptable point, its errors per tolerance."""
 
@@ -216,8 +218,9 @@ class _Stop(ca.Callback):
         self.calls += 1
         self.until.left -= 1
         if self.start.patience is not None:
-            x, _, g, *_ = (np.asarray(part).ravel() for part in point)
-            self.stalled = self._stalls(self.start.violation(x, g), self.start.patience)
+            g = np.asarray(point[_CONSTRAINTS]).ravel()
+            violation = float(np.max(np.maximum(self.start.lower - g, g - self.start.upper), initial=0.0))
+            self.stalled = self._stalls(violation, self.start.patience)
         return [int(interrupt.pressed() or self.until.over or self.stalled)]
 
     def _stalls(self, violation: float, patience: int) -> bool:
