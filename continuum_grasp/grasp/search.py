@@ -65,7 +65,7 @@ BENT = 0.06
 """Imbalance of a posture of more elements, which bend away from those of a scan, up to which a greater limit may repair
 it: a scene that a greater tension repairs had 0.031."""
 UNPROVEN = 6
-"""Starts without a grasp after which a proof is tried that there is none: it takes as long as three of them."""
+"""Starts without a grasp after which a proof is tried that there is none: it takes as long as one or two of them."""
 HOPELESS = 1e-2
 """Scaled violation of the problem's constraints from which on no certificate is computed: it allows at most 1e-4."""
 LEAST_DIFFERENCE = 1e-4

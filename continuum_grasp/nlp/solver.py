@@ -23,17 +23,17 @@ from continuum_grasp.nlp.optimality import optimality_error
 from continuum_grasp.nlp.problem import NLP
 from continuum_grasp.scene.solver import Method
 
+STALLED = "Stalled"
+"""Outcome of a run that lost its patience."""
 _STATUS = {
     "Solve_Succeeded": Status.SOLVED,
     "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
     "Infeasible_Problem_Detected": Status.INFEASIBLE,
     "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
     "User_Requested_Stop": Status.STOPPED,
-    "Stalled": Status.STOPPED,
+    STALLED: Status.STOPPED,
 }
-"""CasADi's solvers share these names."""
-STALLED = "Stalled"
-"""Outcome of a run that lost its patience."""
+"""CasADi's solvers share these names but the last."""
 _VIOLATED, _SAME = 1e-3, 0.03
 """Violation from which on a run may lose its patience, and relative change of one that stays as it is."""
 _CONSTRAINTS = 2

@@ -145,6 +145,15 @@ def test_the_start_that_came_nearest_has_more_patience_where_there_is_no_grasp(m
     assert tried == [*((one, 7) for one in starts), (starts[1], None)]
 
 
+def test_a_proof_that_there_is_no_grasp_ends_the_search_after_six_starts(monkeypatch):
+    search, _ = searching(elements=4)
+    search.attempt = lambda start, **options: search.tried.append(grasp())
+    monkeypatch.setattr(Search, "impossible", True)
+    monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start() for _ in range(9)])
+    search._from_rough(frozenset({"finger.tip"}))
+    assert len(search.tried) == 6
+
+
 def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):
     search, starts = searching(objective="greatest_friction_margin")
     monkeypatch.setattr(search, "run_before", lambda before: before.good.extend(grasp(objective=k) for k in range(5)))
