@@ -464,12 +464,8 @@ FAULTS: tuple[Fault, ...] = (
         tests="grasp/test_graded_grasps.py",
     ),
     *_in(
-        "grasp/certificate/bending.py",
+        "grasp/certificate/friction.py",
         ("stiffness(s) / stiffness(np.zeros(1))", "stiffness(s) / stiffness(0.1 * np.ones(1))"),
-        tests="grasp/test_graded_grasps.py",
-    ),
-    *_in(
-        "grasp/certificate/tendons.py",
         ("early, late = self._halves[1].T", "early, late = self._halves[0].T"),
         tests="grasp/test_graded_grasps.py",
     ),

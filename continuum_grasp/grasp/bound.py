@@ -78,6 +78,11 @@ def least_normal_force_bound(scene: GraspScene) -> float:
     >>> round(least_normal_force_bound(cg.load("configs/grasp/pinch_above.yaml")), 2)
     1.96
     """
+    return _bound(scene, math.nan)
+
+
+def _bound(scene: GraspScene, limit: float) -> float:
+    """The bound, or, where there is a limit, no more than on which side of that it is."""
     if scene.weight == 0.0:
         return 0.0
     need, contacts = _need(scene), _contacts(scene)
@@ -89,7 +94,8 @@ def least_normal_force_bound(scene: GraspScene) -> float:
         least = min(least, sum(most for most, _ in found))
         for mine, (_, effect) in zip(cuts, found, strict=True):
             mine.append(effect)
-        if least - value <= _CLOSE * least:
+        # What the cuts leave is the least that there may be, so that further ones end above it.
+        if least - value <= _CLOSE * least or least * limit < scene.weight or value * limit > scene.weight:
             break
         y, value = _best_multipliers(need, _in_use(scene), cuts)
         if not np.isfinite(value):
@@ -103,7 +109,8 @@ def cannot_balance(scene: GraspScene) -> bool:
     """
     limits = [setup.normal_force_max for setup in scene.setups]
     limits += [scene.normal_force_max(body.name) for body in scene.places if body.touch != "off"]
-    return least_normal_force_bound(scene) > (1.0 + _EXACT) * max(limits)
+    limit = (1.0 + _EXACT) * max(limits)
+    return _bound(scene, limit) > limit
 
 
 def _best_multipliers(need: Array, used: Array, cuts: list[list[Array]]) -> tuple[Array, float]:

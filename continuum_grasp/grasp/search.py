@@ -22,6 +22,7 @@ from continuum_grasp.grasp.starts.starts import basin_starts, make_starts, rebal
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.grasp.values import tension_of
 from continuum_grasp.nlp import Budget
+from continuum_grasp.nlp.solver import STALLED
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Effort
 
@@ -50,6 +51,11 @@ COARSE = 4
 iterations in the median, and none was worse than from a scan of postures."""
 NEAREST = 3
 """Starts tried with all elements where none led to a grasp with few, those with the least violation there."""
+PATIENCE = 7
+"""Of the solver with a start. In 31 scenes (one finger, two, parts) it saves 60 % of all iterations, and no best grasp
+is lost down to 5; a violation that must halve within 10 iterations, whatever it does meanwhile, loses one."""
+WORSE = 1.05
+"""Objective, per the least there is, from which on guarded places are not moved any more: they only raise it."""
 SAME_BASIN = 5e-3
 """Relative difference of the estimates up to which two basins are one."""
 UNBALANCED, CLOSEST = 0.01, 2
@@ -58,6 +64,10 @@ first."""
 BENT = 0.06
 """Imbalance of a posture of more elements, which bend away from those of a scan, up to which a greater limit may repair
 it: a scene that a greater tension repairs had 0.031."""
+UNPROVEN = 6
+"""Starts without a grasp after which a proof is tried that there is none: it takes as long as one or two of them."""
+HOPELESS = 1e-2
+"""Scaled violation of the problem's constraints from which on no certificate is computed: it allows at most 1e-4."""
 LEAST_DIFFERENCE = 1e-4
 """Tension that is none, per the greatest."""
 
@@ -82,12 +92,28 @@ _EFFORTS: dict[Effort, _Limits] = {
 
 @dataclass(frozen=True)
 class Tried:
-    """An attempt, its physical numbers and its verification."""
+    """An attempt; its physical numbers and its verification when they are asked for."""
 
     attempt: Attempt
     solver: GraspSolverRun
-    arrays: dict[str, Array]
-    certificate: Certificate
+    scene: GraspScene
+
+    @cached_property
+    def arrays(self) -> dict[str, Array]:
+        """The physical numbers; see `continuum_grasp.grasp.GraspResult`."""
+        return self.solver.arrays(self.scene, self.attempt)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """The verification of the grasp as it is reached."""
+        return certify_reached(self.scene, self.arrays)
+
+    @property
+    def verified(self) -> bool:
+        """Whether the certificate confirms it, which is not computed where the solver's own constraints are violated by
+        far more than it allows.
+        """
+        return self.attempt.badness < HOPELESS and self.certificate.passed
 
     @property
     def acceptable(self) -> bool:
@@ -112,9 +138,9 @@ class Search:
         self._tells = all(setup.elements <= 2 for setup in scene.setups)
         self._scans: dict[frozenset[str], Basins] = {}  # of each mode
         self.basins: list[Basin] = []
-        # Contacts and objectives of grasps with few elements, and starts that led to none, with their violations.
+        # Contacts and objectives of grasps with few elements; starts that led to none, with violations and rungs.
         self._coarsely: list[tuple[Any, float]] = []
-        self._missed: list[tuple[float, Start]] = []
+        self._missed: list[tuple[float, Start, int]] = []
 
     @property
     def best(self) -> Tried | None:
@@ -141,9 +167,11 @@ class Search:
         for mode in modes if self._effort.always_rough else unscanned:
             if not self.proven:
                 self._from_rough(mode)
-        # What few elements cannot hold, many may.
-        for _, start in sorted(self._missed, key=lambda one: one[0])[:NEAREST] if self.best is None else ():
-            self.attempt(start, rung=0)
+        # What few elements cannot hold, many may; and violations may fall late.
+        if self.best is None:
+            nearest = sorted(self._missed, key=lambda one: one[0])[: 1 if self._coarse is None else NEAREST]
+            for _, start, rung in nearest:
+                self.attempt(start, rung=rung)
         if not self.proven:
             self._converge()
 
@@ -168,7 +196,7 @@ class Search:
         )
         pruned = {f"estimated to take more than {SKIP_FACTOR:g} times the tension found": skipped}
         pruned["like one that was solved before"] = self._alike
-        pruned[f"without a grasp of {COARSE} elements"] = len(self._missed)
+        pruned[f"without a grasp of {COARSE} elements"] = len(self._missed) if self._coarse is not None else 0
         return Exploration(
             modes=self._modes or len({frozenset(tried.attempt.start.contacts) for tried in self.tried}),
             sampled=self._sampled,
@@ -205,9 +233,12 @@ class Search:
         """Solve from a start and verify; many elements from what it leads to with few, unless that is known."""
         few = self._coarse
         if few is None:
-            return self.attempt(start, rung=rung, iterations=iterations)
+            found = self.attempt(start, rung=rung, iterations=iterations, patience=PATIENCE, enough=self._enough)
+            if found is not None and found.attempt.outcome == STALLED:
+                self._missed.append((found.attempt.badness, start, rung))
+            return found
         solver = few.solver(start)
-        held = solver.run(few.scene, start, self.budget, rung=rung, iterations=iterations)
+        held = solver.run(few.scene, start, self.budget, rung=rung, iterations=iterations, patience=PATIENCE)
         self.build_seconds, few.build_seconds = self.build_seconds + few.build_seconds, 0.0
         found, known = None, (start.contacts.keys(), round(held.objective, 6))
         if held.converged and known in self._coarsely:
@@ -217,7 +248,7 @@ class Search:
             self._coarsely.append(known)
             found = self.attempt(start_from(few.scene, solver.arrays(few.scene, held)), rung=0)
         if found is None or found not in self.good:
-            self._missed.append((held.badness, start))
+            self._missed.append((held.badness, start, 0))
         return found
 
     @cached_property
@@ -227,6 +258,14 @@ class Search:
             return None
         segments = max(len(setup.middles) for setup in self.scene.setups) + 1
         return Search(with_elements(self.scene, max(COARSE // segments, 1), as_curved=True), self.budget)
+
+    @property
+    def _enough(self) -> float:
+        """Objective that is clearly worse than the best, where tensions are sought, which are never negative."""
+        best = self.best
+        if best is None or self.scene.objective != "least_tension":
+            return math.inf
+        return WORSE * best.attempt.objective + LEAST_DIFFERENCE
 
     def _keeps_promise(self, found: Tried, basin: Basin) -> bool:
         """Whether a start led to a grasp that takes no more than was estimated, where that tells: otherwise it is
@@ -283,7 +322,9 @@ class Search:
                 continue
             if self.best and not self._promises(start):
                 continue
-            if self._is_over or self.proven or (self.tried and not self.good and self.impossible):
+            if self._is_over or self.proven:
+                return
+            if len(self.tried) >= UNPROVEN and not self.good and self.impossible:
                 return
             basin = Basin(start, tried=True)
             if not math.isnan(start.estimate):
@@ -413,10 +454,9 @@ class Search:
         attempt = solver.run(self.scene, start, self.budget, rung=rung, **options)
         if not np.isfinite(attempt.x).all():
             return None
-        arrays = solver.arrays(self.scene, attempt)
-        found = Tried(attempt, solver, arrays, certify_reached(self.scene, arrays))
+        found = Tried(attempt, solver, self.scene)
         self.tried.append(found)
-        if found.certificate.passed:
+        if found.verified:
             self.good.append(found)
             if found.acceptable and self._first_left is None:
                 self._first_left = self.budget.left

@@ -48,6 +48,7 @@ def _cubic(start: Polynomial, end: Polynomial, width: float) -> tuple[float, ...
     return a, s, (3.0 * rise - 2.0 * s - t) / width, (s + t - 2.0 * rise) / width**2
 
 
+@lru_cache(maxsize=64)
 def steepest(curve: Curve) -> float:
     """Greatest slope of a skin without sign [1]."""
     at = np.concatenate([np.linspace(a, b, 33) for a, b in zip(curve.edges[:-1], curve.edges[1:], strict=True)])

@@ -29,7 +29,7 @@ class Status(StrEnum):
     ITERATION_LIMIT = "iteration_limit"
     """Out of iterations of its own: raise ``max_iterations``."""
     STOPPED = "stopped"
-    """Stopped by the budget, or by Ctrl-C."""
+    """Stopped by the budget, by Ctrl-C, or because the violation no longer fell (see `Start.patience`)."""
     FAILED = "failed"
     """Anything else, such as values that are not finite; the solver's own status says more."""
 
@@ -84,6 +84,9 @@ class Start:
         First barrier parameter of an interior-point method, for a start that is worth staying near.
     option_set : OptionSet
         How near a solution it is.
+    patience : int or None
+        How many iterations may leave a violation as it is, until it is half of what it was; then the run ends with the
+        outcome ``Stalled``. None: any number.
     """
 
     x: Array
@@ -95,6 +98,7 @@ class Start:
     multipliers: Multipliers | None = None
     barrier: float | None = None
     option_set: OptionSet = OptionSet.DEFAULT
+    patience: int | None = None
 
     @property
     def approach(self) -> Approach:
@@ -127,7 +131,8 @@ class Attempt:
     violation : float
         Largest amount by which a constraint or a bound is violated, in units of the problem.
     error : float
-        Of the conditions of optimality, scaled; see `continuum_grasp.nlp.optimality`.
+        Of the conditions of optimality, scaled; see `continuum_grasp.nlp.optimality`. Infinite where a constraint is
+        violated by more than an acceptable point may.
     """
 
     status: Status

@@ -23,14 +23,21 @@ from continuum_grasp.nlp.optimality import optimality_error
 from continuum_grasp.nlp.problem import NLP
 from continuum_grasp.scene.solver import Method
 
+STALLED = "Stalled"
+"""Outcome of a run that lost its patience."""
 _STATUS = {
     "Solve_Succeeded": Status.SOLVED,
     "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
     "Infeasible_Problem_Detected": Status.INFEASIBLE,
     "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
     "User_Requested_Stop": Status.STOPPED,
+    STALLED: Status.STOPPED,
 }
-"""CasADi's solvers share these names."""
+"""CasADi's solvers share these names but the last."""
+_VIOLATED, _SAME = 1e-3, 0.03
+"""Violation from which on a run may lose its patience, and relative change of one that stays as it is."""
+_CONSTRAINTS = 2
+"""Their place among what CasADi passes to a callback, in the order of its outputs."""
 _ACCEPTABLE = 100.0
 """Errors of an acceptable point per tolerance."""
 
@@ -102,7 +109,7 @@ class Solver(ABC):
         """
         began = time.perf_counter()
         function, stop = self._function(problem, start.approach)
-        stop.until, stop.calls = until, 0
+        stop.begin(start, until)
         given = {}
         if start.multipliers is not None:
             given = {"lam_x0": start.multipliers.bounds, "lam_g0": start.multipliers.constraints}
@@ -111,9 +118,12 @@ class Solver(ABC):
             found = function(x0=np.clip(start.x, start.low, start.high), p=start.p, **bounds, **given)
         stats = self.statistics(function)
         x, g, bound_forces, forces = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
-        outcome, iterations = str(stats["return_status"]), int(stats.get("iter_count", stop.calls - 1))
+        iterations = int(stats.get("iter_count", stop.calls - 1))
+        outcome = STALLED if stop.stalled else str(stats["return_status"])
         multipliers, violation = Multipliers(bound_forces, forces), start.violation(x, g)
-        error = optimality_error(problem, start, x, multipliers)
+        # Where constraints are violated, the other conditions say nothing.
+        near = violation <= _ACCEPTABLE * self.settings.constraint_tolerance
+        error = optimality_error(problem, start, x, multipliers) if near else np.inf
         status = self._status(_STATUS.get(outcome, Status.FAILED), error, violation)
         seconds, objective = time.perf_counter() - began, float(found["f"])
         return Attempt(status, outcome, x, g, objective, multipliers, iterations, seconds, violation, error)
@@ -181,14 +191,22 @@ def new_solver(settings: Settings) -> Solver:
 
 
 class _Stop(ca.Callback):
-    """Counts iterations; stops the solver at the end of the budget or on Ctrl-C, which an exception cannot."""
+    """Counts iterations; stops the solver at the end of the budget or of the start's patience, or on Ctrl-C, which an
+    exception cannot.
+    """
 
     def __init__(self, problem: NLP) -> None:
         ca.Callback.__init__(self)
         n, m, p = (int(part.numel()) for part in (problem.x, problem.g, problem.p))
         self._sizes = {"x": n, "lam_x": n, "g": m, "lam_g": m, "f": 1, "lam_p": p}
-        self.until, self.calls = Budget(), 0
         self.construct("stop", {})
+
+    def begin(self, start: Start, until: Budget) -> None:
+        """Count from zero."""
+        self.start, self.until, self.calls = start, until, 0
+        # Iterations without a change since the violation was so much, and the violation before.
+        self._idle, self._mark, self._last = 0, np.inf, np.inf
+        self.stalled = False
 
     def get_n_in(self) -> int:
         return int(ca.nlpsol_n_out())
@@ -196,7 +214,19 @@ class _Stop(ca.Callback):
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)], 1)
 
-    def eval(self, _: Any) -> list[int]:
+    def eval(self, point: Any) -> list[int]:
         self.calls += 1
         self.until.left -= 1
-        return [int(interrupt.pressed() or self.until.over)]
+        if self.start.patience is not None:
+            g = np.asarray(point[_CONSTRAINTS]).ravel()
+            violation = float(np.max(np.maximum(self.start.lower - g, g - self.start.upper), initial=0.0))
+            self.stalled = self._stalls(violation, self.start.patience)
+        return [int(interrupt.pressed() or self.until.over or self.stalled)]
+
+    def _stalls(self, violation: float, patience: int) -> bool:
+        if violation < 0.5 * self._mark:
+            self._idle, self._mark = 0, violation
+        elif abs(violation - self._last) < _SAME * self._last:
+            self._idle += 1
+        self._last = violation
+        return self._idle >= patience and violation > _VIOLATED

@@ -69,6 +69,8 @@ class Curve:
     def __call__(self, s: ArrayLike, *, tip_side: bool = False) -> Array:
         """Value at positions [m], beyond the ends that of the outer pieces continued; shape of ``s``."""
         at = np.asarray(s, dtype=float)
+        if len(self.coefficients) == 1:
+            return np.asarray(self.on(0, at))
         shift = _SAME * self.edges[-1] * (1.0 if tip_side else -1.0)
         piece = np.searchsorted(np.asarray(self.edges[1:-1]), at + shift)
         return np.asarray(self._value(at - np.asarray(self.edges)[piece], np.moveaxis(self._table[piece], -1, 0)))

@@ -14,9 +14,9 @@ from benchmarks.grasp_oracle.check import LIMITS, residuals
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.certificate.drives import WoundTendons, _softened, _unsoftened
+from continuum_grasp.grasp.certificate.friction import TendonFriction
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import contact_stability
-from continuum_grasp.grasp.certificate.tendons import TendonFriction
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.model.winches import soft
 from continuum_grasp.scene.drives import LengthDrive, MotorDrive

@@ -82,6 +82,20 @@ def test_a_scene_and_its_image_have_the_same_grasp(kind, seed):
         assert other / STRONGER == pytest.approx(own, rel=1e-6, abs=none)
 
 
+@pytest.mark.deep
+@pytest.mark.parametrize(
+    ("kind", "seed", "tension", "most"),
+    [("one", 3, 8.0221747, 200), ("one", 4, 6.5668732, 300), ("union", 3, 72.270932, 90)],
+)
+def test_patience_saves_iterations_and_loses_no_grasp(kind, seed, tension, most):
+    """The tensions are those without it, which takes 300, 533 and 98 iterations."""
+    scene = scene_of(drawn(kind, seed), 4)
+    search = Search(scene, budget := Budget.of(scene.solver))
+    search.run()
+    assert tension_of(scene, search.best.arrays) == pytest.approx(tension, rel=1e-6)
+    assert scene.solver.max_total_iterations - budget.left < most
+
+
 @pytest.mark.parametrize("bending_range", [3.4, 6.28])
 def test_a_short_piece_is_found_whichever_vertex_comes_first(bending_range):
     """Also where the scan's curves bend by more than the finger may, whose elements bend otherwise."""

@@ -27,9 +27,9 @@ from continuum_grasp.scene.profile import Profile
 NONE = np.zeros(1)
 
 
-def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf):
+def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf, enough=math.inf):
     """How often a problem is solved whose fingers are so deep, per what is allowed, and whose new guarded places change
-    what is sought; from some round on neither.
+    what is sought; from some round on neither. An objective above ``enough`` is not worth another round.
     """
     solved = []
 
@@ -44,7 +44,7 @@ def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf):
     problem = SimpleNamespace(functions={"jac_g": lambda x, p: (np.array([now(moved)]), None)})
     start = nlp.Start(NONE, NONE, NONE, NONE, NONE, NONE)
     look = lambda x, p: (now(deepest), p)  # noqa: E731
-    solve_clear(solve, problem, start, look, 1.0, nlp.Budget(), 9)
+    solve_clear(solve, problem, start, look, 1.0, nlp.Budget(), 9, enough)
     return len(solved)
 
 
@@ -80,7 +80,7 @@ def asked(*names, rung=0, off=0.0):
     scene, problem, _, x, _ = posed()
     run, low, seen = of_mug(), problem.rows.bounds()[0], {}
 
-    def stopped(solve, nlp_problem, start, look, depth, budget, most):
+    def stopped(solve, nlp_problem, start, look, depth, budget, most, enough):
         seen.update(
             {name: start.p[at] for name, at in run.problem.numbers.at.items()}
             | {name: start.high[at] for name, at in run.problem.x.at.items()}
@@ -118,6 +118,7 @@ LIMITS = [
     ("change of what is sought by new places", 1e-5, lambda x: runs(moved=x) == 1),
     ("the same of a great objective", 1e-5 * 300.0, lambda x: runs(moved=x, objective=-300.0) == 1),
     ("depth between the places", 1.0, lambda x: runs(deepest=x) == 1),
+    ("objective that is worth another round", 5.0, lambda x: runs(deepest=2.0, objective=x, enough=5.0) > 1),
     ("distance of two middle contacts", 0.02, lambda x: not in_order(x)),
 ]
 

@@ -11,7 +11,7 @@ import pytest
 from continuum_grasp.grasp import search as module
 from continuum_grasp.grasp.exploration import Basin
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.search import Search, branch_of
+from continuum_grasp.grasp.search import Search, Tried, branch_of
 from continuum_grasp.nlp import Budget
 from tests import certificate_cases as cases
 
@@ -77,6 +77,13 @@ def over(effort, iterations):
     return search._is_over
 
 
+def verified(badness):
+    """Whether an attempt whose violation is so much gets a certificate, which passes here."""
+    tried = Tried(SimpleNamespace(badness=badness), None, None)
+    tried.__dict__["certificate"] = SimpleNamespace(passed=True)
+    return tried.verified
+
+
 def proven(press):
     search, _ = searching(grasp(press=press), objective="least_normal_force")
     search.__dict__["bound"] = 1.0
@@ -99,6 +106,8 @@ LIMITS = [
     ("objective for which a grasp that converged is taken", 2.0 * (1.0 + 1e-3),
      lambda cost: module._least([grasp(objective=2.0, optimal=False), grasp(objective=cost)]).attempt.optimal),
     ("difference of estimates of one basin", 1.0 / (1.0 - 5e-3), lambda e: module._same(start(1.0), start(e))),
+    ("violation of a start that is verified", 1e-2, lambda off: verified(off)),
+    ("objective that is clearly worse", 1.05 + 1e-4, lambda cost: cost < searching(grasp())[0]._enough),
     ("turn of contacts of one branch", 0.4, lambda a: branch_of(start(angle=a)) == branch_of(start())),
 ]  # fmt: skip
 
@@ -118,6 +127,31 @@ def test_a_basin_far_from_balance_is_tried_first_alone():
         assert len(starts) == count
     search._solve(Basin(start(imbalance=0.5)))
     assert len(starts) == 2
+
+
+def test_the_start_that_came_nearest_has_more_patience_where_there_is_no_grasp(monkeypatch):
+    search, _ = searching(elements=4)
+    tried, violations = [], iter((0.4, 0.1, 0.3))
+
+    def attempt(start, **options):
+        tried.append((start, options.get("patience")))
+        return Grasp(attempt=SimpleNamespace(outcome="Stalled", badness=next(violations, 0.0), converged=False))
+
+    search.attempt = attempt
+    starts = [start(estimate) for estimate in (1.0, 2.0, 3.0)]
+    monkeypatch.setattr(search, "basins_of", lambda mode: starts)
+    monkeypatch.setattr(module, "contact_modes", lambda scene: [frozenset({"finger.tip"})])
+    search.run()
+    assert tried == [*((one, 7) for one in starts), (starts[1], None)]
+
+
+def test_a_proof_that_there_is_no_grasp_ends_the_search_after_six_starts(monkeypatch):
+    search, _ = searching(elements=4)
+    search.attempt = lambda start, **options: search.tried.append(grasp())
+    monkeypatch.setattr(Search, "impossible", True)
+    monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start() for _ in range(9)])
+    search._from_rough(frozenset({"finger.tip"}))
+    assert len(search.tried) == 6
 
 
 def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):

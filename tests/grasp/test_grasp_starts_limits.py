@@ -15,7 +15,7 @@ from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.crossing import overlaps
 from continuum_grasp.grasp.starts.force import Block, Loads
 from continuum_grasp.grasp.starts.polish import pressed
-from continuum_grasp.grasp.starts.scan import linked, task, touching
+from continuum_grasp.grasp.starts.scan import task, touching
 from continuum_grasp.grasp.starts.scan.touching import Branch
 from continuum_grasp.grasp.starts.spread import spread_order
 from continuum_grasp.grasp.starts.weighing import combine, doubt
@@ -34,11 +34,11 @@ def branch(count=2, **last):
 
 
 def neighbors(**last):
-    return bool(linked.along_outline(branch(**last), 128)[0, 1])
+    return bool(basins.along_outline(branch(**last), 128)[0, 1])
 
 
 def neighboring_arcs(**last):
-    return bool(linked.in_bends(branch(**last), 0.05)[0, 1])
+    return bool(basins.in_bends(branch(**last), 0.05)[0, 1])
 
 
 def within(curvature):
@@ -106,7 +106,7 @@ def test_beyond_two_parts_in_a_hundred_imbalance_ranks_less():
 
 def test_twelve_basins_at_most_the_best_first():
     score = np.arange(20.0)[::-1]
-    assert linked.minima(score, np.eye(20, dtype=bool)).tolist() == [*range(19, 7, -1)]
+    assert basins.minima(score, np.eye(20, dtype=bool)).tolist() == [*range(19, 7, -1)]
 
 
 @pytest.mark.parametrize("part", ["left", "wrong", "above"])

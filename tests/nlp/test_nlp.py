@@ -135,6 +135,36 @@ def test_a_problem_without_a_solution_is_not_solved(method):
         assert found.status is Status.INFEASIBLE
 
 
+@pytest.mark.parametrize(
+    ("violations", "stalls"),
+    [
+        ([1.0] * 3, False),
+        ([1.0] * 4, True),
+        ([1.0, 1.0, 1.0, 0.49, 0.49, 0.49], False),
+        ([1.0, 1.0, 1.0, 0.51, 0.51], True),
+        ([2.0, 2.0, 3.0, 2.0, 3.0, 2.0], False),
+        ([1.0, 1.031, 1.0, 1.031, 1.0], False),
+        ([1.0, 1.029, 1.0, 1.029], True),
+        ([0.99e-3] * 9, False),
+        ([1.01e-3] * 4, True),
+    ],
+)
+def test_three_iterations_that_leave_the_violation_are_too_many_until_it_is_halved(violations, stalls):
+    problem, start, _ = problem_71()
+    stop = _Stop(problem)
+    stop.begin(replace(start, patience=3), Budget())
+    assert [stop._stalls(violation, 3) for violation in violations][-1] is stalls
+
+
+def test_patience_ends_what_has_no_solution_early():
+    problem, start, expected = problem_71()
+    none = replace(start, lower=np.array([25.0, 200.0]), upper=np.array([INF, 200.0]))
+    found, ended = (solved("ipopt", problem, replace(none, patience=patience)) for patience in (None, 3))
+    assert (ended.status, ended.outcome) == (Status.STOPPED, "Stalled")
+    assert ended.iterations < found.iterations
+    assert_allclose(solved("ipopt", problem, replace(start, patience=3)).x, expected, atol=1e-5)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_iterations_of_one_run_and_of_all_runs_end_it(method):
     problem, start, _ = problem_71()

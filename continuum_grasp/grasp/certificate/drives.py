@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.cells import cell_nodes
-from continuum_grasp.grasp.certificate.tendons import TendonFriction
+from continuum_grasp.grasp.certificate.friction import TendonFriction, cell_nodes
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.grasp import FingerSetup

@@ -1,18 +1,183 @@
-"""Friction of a finger of a grasp: of its tendons, and dry friction in bending, with the states of both."""
+"""Friction of a finger of a grasp, from its stored shape alone: of its tendons, and dry friction in bending.
+
+By the capstan equation the tension of a tendon on the -X side falls across a cell with state z, from -1 to 1, by the
+factor exp(-friction turn z); that of one on the other side, which slides the other way, rises by as much.
+
+Each branch of a cell resists the bending by its moment M times a state z from -1 to 1, the same all along the cell: its
+virtual work is that of a moment on the turn of the cell. Along a finger that changes along its length k and M are
+those at the base, and go with its stiffness. A finger that was bent from its shape at rest on has z = k kappa / M,
+kappa being the mean curvature of the cell above rest by this stiffness, as far as that is within the range.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.bending import DryBending
-from continuum_grasp.grasp.certificate.tendons import TendonFriction
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 Array = NDArray[Any]
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
+_PRESLIDING = 1e-3
+"""Bend beyond a friction cell from which on it slides [rad]: that of the law that is verified."""
+_PARTS = 4
+"""Parts of a cell of a finger that changes along its length, in each of which the couples of an exact rod take its
+friction as the same: its moment is then off by an eighth of what it changes along the cell."""
+
+
+def cell_nodes(edges: Array, *breaks: Sequence[float]) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Nodes (G,) [m] and weights [m] between places where something may have a kink, and the cell that each is in.
+
+    ``edges`` (K + 1,) are those of the cells, ``breaks`` other such places [m]. Sixteen nodes between two places: to
+    rounding for tapers to a tenth.
+    """
+    inside = [at for at in np.concatenate(breaks) if edges[0] < at < edges[-1]] if breaks else []
+    places = np.unique(np.concatenate([edges, inside]))
+    middle, half = 0.5 * (places[1:] + places[:-1])[:, None], 0.5 * np.diff(places)[:, None]
+    cell = np.searchsorted(edges, middle.ravel()) - 1
+    return (middle + half * _NODES).ravel(), (half * _WEIGHTS).ravel(), np.repeat(cell, _NODES.size)
+
+
+class TendonFriction:
+    """The friction cells of a finger's tendons, between the ends of its elements.
+
+    ``states`` (K,) are those of the cells; None: of tendons that slid from the straight finger on.
+    """
+
+    def __init__(self, setup: FingerSetup, shape: FingerShape, states: Array | None = None) -> None:
+        self._setup, self._shape = setup, shape
+        cells = setup.tendons.friction_cells
+        parts = [np.linspace(a, b, cells + 1)[:-1] for a, b in pairwise(shape.joints)]
+        self.edges = np.append(np.concatenate(parts), shape.joints[-1])
+        self.states = self.pulled if states is None else states
+
+    @cached_property
+    def _widths(self) -> Array:
+        return np.diff(self.edges)
+
+    @cached_property
+    def _halves(self) -> tuple[Array, Array]:
+        """Along the halves of each cell (K, 2) the turn of the finger where the tendons run, and what it draws in of
+        them per offset at the base.
+        """
+        channel, profile = self._shape.channels[0], self._shape.profile
+        ends = np.append(np.stack([self.edges[:-1], self.edges[:-1] + 0.5 * self._widths], axis=1), self.edges[-1])
+        s, weights, half = cell_nodes(ends, profile.breaks, channel.shape.breaks)
+        bent, drawn = weights * self._shape.curvature(s), channel.shape(s)
+        turned, path = (np.bincount(half, each, ends.size - 1) for each in (bent * (drawn != 0.0), bent * drawn))
+        return turned.reshape(-1, 2), path.reshape(-1, 2)
+
+    @cached_property
+    def pulled(self) -> Array:
+        """States (K,) of tendons that slid from the straight finger on: by what is drawn in beyond the middle of each
+        cell.
+        """
+        early, late = self._halves[1].T
+        beyond = np.append(np.cumsum((early + late)[::-1])[::-1][1:], 0.0) + late
+        return np.asarray(np.clip(beyond / _PRESLIDING, -1.0, 1.0))
+
+    @cached_property
+    def losses(self) -> Array:
+        """Change (K,) of the logarithm of the tension across each cell, of a tendon on the -X side."""
+        turned = self._halves[0].sum(axis=1)
+        # The law of the model that is verified: of a constant curvature in a cell, without sign, and rounded off.
+        rounding = 1e-3 * self._widths / self.edges[-1]
+        return np.asarray(self._setup.tendons.friction * turned**2 / np.sqrt(turned**2 + rounding**2) * self.states)
+
+    def _shares(self, arm: float) -> tuple[Array, Array]:
+        """Of a tendon: its change across each cell, and its mean tension there per that at the base."""
+        own = math.copysign(1.0, arm) * self.losses
+        return own, np.exp(-(np.cumsum(own) - 0.5 * own)) * (1.0 + own**2 / 24.0)
+
+    def shares(self, arm: float, s: Array) -> Array:
+        """Tension (G,) at positions [m] of the tendon with this arm, per that at the base."""
+        passed = np.append(0.0, np.cumsum(math.copysign(1.0, arm) * self.losses))
+        return np.asarray(np.exp(-np.interp(s, self.edges, passed)))
+
+    def mean(self, arm: float) -> float:
+        """Mean along the finger of the tension of the tendon with this arm, per that at the base."""
+        return float(self._shares(arm)[1] @ self._widths / self.edges[-1])
+
+    def moment(self, s: Array, tensions: Array) -> Array:
+        """Bending moment (G,) of the tendons at positions [m], with tensions (2,) at the base [N]."""
+        channel = self._shape.channels[0]
+        cell = np.clip(np.searchsorted(self.edges, s) - 1, 0, self._widths.size - 1)
+        across = (s - self.edges[cell]) / self._widths[cell] - 0.5
+        moment = np.zeros(s.shape)
+        for arm, tension in zip(channel.arms, tensions, strict=True):
+            own, mean = self._shares(arm)
+            moment += arm * tension * mean[cell] * (1.0 - own[cell] * across)
+        return np.asarray(moment * channel.shape(s))
+
+
+class DryBending:
+    """The cells of a finger with dry friction in bending, and the moment in each.
+
+    ``states`` (K,) are those of cell after cell, branch by branch; None: of a finger that was bent from rest on.
+    """
+
+    def __init__(self, setup: FingerSetup, shape: FingerShape, states: Array | None = None) -> None:
+        branches = setup.finger.damping.dry_friction
+        self._shape, self._profile = shape, setup.finger.profile
+        self._stiffness = np.array([branch.stiffness for branch in branches])
+        self._most = np.array([branch.moment for branch in branches])
+        parts = [np.linspace(a, b, setup.bending_cells + 1)[:-1] for a, b in pairwise(shape.joints)]
+        self.edges = np.append(np.concatenate(parts), shape.joints[-1])
+        self.states = self.pulled if states is None else states
+
+    @cached_property
+    def _bent(self) -> Array:
+        """Mean curvature (C, 1) above rest of each cell [1/m]."""
+        s, weights, cell = cell_nodes(self.edges, self._profile.breaks)
+        measure = weights * self.per_base(s)
+        drawn = np.bincount(cell, measure * self._shape.elastic(s)) / np.bincount(cell, measure)
+        return np.asarray(drawn)[:, None]
+
+    def per_base(self, s: Array) -> Array:
+        """Bending stiffness (G,) at positions [m] per that at the base [1]."""
+        stiffness = self._profile.bending_stiffness
+        return np.asarray(stiffness(s) / stiffness(np.zeros(1)))
+
+    @cached_property
+    def pulled(self) -> Array:
+        """States (K,) of a finger that was bent from its shape at rest on."""
+        return np.asarray(np.clip(self._stiffness / self._most * self._bent, -1.0, 1.0).ravel())
+
+    @property
+    def moments(self) -> Array:
+        """Moment (C,) of each cell against the bending, per that of the stiffness at the base [N m]."""
+        return np.asarray(np.reshape(self.states, (-1, self._most.size)) @ self._most)
+
+    def moment(self, s: Array) -> Array:
+        """Moment (G,) against the bending at positions [m]."""
+        cell = np.clip(np.searchsorted(self.edges, s) - 1, 0, self.edges.size - 2)
+        return np.asarray(self.moments[cell] * self.per_base(s))
+
+    @property
+    def couples(self) -> list[tuple[float, float]]:
+        """Places [m] and couples [N m] that exert on an elastic rod what this friction does."""
+        parts = 1 if self._profile.bending_stiffness.constant is not None else _PARTS
+        ends = [np.linspace(a, b, parts + 1)[1:] for a, b in pairwise(self.edges)]
+        places = np.concatenate([self.edges[:1], *ends])
+        against = np.append(self.moment(0.5 * (places[1:] + places[:-1])), 0.0)
+        return list(zip(places[1:].tolist(), np.diff(against).tolist(), strict=True))
+
+    @property
+    def sticking(self) -> Array:
+        """Stiffness (C,) of the branches that stick, of a finger bent from rest on [N m], against the turn of a cell;
+        of one that changes along its length against that by ``per_base``.
+        """
+        sticks = np.abs(self.pulled.reshape(-1, self._most.size)) < 1.0
+        s, weights, cell = cell_nodes(self.edges, self._profile.breaks)
+        return np.asarray((sticks @ self._stiffness) / np.bincount(cell, weights * self.per_base(s)))
 
 
 def friction_of(

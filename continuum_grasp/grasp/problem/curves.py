@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -125,7 +126,7 @@ def _curves(setup: FingerSetup, weighs: bool) -> list[_Made]:
         return [thickness]
     (channel,) = finger.channels  # a grasp has a pair of tendons, which run alike
     breaks = [at for at in (*profile.breaks, *channel.shape.breaks) if at < length]
-    edges = with_places((0.0, length), breaks)
+    edges = tuple(with_places((0.0, length), breaks).tolist())
     found = [
         _made("stiffness", profile.bending_stiffness, edges, 1.0 / setup.stiffness),
         _made("rest", profile.rest_curvature, edges, length),
@@ -141,10 +142,11 @@ def _curves(setup: FingerSetup, weighs: bool) -> list[_Made]:
 
 def _alone(name: str, curve: Curve, scale: float) -> _Made:
     """A curve on panels of its own."""
-    return _made(name, curve, np.array([0.0, *curve.breaks, curve.edges[-1]]), scale)
+    return _made(name, curve, (0.0, *curve.breaks, curve.edges[-1]), scale)
 
 
-def _made(name: str, curve: Curve, edges: Array, scale: float) -> _Made:
+@lru_cache(maxsize=64)
+def _made(name: str, curve: Curve, edges: tuple[float, ...], scale: float) -> _Made:
     degree, rows = max(len(c) for c in curve.coefficients) - 1, []
     for a in edges[:-1]:
         piece = int(np.searchsorted(curve.edges[1:-1], a + 1e-9 * edges[-1]))
@@ -154,7 +156,7 @@ def _made(name: str, curve: Curve, edges: Array, scale: float) -> _Made:
         if curve.exponential:
             row[0] += np.log(scale)
         rows.append(row if curve.exponential else scale * row)
-    return _Made(CurveSpec(name, len(rows), degree, curve.exponential), edges / edges[-1], np.array(rows))
+    return _Made(CurveSpec(name, len(rows), degree, curve.exponential), np.array(edges) / edges[-1], np.array(rows))
 
 
 class Curves:

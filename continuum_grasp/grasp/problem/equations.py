@@ -40,7 +40,7 @@ _FLAGS = ("-std=gnu11", "-O0", "-ffp-contract=off", "-fPIC", "-w")
 _MOST = 8
 """Structures that are compiled after a process has used them, 2 to 10 s each: a search of many random scenes does not
 leave an hour of it."""
-_STORED = 300
+_STORED = 100
 """Libraries that are stored, those used last: 2 MB each with four elements."""
 _VALUES = ("nlp_f", "nlp_g", "values", "places")
 _DERIVATIVES = {"grad_f": "nlp_grad_f", "jac_g": "nlp_jac_g", "hess_lag": "nlp_hess_l", "slope": "nlp_slope"}

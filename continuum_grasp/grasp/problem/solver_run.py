@@ -105,6 +105,8 @@ class GraspSolverRun:
         numbers: Mapping[str, Any] | None = None,
         pinned: Mapping[str, ArrayLike] | None = None,
         most: Mapping[str, float] | None = None,
+        patience: int | None = None,
+        enough: float = np.inf,
     ) -> Attempt:
         """Solve from a start, moving the guarded places to where fingers are deepest.
 
@@ -114,7 +116,8 @@ class GraspSolverRun:
         parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features``, by default those of the
         start, beyond whose ends they go on while that is better; the unknowns begin with ``x0``. Further run-time
         ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for NaN, and others are bounded by
-        ``most`` (units of the problem).
+        ``most`` (units of the problem). ``patience`` is that of `nlp.Start`; with an objective above ``enough``,
+        guarded places are not moved any more.
 
         Raises
         ------
@@ -122,7 +125,7 @@ class GraspSolverRun:
             Ctrl-C was pressed meanwhile; this start has no result then.
         """
         given: dict[str, Any] = {"iterations": iterations, "relaxed": relaxed, "weights": weights, "numbers": numbers}
-        given |= {"pinned": pinned, "most": most}
+        given |= {"pinned": pinned, "most": most, "patience": patience, "enough": enough}
         if features is not None:
             return self._run(scene, start, budget, features, rung=rung, x0=x0, **given)
         found = self._run(scene, start, budget, contact_features(scene, start.contacts), rung=rung, x0=x0, **given)
@@ -167,6 +170,8 @@ class GraspSolverRun:
         numbers: Mapping[str, Any] | None,
         pinned: Mapping[str, ArrayLike] | None,
         most: Mapping[str, float] | None,
+        patience: int | None,
+        enough: float,
     ) -> Attempt:
         """The same on given features."""
         problem, units = self.problem, Units.of(scene)
@@ -196,9 +201,9 @@ class GraspSolverRun:
         x = np.clip(x, low, high)
         look = self._look(scene, values)
         begin = look(x, problem.numbers.pack(values, 0.0))[1]
-        known = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options)
+        known = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options, patience=patience)
         with budget.share(iterations) as part:
-            last, last_numbers = solve_clear(solve, self.nlp, known, look, allowed_depth(scene), part, cap)
+            last, last_numbers = solve_clear(solve, self.nlp, known, look, allowed_depth(scene), part, cap, enough)
         last = replace(last, seconds=time.perf_counter() - began)
         violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
         return Attempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
@@ -301,9 +306,10 @@ def solve_clear(
     depth: float,
     budget: Budget,
     most: int,
+    enough: float = np.inf,
 ) -> tuple[nlp.Attempt, Array]:
-    """Solve until no finger is deeper than ``depth`` between the places that must stay clear, each time by at most so
-    many iterations: the last run, with the iterations of all, and its numbers.
+    """Solve until no finger is deeper than ``depth`` between the places that must stay clear, or the objective is more
+    than ``enough``, each time by at most so many iterations: the last run, with the iterations of all, and its numbers.
 
     ``look`` takes a point and its numbers, and gives how deep fingers are there and the numbers of the next run, with
     the guarded places moved to where fingers are deepest.
@@ -322,7 +328,7 @@ def solve_clear(
         # Where other constraints became active, multipliers of the round before mislead: once more without them.
         if start.multipliers is not None and not last.converged:
             last = solved(replace(start, multipliers=None))
-        if not last.converged or not np.isfinite(last.x).all():
+        if not last.converged or not np.isfinite(last.x).all() or last.objective > enough:
             break
         deepest, near = look(last.x, numbers)
         # By as much, to first order, the new places change what is sought.

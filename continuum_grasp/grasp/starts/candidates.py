@@ -11,10 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.bent import bent_by_tip
-from continuum_grasp.grasp.starts.scan.joint import first_joint, next_joint
+from continuum_grasp.grasp.starts.scan.families import bent_by_tip, first_joint, next_joint, tip_only, with_tip
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, make_task, violation
-from continuum_grasp.grasp.starts.scan.tip import tip_only, with_tip
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Collection
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, Self, TypeVar
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.skin import skin
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import bends, sample
-from continuum_grasp.grasp.starts.scan.rows import Rows
 from continuum_grasp.model.family import family_class
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.outline import Frame, Outline
@@ -89,23 +88,21 @@ class FingerTask:
     @cached_property
     def object_numbers(self) -> Array:
         """The object as the kernel of the scan has it."""
-        return np.array([len(self.shapes), *(each for shape in self.shapes for each in shape.rough_numbers)])
+        return _numbers(self.shapes)
 
-    def rough_distance(self, points: Array) -> Array:
-        """Signed distance from the object, to within 1e-5 of its size."""
+    def rough_distance(self, points: Array, part: int | None = None) -> Array:
+        """Signed distance from the object, or from one part of it, to within 1e-5 of its size."""
+        shapes = self.shapes if part is None else self.shapes[part : part + 1]
         if kernel.library():
-            out = np.empty(points.shape)
-            return kernel.called("distances", out, out.size, self.object_numbers, points)
-        out = self.shapes[0].rough_distance(points)
-        for shape in self.shapes[1:]:
-            out = np.minimum(out, shape.rough_distance(points))
-        return out
+            out, numbers = np.empty(points.shape), self.object_numbers if part is None else _numbers(shapes)
+            return kernel.called("distances", out, out.size, numbers, points)
+        return np.asarray(np.min([shape.rough_distance(points) for shape in shapes], axis=0))
 
     def touched(self, points: Array) -> tuple[Array, Array, Array]:
         """The parts nearest to points (B,), and the places on their grown outlines: points, angles of the normals."""
         part = np.zeros(len(points), int)
         if len(self.shapes) > 1:
-            part = np.argmin([shape.rough_distance(points) for shape in self.shapes], axis=0)
+            part = np.argmin([self.rough_distance(points, k) for k in range(len(self.shapes))], axis=0)
         point, angle = np.zeros(len(points), complex), np.zeros(len(points))
         for k, shape in enumerate(self.shapes):
             mine = part == k
@@ -113,6 +110,30 @@ class FingerTask:
                 at = shape.walk(shape.nearest(points[mine])[1])
                 point[mine], angle[mine] = at.point, at.angle
         return part, point, angle
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Columns of equal length: fields are arrays with one axis of rows first, or such dataclasses."""
+
+    def __len__(self) -> int:
+        return len(getattr(self, fields(self)[0].name))
+
+    def take(self, index: Any) -> Self:
+        """Some of the rows."""
+        found = {
+            name: value.take(index) if isinstance(value, Rows) else value[index] for name, value in vars(self).items()
+        }
+        return replace(self, **found)
+
+    def followed_by(self, others: Sequence[Self]) -> Self:
+        """All of its rows, then those of others."""
+
+        def joined(name: str) -> Any:
+            first, *more = (getattr(each, name) for each in (self, *others))
+            return first.followed_by(more) if isinstance(first, Rows) else np.concatenate([first, *more])
+
+        return replace(self, **{name: joined(name) for name in vars(self)})
 
 
 @dataclass(frozen=True)
@@ -140,6 +161,10 @@ class Postures(Rows):
 
 
 P = TypeVar("P", bound=Postures)
+
+
+def _numbers(shapes: Sequence[Outline]) -> Array:
+    return np.array([len(shapes), *(each for shape in shapes for each in shape.rough_numbers)])
 
 
 def join(groups: list[P]) -> P | None:

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.chords import MOST_TURN, bends_to, exact_bends
 from continuum_grasp.grasp.starts.scan.curves import NODES, WEIGHTS, wrapped
-from continuum_grasp.grasp.starts.scan.rows import Rows
-from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_MOST, TIP_REACH, TIPS, FingerTask
+from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_MOST, TIP_REACH, TIPS, FingerTask, Rows
 
 Array = NDArray[Any]
 

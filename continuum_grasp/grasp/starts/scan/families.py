@@ -1,0 +1,216 @@
+"""Families of postures that combine to grasps: curves to one middle contact after the other, and on to a tip that
+touches, or fingers whose tips alone touch.
+
+Of two elements of linear curvature any shape whose tip touches is in balance under some force and tension, so all of
+them are looked at, by the curvatures at base and joint; fingers of more elements begin with the same shapes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.starts.scan.curves import guess_table, sample, segment_end, table_of, tangent, touch
+from continuum_grasp.grasp.starts.scan.task import (
+    ALLOWED,
+    FRONT,
+    TIP_REACH,
+    TIPS,
+    FingerTask,
+    Postures,
+    join,
+    touching_family,
+    unique,
+)
+from continuum_grasp.grasp.starts.scan.touching import Ring, onwards, scanned, started
+from continuum_grasp.model.surfaces.outline import Outline
+
+Array = NDArray[Any]
+
+_REACH, _TIP_REACH, _COUNT = 10.0, 15.0, 41
+"""Greatest curvature at base and joint, and at the tip, which a short end bends [1/L]; number of each."""
+
+
+def first_joint(task: FingerTask) -> Postures | None:
+    """Curves from the base to the first contact, tangent there, with the object on their left."""
+    some = scanned(replace(task, tip=False), Ring(task))
+    some = some.take(some.side > 0)
+    if not len(some):
+        return None
+    joints, parts, points, angles = (each[:, None] for each in (some.joint, some.part, some.point, some.normal))
+    bent = some.ends[:, :2]
+    return _clear(task, Postures(some.knots[:, :2], bent, joints, parts, points, angles, np.zeros(len(some))))
+
+
+def next_joint(task: FingerTask, family: Postures) -> Postures | None:
+    """Curves on from the last contact to one more, with a knot half-way."""
+    last = family.knots[:, -1]
+    groups = []
+    point, angle = ends_of(family)
+    for share in (0.15, 0.3, 0.45, 0.6, 0.8):
+        ell = share * (task.bounds[1] - last)
+        # Shorter than 3 % of the length, no curve is worth a start.
+        rows = np.flatnonzero(ell > 0.03)
+        if not len(rows):
+            continue
+        ell, begin, start = ell[rows], family.curvatures[rows, -1], (point[rows], angle[rows])
+        lengths = np.stack([0.5 * ell, 0.5 * ell], axis=1)
+        for part, shape in enumerate(task.shapes):
+            # On as before, straighter, or more bent.
+            for factor in (1.0, 0.5, 2.0):
+                curve = np.stack([begin, factor * begin, factor * begin], axis=1)
+                end, _, _, _ = segment_end(lengths, curve)
+                _, walk = shape.nearest(start[0] + np.exp(1j * start[1]) * end)
+                bent, walk, good = tangent(shape, start, lengths, curve, (1, 2), walk)
+                if not good.any():
+                    continue
+                retained = family.take(rows[good])
+                there = last[rows][good] + ell[good]
+                knots = np.stack([there - 0.5 * ell[good], there], axis=1)
+                at = shape.walk(walk[good])
+                parts = np.full(len(retained), part)
+                longer = retained.on_to(knots, bent[good, 1:], parts, at.point, at.angle)
+                groups.append(replace(longer, joints=np.concatenate([retained.joints, there[:, None]], axis=1)))
+    found = join(groups)
+    return None if found is None else _clear(task, unique(found))
+
+
+def ends_of(family: Postures) -> tuple[Array, Array]:
+    """Where the curves end so far: point and angle."""
+    end, turn, _, _ = segment_end(np.diff(family.knots, axis=1), family.curvatures)
+    return end, turn
+
+
+def _clear(task: FingerTask, family: Postures | None) -> Postures | None:
+    """Those clear of the object so far, or the least deep ones where none is."""
+    if family is None:
+        return None
+    at = family.knots[:, -1:] * np.linspace(0.0, 1.0, 33)
+    depth = task.half - task.distance(sample(family.knots, family.curvatures, at)).min(axis=1)
+    good = depth <= ALLOWED
+    return family.take(np.flatnonzero(good) if good.any() else np.argsort(depth, kind="stable")[:4])
+
+
+def with_tip(task: FingerTask, family: Postures) -> Postures | None:
+    """The postures on to the tip, which touches."""
+    point, angle = ends_of(family)
+    none, bent = np.zeros(len(family)), np.repeat(family.curvatures[:, -1:], 2, axis=1)
+    last = started(none.astype(int), none, none, point, none, angle, family.knots[:, -1], bent)
+    found, rows = onwards(task, last)
+    if not len(rows):
+        return None
+    # The curvature may step at the last contact.
+    on = found.knots[:, 2:], found.ends[:, 2:], found.tip, found.tip_point, found.tip_normal
+    return family.take(rows).on_to(*on)
+
+
+def crossings(shape: Outline, gap: Array, tips: Array, *, axis: int = 1) -> tuple[Array, Array, Array, Array]:
+    """Where neighbors along an axis of tables have their tips on either side of a grown outline: indices of the first
+    of both, the share of the way to the second, and the walk of the nearest place.
+    """
+    one = tuple(slice(None, -1) if k == axis else slice(None) for k in (0, 1))
+    two = tuple(slice(1, None) if k == axis else slice(None) for k in (0, 1))
+    a, b = gap[one], gap[two]
+    with np.errstate(invalid="ignore"):
+        i, j = np.nonzero((a * b <= 0.0) & (a != b))
+    share = a[i, j] / (a[i, j] - b[i, j])
+    tip = tips[one][i, j] + share * (tips[two][i, j] - tips[one][i, j])
+    return i, j, share, shape.nearest(tip)[1]
+
+
+def _in_front(shape: Outline, walk: Array, facing: Array) -> Array:
+    """Whether the front half of the rounded tip touches."""
+    return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= FRONT)
+
+
+def tip_only(task: FingerTask) -> Postures | None:
+    """Curves from the base whose tip touches: a family of two parameters, cut along a grid both ways.
+
+    The parameters are the curvatures at both ends, or those of two arcs.
+    """
+    joint = task.counts[0] / 2.0 if task.arcs and task.counts == (1, 1) else None
+    # Beside the shapes of `bent_by_tip`, which have clothoids only, every other line of the grid is enough.
+    reach, count = TIP_REACH, TIPS if task.arcs else TIPS // 2 + 1
+    if joint is not None:  # each of two arcs has a part of the length for its bend
+        reach, count = 2.0 * TIP_REACH, 2 * TIPS - 1
+    grid, ends, _ = guess_table(reach, count, joint)
+    knots = np.array([0.0, 1.0] if joint is None else [0.0, joint, joint, 1.0])
+    groups = []
+    for part, shape in enumerate(task.shapes):
+        gap = task.rough_distance(ends, part) - task.half
+        _, walk = shape.nearest(np.array([1j]))  # the straight finger's tip
+        touches = abs(complex(shape.walk(walk).point[0]) - 1j) < 1e-9
+        if touches and _in_front(shape, walk, np.zeros(1)).all():
+            groups.append(_tips(knots, np.zeros((1, len(knots))), part, shape, walk))
+        groups += _cuts(part, shape, knots, grid, gap, ends)
+    every = join(groups)
+    return None if every is None else unique(every)
+
+
+def _cuts(part: int, shape: Outline, knots: Array, grid: Array, gap: Array, ends: Array) -> list[Postures]:
+    """Curves whose tip touches, between neighbors on a grid of first and last curvatures."""
+    groups = []
+    half = len(knots) // 2
+    for axis in (0, 1):
+        i, j, share, walk = crossings(shape, gap, ends, axis=axis)
+        if len(i):
+            curve = np.repeat(np.stack([grid[i], grid[j]], axis=1), half, axis=1)
+            columns = tuple(range(axis * half, axis * half + half))
+            curve[:, columns] += (share * (grid[1] - grid[0]))[:, None]
+            groups.append(touching(knots, curve, columns, part, shape, walk))
+    return groups
+
+
+def touching(knots: Array, bent: Array, columns: tuple[int, ...], part: int, shape: Outline, walk: Array) -> Postures:
+    """Curves from the base whose tips touch a part with their fronts, from first guesses."""
+    start = (np.zeros(len(bent), complex), np.zeros(len(bent)))
+    lengths = np.broadcast_to(np.diff(knots), (len(bent), len(knots) - 1))
+    bent, walk, good = touch(shape, start, lengths, bent, columns, walk)
+    _, turn, _, _ = segment_end(lengths, bent)
+    good &= _in_front(shape, walk, turn)
+    return _tips(knots, bent[good], part, shape, walk[good])
+
+
+def _tips(knots: Array, bent: Array, part: int, shape: Outline, walk: Array) -> Postures:
+    count = len(walk)
+    return touching_family(np.broadcast_to(knots, (count, len(knots))), bent, np.zeros((count, 0)), part, shape, walk)
+
+
+def bent_by_tip(task: FingerTask) -> Postures | None:
+    """Fingers bent by a force at their tips, which touch."""
+    knots = np.array(task.nodes)
+    groups: list[Postures | None] = []
+    clothoids = tip_only(task)
+    if clothoids is not None:  # the same curves, whose curvature is linear all along, with more knots
+        first, last = clothoids.curvatures[:, :1], clothoids.curvatures[:, 1:]
+        bent = first + (last - first) * knots
+        groups.append(replace(clothoids, knots=np.broadcast_to(knots, bent.shape), curvatures=bent))
+    groups.append(_two_clothoids(task))
+    found = join([group for group in groups if group is not None])
+    return None if found is None else unique(found)
+
+
+def _two_clothoids(task: FingerTask) -> Postures | None:
+    """All postures, one or more for each pair of curvatures at base and joint from which the tip touches."""
+    # A curve of half the length is half as long with twice the curvature.
+    line, ends = np.linspace(-_REACH, _REACH, _COUNT), np.linspace(-_TIP_REACH, _TIP_REACH, _COUNT)
+    joints, bends = table_of(0.5 * line, 0.5 * line, None)
+    joints, tips = 0.5 * joints, 0.5 * table_of(0.5 * line, 0.5 * ends, None)[0]
+    knots = np.array(task.nodes)
+    hats = np.stack([np.interp(knots, (0.0, 0.5, 1.0), unit) for unit in np.eye(3)])
+    beyond = tuple(np.flatnonzero(knots > 0.5).tolist())
+    groups = []
+    for part, shape in enumerate(task.shapes):
+        near = np.abs(joints - shape.center) < shape.extent + task.half + 0.5
+        i, j = np.nonzero(near)
+        at = joints[i, j][:, None] + np.exp(1j * bends[i, j])[:, None] * tips[j]
+        row, k, share, walk = crossings(shape, task.rough_distance(at, part) - task.half, at)
+        if len(row):
+            last = ends[k] + share * (ends[1] - ends[0])
+            bent = np.stack([line[i[row]], line[j[row]], last], axis=1)
+            groups.append(touching(knots, bent @ hats, beyond, part, shape, walk))
+    return join(groups)
