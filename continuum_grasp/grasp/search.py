@@ -6,6 +6,7 @@ import math
 import time
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -138,9 +139,8 @@ class Search:
         self._modes = len(modes)
         unscanned = [mode for mode in modes if not self._from_basins(mode)]
         self._sampled = len(unscanned)
-        for mode in modes if self._effort.always_rough else unscanned:
-            if not self.proven:
-                self._from_rough(mode)
+        if not self.proven:
+            self._from_rough(modes if self._effort.always_rough else unscanned)
         # What few elements cannot hold, many may.
         for _, start in sorted(self._missed, key=lambda one: one[0])[:NEAREST] if self.best is None else ():
             self.attempt(start, rung=0)
@@ -268,30 +268,31 @@ class Search:
             attempt = best.attempt
             self.attempt(attempt.start, rung=rung, features=attempt.features, x0=attempt.x)
 
-    def _from_rough(self, mode: frozenset[str]) -> None:
-        """Solve from rough starts of a mode, one of each branch where they tell where starts lead.
+    def _from_rough(self, modes: list[frozenset[str]]) -> None:
+        """Solve from rough starts of modes, the best of each first, one of each branch where they tell where starts
+        lead.
 
         Once there is a grasp, starts that do not touch and those that look much worse are skipped, and the others get
         few iterations.
         """
-        starts = [tried.attempt.start for tried in self.good]
-        held = {branch_of(start) for start in starts if frozenset(start.contacts) >= mode}
-        for start in self.rough_starts_of(mode):
-            branch = branch_of(start)
-            if branch in held and not self._tries_all:
-                self._alike += 1
-                continue
-            if self.best and not self._promises(start):
-                continue
-            if self._is_over or self.proven or (self.tried and not self.good and self.impossible):
-                return
-            basin = Basin(start, tried=True)
-            if not math.isnan(start.estimate):
-                self.basins.append(basin)
-            found = self._continued(start, len(RUNGS) - 1, ITERATION_CAP if self.best else None)
-            if found is not None and found in self.good:
-                held.add(branch)
-                basin.solved = self._keeps_promise(found, basin)
+        held = {branch_of(tried.attempt.start) for tried in self.good}
+        for rank in zip_longest(*map(self.rough_starts_of, modes)):
+            for start in sorted(filter(None, rank), key=lambda one: one.doubt):
+                branch = branch_of(start)
+                if branch in held and not self._tries_all:
+                    self._alike += 1
+                    continue
+                if self.best and not self._promises(start):
+                    continue
+                if self._is_over or self.proven or (self.tried and not self.good and self.impossible):
+                    return
+                basin = Basin(start, tried=True)
+                if not math.isnan(start.estimate):
+                    self.basins.append(basin)
+                found = self._continued(start, len(RUNGS) - 1, ITERATION_CAP if self.best else None)
+                if found is not None and found in self.good:
+                    held.add(branch)
+                    basin.solved = self._keeps_promise(found, basin)
 
     @cached_property
     def bound(self) -> float | None:
@@ -457,8 +458,8 @@ def _least(tried: list[Tried]) -> Tried | None:
 
 
 def branch_of(start: Start) -> tuple[Any, ...]:
-    """What starts that most likely lead to the same grasp have in common: sides, and where contacts face."""
+    """What starts that most likely lead to the same grasp have in common: contacts, sides, and where they face."""
     sides = tuple(finger.sides for finger in start.fingers.values())
     faces = tuple(round(contact.normal_angle / SECTOR) for contact in start.contacts.values())
     places = tuple(contact.part for contact in start.contacts.values())
-    return sides, faces, places
+    return frozenset(start.contacts), sides, faces, places
