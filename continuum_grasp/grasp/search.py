@@ -36,9 +36,10 @@ SECTOR = 0.8
 contacts face alike to within it end in the same grasp as a rule."""
 HELD = 3
 """Grasps with least tension from which other aims start: of nearby branches another may be best for them."""
-ITERATION_CAP = 40
-"""Iterations of a start once there is a grasp: from good starts IPOPT needs a median of 12 and
-17 at the 95th percentile (400 random scenes)."""
+ITERATION_CAP, FIRST_CAP = 40, 70
+"""Iterations of a rough start once there is a grasp, and before: from good starts IPOPT needs a median of 12 and 17 at
+the 95th percentile (400 random scenes), at most 52 from those of the shipped scenes. Beyond 100 rounding decides where
+it ends, which then differs between a scene and its mirror image."""
 PRUNE_FACTOR = 1.5
 """Estimated tension, per that of the best grasp, up to which a start is worth trying: the estimates are no
 bounds, and those of rough starts are off by tens of percent."""
@@ -289,7 +290,7 @@ class Search:
                 basin = Basin(start, tried=True)
                 if not math.isnan(start.estimate):
                     self.basins.append(basin)
-                found = self._continued(start, len(RUNGS) - 1, ITERATION_CAP if self.best else None)
+                found = self._continued(start, len(RUNGS) - 1, ITERATION_CAP if self.best else FIRST_CAP)
                 if found is not None and found in self.good:
                     held.add(branch)
                     basin.solved = self._keeps_promise(found, basin)
@@ -368,10 +369,6 @@ class Search:
     def _least_difference(self) -> float:
         """Tension below which differences are rounding [N]: grasps may take none at all."""
         return LEAST_DIFFERENCE * sum(setup.max_tension for setup in self.scene.setups)
-
-    def starts_of(self, mode: frozenset[str]) -> list[Start]:
-        """The starts of a mode: of its basins, or rough ones."""
-        return self.basins_of(mode) or self.rough_starts_of(mode)
 
     def basins_of(self, mode: frozenset[str]) -> list[Start] | None:
         """The starts of a mode's basins; None where it has none that are scanned."""

@@ -54,12 +54,8 @@ def matched_sets(
         alone += np.minimum(10.0 * candidates.violation, 1.0)
         lift = 2.0 * setup.held_friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
         cost = np.abs(pull) / high
-        if len(candidates) > most:
-            pick = np.array(
-                spread_order(alone + _COST * cost / max(float(np.median(cost)), 1e-9), candidates.features, most)
-            )
-        else:
-            pick = np.arange(len(candidates))
+        score = alone + _COST * cost / max(float(np.median(cost)), 1e-9)
+        pick = np.array(spread_order(score, candidates.features(setup.finger.rod.length), most))
         picks.append(pick)
         tables.append(np.column_stack([borne.known[:, :3], lift, alone, cost])[pick])
     sizes = [len(pick) for pick in picks]
@@ -78,9 +74,10 @@ def matched_sets(
     score = wrong + _COST * cost / max(float(np.median(cost[likely])), 1e-9)
     likely = np.argpartition(score, min(_LIKELY, len(score) - 1))[:_LIKELY]
     index = [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
-    features = np.concatenate([c.features[i] for c, i in zip(found, index, strict=True)], axis=1)
-    best = spread_order(score[likely], features, count)
-    return [c.take(i[best]) for c, i in zip(found, index, strict=True)]
+    some = [candidates.take(i) for candidates, i in zip(found, index, strict=True)]
+    features = [c.features(setup.finger.rod.length) for setup, c in zip(scene.setups, some, strict=True)]
+    best = spread_order(score[likely], np.concatenate(features, axis=1), count)
+    return [candidates.take(best) for candidates in some]
 
 
 def _supported(

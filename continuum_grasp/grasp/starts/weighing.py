@@ -81,14 +81,15 @@ class Weighing:
             finger_block(self.scene, self.loads, setup, candidates, pose)
             for setup, candidates in zip(self.setups, found, strict=True)
         ]
-        index, left, cost, forces = combine(self.loads, blocks, supports, [c.features for c in found], paired)
+        each = [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, found, strict=True)]
+        index, left, cost, forces = combine(self.loads, blocks, supports, each, paired)
         wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
         wrong += overlaps(self.scene, found, index)
         # What is in the way counts from half a unit on: any amount of it may cost the start.
         score = doubt(left) + cost + np.where(wrong > 0.0, 0.5 + 10.0 * np.minimum(wrong, 0.2), 0.0)
         size = self.scene.object.size
         place = np.broadcast_to([pose[0] / size, pose[1] / size, pose[2]], (len(left), 3))
-        features = np.concatenate([*(c.features[i] for c, i in zip(found, index, strict=True)), place], axis=1)
+        features = np.concatenate([*(what[i] for what, i in zip(each, index, strict=True)), place], axis=1)
         return Weighed(pose, found, index, left, score, wrong, features, forces)
 
 
