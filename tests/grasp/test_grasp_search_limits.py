@@ -133,7 +133,7 @@ def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):
     [("quick", 3, 2), ("normal", 12, 8), ("thorough", 12, 24)],
 )
 def test_an_effort_is_so_many_basins_and_rough_starts(effort, basins, starts, monkeypatch):
-    """Rough starts are three times as many of four fingers, which touch with their tips alone."""
+    """Rough starts are three times as many of four fingers."""
     search, found = searching(**{"solver.effort": effort})
     mode, asked = frozenset({"finger.tip", "palm"}), []
     monkeypatch.setattr(search, "basins_of", lambda *_: [start(estimate=1.0 + k) for k in range(20)])
@@ -146,12 +146,10 @@ def test_an_effort_is_so_many_basins_and_rough_starts(effort, basins, starts, mo
     assert asked == (contact_modes(search.scene) if effort == "thorough" else [])
     asked.clear()
     monkeypatch.setattr(module, "make_starts", lambda scene, mode, count: asked.append(count) or [])
-    for scene in (search.scene, SimpleNamespace(setups=[SimpleNamespace(middle_names=("middle",))] * 4)):
-        search.scene = scene
+    for count in (1, 2, 4):
+        search.scene = SimpleNamespace(setups=[None] * count)
         search.rough_starts_of(mode)
-    search.scene = SimpleNamespace(setups=[SimpleNamespace(middle_names=("finger.tip",))] * 2)
-    search.rough_starts_of(mode)
-    assert asked == [starts, 3 * starts, 2 * starts]
+    assert asked == [starts, starts, 3 * starts]
 
 
 def test_estimates_of_more_elements_than_a_scan_has_prune_nothing():
