@@ -12,7 +12,6 @@ from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates
 from continuum_grasp.grasp.starts.crossing import overlaps
 from continuum_grasp.grasp.starts.fingertips import matched_sets
 from continuum_grasp.grasp.starts.force import Block, Loads, finger_block, imbalance, loads_of, support_block
-from continuum_grasp.grasp.starts.polish import polished
 from continuum_grasp.grasp.starts.spread import spread_order
 from continuum_grasp.grasp.starts.supports import base_poses, support_contacts
 from continuum_grasp.model.family import family_class
@@ -73,7 +72,7 @@ class Weighing:
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
         sets = matched_sets(self.scene, self.loads, found, pose, supports, _SETS[len(self.setups)])
-        return [self._weigh(pose, polished(self.scene, self.loads, sets, pose, supports), paired=True), plain]
+        return [self._weigh(pose, sets, paired=True), plain]
 
     def _weigh(self, pose: Pose, found: list[Candidates], paired: bool = False) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
