@@ -19,9 +19,9 @@ SCENES = [("one", 5), ("one", 7), ("one", 1), ("one", 2), ("one", 6), ("one", 11
 MORE = [
     *(("one", seed) for seed in range(50, 90)),
     *(("union", seed) for seed in (0, *range(50, 60))),
-    *(("two", seed) for seed in (2, 8, 50, 51)),
-    *(("three", seed) for seed in (0, 2, 50)),
-    *(("wrap", seed) for seed in (2, 7, 8, 9)),
+    *(("two", seed) for seed in (2, 8)),
+    *(("three", seed) for seed in (0, 2)),
+    *(("wrap", seed) for seed in (2, 7, 9)),
 ]
 NONE = 1e-6
 """Tension that is none, per the greatest."""

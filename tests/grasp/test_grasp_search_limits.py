@@ -193,7 +193,7 @@ def test_grasps_of_few_elements_are_continued_once_and_the_nearest_misses_are_tr
     assert tried[1:] == [starts[0], starts[1], starts[5]]
 
 
-@pytest.mark.parametrize(("grasps", "iterations"), [((), 70), ((grasp(),), 40)])
+@pytest.mark.parametrize(("grasps", "iterations"), [((), 80), ((grasp(),), 40)])
 def test_rough_starts_get_few_iterations_and_fewer_with_a_grasp(grasps, iterations, monkeypatch):
     search, _ = searching(*grasps)
     seen = []

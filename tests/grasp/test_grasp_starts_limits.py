@@ -13,8 +13,8 @@ from scipy.optimize import nnls
 from continuum_grasp.grasp.starts import basins
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.crossing import overlaps
-from continuum_grasp.grasp.starts.fingertips import pressed
 from continuum_grasp.grasp.starts.force import Block, Loads
+from continuum_grasp.grasp.starts.polish import pressed
 from continuum_grasp.grasp.starts.scan import linked, task, touching
 from continuum_grasp.grasp.starts.scan.touching import Branch
 from continuum_grasp.grasp.starts.spread import spread_order

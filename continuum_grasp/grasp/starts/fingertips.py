@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.candidates import Candidates
 from continuum_grasp.grasp.starts.force import Block, Loads, cone_edges, finger_block
+from continuum_grasp.grasp.starts.polish import pressed, shape_forces
 from continuum_grasp.grasp.starts.spread import spread_order
 from continuum_grasp.grasp.starts.values import ContactStart
-from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.objects.body import Pose
 
 Array = NDArray[np.float64]
@@ -24,8 +25,6 @@ _LIKELY = 600
 """Sets among which those that differ are chosen."""
 _COST = 0.1
 """What the tensions of a set count, per those of likely sets, beside its relative imbalance."""
-_DESCENTS = 24
-"""Steps to the nearest forces of supports."""
 
 
 def matched_sets(
@@ -39,25 +38,26 @@ def matched_sets(
     """Of each finger ``count`` postures at most, the k-th of which belong together, the most likely ones that differ
     first; the object is at a world pose [m, rad].
     """
+    com = complex(*scene.object.com)
     most = _TABLE[len(found)]
     picks, tables = [], []
     for setup, candidates in zip(scene.setups, found, strict=True):
         block = finger_block(scene, loads, setup, candidates, pose)
-        onto, forces, left = _shape_forces(loads, setup, block)
-        edges, pull = forces[:, :2], forces[:, 2]
+        borne = shape_forces(loads, setup, candidates, block, com)
+        edges, pull = borne.known[:, 3:5], borne.known[:, 5]
         high = float(block.high[-2:].max()) / loads.force
         normal = edges.sum(axis=1)
         # What is outside of the cone or a limit, per the forces in play.
         outside = np.maximum(-edges, 0.0).sum(axis=1) + np.maximum(np.abs(pull) - high, 0.0)
         outside += np.maximum(normal - setup.normal_force_max / loads.force, 0.0)
-        alone = outside / (1.0 + np.abs(edges).sum(axis=1)) + left
+        alone = outside / (1.0 + np.abs(edges).sum(axis=1)) + np.sqrt((borne.own**2).sum(axis=1))
         alone += np.minimum(10.0 * candidates.violation, 1.0)
         lift = 2.0 * setup.held_friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
         cost = np.abs(pull) / high
         score = alone + _COST * cost / max(float(np.median(cost)), 1e-9)
         pick = np.array(spread_order(score, candidates.features(setup.finger.rod.length), most))
         picks.append(pick)
-        tables.append(np.column_stack([onto, lift, alone, cost])[pick])
+        tables.append(np.column_stack([borne.known[:, :3], lift, alone, cost])[pick])
     sizes = [len(pick) for pick in picks]
     total = tables[0]
     size = 1.0 + np.sqrt((total[:, :3] ** 2).sum(axis=1))
@@ -80,23 +80,6 @@ def matched_sets(
     return [candidates.take(best) for candidates in some]
 
 
-def _shape_forces(loads: Loads, setup: FingerSetup, block: Block) -> tuple[Array, Array, Array]:
-    """What shapes of a finger that touches with its tip alone, which fix its forces, do to the object (P, 3); forces
-    along two edges of the friction cone and tension left minus right (P, 3), all per the unit of force; and what is
-    missing for the balance of the finger (P,).
-    """
-    columns = [*cone_edges(loads, setup.held_friction), -2]
-    moments, onto = block.moments[:, :, columns], block.onto[:, :3, columns]
-    square = np.einsum("pri,prj->pij", moments, moments)
-    # Normal equations scaled to a unit diagonal, 1e-9 on it where the forces are not unique.
-    span = np.sqrt(np.maximum(np.einsum("pii->pi", square), 1e-300))
-    square = square / (span[:, :, None] * span[:, None, :]) + 1e-9 * np.eye(3)
-    right = np.einsum("pri,pr->pi", moments, block.needed) / span
-    forces = np.linalg.solve(square, right[..., None])[..., 0] / span
-    left = np.sqrt((((moments @ forces[..., None])[..., 0] - block.needed) ** 2).sum(axis=1))
-    return (onto @ forces[..., None])[..., 0] / loads.force, forces / loads.force, left
-
-
 def _supported(
     scene: GraspScene, loads: Loads, off: Array, block: Block, touched: dict[str, ContactStart]
 ) -> tuple[Array, Array]:
@@ -109,16 +92,3 @@ def _supported(
     force = pressed(effects, off)
     pairs = force.reshape(len(off), -1, 2)
     return off + force @ effects.T, (2.0 * friction * np.sqrt(pairs[..., 0] * pairs[..., 1])).sum(axis=1)
-
-
-def pressed(onto: Array, off: Array) -> Array:
-    """Forces (S, E) along the edges of the cones of supports, with effects ``onto`` (3, E), that leave the least of
-    imbalances (S, 3), nearly: by Y. Nesterov's accelerated projected gradient, in which all edges count alike.
-    """
-    square, slope = onto.T @ onto, off @ onto
-    stiff = np.linalg.eigvalsh(square).max(initial=1e-300)
-    force = ahead = np.zeros_like(slope)
-    for k in range(_DESCENTS):
-        new = np.maximum(ahead - (ahead @ square + slope) / stiff, 0.0)
-        force, ahead = new, new + k / (k + 3.0) * (new - force)
-    return force

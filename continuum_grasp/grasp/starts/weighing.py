@@ -12,6 +12,7 @@ from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates
 from continuum_grasp.grasp.starts.crossing import overlaps
 from continuum_grasp.grasp.starts.fingertips import matched_sets
 from continuum_grasp.grasp.starts.force import Block, Loads, finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts.polish import polished
 from continuum_grasp.grasp.starts.spread import spread_order
 from continuum_grasp.grasp.starts.supports import base_poses, support_contacts
 from continuum_grasp.model.family import family_class
@@ -58,8 +59,8 @@ class Weighing:
         ]
         self._tips_alone = len(alone) > 1 and all(alone)
 
-    def at_pose(self, pose: Pose, number: int) -> list[Weighed]:
-        """What is found at the ``number``-th pose of the object; nothing where a finger does not reach it."""
+    def at_pose(self, pose: Pose, number: int) -> list[list[Weighed]]:
+        """What is found at the ``number``-th pose of the object, by kind; nothing where a finger does not reach it."""
         found: list[Candidates] = []
         for setup in self.setups:
             candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, self.on)
@@ -68,11 +69,12 @@ class Weighing:
             found.append(candidates)
         plain = self._weigh(pose, found)
         if not self._tips_alone:
-            return [plain]
+            return [[plain]]
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
         sets = matched_sets(self.scene, self.loads, found, pose, supports, _SETS[len(self.setups)])
-        return [self._weigh(pose, sets, paired=True), plain]
+        bent = polished(self.scene, self.loads, sets, pose, supports)
+        return [[self._weigh(pose, bent, paired=True)], [self._weigh(pose, sets, paired=True), plain]]
 
     def _weigh(self, pose: Pose, found: list[Candidates], paired: bool = False) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
