@@ -34,13 +34,13 @@ def matched_sets(
     pose: Pose,
     supports: tuple[Block, dict[str, ContactStart]],
     count: int,
-) -> list[Candidates]:
-    """Of each finger ``count`` postures at most, the k-th of which belong together, the most likely ones that differ
-    first; the object is at a world pose [m, rad].
+) -> list[NDArray[np.int64]]:
+    """Of each finger the indices of ``count`` postures at most, the k-th of which belong together, the most likely ones
+    that differ first; the object is at a world pose [m, rad].
     """
     com = complex(*scene.object.com)
     most = _TABLE[len(found)]
-    picks, tables = [], []
+    picks, tables, features = [], [], []
     for setup, candidates in zip(scene.setups, found, strict=True):
         block = finger_block(scene, loads, setup, candidates, pose)
         borne = shape_forces(loads, setup, candidates, block, com)
@@ -55,7 +55,8 @@ def matched_sets(
         lift = 2.0 * setup.held_friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
         cost = np.abs(pull) / high
         score = alone + _COST * cost / max(float(np.median(cost)), 1e-9)
-        pick = np.array(spread_order(score, candidates.features(setup.finger.rod.length), most))
+        features.append(candidates.features(setup.finger.rod.length))
+        pick = np.array(spread_order(score, features[-1], most))
         picks.append(pick)
         tables.append(np.column_stack([borne.known[:, :3], lift, alone, cost])[pick])
     sizes = [len(pick) for pick in picks]
@@ -74,10 +75,9 @@ def matched_sets(
     score = wrong + _COST * cost / max(float(np.median(cost[likely])), 1e-9)
     likely = np.argpartition(score, min(_LIKELY, len(score) - 1))[:_LIKELY]
     index = [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
-    some = [candidates.take(i) for candidates, i in zip(found, index, strict=True)]
-    features = [c.features(setup.finger.rod.length) for setup, c in zip(scene.setups, some, strict=True)]
-    best = spread_order(score[likely], np.concatenate(features, axis=1), count)
-    return [candidates.take(best) for candidates in some]
+    unlike = np.concatenate([each[i] for each, i in zip(features, index, strict=True)], axis=1)
+    best = spread_order(score[likely], unlike, count)
+    return [i[best] for i in index]
 
 
 def _supported(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from itertools import chain, zip_longest
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -32,8 +32,8 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[Start
     """Starting points with the contacts wanted, ``on`` by name: those of fingers, and walls and pegs.
 
     There are ``count`` of them at most, the most promising first, then such that differ from those before; where all
-    fingers touch with their tips alone, so many of sets that are bent into balance, and so many of others, as matched or
-    combined; none where a finger reaches nothing. Those labeled "scan" touch everywhere they should without penetration; "near" ones do so
+    fingers touch with their tips alone, so many of sets that are bent into balance, and so many of others; none where a
+    finger reaches nothing. Those labeled "scan" touch everywhere they should without penetration; "near" ones do so
     as nearly as was found.
     """
     weighing = Weighing(scene, on)
@@ -41,10 +41,11 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[Start
         *(at for k, pose in enumerate(object_poses(scene, on)) if (at := weighing.at_pose(pose, k))), strict=True
     )
     chosen = []
-    for found in map(chain.from_iterable, kinds):
-        some = list(found)
-        rows = [(at, row) for at in some for row in range(len(at.score))]
-        score, features = (np.concatenate(part) for part in zip(*((at.score, at.features) for at in some), strict=True))
+    for found in kinds:
+        rows = [(at, row) for at in found for row in range(len(at.score))]
+        score, features = (
+            np.concatenate(part) for part in zip(*((at.score, at.features) for at in found), strict=True)
+        )
         chosen.append([_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)])
     return [start for rank in zip_longest(*chosen) for start in rank if start is not None]
 

@@ -59,31 +59,33 @@ class Weighing:
         ]
         self._tips_alone = len(alone) > 1 and all(alone)
 
-    def at_pose(self, pose: Pose, number: int) -> list[list[Weighed]]:
-        """What is found at the ``number``-th pose of the object, by kind; nothing where a finger does not reach it."""
+    def at_pose(self, pose: Pose, number: int) -> list[Weighed]:
+        """What is found at the ``number``-th pose of the object; nothing where a finger does not reach it."""
         found: list[Candidates] = []
         for setup in self.setups:
             candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, self.on)
             if candidates is None:
                 return []
             found.append(candidates)
-        plain = self._weigh(pose, found)
         if not self._tips_alone:
-            return [[plain]]
+            return [self._weigh(pose, found)]
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
         sets = matched_sets(self.scene, self.loads, found, pose, supports, _SETS[len(self.setups)])
-        bent = polished(self.scene, self.loads, sets, pose, supports)
-        return [[self._weigh(pose, bent, paired=True)], [self._weigh(pose, sets, paired=True), plain]]
+        matched = [candidates.take(index) for candidates, index in zip(found, sets, strict=True)]
+        bent = polished(self.scene, self.loads, matched, pose, supports)
+        return [self._weigh(pose, bent, paired=True), self._weigh(pose, found, sets)]
 
-    def _weigh(self, pose: Pose, found: list[Candidates], paired: bool = False) -> Weighed:
+    def _weigh(
+        self, pose: Pose, found: list[Candidates], sets: list[Array] | None = None, paired: bool = False
+    ) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
         blocks = [
             finger_block(self.scene, self.loads, setup, candidates, pose)
             for setup, candidates in zip(self.setups, found, strict=True)
         ]
         each = [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, found, strict=True)]
-        index, left, cost, forces = combine(self.loads, blocks, supports, each, paired)
+        index, left, cost, forces = combine(self.loads, blocks, supports, each, sets, paired)
         wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
         wrong += overlaps(self.scene, found, index)
         # What is in the way counts from half a unit on: any amount of it may cost the start.
@@ -95,10 +97,15 @@ class Weighing:
 
 
 def combine(
-    loads: Loads, blocks: list[Block], supports: Block, features: list[Array], paired: bool = False
+    loads: Loads,
+    blocks: list[Block],
+    supports: Block,
+    features: list[Array],
+    sets: list[Array] | None = None,
+    paired: bool = False,
 ) -> Combined:
-    """Weigh combinations of the postures of all fingers, of which ``features`` (P, F) are in what they differ; where
-    ``paired``, only the first of each together, the second, and so on.
+    """Weigh combinations of the postures of all fingers, of which ``features`` (P, F) are in what they differ, and
+    further ``sets`` of their indices; where ``paired``, only the first of each together, the second, and so on.
     """
     if len(blocks) == 1 or paired:
         return _weigh(loads, blocks, supports, [np.arange(len(block.needed)) for block in blocks])
@@ -108,8 +115,10 @@ def combine(
         np.array(spread_order(doubt(left) + cost, what, most))
         for (left, cost, _), what in zip(alone, features, strict=True)
     ]
-    every = np.meshgrid(*picks, indexing="ij")
-    return _weigh(loads, blocks, supports, [index.ravel() for index in every])
+    index = [each.ravel() for each in np.meshgrid(*picks, indexing="ij")]
+    if sets is not None:
+        index = [np.concatenate(both) for both in zip(index, sets, strict=True)]
+    return _weigh(loads, blocks, supports, index)
 
 
 def doubt(left: Array) -> Array:
