@@ -268,8 +268,7 @@ class Search:
             self.attempt(attempt.start, rung=rung, features=attempt.features, x0=attempt.x)
 
     def _from_rough(self, modes: list[frozenset[str]]) -> None:
-        """Solve from rough starts of modes, the best of each first, one of each branch where they tell where starts
-        lead.
+        """Solve from rough starts of modes, the best of each first, one of each branch where that tells where they end.
 
         Once there is a grasp, starts that do not touch and those that look much worse are skipped, and the others get
         few iterations.
