@@ -34,9 +34,9 @@ def matched_sets(
     pose: Pose,
     supports: tuple[Block, dict[str, ContactStart]],
     count: int,
-) -> list[NDArray[np.int64]]:
-    """Of each finger the indices of ``count`` postures at most, the k-th of which belong together, the most likely ones
-    that differ first; the object is at a world pose [m, rad].
+) -> list[Candidates]:
+    """Of each finger ``count`` postures at most, the k-th of which belong together, the most likely ones that differ
+    first; the object is at a world pose [m, rad].
     """
     com = complex(*scene.object.com)
     most = _TABLE[len(found)]
@@ -77,7 +77,7 @@ def matched_sets(
     index = [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
     unlike = np.concatenate([each[i] for each, i in zip(features, index, strict=True)], axis=1)
     best = spread_order(score[likely], unlike, count)
-    return [i[best] for i in index]
+    return [candidates.take(i[best]) for candidates, i in zip(found, index, strict=True)]
 
 
 def _supported(

@@ -65,17 +65,15 @@ class Weighing:
                 return []
             found.append(candidates)
         blocks = self._blocks(pose, found)
-        index = combinations(self.loads, blocks, self._features(found))
+        plain = self._weigh(pose, found, blocks, combinations(self.loads, blocks, self._features(found)))
         if not self._tips_alone:
-            return [self._weigh(pose, found, blocks, index)]
+            return [plain]
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
         sets = matched_sets(self.scene, self.loads, found, pose, supports, _SETS[len(self.setups)])
-        matched = [candidates.take(one) for candidates, one in zip(found, sets, strict=True)]
-        bent = polished(self.scene, self.loads, matched, pose, supports)
-        index = [np.concatenate(both) for both in zip(index, sets, strict=True)]
-        pairs = [np.arange(len(sets[0]))] * len(sets)
-        return [self._weigh(pose, bent, self._blocks(pose, bent), pairs), self._weigh(pose, found, blocks, index)]
+        bent = polished(self.scene, self.loads, sets, pose, supports)
+        pairs = [np.arange(len(bent[0].knots))] * len(bent)
+        return [self._weigh(pose, bent, self._blocks(pose, bent), pairs), plain]
 
     def _blocks(self, pose: Pose, found: list[Candidates]) -> list[Block]:
         pairs = zip(self.setups, found, strict=True)
