@@ -6,6 +6,7 @@ import math
 import time
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -36,9 +37,10 @@ SECTOR = 0.8
 contacts face alike to within it end in the same grasp as a rule."""
 HELD = 3
 """Grasps with least tension from which other aims start: of nearby branches another may be best for them."""
-ITERATION_CAP = 40
-"""Iterations of a start once there is a grasp: from good starts IPOPT needs a median of 12 and
-17 at the 95th percentile (400 random scenes)."""
+ITERATION_CAP, FIRST_CAP = 40, 80
+"""Iterations of a rough start once there is a grasp, and before: from good starts IPOPT needs a median of 12 and 17 at
+the 95th percentile (400 random scenes), at most 52 from the best of shipped scenes and 76 of 36 random ones of several
+fingers. Beyond 100 rounding decides where it ends, which then differs between a scene and its mirror image."""
 PRUNE_FACTOR = 1.5
 """Estimated tension, per that of the best grasp, up to which a start is worth trying: the estimates are no
 bounds, and those of rough starts are off by tens of percent."""
@@ -164,9 +166,8 @@ class Search:
         self._modes = len(modes)
         unscanned = [mode for mode in modes if not self._from_basins(mode)]
         self._sampled = len(unscanned)
-        for mode in modes if self._effort.always_rough else unscanned:
-            if not self.proven:
-                self._from_rough(mode)
+        if not self.proven:
+            self._from_rough(modes if self._effort.always_rough else unscanned)
         # What few elements cannot hold, many may; and violations may fall late.
         if self.best is None:
             nearest = sorted(self._missed, key=lambda one: one[0])[: 1 if self._coarse is None else NEAREST]
@@ -191,9 +192,7 @@ class Search:
     def exploration(self) -> Exploration:
         """What was looked at so far."""
         open_ = [basin.start.estimate for basin in self.basins if self.is_open(basin)]
-        skipped = sum(not basin.tried for basin in self.basins) - sum(
-            not basin.tried for basin in self.basins if self.is_open(basin)
-        )
+        skipped = sum(not basin.tried and not self.is_open(basin) for basin in self.basins)
         pruned = {f"estimated to take more than {SKIP_FACTOR:g} times the tension found": skipped}
         pruned["like one that was solved before"] = self._alike
         pruned[f"without a grasp of {COARSE} elements"] = len(self._missed) if self._coarse is not None else 0
@@ -307,32 +306,32 @@ class Search:
             attempt = best.attempt
             self.attempt(attempt.start, rung=rung, features=attempt.features, x0=attempt.x)
 
-    def _from_rough(self, mode: frozenset[str]) -> None:
-        """Solve from rough starts of a mode, one of each branch where they tell where starts lead.
+    def _from_rough(self, modes: list[frozenset[str]]) -> None:
+        """Solve from rough starts of modes, the best of each first, one of each branch where that tells where they end.
 
         Once there is a grasp, starts that do not touch and those that look much worse are skipped, and the others get
         few iterations.
         """
-        starts = [tried.attempt.start for tried in self.good]
-        held = {branch_of(start) for start in starts if frozenset(start.contacts) >= mode}
-        for start in self.rough_starts_of(mode):
-            branch = branch_of(start)
-            if branch in held and not self._tries_all:
-                self._alike += 1
-                continue
-            if self.best and not self._promises(start):
-                continue
-            if self._is_over or self.proven:
-                return
-            if len(self.tried) >= UNPROVEN and not self.good and self.impossible:
-                return
-            basin = Basin(start, tried=True)
-            if not math.isnan(start.estimate):
-                self.basins.append(basin)
-            found = self._continued(start, len(RUNGS) - 1, ITERATION_CAP if self.best else None)
-            if found is not None and found in self.good:
-                held.add(branch)
-                basin.solved = self._keeps_promise(found, basin)
+        held = {branch_of(tried.attempt.start) for tried in self.good}
+        for rank in zip_longest(*map(self.rough_starts_of, modes)):
+            for start in sorted(filter(None, rank), key=lambda one: one.doubt):
+                branch = branch_of(start)
+                if branch in held and not self._tries_all:
+                    self._alike += 1
+                    continue
+                if self.best and not self._promises(start):
+                    continue
+                if self._is_over or self.proven:
+                    return
+                if len(self.tried) >= UNPROVEN and not self.good and self.impossible:
+                    return
+                basin = Basin(start, tried=True)
+                if not math.isnan(start.estimate):
+                    self.basins.append(basin)
+                found = self._continued(start, len(RUNGS) - 1, ITERATION_CAP if self.best else FIRST_CAP)
+                if found is not None and found in self.good:
+                    held.add(branch)
+                    basin.solved = self._keeps_promise(found, basin)
 
     @cached_property
     def bound(self) -> float | None:
@@ -409,10 +408,6 @@ class Search:
         """Tension below which differences are rounding [N]: grasps may take none at all."""
         return LEAST_DIFFERENCE * sum(setup.max_tension for setup in self.scene.setups)
 
-    def starts_of(self, mode: frozenset[str]) -> list[Start]:
-        """The starts of a mode: of its basins, or rough ones."""
-        return self.basins_of(mode) or self.rough_starts_of(mode)
-
     def basins_of(self, mode: frozenset[str]) -> list[Start] | None:
         """The starts of a mode's basins; None where it has none that are scanned."""
         began = time.perf_counter()
@@ -439,10 +434,8 @@ class Search:
         """Starts of a mode of all kinds of scenes."""
         began = time.perf_counter()
         # Where tips alone touch, none of 19 scenes of three fingers gets better beyond 11 starts, of 45 of two fingers
-        # none beyond 8. Postures with middle contacts are not bent into balance: two fingers need as many as three.
-        fingers, middles = len(self.scene.setups), {name for s in self.scene.setups for name in s.middle_names}
-        count = self._effort.starts * max(2 if fingers > 1 and mode & middles else 1, fingers - 1)
-        starts = make_starts(self.scene, mode, count)
+        # none beyond 8; with middle contacts none of 12 of two fingers beyond 4.
+        starts = make_starts(self.scene, mode, self._effort.starts * max(1, len(self.scene.setups) - 1))
         self.start_seconds += time.perf_counter() - began
         return starts
 
@@ -497,8 +490,8 @@ def _least(tried: list[Tried]) -> Tried | None:
 
 
 def branch_of(start: Start) -> tuple[Any, ...]:
-    """What starts that most likely lead to the same grasp have in common: sides, and where contacts face."""
+    """What starts that most likely lead to the same grasp have in common: contacts, sides, and where they face."""
     sides = tuple(finger.sides for finger in start.fingers.values())
     faces = tuple(round(contact.normal_angle / SECTOR) for contact in start.contacts.values())
     places = tuple(contact.part for contact in start.contacts.values())
-    return sides, faces, places
+    return frozenset(start.contacts), sides, faces, places

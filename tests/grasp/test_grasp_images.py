@@ -4,12 +4,13 @@ first.
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from benchmarks.grasp_images import STRONGER, drawn, mirrored, moved, rolled, scaled, scene_of
+from benchmarks.grasp_images import LONGER, STRONGER, drawn, mirrored, moved, rolled, scaled, scene_of
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.search import Search
-from continuum_grasp.grasp.starts.starts import basin_starts
+from continuum_grasp.grasp.starts.starts import basin_starts, make_starts
 from continuum_grasp.grasp.values import tension_of
 from continuum_grasp.nlp import Budget
 from tests.marks import few
@@ -18,6 +19,9 @@ SCENES = [("one", 5), ("one", 7), ("one", 1), ("one", 2), ("one", 6), ("one", 11
 MORE = [
     *(("one", seed) for seed in range(50, 90)),
     *(("union", seed) for seed in (0, *range(50, 60))),
+    *(("two", seed) for seed in (2, 8)),
+    *(("three", seed) for seed in (0, 2)),
+    *(("wrap", seed) for seed in (2, 7, 9)),
 ]
 NONE = 1e-6
 """Tension that is none, per the greatest."""
@@ -94,6 +98,21 @@ def test_patience_saves_iterations_and_loses_no_grasp(kind, seed, tension, most)
     search.run()
     assert tension_of(scene, search.best.arrays) == pytest.approx(tension, rel=1e-6)
     assert scene.solver.max_total_iterations - budget.left < most
+
+
+@pytest.mark.parametrize(("kind", "seed"), [*few([("two", 8), ("wrap", 8), ("three", 0)], 2)])
+def test_starts_of_several_fingers_are_those_of_the_image(kind, seed):
+    """Their doubts, tensions and curvatures, of fingers in another order, too."""
+    data = drawn(kind, seed)
+    image = image_of(data)
+    image["fingers"] = dict(reversed(image["fingers"].items()))
+    scene, other = scene_of(data, 4), scene_of(image, 4)
+    for mode in contact_modes(scene):
+        for one, two in zip(make_starts(scene, mode, 8), make_starts(other, mode, 8), strict=True):
+            assert two.doubt == pytest.approx(one.doubt, abs=1e-6)
+            for name, finger in one.fingers.items():
+                bent = -LONGER * np.array(two.fingers[name].curvatures)
+                assert bent == pytest.approx(np.array(finger.curvatures), rel=1e-6, abs=1e-5 / finger.knots[-1])
 
 
 @pytest.mark.parametrize("bending_range", [3.4, 6.28])

@@ -27,10 +27,10 @@ class Grasp(SimpleNamespace):
     __hash__ = object.__hash__
 
 
-def start(estimate=math.nan, imbalance=0.0, tensions=(0.0, 0.0), angle=0.0):
+def start(estimate=math.nan, imbalance=0.0, tensions=(0.0, 0.0), angle=0.0, doubt=0.0):
     contact = SimpleNamespace(normal_angle=angle, part=0)
     return SimpleNamespace(
-        label="scan", estimate=estimate, imbalance=imbalance, tensions={"finger": tensions},
+        label="scan", estimate=estimate, imbalance=imbalance, tensions={"finger": tensions}, doubt=doubt,
         contacts={"finger.tip": contact}, fingers={"finger": SimpleNamespace(sides=(1,))},
     )  # fmt: skip
 
@@ -167,7 +167,7 @@ def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):
     [("quick", 3, 2), ("normal", 12, 8), ("thorough", 12, 24)],
 )
 def test_an_effort_is_so_many_basins_and_rough_starts(effort, basins, starts, monkeypatch):
-    """Rough starts are three times as many of four fingers, which touch with their tips alone."""
+    """Rough starts are three times as many of four fingers."""
     search, found = searching(**{"solver.effort": effort})
     mode, asked = frozenset({"finger.tip", "palm"}), []
     monkeypatch.setattr(search, "basins_of", lambda *_: [start(estimate=1.0 + k) for k in range(20)])
@@ -175,17 +175,15 @@ def test_an_effort_is_so_many_basins_and_rough_starts(effort, basins, starts, mo
     assert len(found) == basins
     # Of sets of contacts that are scanned a thorough search alone takes rough starts, too.
     monkeypatch.setattr(search, "_from_basins", lambda *_: True)
-    monkeypatch.setattr(search, "_from_rough", asked.append)
+    monkeypatch.setattr(search, "_from_rough", asked.extend)
     search.run()
     assert asked == (contact_modes(search.scene) if effort == "thorough" else [])
     asked.clear()
     monkeypatch.setattr(module, "make_starts", lambda scene, mode, count: asked.append(count) or [])
-    for scene in (search.scene, SimpleNamespace(setups=[SimpleNamespace(middle_names=("middle",))] * 4)):
-        search.scene = scene
+    for count in (1, 2, 4):
+        search.scene = SimpleNamespace(setups=[None] * count)
         search.rough_starts_of(mode)
-    search.scene = SimpleNamespace(setups=[SimpleNamespace(middle_names=("finger.tip",))] * 2)
-    search.rough_starts_of(mode)
-    assert asked == [starts, 3 * starts, 2 * starts]
+    assert asked == [starts, starts, 3 * starts]
 
 
 def test_estimates_of_more_elements_than_a_scan_has_prune_nothing():
@@ -229,13 +227,22 @@ def test_grasps_of_few_elements_are_continued_once_and_the_nearest_misses_are_tr
     assert tried[1:] == [starts[0], starts[1], starts[5]]
 
 
-def test_with_a_grasp_rough_starts_get_few_iterations(monkeypatch):
-    search, _ = searching(grasp())
+@pytest.mark.parametrize(("grasps", "iterations"), [((), 80), ((grasp(),), 40)])
+def test_rough_starts_get_few_iterations_and_fewer_with_a_grasp(grasps, iterations, monkeypatch):
+    search, _ = searching(*grasps)
     seen = []
     monkeypatch.setattr(search, "rough_starts_of", lambda _: [start(angle=3.0)])
     monkeypatch.setattr(search, "attempt", lambda start, **options: seen.append(options["iterations"]))
-    search._from_rough(frozenset({"finger.tip"}))
-    assert seen == [40]
+    search._from_rough([frozenset({"finger.tip"})])
+    assert seen == [iterations]
+
+
+def test_rough_starts_of_all_sets_of_contacts_take_turns_the_likeliest_first(monkeypatch):
+    search, solved = searching()
+    doubts = {"one": (0.3, 0.4), "two": (0.5,), "three": (0.1, 0.2)}
+    monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start(doubt=doubt) for doubt in doubts[mode]])
+    search._from_rough([*doubts])
+    assert [each.doubt for each in solved] == [0.1, 0.3, 0.5, 0.2, 0.4]
 
 
 @pytest.mark.parametrize(("pegs", "count"), [(5, 32), (6, 64), (7, 64)])

@@ -13,12 +13,12 @@ from scipy.optimize import nnls
 from continuum_grasp.grasp.starts import basins
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.crossing import overlaps
-from continuum_grasp.grasp.starts.force import Block, Loads
+from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
 from continuum_grasp.grasp.starts.polish import pressed
 from continuum_grasp.grasp.starts.scan import task, touching
 from continuum_grasp.grasp.starts.scan.touching import Branch
 from continuum_grasp.grasp.starts.spread import spread_order
-from continuum_grasp.grasp.starts.weighing import combine, doubt
+from continuum_grasp.grasp.starts.weighing import combinations, doubt
 
 ON = frozenset({"finger.middle", "finger.tip", "palm"})
 
@@ -143,12 +143,12 @@ def test_the_only_postures_that_balance_together_are_found(fingers, postures):
     """Each has a force and a moment of its own, which in one set alone cancel."""
     rng, loads = np.random.default_rng(fingers), Loads(1.0, 1.0, -1j, 0.0, -1j, False)
     aside, features = rng.normal(size=(fingers, postures, 2)), rng.normal(size=(fingers, postures, 2))
-    supports = Block(np.zeros((1, 3, 0)), np.zeros((1, 0, 0)), np.zeros((1, 0)), *np.zeros((3, 0)))
     for right in rng.integers(postures, size=(6, fingers)):
         own = aside.copy()
         own[-1, right[-1]] = -sum(own[k, right[k]] for k in range(fingers - 1))
         blocks = [pushing(one, 1.0 / fingers) for one in own]
-        index, left, *_ = combine(loads, blocks, supports, list(features))
+        index = combinations(loads, blocks, list(features))
+        left, *_ = imbalance(loads, blocks, index)
         assert [picked[np.argmin(left)] for picked in index] == right.tolist()
 
 

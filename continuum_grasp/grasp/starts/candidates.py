@@ -29,9 +29,8 @@ class Candidates(Postures):
     sides: Array  # (P,) +1: the object on the finger's left
     stations: Array  # (P, C) positions of the contacts that are on, per length
 
-    @property
-    def features(self) -> Array:
-        """Numbers in which different postures differ (P, F)."""
+    def features(self, length: float) -> Array:
+        """Numbers in which different postures of a finger of a length [m] differ (P, F)."""
         # Scaled so that 0.5 is a likeness: a quarter of the length, 3 1/L, 30 degrees of a normal.
         return np.concatenate(
             [
@@ -40,7 +39,7 @@ class Candidates(Postures):
                 np.cos(self.angles),
                 np.sin(self.angles),
                 0.5 * self.sides[:, None],
-                self.bases,
+                self.bases * (2.0 / length, 2.0 / length, 1.0),
             ],
             axis=1,
         )

@@ -40,7 +40,7 @@ def matched_sets(
     """
     com = complex(*scene.object.com)
     most = _TABLE[len(found)]
-    picks, tables = [], []
+    picks, tables, features = [], [], []
     for setup, candidates in zip(scene.setups, found, strict=True):
         block = finger_block(scene, loads, setup, candidates, pose)
         borne = shape_forces(loads, setup, candidates, block, com)
@@ -54,12 +54,9 @@ def matched_sets(
         alone += np.minimum(10.0 * candidates.violation, 1.0)
         lift = 2.0 * setup.held_friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
         cost = np.abs(pull) / high
-        if len(candidates) > most:
-            pick = np.array(
-                spread_order(alone + _COST * cost / max(float(np.median(cost)), 1e-9), candidates.features, most)
-            )
-        else:
-            pick = np.arange(len(candidates))
+        score = alone + _COST * cost / max(float(np.median(cost)), 1e-9)
+        features.append(candidates.features(setup.finger.rod.length))
+        pick = np.array(spread_order(score, features[-1], most))
         picks.append(pick)
         tables.append(np.column_stack([borne.known[:, :3], lift, alone, cost])[pick])
     sizes = [len(pick) for pick in picks]
@@ -78,9 +75,9 @@ def matched_sets(
     score = wrong + _COST * cost / max(float(np.median(cost[likely])), 1e-9)
     likely = np.argpartition(score, min(_LIKELY, len(score) - 1))[:_LIKELY]
     index = [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
-    features = np.concatenate([c.features[i] for c, i in zip(found, index, strict=True)], axis=1)
-    best = spread_order(score[likely], features, count)
-    return [c.take(i[best]) for c, i in zip(found, index, strict=True)]
+    unlike = np.concatenate([each[i] for each, i in zip(features, index, strict=True)], axis=1)
+    best = spread_order(score[likely], unlike, count)
+    return [candidates.take(i[best]) for candidates, i in zip(found, index, strict=True)]
 
 
 def _supported(

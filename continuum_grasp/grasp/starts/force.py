@@ -79,7 +79,6 @@ class Block:
     low: Array  # (n,) bounds [N]
     high: Array  # (n,)
     cost: Array  # (n,) 1 for tensions
-    contacts: int = 0
 
 
 def loads_of(scene: GraspScene) -> Loads:
@@ -191,7 +190,6 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Can
             + [high if used in ("both", side) else low for side in ("left", "right")]
         ),
         np.array([0.0] * pushes + [1.0, 1.0]),
-        found.stations.shape[1],
     )
 
 

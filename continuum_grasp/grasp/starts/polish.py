@@ -31,8 +31,8 @@ nearly in balance, and the last steps balance it."""
 _STEP, _MOST, _DAMPING = 1e-4, 0.8, 1e-4
 """Difference for slopes, whose error is far below the imbalance sought; greatest change of a curvature in one
 step [1/L]; damping of the normal equations, which may be singular."""
-_SWEEPS = 8
-"""Sweeps of coordinate descent to the nearest forces of supports, with which Gauss-Newton steps begin."""
+_DESCENTS = 24
+"""Steps to the nearest forces of supports, with which Gauss-Newton steps begin."""
 _IN_THE_WAY, _GAP = 5.0, 20.0
 """Weights of what is in the way and of the gap at the tip, in lengths of the finger, beside relative imbalances."""
 _SHALLOW = 1e-3
@@ -106,14 +106,14 @@ def polished(
 
 def pressed(onto: Array, off: Array) -> Array:
     """Forces (S, E) along the edges of the cones of supports, with effects ``onto`` (3, E), that leave the least of
-    imbalances (S, 3), nearly.
+    imbalances (S, 3), nearly: by Y. Nesterov's accelerated projected gradient, in which all edges count alike.
     """
-    force, left = np.zeros((len(off), onto.shape[1])), off.copy()
-    for _ in range(_SWEEPS):
-        for k, effect in enumerate(onto.T):
-            new = np.maximum(force[:, k] - left @ effect / (effect @ effect), 0.0)
-            left += (new - force[:, k])[:, None] * effect
-            force[:, k] = new
+    square, slope = onto.T @ onto, off @ onto
+    stiff = np.linalg.eigvalsh(square).max(initial=1e-300)
+    force = ahead = np.zeros_like(slope)
+    for k in range(_DESCENTS):
+        new = np.maximum(ahead - (ahead @ square + slope) / stiff, 0.0)
+        force, ahead = new, new + k / (k + 3.0) * (new - force)
     return force
 
 
@@ -123,6 +123,7 @@ class _Look:
 
     known: Array  # (K, 1 + n, 8)
     own: Array  # (K, 1 + n, R)
+    steps: Array  # (K, n) these changes
 
 
 class _Balance:
@@ -176,10 +177,10 @@ class _Balance:
         columns, blocks = [], []
         for k, look in enumerate(looks):
             width = look.known.shape[1] - 1
-            blocks.append(np.swapaxes(look.own[:, 1:] - look.own[:, :1], 1, 2) / _STEP)
+            blocks.append(np.swapaxes((look.own[:, 1:] - look.own[:, :1]) / look.steps[..., None], 1, 2))
             for j in range(width):
                 moved = [look.known[:, 1 + j] if i == k else b for i, b in enumerate(base)]
-                columns.append((self._common(moved, free) - here) / _STEP)
+                columns.append((self._common(moved, free) - here) / look.steps[:, j, None])
         for j in range(free.shape[1]):
             step = np.zeros(free.shape[1])
             step[j] = _STEP
@@ -243,7 +244,9 @@ class _Finger:
     def look(self, x: Array) -> _Look:
         """What the tip does at unknowns (K, n), and with small changes for its slopes."""
         count, size = x.shape
-        every = x[:, None, :] + np.concatenate([np.zeros((1, size)), _STEP * np.eye(size)])
+        # Away from zero: of a mirrored finger, which bends the other way, the slopes are the same.
+        steps = np.copysign(_STEP, x)
+        every = np.concatenate([x[:, None], x[:, None] + steps[:, :, None] * np.eye(size)], axis=1)
         every, rows = every.reshape(-1, size), np.repeat(np.arange(count), size + 1)
         found, gap = self._postures(every, rows, touching=False)
         # Slopes of what is in the way are needed where something is, and cost the most.
@@ -256,7 +259,7 @@ class _Finger:
         borne = shape_forces(self.loads, self.setup, found, block, complex(*self.scene.object.com))
         alone = np.column_stack([borne.own, _IN_THE_WAY * wrong, _GAP * gap])
         known, own = (part.reshape(count, size + 1, -1) for part in (borne.known, alone))
-        return _Look(known, own)
+        return _Look(known, own, steps)
 
     def candidates(self, x: Array) -> Candidates:
         """The postures at unknowns (K, n), changed so that their tips touch, with what is in their way."""

@@ -118,4 +118,4 @@ def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
     contacts |= touched
     estimate = sum(map(sum, tensions.values())) if at.left[row] < NEARLY_BALANCED else math.nan
     label = "near" if at.wrong[row] > 0.0 else "scan"
-    return Start(label, at.pose, fingers, contacts, forces, tensions, estimate)
+    return Start(label, at.pose, fingers, contacts, forces, tensions, estimate, doubt=float(at.score[row]))

@@ -56,6 +56,8 @@ class Start:
     """Sum of the tensions [N] to be expected of the basin that it stands for; NaN: unknown."""
     imbalance: float = math.nan
     """Part of the loads that the best forces within their limits leave unbalanced there; NaN: unknown."""
+    doubt: float = math.nan
+    """How unlikely a grasp is from there, by imbalance, tensions, and what is in the way; NaN: unknown."""
     friction_states: dict[str, tuple[float, ...]] = field(default_factory=dict)
     """Of the fingers whose tendons have others than those of pulling them from the straight finger on."""
 

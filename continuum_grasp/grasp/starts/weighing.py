@@ -21,9 +21,6 @@ from continuum_grasp.scene.objects.body import Pose
 
 Array = NDArray[Any]
 
-Combined = tuple[list[Array], Array, Array, Array]
-"""Posture per finger, and for each combination what is left, its cost, and its forces."""
-
 NEARLY_BALANCED = 0.02
 """Relative imbalance up to which its size ranks starts; IPOPT brings a few parts in a hundred to zero."""
 _PER_FINGER = {2: 14, 3: 8, 4: 6}
@@ -67,47 +64,50 @@ class Weighing:
             if candidates is None:
                 return []
             found.append(candidates)
-        plain = self._weigh(pose, found)
+        blocks = self._blocks(pose, found)
+        plain = self._weigh(pose, found, blocks, combinations(self.loads, blocks, self._features(found)))
         if not self._tips_alone:
             return [plain]
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
         sets = matched_sets(self.scene, self.loads, found, pose, supports, _SETS[len(self.setups)])
-        return [self._weigh(pose, polished(self.scene, self.loads, sets, pose, supports), paired=True), plain]
+        bent = polished(self.scene, self.loads, sets, pose, supports)
+        pairs = [np.arange(len(bent[0].knots))] * len(bent)
+        return [self._weigh(pose, bent, self._blocks(pose, bent), pairs), plain]
 
-    def _weigh(self, pose: Pose, found: list[Candidates], paired: bool = False) -> Weighed:
+    def _blocks(self, pose: Pose, found: list[Candidates]) -> list[Block]:
+        pairs = zip(self.setups, found, strict=True)
+        return [finger_block(self.scene, self.loads, setup, candidates, pose) for setup, candidates in pairs]
+
+    def _features(self, found: list[Candidates]) -> list[Array]:
+        return [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, found, strict=True)]
+
+    def _weigh(self, pose: Pose, found: list[Candidates], blocks: list[Block], index: list[Array]) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
-        blocks = [
-            finger_block(self.scene, self.loads, setup, candidates, pose)
-            for setup, candidates in zip(self.setups, found, strict=True)
-        ]
-        index, left, cost, forces = combine(self.loads, blocks, supports, [c.features for c in found], paired)
+        every = [*index, np.zeros(len(index[0]), int)]
+        left, cost, forces = imbalance(self.loads, [*blocks, supports], every)
         wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
         wrong += overlaps(self.scene, found, index)
         # What is in the way counts from half a unit on: any amount of it may cost the start.
         score = doubt(left) + cost + np.where(wrong > 0.0, 0.5 + 10.0 * np.minimum(wrong, 0.2), 0.0)
         size = self.scene.object.size
         place = np.broadcast_to([pose[0] / size, pose[1] / size, pose[2]], (len(left), 3))
-        features = np.concatenate([*(c.features[i] for c, i in zip(found, index, strict=True)), place], axis=1)
+        unlike = (what[i] for what, i in zip(self._features(found), index, strict=True))
+        features = np.concatenate([*unlike, place], axis=1)
         return Weighed(pose, found, index, left, score, wrong, features, forces)
 
 
-def combine(
-    loads: Loads, blocks: list[Block], supports: Block, features: list[Array], paired: bool = False
-) -> Combined:
-    """Weigh combinations of the postures of all fingers, of which ``features`` (P, F) are in what they differ; where
-    ``paired``, only the first of each together, the second, and so on.
-    """
-    if len(blocks) == 1 or paired:
-        return _weigh(loads, blocks, supports, [np.arange(len(block.needed)) for block in blocks])
+def combinations(loads: Loads, blocks: list[Block], features: list[Array]) -> list[Array]:
+    """Combinations of the postures of all fingers, of which ``features`` (P, F) are in what they differ, by indices."""
+    if len(blocks) == 1:
+        return [np.arange(len(blocks[0].needed))]
     alone = [_alone(loads, block) for block in blocks]
     most = _PER_FINGER[len(blocks)]
     picks = [
         np.array(spread_order(doubt(left) + cost, what, most))
         for (left, cost, _), what in zip(alone, features, strict=True)
     ]
-    every = np.meshgrid(*picks, indexing="ij")
-    return _weigh(loads, blocks, supports, [index.ravel() for index in every])
+    return [index.ravel() for index in np.meshgrid(*picks, indexing="ij")]
 
 
 def doubt(left: Array) -> Array:
@@ -115,11 +115,6 @@ def doubt(left: Array) -> Array:
     it is means little.
     """
     return np.where(left < NEARLY_BALANCED, 10.0 * left, 10.0 * NEARLY_BALANCED + 2.0 * (left - NEARLY_BALANCED))
-
-
-def _weigh(loads: Loads, blocks: list[Block], supports: Block, index: list[Array]) -> Combined:
-    left, cost, forces = imbalance(loads, [*blocks, supports], [*index, np.zeros(len(index[0]), int)])
-    return index, left, cost, forces
 
 
 def _alone(loads: Loads, block: Block) -> tuple[Array, Array, Array]:
