@@ -16,7 +16,8 @@ from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons.diagnosis import Repair, Repairs
+from continuum_grasp.grasp.reasons.diagnosis import Repairs
+from continuum_grasp.grasp.reasons.elastic import Repair
 from continuum_grasp.grasp.reasons.reach import out_of_reach
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.values import Reason
@@ -194,7 +195,8 @@ def test_both_halves_of_a_pair_are_needed(seed):
 
     search = SimpleNamespace(budget=SimpleNamespace(over=False))
     repairs = Repairs(make_scene(gravity=PLANAR), search)
-    repairs.relax, repairs._holds, repairs._starts_together = relax, lambda *_: True, lambda limits: [None]
+    repairs.relax, repairs.holds = relax, lambda *_: True
+    repairs.starts = SimpleNamespace(together=lambda limits: [None])
     named = []
     repairs._reason = lambda repair: named.append(repair.parts) or Reason("tension", "", "", 1.0, 2.0, "", "")
     repairs._together()
