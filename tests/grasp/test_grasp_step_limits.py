@@ -412,10 +412,15 @@ def seeds_of(*totals):
 
 
 def weights_of(part):
-    """Weights with which a point is made sparse, of a part of a usual amount."""
+    """Weights with which a point is made sparse, of a part of a usual amount, until no more limits can be left out."""
     weights, repairs = [], Repairs(SCENE, searching())
-    point = Repair({TENSION: part}, {}, Some(start=None))
-    repairs.relax = lambda limits, start, begin, weights={}, seen=weights: seen.append(weights["tension"]) or point
+    point = Repair(dict.fromkeys(RELAXATIONS[:3], part), {}, Some(start=None))
+
+    def relax(limits, start, begin, weights=None, seen=weights):
+        seen.extend([weights["tension"]] if weights else [])
+        return point if weights else None
+
+    repairs.relax = relax
     repairs._sparse(point)
     return pytest.approx(weights)
 
@@ -604,7 +609,8 @@ COUNTS = [
     ("weights of parts", [0.1 / 0.6] * 2, lambda: weights_of(0.5)),
     ("steps of repairs for all states", (None, [0.01, 0.04, 0.16, 0.64]), lambda: further(1.0)),
     ("halvings of such a step", [0.01, 0.04, 0.16, 0.1, 0.13], lambda: pytest.approx(further(0.12)[1])),
-    ("amounts that agree", (False, True), lambda: (agree(1.0, 1.0), agree(1.0, 1.0, 1.0))),
+    ("amounts that agree", (False, True), lambda: (settled([1.0, 1.0]), settled([1.0, 1.0, 1.0]))),
+    ("amounts no less", (False, True), lambda: (settled([3.0, 1.0, 2.0, 2.0]), settled([1.0, 2.0, 3.0, math.inf]))),
     ("usual amounts", [1.0, 4.0, 16.0], lambda: pytest.approx(eased_by())),
     ("halvings of a share", 0.25, lambda: pytest.approx(share_that_holds(0.3))),
     ("halvings of a step", 6, halved),

@@ -9,6 +9,7 @@ doi:10.1007/s00041-008-9045-x.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 
@@ -102,7 +103,7 @@ class Repairs(Elastic):
         others = [limit for limit in starts if limit in self.bounding]
         # From rough starts all limits are relaxed at once first: where that gives no grasp, one alone gives none.
         rough = self.starts.rough if others else []
-        for point in [*_least(self._all_from(self.numbered, rough[:ROUGH])), *self.found.values()]:
+        for point in [*_least(self._all_from(self.numbered, rough[:ROUGH])), *_least(self.found.values())[:1]]:
             self._in_place_of(point, [limit for limit in others if (limit,) not in self.found])
         for limit in starts:
             if (limit,) in self.found and not self.settled((limit,)):
@@ -150,8 +151,7 @@ class Repairs(Elastic):
             for limits, point in filter(None, map(self._sparse, seeds)):
                 # Each alone from there, too: of several limits none may be enough without the others.
                 last = self.attempt(limits, point.attempt.start, point) or point
-                for limit in limits if len(limits) > 1 else ():
-                    self.attempt((limit,), last.attempt.start, last)
+                self._in_place_of(last, [limit for limit in limits if (limit,) not in self.found])
 
     def _all_from(self, limits: Limits, starts: Iterable[Start]) -> list[Repair | None]:
         """Points with many limits relaxed, from starts until several agree."""
@@ -166,25 +166,26 @@ class Repairs(Elastic):
 
     def _sparse(self, point: Repair) -> tuple[Limits, Repair] | None:
         """Few limits that are relaxed at a point next to one with many, and that point."""
-        for _ in range(REWEIGHTED):
-            weights = {limit.name: FLOOR / (FLOOR + part) for limit, part in point.parts.items()}
-            lighter = self.relax(tuple(point.parts), point.attempt.start, point, weights=weights)
-            if lighter is None:
-                break
-            point = lighter
-        while True:
+        for count in itertools.count():
             parts = point.parts
             needed = [limit for limit in parts if parts[limit] >= NONE] or [max(parts, key=parts.__getitem__)]
             if len(needed) <= TOGETHER:
                 return tuple(needed), point
+            if count < REWEIGHTED:
+                weights = {limit.name: FLOOR / (FLOOR + part) for limit, part in parts.items()}
+                lighter = self.relax(tuple(parts), point.attempt.start, point, weights=weights)
+                if lighter is not None:
+                    point = lighter
+                    continue
             fewer = (
                 self.relax(tuple(limit for limit in needed if limit is not left), point.attempt.start, point)
                 for left in sorted(needed, key=parts.__getitem__)
             )
             best = next((one for one in fewer if one is not None), None)
             if best is None:
-                return None
+                break
             point = best
+        return None
 
 
 def _least(points: Iterable[Repair | None]) -> list[Repair]:
