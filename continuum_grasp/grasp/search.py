@@ -370,10 +370,6 @@ class Search:
         """Tension below which differences are rounding [N]: grasps may take none at all."""
         return LEAST_DIFFERENCE * sum(setup.max_tension for setup in self.scene.setups)
 
-    def starts_of(self, mode: frozenset[str]) -> list[Start]:
-        """The starts of a mode: of its basins, or rough ones."""
-        return self.basins_of(mode) or self.rough_starts_of(mode)
-
     def basins_of(self, mode: frozenset[str]) -> list[Start] | None:
         """The starts of a mode's basins; None where it has none that are scanned."""
         began = time.perf_counter()

@@ -19,7 +19,7 @@ from continuum_grasp.grasp.closing.verdict import Ending
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import solver_run
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons import reach, words
+from continuum_grasp.grasp.reasons import words
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.elastic import Repair, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, Starts
@@ -295,9 +295,9 @@ def slack(pull):
 
 def reached(beyond):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reach, "_reach", lambda *_: 1.0)
-        patch.setattr(reach, "_distance", lambda *_: 1.0 + beyond)
-        return reach.out_of_reach(SCENE) is None
+        patch.setattr(words, "_reach", lambda *_: 1.0)
+        patch.setattr(words, "_distance", lambda *_: 1.0 + beyond)
+        return words.out_of_reach(SCENE) is None
 
 
 def as_good(less):
@@ -406,23 +406,9 @@ def seeds_of(*totals):
     seen, repairs = [], Repairs(SCENE, searching())
     repairs.numbered = repairs.bounding = (TENSION,)
     repairs.starts, repairs.relax = Some(together=lambda limits: totals), lambda limits, start: Some(total=start)
-    repairs._sparse = lambda seed: seen.append(seed.total)
+    repairs._few = lambda seed: seen.append(seed.total)
     repairs._together()
     return seen
-
-
-def weights_of(part):
-    """Weights with which a point is made sparse, of a part of a usual amount, until no more limits can be left out."""
-    weights, repairs = [], Repairs(SCENE, searching())
-    point = Repair(dict.fromkeys(RELAXATIONS[:3], part), {}, Some(start=None))
-
-    def relax(limits, start, begin, weights=None, seen=weights):
-        seen.extend([weights["tension"]] if weights else [])
-        return point if weights else None
-
-    repairs.relax = relax
-    repairs._sparse(point)
-    return pytest.approx(weights)
 
 
 def further(least):
@@ -606,7 +592,6 @@ COUNTS = [
     ("iterations of each", [80], iterations_of_a_start),
     ("starts of all limits", ([1.0, 2.9], 3, 6), starts_together),
     ("points made sparse", [1.0, 2.0, 3.0], lambda: seeds_of(3.0, 1.0, 5.0, 2.0, 1.0 + 1e-5, 4.0)),
-    ("weights of parts", [0.1 / 0.6] * 2, lambda: weights_of(0.5)),
     ("steps of repairs for all states", (None, [0.01, 0.04, 0.16, 0.64]), lambda: further(1.0)),
     ("halvings of such a step", [0.01, 0.04, 0.16, 0.1, 0.13], lambda: pytest.approx(further(0.12)[1])),
     ("amounts that agree", (False, True), lambda: (settled([1.0, 1.0]), settled([1.0, 1.0, 1.0]))),

@@ -2,14 +2,11 @@
 the amounts that then suffice, verified and confirmed, are the reason.
 
 Each limit is relaxed alone first: the sum that the elastic problem minimizes has local minima which mix cheap limits.
-Where no usual amount of one limit is enough, all are relaxed at once, and weights that grow as parts vanish drive these
-to zero: reweighted L1 minimization, E. J. Candes, M. B. Wakin, S. P. Boyd, J. Fourier Anal. Appl. 14 (2008),
-doi:10.1007/s00041-008-9045-x.
+Where no usual amount of one limit is enough, all are relaxed at once, and those with the least parts are left out.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterable, Sequence
 
@@ -28,9 +25,9 @@ FIRST, MORE = 2, 8
 ROUGH = 2
 """Starts of sets of contacts that are not scanned from which all limits are relaxed first."""
 SEEDS = 3
-"""Least sums of many limits that are made sparse."""
-REWEIGHTED, FLOOR = 2, 0.1
-"""How often parts are weighted anew, and the part of a usual amount that halves a weight."""
+"""Least sums of many limits that are brought down to few."""
+HEAVY = 10.0
+"""Weight of limits that others are relaxed in place of."""
 TOGETHER = 2
 """Most limits of a reason: scenes that break more are not explained."""
 
@@ -106,7 +103,7 @@ class Repairs(Elastic):
         for point in [*_least(self._all_from(self.numbered, rough[:ROUGH])), *_least(self.found.values())[:1]]:
             self._in_place_of(point, [limit for limit in others if (limit,) not in self.found])
         for limit in starts:
-            if (limit,) in self.found and not self.settled((limit,)):
+            if (limit,) in self.found and not settled(self.totals[limit,]):
                 # Where the amount is known, the scan finds postures for just this much: closer than the first ones.
                 closer = self.starts.alone(limit, self.found[limit,].total)
                 self._from(limit, [*closer, *starts[limit][FIRST:], *(rough if limit in others else [])][:MORE])
@@ -116,7 +113,7 @@ class Repairs(Elastic):
         surely than starts do.
         """
         known = tuple(limit for limit, part in point.parts.items() if part >= NONE)
-        weights = {one.name: 1.0 / FLOOR for one in known}
+        weights = {one.name: HEAVY for one in known}
         if not set(others) <= set(known):
             # What is not relaxed where all may be is in the place of nothing.
             every = self.relax(tuple(dict.fromkeys((*known, *others))), point.attempt.start, point, weights=weights)
@@ -133,7 +130,7 @@ class Repairs(Elastic):
     def _from(self, limit: Relaxation, starts: Sequence[Start]) -> None:
         """Relax a limit as little as possible, from every start until several agree."""
         for start in starts:
-            if not self.settled((limit,)):
+            if not settled(self.totals[limit,]):
                 self.attempt((limit,), start)
 
     # -- several limits ----------------------------------------------------------------------------------------
@@ -148,7 +145,7 @@ class Repairs(Elastic):
                 return
             points = [self.relax(every, seed.attempt.start, seed) for seed in seeds]
             seeds = _least(points or self._all_from(every, self.starts.together(every)))[:SEEDS]
-            for limits, point in filter(None, map(self._sparse, seeds)):
+            for limits, point in filter(None, map(self._few, seeds)):
                 # Each alone from there, too: of several limits none may be enough without the others.
                 last = self.attempt(limits, point.attempt.start, point) or point
                 self._in_place_of(last, [limit for limit in limits if (limit,) not in self.found])
@@ -164,28 +161,21 @@ class Repairs(Elastic):
             self._tried.append((limits, start, points[-1]))
         return points
 
-    def _sparse(self, point: Repair) -> tuple[Limits, Repair] | None:
-        """Few limits that are relaxed at a point next to one with many, and that point."""
-        for count in itertools.count():
+    def _few(self, point: Repair) -> tuple[Limits, Repair] | None:
+        """Few limits that are relaxed at a point next to one with many, the least of which are left out; that point."""
+        while True:
             parts = point.parts
             needed = [limit for limit in parts if parts[limit] >= NONE] or [max(parts, key=parts.__getitem__)]
             if len(needed) <= TOGETHER:
                 return tuple(needed), point
-            if count < REWEIGHTED:
-                weights = {limit.name: FLOOR / (FLOOR + part) for limit, part in parts.items()}
-                lighter = self.relax(tuple(parts), point.attempt.start, point, weights=weights)
-                if lighter is not None:
-                    point = lighter
-                    continue
             fewer = (
                 self.relax(tuple(limit for limit in needed if limit is not left), point.attempt.start, point)
                 for left in sorted(needed, key=parts.__getitem__)
             )
             best = next((one for one in fewer if one is not None), None)
             if best is None:
-                break
+                return None
             point = best
-        return None
 
 
 def _least(points: Iterable[Repair | None]) -> list[Repair]:

@@ -95,10 +95,6 @@ class Elastic:
         parts = {limit: amount / usual[limit] for limit, amount in amounts.items()}
         return Repair(parts, solver.arrays(scene, attempt), attempt)
 
-    def settled(self, limits: Limits) -> bool:
-        """Whether more starts for these limits are not worth it."""
-        return limits in self.found and settled(self.totals[limits])
-
     def relaxed(self, parts: Mapping[Relaxation, float], spare: float = 0.0) -> GraspScene:
         """The scene with limits relaxed by parts of their usual amounts."""
         scene = self.scene

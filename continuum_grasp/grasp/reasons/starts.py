@@ -53,7 +53,9 @@ class Starts:
             return self._balanced(limit, LARGER if part is None else (part,))
         relaxed, known = eased(self._scene, [limit], 1.0 if part is None else part), list[Start]()
         if limit.limit is None:
-            known = self._known() or spread(self._search.rough_starts_of(contact_modes(self._scene)[0]))
+            closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
+            tried = list({id(one.attempt.start): one.attempt.start for one in closest}.values())
+            known = spread(tried or self._search.rough_starts_of(contact_modes(self._scene)[0]))
         if relaxed is self._scene:
             return known
         return interleaved([*self._of(relaxed, hopeful=True, rough=limit.limit is None), known])
@@ -77,11 +79,6 @@ class Starts:
                 return starts
             last = relaxed
         return []
-
-    def _known(self) -> list[Start]:
-        """Starts of the search, those that came nearest to a grasp first."""
-        closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
-        return spread(list({id(tried.attempt.start): tried.attempt.start for tried in closest}.values()))
 
     def _of(self, relaxed: GraspScene, hopeful: bool = False, rough: bool = True) -> list[list[Start]]:
         """Starts of a scene with limits relaxed, of each set of contacts; of scans the ``hopeful`` ones alone, and
