@@ -42,7 +42,7 @@ class Repairs(Elastic):
         self.numbered = tuple(limit for limit in self.limits if limit.limit is not None)
         self.bounding = tuple(limit for limit in self.limits if limit.limit is not None or not limit.bounds_shape)
         self.starts = Starts(scene, search)
-        self._tried: list[tuple[Limits, Start, Repair | None]] = []  # from which many limits were relaxed
+        self._tried: dict[tuple[Limits, int], tuple[Start, Repair | None]] = {}  # by limits and start
 
     def look(self) -> None:
         """Relax each limit alone that scenes without it show starts for; where no usual amount of one is enough, all at
@@ -96,17 +96,21 @@ class Repairs(Elastic):
             self.totals.setdefault((limit,), [])
             if not (search.impossible and cannot_balance(eased(self.scene, [limit], LARGER[-1]))):
                 starts[limit] = self.starts.alone(limit)
-                self._from(limit, starts[limit][:FIRST])
+                self._from(limit, starts[limit], FIRST)
         others = [limit for limit in starts if limit in self.bounding]
-        # From rough starts all limits are relaxed at once first: where that gives no grasp, one alone gives none.
+        # From rough starts all limits are relaxed at once: where that gives no grasp, one alone gives none, but for
+        # those that are not relaxed as far beside others.
         rough = self.starts.rough if others else []
+        for limit in others:
+            if math.isfinite(limit.most(self.scene)) and not limit.bounds_shape:
+                self._from(limit, rough, ROUGH)
         for point in [*_least(self._all_from(self.numbered, rough[:ROUGH])), *_least(self.found.values())[:1]]:
             self._in_place_of(point, [limit for limit in others if (limit,) not in self.found])
         for limit in starts:
             if (limit,) in self.found and not settled(self.totals[limit,]):
                 # Where the amount is known, the scan finds postures for just this much: closer than the first ones.
                 closer = self.starts.alone(limit, self.found[limit,].total)
-                self._from(limit, [*closer, *starts[limit][FIRST:], *(rough if limit in others else [])][:MORE])
+                self._from(limit, [*closer, *starts[limit], *(rough if limit in others else [])], MORE)
 
     def _in_place_of(self, point: Repair, others: Sequence[Relaxation]) -> None:
         """Relax other limits from where some are, which count the more: a point that satisfies all leads there more
@@ -127,11 +131,12 @@ class Repairs(Elastic):
                 at = lighter
             self.attempt((limit,), at.attempt.start, at)
 
-    def _from(self, limit: Relaxation, starts: Sequence[Start]) -> None:
-        """Relax a limit as little as possible, from every start until several agree."""
-        for start in starts:
+    def _from(self, limit: Relaxation, starts: Iterable[Start], most: int) -> None:
+        """Relax a limit as little as possible, from so many new starts until several agree."""
+        new = [start for start in starts if ((limit,), id(start)) not in self._tried]
+        for start in new[:most]:
             if not settled(self.totals[limit,]):
-                self.attempt((limit,), start)
+                self._tried[(limit,), id(start)] = start, self.attempt((limit,), start)
 
     # -- several limits ----------------------------------------------------------------------------------------
 
@@ -148,7 +153,8 @@ class Repairs(Elastic):
             for limits, point in filter(None, map(self._few, seeds)):
                 # Each alone from there, too: of several limits none may be enough without the others.
                 last = self.attempt(limits, point.attempt.start, point) or point
-                self._in_place_of(last, [limit for limit in limits if (limit,) not in self.found])
+                for limit in limits if len(limits) > 1 else ():
+                    self.attempt((limit,), last.attempt.start, last)
 
     def _all_from(self, limits: Limits, starts: Iterable[Start]) -> list[Repair | None]:
         """Points with many limits relaxed, from starts until several agree."""
@@ -156,9 +162,9 @@ class Repairs(Elastic):
         for start in starts:
             if settled([point.total for point in points if point is not None]):
                 break
-            known = [point for tried, one, point in self._tried if tried == limits and one is start]
-            points.append(known[0] if known else self.relax(limits, start))
-            self._tried.append((limits, start, points[-1]))
+            if (limits, id(start)) not in self._tried:
+                self._tried[limits, id(start)] = start, self.relax(limits, start)
+            points.append(self._tried[limits, id(start)][1])
         return points
 
     def _few(self, point: Repair) -> tuple[Limits, Repair] | None:
