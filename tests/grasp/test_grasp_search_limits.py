@@ -64,6 +64,14 @@ def unsolved(imbalance, elements):
     return bool(starts)
 
 
+def scanned(imbalance, *grasps, **more):
+    """How many of three scanned starts of more elements are tried, the last of which is so far from balance."""
+    search, starts = searching(*grasps, **{"elements": 3, **more})
+    search.basins_of = lambda mode: [start(1.0, 0.9), start(2.0, 0.9), start(3.0, imbalance)]
+    search._from_basins(frozenset({"finger.tip", "palm"}))
+    return len(starts)
+
+
 def keeps(tension):
     search, _ = searching(found := grasp(tension))
     return search._keeps_promise(found, Basin(start(estimate=TENSION)))
@@ -95,6 +103,7 @@ LIMITS = [
     ("iterations of a quick one", 150.0, lambda n: not over("quick", n)),
     ("tension that keeps what a basin promised", (TENSION + NONE) / 0.98, keeps),
     ("imbalance of a basin", 0.01, lambda off: unsolved(off, 2)),
+    ("imbalance of a scanned start of more elements", 0.2, lambda off: scanned(off) == 3),
     ("press above what is proven", 1.0 + 1e-3, proven),
     ("objective for which a grasp that converged is taken", 2.0 * (1.0 + 1e-3),
      lambda cost: module._least([grasp(objective=2.0, optimal=False), grasp(objective=cost)]).attempt.optimal),
@@ -118,6 +127,14 @@ def test_a_basin_far_from_balance_is_tried_first_alone():
         assert len(starts) == count
     search._solve(Basin(start(imbalance=0.5)))
     assert len(starts) == 2
+
+
+def test_with_a_grasp_or_without_a_tip_no_scanned_start_is_too_far_from_balance():
+    assert (scanned(0.9), scanned(0.9, grasp())) == (2, 3)
+    search, starts = searching(elements=3)
+    search.basins_of = lambda mode: [start(float(k), 0.9) for k in range(3)]
+    search._from_basins(frozenset({"finger.middle", "palm"}))
+    assert len(starts) == 3
 
 
 def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):
@@ -149,8 +166,9 @@ def test_an_effort_is_so_many_basins_and_rough_starts(effort, basins, starts, mo
     for scene in (search.scene, SimpleNamespace(setups=[SimpleNamespace(middle_names=("middle",))] * 4)):
         search.scene = scene
         search.rough_starts_of(mode)
+        search._rough.clear()
     search.scene = SimpleNamespace(setups=[SimpleNamespace(middle_names=("finger.tip",))] * 2)
-    search.rough_starts_of(mode)
+    assert search.rough_starts_of(mode) is search.rough_starts_of(mode)
     assert asked == [starts, 3 * starts, 2 * starts]
 
 

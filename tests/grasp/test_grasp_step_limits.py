@@ -401,6 +401,23 @@ def starts_together():
     return np.round(eased, 9).tolist(), [k < 20 for k in starts].count(True), [k >= 20 for k in starts].count(True)
 
 
+def rough_starts():
+    """Starts that no scan gave from which all limits are relaxed, and those that the mass alone is relaxed from."""
+    asked, repairs = [], Repairs(make_scene(), searching())
+    repairs.starts = Some(alone=lambda *_: [], rough=[*range(9)])
+    repairs.relax = lambda limits, start, begin=None: asked.append((len(limits) > 1, start))
+    repairs._alone([limit for limit in RELAXATIONS if limit.name in ("tension", "mass")])
+    return [start for many, start in asked if many], [start for many, start in asked if not many]
+
+
+def weight_in_place():
+    """Weight of a limit that others are relaxed in place of."""
+    weights, repairs = [], Repairs(SCENE, searching())
+    repairs.relax = lambda *_, weights=None, seen=weights: seen.append(weights["tension"])
+    repairs._in_place_of(Repair({TENSION: 1.0}, {}, Some(start=None)), RELAXATIONS[1:3])
+    return weights
+
+
 def seeds_of(*totals):
     """Points with many limits relaxed that are made sparse."""
     seen, repairs = [], Repairs(SCENE, searching())
@@ -589,8 +606,10 @@ COUNTS = [
     ("starts of a limit that gives no grasp", [0, 1], lambda: starts_per_limit(None)),
     ("starts of a limit that gives as much", [0, 1, 2], lambda: starts_per_limit(True)),
     ("starts of a limit that gives less", [*range(10)], lambda: starts_per_limit(False)),
+    ("starts that are not scanned", ([0, 1], [0, 1]), rough_starts),
     ("iterations of each", [80], iterations_of_a_start),
     ("starts of all limits", ([1.0, 2.9], 3, 6), starts_together),
+    ("weight of a limit in place of which others are relaxed", [10.0], weight_in_place),
     ("points made sparse", [1.0, 2.0, 3.0], lambda: seeds_of(3.0, 1.0, 5.0, 2.0, 1.0 + 1e-5, 4.0)),
     ("steps of repairs for all states", (None, [0.01, 0.04, 0.16, 0.64]), lambda: further(1.0)),
     ("halvings of such a step", [0.01, 0.04, 0.16, 0.1, 0.13], lambda: pytest.approx(further(0.12)[1])),

@@ -118,7 +118,7 @@ class Repairs(Elastic):
         """
         known = tuple(limit for limit, part in point.parts.items() if part >= NONE)
         weights = {one.name: HEAVY for one in known}
-        if not set(others) <= set(known):
+        if len(set(others) - set(known)) > 1:
             # What is not relaxed where all may be is in the place of nothing.
             every = self.relax(tuple(dict.fromkeys((*known, *others))), point.attempt.start, point, weights=weights)
             others = [] if every is None else [one for one in others if one in known or every.parts[one] >= NONE]
