@@ -428,6 +428,20 @@ def seeds_of(*totals):
     return seen
 
 
+def weights_of(part):
+    """Weights with which a point is made sparse, of a part of a usual amount, until no more limits can be left out."""
+    weights, repairs = [], Repairs(SCENE, searching())
+    point = Repair(dict.fromkeys(RELAXATIONS[:3], part), {}, Some(start=None))
+
+    def relax(limits, start, begin, weights=None, seen=weights):
+        seen.extend([weights["tension"]] if weights else [])
+        return point if weights else None
+
+    repairs.relax = relax
+    repairs._few(point)
+    return pytest.approx(weights)
+
+
 def further(least):
     """Usual amounts by which a repair is relaxed further, where a grasp holds for all friction states from one on."""
     steps, repairs = [], Repairs(SCENE.replaced(robust=Robust(mass=0.1)), searching())
@@ -610,6 +624,7 @@ COUNTS = [
     ("iterations of each", [80], iterations_of_a_start),
     ("starts of all limits", ([1.0, 2.9], 3, 6), starts_together),
     ("weight of a limit in place of which others are relaxed", [10.0], weight_in_place),
+    ("weights of parts", [0.1 / 0.6] * 2, lambda: weights_of(0.5)),
     ("points made sparse", [1.0, 2.0, 3.0], lambda: seeds_of(3.0, 1.0, 5.0, 2.0, 1.0 + 1e-5, 4.0)),
     ("steps of repairs for all states", (None, [0.01, 0.04, 0.16, 0.64]), lambda: further(1.0)),
     ("halvings of such a step", [0.01, 0.04, 0.16, 0.1, 0.13], lambda: pytest.approx(further(0.12)[1])),

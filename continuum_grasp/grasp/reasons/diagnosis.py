@@ -2,11 +2,14 @@
 the amounts that then suffice, verified and confirmed, are the reason.
 
 Each limit is relaxed alone first: the sum that the elastic problem minimizes has local minima which mix cheap limits.
-Where no usual amount of one limit is enough, all are relaxed at once, and those with the least parts are left out.
+Where no usual amount of one limit is enough, all are relaxed at once, and weights that grow as parts vanish drive these
+to zero: reweighted L1 minimization, E. J. Candes, M. B. Wakin, S. P. Boyd, J. Fourier Anal. Appl. 14 (2008),
+doi:10.1007/s00041-008-9045-x.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 
@@ -26,8 +29,8 @@ ROUGH = 2
 """Starts of sets of contacts that are not scanned from which all limits are relaxed first."""
 SEEDS = 3
 """Least sums of many limits that are brought down to few."""
-HEAVY = 10.0
-"""Weight of limits that others are relaxed in place of."""
+REWEIGHTED, FLOOR = 2, 0.1
+"""How often parts are weighted anew, and the part of a usual amount that halves a weight."""
 TOGETHER = 2
 """Most limits of a reason: scenes that break more are not explained."""
 
@@ -117,7 +120,7 @@ class Repairs(Elastic):
         surely than starts do.
         """
         known = tuple(limit for limit, part in point.parts.items() if part >= NONE)
-        weights = {one.name: HEAVY for one in known}
+        weights = {one.name: 1.0 / FLOOR for one in known}
         if len(set(others) - set(known)) > 1:
             # What is not relaxed where all may be is in the place of nothing.
             every = self.relax(tuple(dict.fromkeys((*known, *others))), point.attempt.start, point, weights=weights)
@@ -157,31 +160,32 @@ class Repairs(Elastic):
                     self.attempt((limit,), last.attempt.start, last)
 
     def _all_from(self, limits: Limits, starts: Iterable[Start]) -> list[Repair | None]:
-        """Points with many limits relaxed, from starts until several agree."""
-        points: list[Repair | None] = []
+        """Points with many limits relaxed from starts."""
         for start in starts:
-            if settled([point.total for point in points if point is not None]):
-                break
             if (limits, id(start)) not in self._tried:
                 self._tried[limits, id(start)] = start, self.relax(limits, start)
-            points.append(self._tried[limits, id(start)][1])
-        return points
+        return [point for (tried, _), (_, point) in self._tried.items() if tried == limits]
 
     def _few(self, point: Repair) -> tuple[Limits, Repair] | None:
-        """Few limits that are relaxed at a point next to one with many, the least of which are left out; that point."""
-        while True:
+        """Few limits that are relaxed at a point next to one with many, and that point."""
+        for count in itertools.count():
             parts = point.parts
             needed = [limit for limit in parts if parts[limit] >= NONE] or [max(parts, key=parts.__getitem__)]
             if len(needed) <= TOGETHER:
                 return tuple(needed), point
+            weights = {limit.name: FLOOR / (FLOOR + part) for limit, part in parts.items()}
+            if count < REWEIGHTED and (lighter := self.relax(needed, point.attempt.start, point, weights=weights)):
+                point = lighter
+                continue
             fewer = (
-                self.relax(tuple(limit for limit in needed if limit is not left), point.attempt.start, point)
+                self.relax([limit for limit in needed if limit is not left], point.attempt.start, point)
                 for left in sorted(needed, key=parts.__getitem__)
             )
             best = next((one for one in fewer if one is not None), None)
             if best is None:
-                return None
+                break
             point = best
+        return None
 
 
 def _least(points: Iterable[Repair | None]) -> list[Repair]:

@@ -5,7 +5,7 @@ least; what it gives is verified.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -73,7 +73,9 @@ class Elastic:
                 self.found[limits] = repair
         return repair
 
-    def relax(self, limits: Limits, start: Start, begin: Repair | None = None, **options: Any) -> Repair | None:
+    def relax(
+        self, limits: Sequence[Relaxation], start: Start, begin: Repair | None = None, **options: Any
+    ) -> Repair | None:
         """Relax limits by the least sum of their parts of a usual amount, from a start or from a point with the same
         start to ``begin`` with; None where that gives no grasp.
         """
