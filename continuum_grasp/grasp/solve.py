@@ -16,7 +16,7 @@ from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_bending_range
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
-from continuum_grasp.grasp.reasons.reach import out_of_reach
+from continuum_grasp.grasp.reasons.words import out_of_reach
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
@@ -36,6 +36,9 @@ from continuum_grasp.scene.load import scene_of
 
 OPEN = 0.02
 """Part by which a result may be above a lower bound while starts are left open and yet be called optimal."""
+
+FINEST = 16
+"""Elements per finger up to which they are doubled where they cannot bend enough: half a turn each is eight turns."""
 
 
 @interrupt.listening()
@@ -156,8 +159,9 @@ def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> tu
 class _Verdict:
     """One search with one model, and what comes of it."""
 
-    def __init__(self, scene: GraspScene, budget: Budget) -> None:
+    def __init__(self, scene: GraspScene, budget: Budget, chosen_range: bool = False) -> None:
         self.scene, self.budget = scene, budget
+        self._chosen_range = chosen_range or not gives_bending_range(scene)  # by the program, not by the user
         self.began = time.monotonic()
         self.search = Search(scene, budget)
         has_stations = any(setup.stations for setup in scene.setups)
@@ -207,7 +211,7 @@ class _Verdict:
         # Reasons found before the clock stopped the search may not be the ones that matter.
         if reasons and not self.budget.stopped:
             # What the model cannot follow is no impossibility, where the user did not choose how far that is.
-            bent = [] if gives_bending_range(self.scene) else [one for one in reasons if "bending range" in one.title]
+            bent = [one for one in reasons if self._chosen_range and "bending range" in one.title]
             if any(reason is reasons[0] or not reason.also for reason in bent):
                 return self._with_wider_model(bent)
             return self._infeasible([reason for reason in reasons if reason not in bent], closest)
@@ -221,9 +225,11 @@ class _Verdict:
             wide = min(max(2.0 * most, max(bent)), ONE_TURN)
             note, scene = f"fidelity.bending_range of {wide:.4g} rad", with_bending_range(self.scene, wide)
         else:
+            if max(setup.elements for setup in self.scene.setups) > FINEST:
+                return self._unsolved(None)
             scene = with_elements(self.scene, max(2 * s.elements // (len(s.middles) + 1) for s in self.scene.setups))
             note = f"{max(setup.elements for setup in scene.setups)} elements"
-        other = _Verdict(scene, self.budget)
+        other = _Verdict(scene, self.budget, chosen_range=True)
         result, self.search = other.result(), other.search
         note = f"{note}: with {most:.4g} rad per element there is no grasp"
         return replace(result, statistics={**result.statistics, "fidelity": note})

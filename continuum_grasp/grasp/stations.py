@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.fine import FIRST
 from continuum_grasp.grasp.modes import with_elements
-from continuum_grasp.grasp.reasons.diagnosis import Repairs, ordered
+from continuum_grasp.grasp.reasons.diagnosis import Repairs
+from continuum_grasp.grasp.reasons.words import ordered
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import NEAR, Search
 from continuum_grasp.grasp.starts.supports import nearest_contact

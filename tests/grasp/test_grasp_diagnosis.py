@@ -14,10 +14,11 @@ from scipy.optimize import linprog
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED
 from benchmarks.grasp_oracle.search import Search
-from continuum_grasp.grasp import Status, optimize_grasp
+from continuum_grasp.grasp import Status, optimize_grasp, solve
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons.diagnosis import Repair, Repairs
-from continuum_grasp.grasp.reasons.reach import out_of_reach
+from continuum_grasp.grasp.reasons.diagnosis import Repairs
+from continuum_grasp.grasp.reasons.elastic import Repair
+from continuum_grasp.grasp.reasons.words import out_of_reach
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import GraspScene
@@ -175,6 +176,30 @@ def test_a_bending_range_is_a_reason_where_it_is_given_and_widened_where_it_is_n
     assert math.pi < needed <= bends.max() * (1.0 + 1e-6)
 
 
+@pytest.mark.parametrize("given", [None, 2.0])
+def test_only_a_given_bending_range_is_ever_a_reason(monkeypatch, given):
+    """A stub finds no grasp however far elements may bend: ranges and elements of the program's own choice grow until
+    there is no verdict, while a given range is named at once.
+    """
+    scene, asked = make_scene("arc").changed({"fidelity.elements": 4, "fidelity.bending_range": given}), []
+
+    def reasons(verdict, further=False):
+        (setup,) = verdict.scene.setups
+        asked.append((setup.elements, round(setup.bending_range, 3)))
+        needed = setup.bending_range + 0.5
+        return [Reason("bending range", "fidelity.bending_range", "rad", setup.bending_range, needed, "", "")]
+
+    monkeypatch.setattr(solve.Search, "run", lambda search: None)
+    monkeypatch.setattr(solve._Verdict, "_reasons", reasons)
+    result = optimize_grasp(scene, raise_on_failure=False)
+    if given:
+        assert (result.status, asked) == (Status.INFEASIBLE, [(4, given)])
+    else:
+        assert result.status is Status.NOT_SOLVED
+        assert asked[:2] == [(4, 3.142), (4, 6.283)]
+        assert [elements for elements, _ in asked[2:]] == [8, 8, 8, 16, 16, 16, 32, 32, 32]
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_both_halves_of_a_pair_are_needed(seed):
     """Limits whose amounts z have to satisfy random rows A z >= 1, in place of grasps: a pair that is named satisfies
@@ -194,7 +219,8 @@ def test_both_halves_of_a_pair_are_needed(seed):
 
     search = SimpleNamespace(budget=SimpleNamespace(over=False))
     repairs = Repairs(make_scene(gravity=PLANAR), search)
-    repairs.relax, repairs._holds, repairs._starts_together = relax, lambda *_: True, lambda limits: [None]
+    repairs.relax, repairs.holds = relax, lambda *_: True
+    repairs.starts = SimpleNamespace(together=lambda limits: [None])
     named = []
     repairs._reason = lambda repair: named.append(repair.parts) or Reason("tension", "", "", 1.0, 2.0, "", "")
     repairs._together()

@@ -64,6 +64,14 @@ def unsolved(imbalance, elements):
     return bool(starts)
 
 
+def scanned(imbalance, *grasps, **more):
+    """How many of three scanned starts of more elements are tried, the last of which is so far from balance."""
+    search, starts = searching(*grasps, **{"elements": 3, **more})
+    search.basins_of = lambda mode: [start(1.0, 0.9), start(2.0, 0.9), start(3.0, imbalance)]
+    search._from_basins(frozenset({"finger.tip", "palm"}))
+    return len(starts)
+
+
 def keeps(tension):
     search, _ = searching(found := grasp(tension))
     return search._keeps_promise(found, Basin(start(estimate=TENSION)))
@@ -102,6 +110,7 @@ LIMITS = [
     ("iterations of a quick one", 150.0, lambda n: not over("quick", n)),
     ("tension that keeps what a basin promised", (TENSION + NONE) / 0.98, keeps),
     ("imbalance of a basin", 0.01, lambda off: unsolved(off, 2)),
+    ("imbalance of a scanned start of more elements", 0.2, lambda off: scanned(off) == 3),
     ("press above what is proven", 1.0 + 1e-3, proven),
     ("objective for which a grasp that converged is taken", 2.0 * (1.0 + 1e-3),
      lambda cost: module._least([grasp(objective=2.0, optimal=False), grasp(objective=cost)]).attempt.optimal),
@@ -154,6 +163,14 @@ def test_a_proof_that_there_is_no_grasp_ends_the_search_after_six_starts(monkeyp
     assert len(search.tried) == 6
 
 
+def test_with_a_grasp_or_without_a_tip_no_scanned_start_is_too_far_from_balance():
+    assert (scanned(0.9), scanned(0.9, grasp())) == (2, 3)
+    search, starts = searching(elements=3)
+    search.basins_of = lambda mode: [start(float(k), 0.9) for k in range(3)]
+    search._from_basins(frozenset({"finger.middle", "palm"}))
+    assert len(starts) == 3
+
+
 def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):
     search, starts = searching(objective="greatest_friction_margin")
     monkeypatch.setattr(search, "run_before", lambda before: before.good.extend(grasp(objective=k) for k in range(5)))
@@ -183,7 +200,10 @@ def test_an_effort_is_so_many_basins_and_rough_starts(effort, basins, starts, mo
     for count in (1, 2, 4):
         search.scene = SimpleNamespace(setups=[None] * count)
         search.rough_starts_of(mode)
-    assert asked == [starts, starts, 3 * starts]
+        search._rough.clear()
+    search.scene = SimpleNamespace(setups=[None])
+    assert search.rough_starts_of(mode) is search.rough_starts_of(mode)
+    assert asked == [starts, starts, 3 * starts, starts]
 
 
 def test_estimates_of_more_elements_than_a_scan_has_prune_nothing():

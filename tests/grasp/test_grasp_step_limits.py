@@ -19,8 +19,11 @@ from continuum_grasp.grasp.closing.verdict import Ending
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import solver_run
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.reasons import diagnosis, reach
-from continuum_grasp.grasp.reasons.diagnosis import Repair, Repairs, is_clear, is_rare, ordered
+from continuum_grasp.grasp.reasons import words
+from continuum_grasp.grasp.reasons.diagnosis import Repairs
+from continuum_grasp.grasp.reasons.elastic import Repair, settled
+from continuum_grasp.grasp.reasons.starts import LARGER, Starts
+from continuum_grasp.grasp.reasons.words import is_clear, is_rare, ordered
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust import joint, states
 from continuum_grasp.grasp.robust import response as responses
@@ -39,7 +42,7 @@ from continuum_grasp.scene.grasp_options import Robust
 from tests import certificate_cases as cases
 from tests.grasp_scenes import make_scene
 
-TENSION = next(limit for limit in RELAXATIONS if limit.name == "tension")
+TENSION, FRICTION = (limit for limit in RELAXATIONS if limit.name in ("tension", "friction"))
 SCENE = cases.squeezed_disc()[0]
 
 
@@ -55,34 +58,29 @@ def reason(name="tension", limit=1.0, needed=1.0):
 
 
 def searching(scene=SCENE, **more):
-    return Some(**{"scene": scene, "budget": Budget(), "basins": [], "tried": [], "good": [], "best": None, **more})
+    known = {"scene": scene, "budget": Budget(), "basins": [], "tried": [], "good": [], "best": None, "unscanned": []}
+    return Some(**{**known, "impossible": False, **more})
 
 
 # -- reasons ---------------------------------------------------------------------------------------------------
 
 
-def agree(*amounts):
-    repairs = Repairs(SCENE, searching())
-    repairs.found[TENSION,], repairs._totals[TENSION,] = Some(), list(amounts)
-    return repairs.agree((TENSION,))
-
-
 def hopeful(imbalance, known=math.inf, elements=2):
     """Whether a start is tried whose best forces leave so much, where the scan without the limit relaxed left more."""
-    basin = Some(start=Some(imbalance=known))
-    search = searching(SCENE.changed({"fidelity.elements": elements}), knows_postures=True, basins=[basin])
-    return bool(diagnosis._hopeful(search, [Some(imbalance=imbalance)]))
+    contacts, scene = {"finger.tip": None}, SCENE.changed({"fidelity.elements": elements})
+    search = searching(scene, basins=[Some(start=Some(imbalance=known, contacts=contacts))])
+    return bool(Starts(scene, search)._hopeful([Some(imbalance=imbalance, contacts=contacts)]))
 
 
 def repaired(amount, most=1.0, other=None):
     """Whether limits relaxed by an amount each, alone or with another one, are a repair."""
-    limit = Some(name="tension", most=lambda scene: most, excuses=None, start=lambda scene: 1.0)
-    second = Some(name="mass", most=lambda scene: most, excuses=None, start=lambda scene: 1.0)
+    limit = Some(name="tension", sensible=lambda scene: most, excuses=None, start=lambda scene: 1.0)
+    second = Some(name="mass", sensible=lambda scene: most, excuses=None, start=lambda scene: 1.0)
     found = Some(x=np.zeros(1), violations=[], status=Status.SOLVED)
     given = {limit: amount, second: other}
     solver = Some(run=lambda *_, **__: found, given=lambda scene, x, one: given[one], arrays=lambda *_: {})
     repairs = Repairs(SCENE, searching(solver=lambda start: solver))
-    repairs._holds = lambda *_: True
+    repairs.holds = lambda *_: True
     repairs.attempt((limit,) if other is None else (limit, second), Some())
     return bool(repairs.found)
 
@@ -90,10 +88,9 @@ def repaired(amount, most=1.0, other=None):
 def in_place(part):
     """Whether another limit is relaxed alone from a point at which a limit is still relaxed by a part."""
     mass, tried, repairs = next(one for one in RELAXATIONS if one.name == "mass"), [], Repairs(SCENE, searching())
-    repairs.found[TENSION,] = Repair({TENSION: 1.0}, {}, Some(start=None))
     repairs.relax = lambda limits, start, begin, weights: Repair({TENSION: part, mass: 0.5}, {}, Some(start=None))
     repairs.attempt = lambda limits, start, begin: tried.append(limits)
-    repairs._in_place_of((TENSION,), mass)
+    repairs._in_place_of(Repair({TENSION: 1.0}, {}, Some(start=None)), [mass])
     return tried == [(mass,)]
 
 
@@ -101,10 +98,10 @@ def stays_without_programming(part):
     """Whether the amount of the solver stays where linear programming gives a limit that is less by a part."""
     amount, found = 10.0, TENSION.value(SCENE, 10.0)
     repairs = Repairs(SCENE, searching(attempt=lambda *_, **__: None))
-    repairs._holds = lambda *_: True
+    repairs.holds = lambda *_: True
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(diagnosis, "least_amount", lambda *_: Some(amount=amount - part * found, arrays={}))
-        one = repairs._part(TENSION, Repair({TENSION: amount / TENSION.start(SCENE)}, {}, None), confirm=True)
+        patch.setattr(words, "least_amount", lambda *_: Some(amount=amount - part * found, arrays={}))
+        one = words.part_of(repairs, TENSION, Repair({TENSION: amount / TENSION.start(SCENE)}, {}, None), confirm=True)
         return one.needed == pytest.approx(found, rel=1e-9)
 
 
@@ -298,9 +295,9 @@ def slack(pull):
 
 def reached(beyond):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(reach, "_reach", lambda *_: 1.0)
-        patch.setattr(reach, "_distance", lambda *_: 1.0 + beyond)
-        return reach.out_of_reach(SCENE) is None
+        patch.setattr(words, "_reach", lambda *_: 1.0)
+        patch.setattr(words, "_distance", lambda *_: 1.0 + beyond)
+        return words.out_of_reach(SCENE) is None
 
 
 def as_good(less):
@@ -324,12 +321,12 @@ def holds(reserve):
 LIMITS = [
     ("friction that is rare", 1.0, lambda x: not is_rare(reason("friction", 0.1, x))),
     ("what is missing of a limit", 1.03, lambda x: not is_clear(reason(needed=x), SCENE)),
-    ("amounts that are one", 1.0 / (1.0 - 1e-4), lambda x: agree(1.0, 1.0, x)),
+    ("amounts that are one", 1.0 / (1.0 - 1e-4), lambda x: settled([1.0, 1.0, x])),
     ("imbalance with a limit relaxed", 0.02, hopeful),
     ("the same of more elements", 0.06, lambda x: hopeful(x, elements=3)),
     ("imbalance per that without", 0.95 * 0.01, lambda x: hopeful(x, known=0.01)),
     ("imbalance that is none", 1e-3, lambda x: hopeful(x, known=0.0)),
-    ("most that makes sense of an amount", 1.0 - 1e-3, repaired),
+    ("most that makes sense of an amount", 20.0 * (1.0 - 1e-3), lambda x: repaired(x, FRICTION.sensible(SCENE))),
     ("part of several limits that is none", 1e-3, lambda x: not repaired(0.5, other=x)),
     ("part of a limit that another is in place of", 1e-3, in_place),
     ("factors that are equal", 1e-3, tied),
@@ -367,17 +364,18 @@ def test_a_step_decides_otherwise_on_either_side_of_a_limit(limit, decides):
 
 
 def starts_per_limit(agreeing):
-    """Starts from which a limit is relaxed that gives a grasp, or none."""
+    """Starts from which a limit is relaxed that gives less each time, as much, or no grasp."""
     starts, asked = [Some(k=k) for k in range(20)], []
     repairs = Repairs(SCENE, searching())
 
     def attempt(limits, start):
         asked.append(start.k)
-        if agreeing:
-            repairs.found[TENSION,] = Some(total=1.0)
-            repairs._totals[TENSION,] = [1.0]
+        repairs.totals[limits].append({None: math.inf, True: 1.0, False: 1.0 / len(asked)}[agreeing])
+        if agreeing is not None:
+            repairs.found[limits] = Repair({TENSION: 1.0}, {}, None)
 
-    repairs.starts, repairs.attempt = lambda _: starts, attempt
+    repairs.starts = Some(alone=lambda limit, part=None: [] if part else starts, rough=[])
+    repairs.attempt, repairs._in_place_of = attempt, lambda *_: None
     repairs._alone([TENSION])
     return sorted(set(asked))
 
@@ -392,33 +390,55 @@ def iterations_of_a_start():
 def starts_together():
     """Usual amounts by which shapes are relaxed in search of postures for all limits; starts of either kind."""
     strain = next(limit for limit in RELAXATIONS if limit.name == "bending range")
-    eased, repairs = [], Repairs(SCENE, searching(rebalanced=lambda _: [[*range(20)]]))
+    eased, known = [], Starts(SCENE, searching(rebalanced=lambda _: [[*range(20)]]))
 
     def starts_of(scene):
         eased.append(strain.limit(scene) - strain.limit(SCENE))
         return [[*range(20, 40)]]
 
-    repairs._starts_of = starts_of
-    starts = repairs._starts_together((TENSION, strain))
+    known._of = starts_of
+    starts = known.together((TENSION, strain))
     return np.round(eased, 9).tolist(), [k < 20 for k in starts].count(True), [k >= 20 for k in starts].count(True)
+
+
+def rough_starts():
+    """Starts that no scan gave from which all limits are relaxed, and those that the mass alone is relaxed from."""
+    asked, repairs = [], Repairs(make_scene(), searching())
+    repairs.starts = Some(alone=lambda *_: [], rough=[*range(9)])
+    repairs.relax = lambda limits, start, begin=None: asked.append((len(limits) > 1, start))
+    repairs._alone([limit for limit in RELAXATIONS if limit.name in ("tension", "mass")])
+    return [start for many, start in asked if many], [start for many, start in asked if not many]
+
+
+def weight_in_place():
+    """Weight of a limit that others are relaxed in place of."""
+    weights, repairs = [], Repairs(SCENE, searching())
+    repairs.relax = lambda *_, weights=None, seen=weights: seen.append(weights["tension"])
+    repairs._in_place_of(Repair({TENSION: 1.0}, {}, Some(start=None)), RELAXATIONS[1:3])
+    return weights
 
 
 def seeds_of(*totals):
     """Points with many limits relaxed that are made sparse."""
     seen, repairs = [], Repairs(SCENE, searching())
-    repairs.limits, repairs._starts_together = [TENSION], lambda limits: totals
-    repairs.relax = lambda limits, start: Some(total=start)
-    repairs._sparse = lambda seed: seen.append(seed.total)
+    repairs.numbered = repairs.bounding = (TENSION,)
+    repairs.starts, repairs.relax = Some(together=lambda limits: totals), lambda limits, start: Some(total=start)
+    repairs._few = lambda seed: seen.append(seed.total)
     repairs._together()
     return seen
 
 
 def weights_of(part):
-    """Weights with which a point is made sparse, of a part of a usual amount."""
+    """Weights with which a point is made sparse, of a part of a usual amount, until no more limits can be left out."""
     weights, repairs = [], Repairs(SCENE, searching())
-    point = Repair({TENSION: part}, {}, Some(start=None))
-    repairs.relax = lambda limits, start, begin, weights={}, seen=weights: seen.append(weights["tension"]) or point
-    repairs._sparse(point)
+    point = Repair(dict.fromkeys(RELAXATIONS[:3], part), {}, Some(start=None))
+
+    def relax(limits, start, begin, weights=None, seen=weights):
+        seen.extend([weights["tension"]] if weights else [])
+        return point if weights else None
+
+    repairs.relax = relax
+    repairs._few(point)
     return pytest.approx(weights)
 
 
@@ -426,7 +446,7 @@ def further(least):
     """Usual amounts by which a repair is relaxed further, where a grasp holds for all friction states from one on."""
     steps, repairs = [], Repairs(SCENE.replaced(robust=Robust(mass=0.1)), searching())
     repairs._further = lambda repair, step: steps.append(step) or (step if step >= least else None)
-    return repairs._as_demanded(Repair({TENSION: 1.0}, {}, None)), steps
+    return repairs.as_demanded(Repair({TENSION: 1.0}, {}, None)), steps
 
 
 def eased_by():
@@ -437,7 +457,7 @@ def eased_by():
         seen.append((scene.setups[0].max_tension - SCENE.setups[0].max_tension) / usual)
         return [[]]
 
-    diagnosis.balanced_starts(searching(rebalanced=rebalanced, knows_postures=False), [TENSION], diagnosis.LARGER)
+    Starts(SCENE, searching(rebalanced=rebalanced))._balanced(TENSION, LARGER)
     return seen
 
 
@@ -597,15 +617,19 @@ COUNTS = [
     ("parts of a step", [1.0, 1.0, 0.1, 0.1, 0.3], moves_by),
     ("touches that are named", "a, b, c, d, e, f", named),
     ("weight of postures in error", [1e-6], effort_in_error),
-    ("starts of a limit that gives no grasp", [0, 1], lambda: starts_per_limit(False)),
-    ("starts of a limit that gives one", [*range(8)], lambda: starts_per_limit(True)),
+    ("starts of a limit that gives no grasp", [0, 1], lambda: starts_per_limit(None)),
+    ("starts of a limit that gives as much", [0, 1, 2], lambda: starts_per_limit(True)),
+    ("starts of a limit that gives less", [*range(10)], lambda: starts_per_limit(False)),
+    ("starts that are not scanned", ([0, 1], [0, 1]), rough_starts),
     ("iterations of each", [80], iterations_of_a_start),
     ("starts of all limits", ([1.0, 2.9], 3, 6), starts_together),
-    ("points made sparse", [1.0, 2.0, 3.0], lambda: seeds_of(3.0, 1.0, 5.0, 2.0, 1.0 + 1e-5, 4.0)),
+    ("weight of a limit in place of which others are relaxed", [10.0], weight_in_place),
     ("weights of parts", [0.1 / 0.6] * 2, lambda: weights_of(0.5)),
+    ("points made sparse", [1.0, 2.0, 3.0], lambda: seeds_of(3.0, 1.0, 5.0, 2.0, 1.0 + 1e-5, 4.0)),
     ("steps of repairs for all states", (None, [0.01, 0.04, 0.16, 0.64]), lambda: further(1.0)),
     ("halvings of such a step", [0.01, 0.04, 0.16, 0.1, 0.13], lambda: pytest.approx(further(0.12)[1])),
-    ("amounts that agree", (False, True), lambda: (agree(1.0, 1.0), agree(1.0, 1.0, 1.0))),
+    ("amounts that agree", (False, True), lambda: (settled([1.0, 1.0]), settled([1.0, 1.0, 1.0]))),
+    ("amounts no less", (False, True), lambda: (settled([3.0, 1.0, 2.0, 2.0]), settled([1.0, 2.0, 3.0, math.inf]))),
     ("usual amounts", [1.0, 4.0, 16.0], lambda: pytest.approx(eased_by())),
     ("halvings of a share", 0.25, lambda: pytest.approx(share_that_holds(0.3))),
     ("halvings of a step", 6, halved),

@@ -13,6 +13,9 @@ from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity
 from continuum_grasp.scene.value import Value
 
+SHORT = 1e-3
+"""By what part of it an amount must stay short of the most that makes sense."""
+
 
 @dataclass(frozen=True)
 class Relaxation:
@@ -42,6 +45,10 @@ class Relaxation:
     spare: float = 1e-4
     """Part of an amount that may be added to it where it is just enough; none where it changes what forces balance."""
     bounds_shape: bool = True  # whether it bounds shapes and places; False: it bounds forces alone
+
+    def sensible(self, scene: GraspScene) -> float:
+        """Amount from which on a relaxation counts as none."""
+        return self.most(scene) * (1.0 - SHORT)
 
     def eased(self, scene: GraspScene, amount: float) -> GraspScene:
         """The scene to start from; the same one where nothing is known to be in the way."""

@@ -110,24 +110,21 @@ class PostureStatics:
         tilted, size = relaxed == "tilt balance", self.own.size
         pulling = np.flatnonzero(self.high[: self.tensions] > 0.0)
         raised = {"tension": pulling, "normal force": self.normals}.get(relaxed, pulling[:0])
-        # Equations hold to a tolerance, as ranges: a stored posture solves them to rounding only.
         lighter = -self.weight if relaxed == "mass" else np.zeros(len(self.rows))
-        blocks, middle = [np.column_stack([self.rows, lighter])], self.right - self.weight
-        lower, upper = [middle - OFF], [middle + OFF]
-        if not tilted and self.tilt.any():
-            blocks.append(np.column_stack([self.tilt, np.zeros(2)]))
-            lower.append(np.full(2, -OFF))
-            upper.append(np.full(2, OFF))
         spare = np.zeros((raised.size, size + 1))
         spare[np.arange(raised.size), raised], spare[:, -1] = 1.0, -1.0
-        blocks.append(spare)
-        lower.append(np.full(raised.size, -np.inf))
-        upper.append(self.high[raised])
+        rows = np.concatenate([np.column_stack([self.rows, lighter]), np.column_stack([self.tilt, np.zeros(2)]), spare])
+        # Equations hold to a tolerance, as ranges: a stored posture solves them to rounding only.
+        middle = np.append(self.right - self.weight, [0.0, 0.0])
+        off = np.append(np.full(len(self.rows), OFF), [np.inf if tilted else OFF] * 2)
+        lower, upper = (
+            np.append(middle - off, np.full(raised.size, -np.inf)),
+            np.append(middle + off, self.high[raised]),
+        )
         highest = np.append(self.high, 1.0 if relaxed == "mass" else np.inf)
         highest[raised] = np.inf
-        rows, bounds = np.concatenate(blocks), (np.append(self.low, 0.0), highest)
         cost, cones = np.append(np.zeros(size), 1.0), self._cones(self.share * (self.friction + added), tilted)
-        return solve_socp(cost, rows, np.concatenate(lower), np.concatenate(upper), *bounds, cones)
+        return solve_socp(cost, rows, lower, upper, np.append(self.low, 0.0), highest, cones)
 
     def least_friction(self, amount: float) -> tuple[LPOutcome, float]:
         """The least friction coefficient that is to be added, and the forces, next to an ``amount`` that is enough, by

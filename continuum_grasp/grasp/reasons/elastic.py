@@ -1,0 +1,170 @@
+"""The elastic problem of a scene without a grasp: limits have slacks, and the sum of their parts of a usual amount is
+least; what it gives is verified.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.certificate.certificate import certify_reached
+from continuum_grasp.grasp.problem.relaxations import Relaxation
+from continuum_grasp.grasp.problem.solver_run import Attempt
+from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import Robust
+
+HASTY = 80
+"""Iterations from one start, all renewals of the guarded places included: most limits are no reason, and of 50 scenes
+98 % of the starts that gave a grasp took fewer."""
+SAME, AGREEING = 1e-4, 3
+"""Relative difference up to which two amounts are taken for the same point, and how many starts end there, or end
+elsewhere after the least, before no more are tried."""
+NONE = 1e-3
+"""Part of a usual amount that is none: its limit is not named."""
+STEPS, HALVINGS = (0.01, 0.04, 0.16, 0.64), 2
+"""Usual amounts by which a limit is relaxed further until a grasp holds for all errors and friction states, and how
+often the last interval is halved.
+"""
+
+Array = NDArray[Any]
+Limits = tuple[Relaxation, ...]
+
+
+@dataclass(frozen=True)
+class Repair:
+    """Relaxed limits, and the resulting grasp."""
+
+    parts: Mapping[Relaxation, float]  # by how many usual amounts
+    arrays: Mapping[str, Array]  # of the grasp
+    attempt: Attempt  # that found it
+
+    @property
+    def total(self) -> float:
+        """Sum of the parts, which is minimized."""
+        return sum(self.parts.values())
+
+
+class Elastic:
+    """Relaxed limits that give a grasp where a search found none; ``found`` has the best of each set so far."""
+
+    def __init__(self, scene: GraspScene, search: Search) -> None:
+        self.scene, self.search = scene, search
+        self.found: dict[Limits, Repair] = {}
+        self.totals: dict[Limits, list[float]] = {}  # of all starts, infinite where one gave no grasp
+
+    def attempt(self, limits: Limits, start: Start, begin: Repair | None = None) -> Repair | None:
+        """Relax limits as little as possible from a start, and retain the least amounts that are confirmed."""
+        repair = self.relax(limits, start, begin)
+        self.totals.setdefault(limits, []).append(math.inf if repair is None else repair.total)
+        if repair is None:
+            return None
+        # Of several limits one that is not relaxed has no part in the reason.
+        if len(limits) == 1 or min(repair.parts.values()) >= NONE:
+            repair = self._deep(repair)
+            best = self.found.get(limits)
+            if (best is None or repair.total < best.total) and self.holds(repair.parts, repair.arrays):
+                self.found[limits] = repair
+        return repair
+
+    def relax(
+        self, limits: Sequence[Relaxation], start: Start, begin: Repair | None = None, **options: Any
+    ) -> Repair | None:
+        """Relax limits by the least sum of their parts of a usual amount, from a start or from a point with the same
+        start to ``begin`` with; None where that gives no grasp.
+        """
+        scene, search = self.scene, self.search
+        if search.budget.over:
+            return None
+        solver = search.solver(start)
+        known = {} if begin is None else begin.parts
+        usual = {limit: limit.start(scene) for limit in limits}
+        relaxed = [(limit, most * known.get(limit, 1.0 if begin is None else 0.0)) for limit, most in usual.items()]
+        x0 = None if begin is None else begin.attempt.x
+        options = {"rung": 2, "iterations": HASTY, "relaxed": relaxed, "x0": x0, **options}
+        attempt = solver.run(scene, start, search.budget, **options)
+        if not np.isfinite(attempt.x).all() or attempt.violations:
+            return None
+        amounts = {limit: solver.given(scene, attempt.x, limit) for limit in limits}
+        if any(amount >= limit.sensible(scene) for limit, amount in amounts.items()):
+            return None
+        parts = {limit: amount / usual[limit] for limit, amount in amounts.items()}
+        return Repair(parts, solver.arrays(scene, attempt), attempt)
+
+    def relaxed(self, parts: Mapping[Relaxation, float], spare: float = 0.0) -> GraspScene:
+        """The scene with limits relaxed by parts of their usual amounts."""
+        scene = self.scene
+        for limit, part in parts.items():
+            scene = limit.relaxed(scene, part * limit.start(self.scene) * (1.0 + spare * limit.spare))
+        return scene
+
+    def holds(self, parts: Mapping[Relaxation, float], arrays: Mapping[str, Array]) -> bool:
+        """Whether the certificate confirms the grasp, but for what the relaxations excuse."""
+        failed = certify_reached(self.relaxed(parts, spare=float(len(parts) > 1)), arrays).failed
+        excuses = [limit.excuses for limit in parts if limit.excuses is not None]
+        return all(any(excuse(check.name) for excuse in excuses) for check in failed)
+
+    def _deep(self, repair: Repair) -> Repair:
+        """With all of what relaxations excuse by the certificate: guarded places may swap to the last, and an amount be
+        too small.
+        """
+        lengths = {setup.name: setup.finger.rod.length for setup in self.scene.setups}
+        excuses = {limit: limit.excuses for limit in repair.parts if limit.excuses is not None}
+        parts = dict(repair.parts)
+        for check in certify_reached(self.scene, repair.arrays).failed if excuses else ():
+            for limit in (limit for limit, excuse in excuses.items() if excuse(check.name)):
+                depth = check.value * lengths[check.name.split(", ")[-1]]
+                parts[limit] = max(parts[limit], depth / limit.start(self.scene))
+        return replace(repair, parts=parts)
+
+    # -- for all errors and friction states --------------------------------------------------------------------------
+
+    def as_demanded(self, repair: Repair) -> Repair | None:
+        """A repair that is enough for all errors and friction states that the scene names, too: relaxed further by
+        nearly the least step that is; None where none is.
+        """
+        if not self.scene.is_robust or any(limit.excuses is not None for limit in repair.parts):
+            return repair
+        short, enough = 0.0, None
+        for step in STEPS:
+            enough = self._further(repair, step)
+            if enough is not None:
+                break
+            short = step
+        for _ in range(0 if enough is None else HALVINGS):
+            middle = 0.5 * (short + step)
+            less = self._further(repair, middle)
+            short, step, enough = (middle, step, enough) if less is None else (short, middle, less)
+        return enough
+
+    def _further(self, repair: Repair, step: float) -> Repair | None:
+        """A repair relaxed by more usual amounts of each limit; None where no grasp next to it holds for all errors and
+        friction states of the scene.
+        """
+        from continuum_grasp.grasp.robust.search import find_robust
+
+        scene, search = self.scene, self.search
+        if search.budget.over:
+            return None
+        most = {limit: limit.sensible(scene) / limit.start(scene) for limit in repair.parts}
+        parts = {limit: min(part + step, most[limit]) for limit, part in repair.parts.items()}
+        eased, start, bounds = self.relaxed(parts), repair.attempt.start, scene.robust or Robust.model_construct()
+        solver = search.solver(start)
+        attempt = solver.run(eased, start, search.budget, rung=2, x0=repair.attempt.x, iterations=HASTY)
+        if not attempt.converged or not np.isfinite(attempt.x).all():
+            return None
+        found = find_robust(eased, bounds, solver.arrays(eased, attempt), search.budget)
+        return replace(repair, parts=parts, arrays=found.arrays) if found.holds else None
+
+
+def settled(totals: list[float]) -> bool:
+    """Whether several sums are the least, or so many came after it that are not less."""
+    least = min(totals, default=math.inf)
+    same = [math.isclose(total, least, rel_tol=SAME) for total in totals]
+    return least < math.inf and (sum(same) >= AGREEING or len(same) - same.index(True) > AGREEING)

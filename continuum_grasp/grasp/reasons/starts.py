@@ -1,0 +1,132 @@
+"""Where the elastic problem starts from: postures in which forces balance, or nearly, once limits are relaxed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from functools import cached_property
+from itertools import zip_longest
+from typing import Any
+
+from continuum_grasp.grasp.modes import contact_modes
+from continuum_grasp.grasp.problem.relaxations import Relaxation
+from continuum_grasp.grasp.search import BENT, Search, branch_of
+from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.scene.grasp import GraspScene
+
+BALANCED = 0.02
+"""Imbalance up to which a posture may hold with the limit relaxed: those that do had 0.003 at most, others 0.02 and
+more with few exceptions (28 scenes)."""
+NEARER, EXACT = 0.95, 1e-3
+"""Imbalance per that without the limit relaxed from which on relaxing it does not help, and imbalance that is none."""
+LARGER = (1.0, 4.0, 16.0)
+"""Usual amounts by which a limit is relaxed in search of postures that are then nearly in balance."""
+WIDER = (1.0, 2.9)
+"""Usual amounts by which limits of the shape are relaxed in search of postures for all limits at once."""
+SCANNED, EASED = 3, 6
+"""Starts for all limits at once: of the scene's own postures, and of those with limits of the shape relaxed."""
+
+
+class Starts:
+    """Starts with limits relaxed of the scene of a search, those of different branches first."""
+
+    def __init__(self, scene: GraspScene, search: Search) -> None:
+        self._scene, self._search = scene, search
+
+    @cached_property
+    def rough(self) -> list[Start]:
+        """Starts of sets of contacts that are not scanned, those that came nearest to a grasp first."""
+        near = {id(tried.attempt.start): tried.attempt.badness for tried in self._search.tried}
+        return interleaved(
+            [
+                spread(sorted(self._search.rough_starts_of(mode), key=lambda start: near.get(id(start), math.inf)))
+                for mode in self._search.unscanned
+            ]
+        )
+
+    def alone(self, limit: Relaxation, part: float | None = None) -> list[Start]:
+        """Scanned starts with a limit relaxed by so many usual amounts, or well beyond what is likely; where no key of
+        the scene holds a limit of the shape, those of the search, too.
+        """
+        if not limit.bounds_shape:
+            # Postures stay as they are: however much a limit is relaxed, it is no reason where none comes near.
+            return self._balanced(limit, LARGER if part is None else (part,))
+        relaxed, known = eased(self._scene, [limit], 1.0 if part is None else part), list[Start]()
+        if limit.limit is None:
+            closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
+            tried = list({id(one.attempt.start): one.attempt.start for one in closest}.values())
+            known = spread(tried or self._search.rough_starts_of(contact_modes(self._scene)[0]))
+        if relaxed is self._scene:
+            return known
+        return interleaved([*self._of(relaxed, hopeful=True, rough=limit.limit is None), known])
+
+    def together(self, limits: Iterable[Relaxation]) -> list[Start]:
+        """Starts for many limits at once, those of limits of the shape relaxed in several amounts."""
+        limits = list(limits)
+        scans = self._search.rebalanced(eased(self._scene, [one for one in limits if not one.bounds_shape], 1.0))
+        near = self.rough if self._search.unscanned else interleaved(scans)
+        wider = [start for factor in WIDER for start in self._of(eased(self._scene, limits, factor))]
+        return [*near[:SCANNED], *interleaved(wider)[:EASED]]
+
+    def _balanced(self, limit: Relaxation, factors: Iterable[float]) -> list[Start]:
+        """Those of scanned postures nearly in balance with the limit relaxed by the first factor for which there are
+        any.
+        """
+        last = None
+        for factor in factors:
+            relaxed = eased(self._scene, [limit], factor)
+            if relaxed != last and (starts := self._hopeful(interleaved(self._search.rebalanced(relaxed)))):
+                return starts
+            last = relaxed
+        return []
+
+    def _of(self, relaxed: GraspScene, hopeful: bool = False, rough: bool = True) -> list[list[Start]]:
+        """Starts of a scene with limits relaxed, of each set of contacts; of scans the ``hopeful`` ones alone, and
+        ``rough`` ones of other sets.
+        """
+        search, starts = Search(relaxed, self._search.budget), []
+        for mode in contact_modes(relaxed):
+            scanned = search.basins_of(mode)
+            if scanned is None:
+                scanned = search.rough_starts_of(mode) if rough else []
+            elif hopeful:
+                scanned = self._hopeful(scanned)
+            starts.append(spread(scanned))
+        self._search.start_seconds += search.start_seconds
+        return starts
+
+    def _hopeful(self, starts: list[Start]) -> list[Start]:
+        """Those nearly in balance, and nearer than without the limit relaxed."""
+        search, tips = self._search, {setup.tip_name for setup in self._scene.setups}
+        most = BALANCED if all(setup.elements <= 2 for setup in self._scene.setups) else BENT
+
+        def enough(start: Start) -> float:
+            # Behind the last contact a finger is as its tendons bend it, and its imbalance says little.
+            if not tips <= start.contacts.keys():
+                return math.inf
+            alike = (one.start for one in search.basins if one.start.contacts.keys() == start.contacts.keys())
+            known = min((one.imbalance for one in alike), default=math.inf)
+            return min(most, max(NEARER * known, EXACT))
+
+        return [start for start in starts if start.imbalance < enough(start)]
+
+
+def eased(scene: GraspScene, limits: Iterable[Relaxation], factor: float) -> GraspScene:
+    """A scene with limits relaxed by a multiple of their usual amounts."""
+    relaxed = scene
+    for limit in limits:
+        relaxed = limit.eased(relaxed, min(factor * limit.start(scene), limit.sensible(scene)))
+    return relaxed
+
+
+def spread(starts: list[Start]) -> list[Start]:
+    """One start of each branch first, then the second of each, and so on."""
+    branches: dict[tuple[Any, ...], list[Start]] = {}
+    for start in starts:
+        branches.setdefault((frozenset(start.contacts), *branch_of(start)), []).append(start)
+    return interleaved(list(branches.values()))
+
+
+def interleaved(lists: list[list[Start]]) -> list[Start]:
+    """The first of each list, then the second of each, and so on."""
+    return [start for rank in zip_longest(*lists) for start in rank if start is not None]
