@@ -146,7 +146,7 @@ def _lifted(result: GraspResult) -> bool:
 
 
 def _key_numbers(result: GraspResult) -> str:
-    if not result.solved:
+    if result.plants is None:
         return ""
     contacts, certificate = result.contacts, result.certificate
     pairs = [("sum of tensions", f"{result.force_text(result.tension)} N")]
@@ -156,6 +156,8 @@ def _key_numbers(result: GraspResult) -> str:
             ("greatest normal force", f"{result.force_text(result.greatest_normal_force)} N"),
             ("least friction margin", result.margin_text(least)),
         ]
+    if not result.plants.why_not:
+        pairs.append(("of plants would hold", f"{result.plants.share:.0%}"))
     if result.lower_bound is not None:
         pairs.append(("least in any grasp", f"{result.force_text(result.lower_bound)} N"))
     if certificate is not None:
@@ -165,7 +167,7 @@ def _key_numbers(result: GraspResult) -> str:
             ("second-order test", "stable" if certificate.stability.stable else "unstable"),
             ("model error", f"{1e3 * error:.2f} mm" if math.isfinite(error) else "not computed"),
         ]
-    return cards(pairs)
+    return f"{cards(pairs)}\n<p>{escaped(result.plants)}.</p>"
 
 
 def _fingers(result: GraspResult) -> str:

@@ -38,6 +38,7 @@ def result_text(result: GraspResult) -> str:
         lines += ["", *_finger_lines(result), "", *_contact_lines(result)]
         if result.lower_bound is not None:
             lines += _wrapped(result.bound_words)
+        lines += ["", *textwrap.wrap(str(result.plants), 112, initial_indent="  ", subsequent_indent="    ")]
         if result.certificate is not None:
             lines += [*_quality_lines(result), "", *_certificate_lines(result.certificate)]
         lines += [f"  {name}: {value}" for name, value in fine_rows(result)]
@@ -272,8 +273,9 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
             },
             "contacts": [_contact(contact) for contact in result.contacts],
         }
-    if quality and result.solved:
+    if quality and result.plants is not None:
         found["quality"] = result.quality.data()
+        found["plants"] = result.plants.data()
     if result.robustness is not None:
         found["robustness"] = result.robustness.data()
     found |= {key: value for key, value in result.statistics.items() if key.startswith("fine") and value is not None}

@@ -116,6 +116,8 @@ def plant_share(scene: GraspScene, arrays: Mapping[str, Any]) -> PlantShare:
         turn = scene.setups[0].finger.base.angle
         c, s = np.cos(turn), np.sin(turn)
         sides[:2, :2] = bounds.position * np.array([[c, s], [-s, c]])
+    if any(len(arrays[f"{setup.name}.lengths"]) != setup.elements for setup in scene.setups):
+        return PlantShare(float("nan"), errors, "the fingers have other elements than those of the scene")
     try:
         plants = _Plants(scene, arrays, sides)
     except InputError as error:
@@ -240,7 +242,12 @@ class _Plants:
                 start = replace(start, friction_states=self.start.friction_states)
                 features = moved_features(self.scene, scene, start.contacts, features)
             numbers = problem.numbers.pack(problem_values(problem, scene, start, features), 0.0)
-            self._known[key] = starting_point(problem, scene, start, features), numbers
+            x = starting_point(problem, scene, start, features)
+            for setup, finger in zip(scene.setups, problem.fingers, strict=True):
+                if not setup.graded:  # starts have steps of the curvature rounded off
+                    size = finger.model.structure.family.coordinate_size(1.0, setup.finger.rod.length)
+                    x[problem.x.at[f"{setup.name}.q"]] = self.arrays[f"{setup.name}.q"] / size
+            self._known[key] = x, numbers
         return self._known[key]
 
     def _rows(self, x: Array, numbers: Array) -> Array:
