@@ -45,7 +45,7 @@ shares. Those of `Trials` of missions, but for friction, which is known to a fif
 PLANTS = 256
 """Plants of the quasi-random sequence, each with four signs of the object's errors: shares are good to 1 or 2 %."""
 _TURNS = 24
-"""Tangent planes that stand for a spatial friction cone, beside that at the force of the grasp: they are 0.9 % wider."""
+"""Tangent planes that stand for a spatial friction cone, beside that at the force of the grasp: 0.9 % wider."""
 _FAR = 1e2
 """Bound of what is open [units of the problem]: far beyond what any plant needs."""
 _SINGULAR = 1e-9
@@ -57,6 +57,8 @@ _EQUATIONS = (
     *("finger equilibrium", "drive", "object "),
 )
 """First words of the constraints that stay equations in every plant."""
+_LIMITS = ("contact direction", "contact within")
+"""And of the limits beyond which a contact is another one: a finger's side in place of its tip, off a support."""
 
 
 @dataclass(frozen=True)
@@ -160,55 +162,57 @@ class _Plants:
             self.why_not = "nothing touches the object"
             return
         x, numbers = self._point(np.zeros(len(sides)))
-        rows = [b.rows.ravel() for b in problem.rows.blocks if b.name.startswith(_EQUATIONS)]
-        self._equations = np.concatenate(rows)
-        jacobian = np.array(self.solver.nlp.functions["jac_g"](x, numbers)[1])[self._equations]
+        kinds = ([b.rows.ravel() for b in problem.rows.blocks if b.name.startswith(k)] for k in (_EQUATIONS, _LIMITS))
+        equations, limits = (np.concatenate([np.zeros(0, dtype=int), *rows]) for rows in kinds)
+        self._kept, count = np.concatenate([equations, limits]), equations.size
+        jacobian = np.array(self.solver.nlp.functions["jac_g"](x, numbers)[1])[self._kept]
         columns, motions = self._open(x), self._object_motions(x, numbers, jacobian)
-        unknown = np.column_stack([jacobian[:, columns], motions])
-        ends = [[self._point(sign * side) if side.any() else (x, numbers) for side in sides] for sign in (1.0, -1.0)]
-        # Central differences over the whole error: slopes between its ends, not at the grasp.
-        moved = 0.5 * np.array([a[0] - b[0] for a, b in zip(*ends, strict=True)]).T
-        broken = 0.5 * np.array([self._rows(*a) - self._rows(*b) for a, b in zip(*ends, strict=True)]).T
+        slopes = np.column_stack([jacobian[:, columns], motions])
+        # Central differences over the whole errors: slopes between their ends, not at the grasp.
+        ends = [(self._point(side), self._point(-side)) for side in sides]
+        moved = 0.5 * np.array([more[0] - less[0] for more, less in ends]).T
+        broken = 0.5 * np.array([self._rows(*more) - self._rows(*less) for more, less in ends]).T
         landed, off = self._landings(x, numbers, columns, motions.shape[1])
-        unknown, broken = np.concatenate([unknown, landed]), np.concatenate([broken, off])
+        unknown, given = np.concatenate([slopes[:count], landed]), np.concatenate([broken[:count], off])
         # What changes least of all that satisfies the equations, and the ways that they leave.
         left, values, right = np.linalg.svd(unknown)
         rank = int((values > _SINGULAR * values[0]).sum())
-        answer = -right[:rank].T @ (left[:, :rank].T @ broken / values[:rank, None])
-        if np.abs(unknown @ answer + broken).max() > 1e-6 * max(1.0, np.abs(broken).max()):
+        answer, ways = -right[:rank].T @ (left[:, :rank].T @ given / values[:rank, None]), right[rank:].T
+        if np.abs(unknown @ answer + given).max() > 1e-6 * max(1.0, np.abs(given).max()):
             self.why_not = "contacts of the grasp cannot all stay in plants with such errors"
             return
-        by_error, by_way = np.zeros((x.size, len(sides))), np.zeros((x.size, right.shape[0] - rank))
-        by_error[columns], by_way[columns] = answer[: columns.size], right[rank:].T[: columns.size]
-        at = np.array([problem.x.at[f"force, {name}"] for name in self.names])
-        self.forces = np.array([x[where] for where in at])
-        self.by_error = np.array([(moved + by_error)[where] for where in at])
-        self.by_way = np.array([by_way[where] for where in at])
+        self._spare = self._rows(x, numbers)[count:]
+        self._spare_by_error = broken[count:] + slopes[count:] @ answer
+        self._spare_by_way = slopes[count:] @ ways
+        by_way = np.zeros((x.size, ways.shape[1]))
+        moved[columns] += answer[: columns.size]
+        by_way[columns] = ways[: columns.size]
+        at = [problem.x.at[f"force, {name}"] for name in self.names]
+        self._forces, self._by_error, self._by_way = (np.array([v[one] for one in at]) for v in (x, moved, by_way))
 
     def reserves(self, points: Array) -> Array:
-        """By how much all cones could be narrower in plants (D,) of errors (D, E) from -1 to 1, per force reference."""
-        scene, unit = self.scene, Units.of(self.scene).force
-        friction = np.array([scene.friction(name) for name in self.names])
-        slippery = friction * (1.0 + points @ self.sides[:, ERRORS.index("friction")])[:, None]
-        forces = self.forces + np.einsum("cfe,de->dcf", self.by_error, points)
+        """By how much all cones could be narrower in plants (D,) of errors (D, E) from -1 to 1, per force reference;
+        negative where a contact slips, parts, or would be beyond its tip.
+        """
+        friction = np.array([self.scene.friction(name) for name in self.names])
+        slippery = np.outer(1.0 + points @ self.sides[:, ERRORS.index("friction")], friction)
+        forces = self._forces + np.einsum("cfe,de->dcf", self._by_error, points)
         turns = 2.0 * np.pi * np.arange(_TURNS) / _TURNS
-        sideways = self.forces[:, 1:]
-        around = (
-            np.stack([np.cos(turns), np.sin(turns)], axis=1) if sideways.shape[1] == 2 else np.array([[1.0], [-1.0]])
-        )
-        own = sideways / np.maximum(np.linalg.norm(sideways, axis=1, keepdims=True), 1e-300)
-        rows, limits = [], []
-        for k in range(len(self.names)):
-            # Friction times normal force, less the force along each direction, less the reserve; and what presses.
-            cone = np.pad(-np.vstack([around, own[k]]), ((0, 1), (0, 0)))
-            part = np.zeros((len(points), *cone.shape)) + cone
-            normal = np.concatenate([np.tile(slippery[:, k, None], len(cone) - 1), np.ones((len(points), 1))], axis=1)
-            part = np.concatenate([normal[..., None], part], axis=2)
-            rows.append(-part @ self.by_way[k])
-            limits.append(np.einsum("drf,df->dr", part, forces[:, k]))
+        around = np.stack([np.cos(turns), np.sin(turns)], axis=1) if forces.shape[2] == 3 else np.array([[1.0], [-1.0]])
+        ways = self._by_way.shape[2]
+        rows = [np.tile(-self._spare_by_way, (len(points), 1, 1))]
+        limits = [self._spare + points @ self._spare_by_error.T]
+        for k, (_, *sideways) in enumerate(self._forces):
+            # Friction times normal force, less the force along each direction; and what presses.
+            own = np.array(sideways) / max(float(np.linalg.norm(sideways)), 1e-300)
+            cone = np.zeros((len(points), len(around) + 2, forces.shape[2]))
+            cone[:, :-1, 0], cone[:, -1, 0], cone[:, :-1, 1:] = slippery[:, k, None], 1.0, -np.vstack([around, own])
+            rows.append((-cone.reshape(-1, cone.shape[2]) @ self._by_way[k]).reshape(*cone.shape[:2], ways))
+            limits.append(np.einsum("drf,df->dr", cone, forces[:, k]))
         matrix = np.concatenate(rows, axis=1)
         matrix = np.concatenate([matrix, np.ones((*matrix.shape[:2], 1))], axis=2)
-        return greatest_last(matrix, np.concatenate(limits, axis=1)) / max(scene.weight / unit, 1.0)
+        unit = Units.of(self.scene).force
+        return greatest_last(matrix, np.concatenate(limits, axis=1)) / max(self.scene.weight / unit, 1.0)
 
     def _point(self, error: Array) -> tuple[Array, Array]:
         """Unknowns of the grasp with an error (E,), and the numbers of the problem there."""
@@ -251,7 +255,7 @@ class _Plants:
         return self._known[key]
 
     def _rows(self, x: Array, numbers: Array) -> Array:
-        return np.array(self.solver.nlp.functions["jac_g"](x, numbers)[0]).ravel()[self._equations]
+        return np.array(self.solver.nlp.functions["jac_g"](x, numbers)[0]).ravel()[self._kept]
 
     def _open(self, x: Array) -> NDArray[np.int64]:
         """Which unknowns follow from the errors: forces, places, shapes; of drives the tensions."""
