@@ -42,8 +42,8 @@ USUAL = {"place": 0.005, "friction": 0.2, "mass": 0.1, "stiffness": 0.1, "tensio
 """Usual errors, each evenly to both sides [1]: the object's place along and across the first finger's base, per length
 of the longest finger; friction coefficients, the object's mass, bending stiffness, and the tensions of each finger as
 shares. Those of `Trials` of missions, but for friction, which is known to a fifth as a rule."""
-PLANTS = 256
-"""Plants of the quasi-random sequence, each with four signs of the object's errors: shares are good to 1 or 2 %."""
+PLANTS = 128
+"""Plants of the quasi-random sequence, each with eight signs of its errors: shares are good to 1 or 2 %."""
 _TURNS = 24
 """Tangent planes that stand for a spatial friction cone, beside that at the force of the grasp: 0.9 % wider."""
 _FAR = 1e2
@@ -130,18 +130,19 @@ def plant_share(scene: GraspScene, arrays: Mapping[str, Any]) -> PlantShare:
 
 
 def drawn_evenly(count: int) -> Array:
-    """Points (4 PLANTS, count) of the cube from -1 to 1, evenly: an additive recurrence as that of
+    """Points (8 PLANTS, count) of the cube from -1 to 1, evenly: an additive recurrence as that of
     `continuum_grasp.grasp.starts.supports`, with both signs of the first two columns, and with their product that of
-    the third, so that a mirrored scene has mirrored errors.
+    the third, so that a mirrored scene has mirrored errors; and both signs of all others.
     """
     root = 2.0
     for _ in range(60):
         root = (1.0 + root) ** (1.0 / (count + 1.0))
     steps = np.arange(1, PLANTS + 1)[:, None] * root ** -np.arange(1.0, count + 1.0)
-    points = 2.0 * np.mod(0.5 + steps, 1.0) - 1.0
-    signs = np.ones((4, count))
-    signs[:, :3] = [[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]]
-    return np.concatenate([points * sign for sign in signs])
+    signs = np.ones((8, count))
+    signs[:, :3] = [[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]] * 2
+    signs[4:, 3:] = -1.0
+    points: Array = signs[:, None] * (2.0 * np.mod(0.5 + steps, 1.0) - 1.0)
+    return points.reshape(-1, count)
 
 
 class _Plants:
