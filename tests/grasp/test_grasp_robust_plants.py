@@ -119,13 +119,21 @@ def test_as_many_plants_hold_as_reported(count: int) -> None:
 @pytest.mark.parametrize("kept", [0.0, 0.2])
 def test_the_share_of_plants_with_usual_errors_is_that_of_plants_of_another_hand(kept: float) -> None:
     grasp = optimize_grasp(load(CONFIGS / "mug_arcs.yaml").changed({"contacts.reserve": kept}))
-    guess = np.append(grasp["finger.q"], grasp["finger.lengths"][0])
+    guess = np.append(grasp.arrays["finger.q"], grasp.arrays["finger.lengths"][0])
     # The palm keeps the mug where it is along x.
     sides = [USUAL["place"] * LENGTH, *(USUAL[name] for name in ("friction", "mass", "stiffness", "tension"))]
     plants = np.random.default_rng(7).uniform(-1.0, 1.0, (200, 5)) * sides
     held = np.array(
         [
-            reserve((1.0 + pull) * grasp["finger.tensions"], guess, 0.04, y, 0.5 * slip, 0.3 * mass, STIFFNESS * stiff)
+            reserve(
+                (1.0 + pull) * grasp.arrays["finger.tensions"],
+                guess,
+                0.04,
+                y,
+                0.5 * slip,
+                0.3 * mass,
+                STIFFNESS * stiff,
+            )
             for (y, *_, pull), (slip, mass, stiff) in zip(plants, 1.0 + plants[:, 1:4], strict=True)
         ]
     )

@@ -32,7 +32,6 @@ from continuum_grasp.grasp.problem.surroundings import Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, moved_features, problem_values
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.problem import RobustProblem, robust_problem
-from continuum_grasp.grasp.robust.response import start_in_error
 from continuum_grasp.grasp.starts.values import ContactStart, Start, with_contacts
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
@@ -76,7 +75,7 @@ class JointSolverRun:
         self.touching = [start.contacts] * len(errors) if touching is None else list(touching)
         self.nominal: GraspSolverRun = solver_for(ProblemSpec.of(scene, start.contacts))
         self.others: list[GraspSolverRun] = [
-            solver_for(ProblemSpec.of(scene, dict(on)).in_error(landed=not in_error.on)) for on in self.touching
+            solver_for(ProblemSpec.of(scene, dict(on)).in_error(landed=in_error.yields)) for on in self.touching
         ]
         self._whole: RobustProblem = robust_problem(self.nominal, tuple(self.others), in_error.left)
         self.nlp = self._whole.nlp
@@ -204,12 +203,11 @@ class JointSolverRun:
         """Scene, start and features of the nominal grasp and of each error."""
         in_error, found = _in_error(scene, start), [(scene, start, features)]
         for error, on in zip(self.errors, self.touching, strict=True):
-            each = in_error.scene_with(error, yields=not in_error.on)
             own, sits = start, features
             if on.keys() != start.contacts.keys():
                 own = with_contacts(scene, start, {name: start.contacts.get(name, at) for name, at in on.items()})
                 sits = {name: features.get(name, at) for name, at in contact_features(scene, own.contacts).items()}
-            begin = start_in_error(scene, in_error, own, each, error)
+            each, begin = in_error.plant(own, error)
             found.append((each, begin, moved_features(scene, each, own.contacts, sits)))
         return found
 

@@ -26,7 +26,7 @@ from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, so
 from continuum_grasp.grasp.problem.structure import DriveSpec, ProblemSpec
 from continuum_grasp.grasp.problem.values import Units, held_values
 from continuum_grasp.grasp.robust.errors import InError
-from continuum_grasp.grasp.starts.supports import nearest_contact, support_contacts
+from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from, with_contacts
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
@@ -110,7 +110,6 @@ class Responder:
         forces = dict(zip(names, map(tuple, arrays["contact_forces"].tolist()), strict=True))
         tensions = {name: tuple(arrays[f"{name}.tensions"].tolist()) for name in scene.named_fingers}
         self.start = replace(start_from(scene, self.arrays), forces=forces, tensions=tensions)
-        self.yields = not self.in_error.on
         # Solutions with the tensions of the grasp, by error.
         self._known: list[Response] = []
         self.anew = self._fruitless = 0
@@ -140,8 +139,7 @@ class Responder:
     def _with(self, begin: Start, error: Array, retensioned: Response | None = None) -> Response:
         """The response to an error with the contacts of a start."""
         solver = self._solver(begin)
-        scene = self.in_error.scene_with(error, yields=self.yields)
-        start = start_in_error(self.scene, self.in_error, begin, scene, error)
+        scene, start = self.in_error.plant(begin, error)
         pinned = self._pinned(solver, scene, start, error, tensions=retensioned is None)
         # More than what holds is not asked for: the tensions change as little as they can.
         most = {} if retensioned is None else {"reserve": 0.0}
@@ -168,7 +166,9 @@ class Responder:
         return found
 
     def _solver(self, begin: Start) -> GraspSolverRun:
-        solver: GraspSolverRun = solver_for(ProblemSpec.of(self.scene, begin.contacts).in_error(landed=self.yields))
+        solver: GraspSolverRun = solver_for(
+            ProblemSpec.of(self.scene, begin.contacts).in_error(landed=self.in_error.yields)
+        )
         return solver
 
     def _next(self, response: Response) -> Iterator[Start]:
@@ -223,7 +223,7 @@ class Responder:
     ) -> dict[str, Array]:
         """Unknowns that are given, in units of the problem; NaN where one is not."""
         units, pinned = Units.of(scene), self.landings(solver, error)
-        if not self.yields and scene.object.free is not None:
+        if not self.in_error.yields and scene.object.free is not None:
             # What the supports decide follows from their contacts.
             pose = np.array(units.pose(scene.object.pose))
             pinned["object pose"] = np.where(np.isin(range(3), self.in_error.left), pose, np.nan)
@@ -280,18 +280,3 @@ def _least_margin(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -
 def _rotation(angle: float) -> Array:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s], [s, c]])
-
-
-def start_in_error(scene: GraspScene, in_error: InError, start: Start, other: GraspScene, error: Array) -> Start:
-    """A grasp's ``start`` for the scene ``other`` of an error, whose object has another size and lies elsewhere, with
-    the friction states given.
-    """
-    size = 1.0 + float(error[3])
-    contacts = {
-        name: replace(contact, point=(size * contact.point[0], size * contact.point[1]))
-        for name, contact in start.contacts.items()
-    }
-    contacts |= support_contacts(other, other.object.pose, in_error.on)
-    contacts = {name: contacts[name] for name in start.contacts}
-    states = {name: tuple(error[6:][columns].tolist()) for name, columns in scene.state_columns.items()}
-    return replace(start, object_pose=other.object.pose, contacts=contacts, friction_states=states)

@@ -10,7 +10,7 @@ fares with other limits, such as those of normal forces and clearance, is not as
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
@@ -30,7 +30,7 @@ from continuum_grasp.grasp.problem.values import (
     problem_values,
 )
 from continuum_grasp.grasp.robust.errors import InError
-from continuum_grasp.grasp.robust.response import HOLDS, start_in_error
+from continuum_grasp.grasp.robust.response import HOLDS
 from continuum_grasp.grasp.robust.result import ERRORS
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.scene.grasp import GraspScene
@@ -241,10 +241,7 @@ class _Plants:
         if key not in self._known:
             problem, scene, start, features = self.solver.problem, self.scene, self.start, self.features
             if error.any():
-                scene = self.in_error.scene_with(error, yields=False)
-                states = np.zeros(max((part.stop for part in scene.state_columns.values()), default=0))
-                start = start_in_error(self.scene, self.in_error, start, scene, np.append(error, states))
-                start = replace(start, friction_states=self.start.friction_states)
+                scene, start = self.in_error.plant(start, error)
                 features = moved_features(self.scene, scene, start.contacts, features)
             numbers = problem.numbers.pack(problem_values(problem, scene, start, features), 0.0)
             x = starting_point(problem, scene, start, features)
@@ -272,7 +269,7 @@ class _Plants:
 
     def _object_motions(self, x: Array, numbers: Array, jacobian: Array) -> Array:
         """Changes of the equations with coordinates of the pose that follow from the errors, too."""
-        problem, yields = self.solver.problem, not self.in_error.on
+        problem, yields = self.solver.problem, self.in_error.yields
         free = [k for k in range(3) if yields or (problem.spec.free and k not in self.in_error.left)]
         if problem.spec.free:
             return jacobian[:, np.arange(x.size)[problem.x.at["object pose"]][free]]
@@ -288,7 +285,7 @@ class _Plants:
         """Equations of tips that stay where they landed on an object that yields, as `GraspProblem` has them."""
         problem, length = self.solver.problem, Units.of(self.scene).length
         rows, off = [np.zeros((0, columns.size + motions))], [np.zeros((0, len(self.sides)))]
-        spec = problem.spec.in_error(landed=not self.in_error.on)
+        spec = problem.spec.in_error(landed=self.in_error.yields)
         c, s = np.cos(self.in_error.pose[2]), np.sin(self.in_error.pose[2])
         for contact in problem.contacts:
             if not spec.lands(contact.spec):
