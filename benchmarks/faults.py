@@ -270,6 +270,11 @@ FAULTS: tuple[Fault, ...] = (
         ("return self.reserve >= HOLDS", "return self.reserve >= -1.0"),
         tests="grasp/test_grasp_robust.py grasp/test_grasp_response.py",
     ),
+    *_in(
+        "grasp/robust/share.py",
+        ("softer, heavier = 1.0 / (1.0 + stiffness)", "softer, heavier = (1.0 + stiffness)"),
+        tests="grasp/test_grasp_share.py",
+    ),
     # design, sweeps
     *_in(
         "design/held.py",

@@ -15,7 +15,7 @@ from continuum_grasp.grasp import Status, Trials, optimize_grasp
 from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.robust.errors import InError, corners, drawn, scaled
-from continuum_grasp.grasp.robust.problem import RobustProblem
+from continuum_grasp.grasp.robust.joint import RobustProblem
 from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.nlp import Budget

@@ -6,6 +6,8 @@ import html
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from continuum_grasp.results.yaml_text import yaml_text
+
 _STYLE = """
 :root { color-scheme: light dark; --paper: #fff; --ink: #222; --quiet: #5f5f5f; --line: #ddd; --panel: #f6f6f4;
   --good: #00694b; --bad: #a03000; --note: #8a6500; --on-badge: #fff; }
@@ -64,14 +66,23 @@ summary { cursor: pointer; margin: .6rem 0; }
 """
 
 
-def document(title: str, body: str) -> str:
-    """A whole page."""
+def report(title: str, status: str, message: str, warnings: Sequence[str], *parts: str, solved: bool) -> str:
+    """A whole page on a result: how it ended, what to know before it is used, and those of its parts that are there."""
+    warned = f'<div class="warning">{items(warnings)}</div>' if warnings else ""
+    verdict = f"<p>{badge(status.replace('_', ' '), solved)} {escaped(message)}</p>"
+    body = "\n".join(part for part in (f"<h1>{escaped(title)}</h1>", verdict, warned, *parts) if part)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{escaped(title)}</title>\n<style>{_STYLE}</style>\n</head>\n"
         f"<body>\n<main>\n{body}\n</main>\n</body>\n</html>\n"
     )
+
+
+def configuration(title: str, given: Mapping[str, Any], *, exact: bool = False) -> str:
+    """The section that shows a configuration as YAML."""
+    shown = f"<pre>{escaped(yaml_text(given, exact=exact))}</pre>"
+    return section(title, details("Configuration, as it was read", shown))
 
 
 def figure(kind: str, drawing: str, caption: str) -> str:

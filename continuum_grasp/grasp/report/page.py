@@ -11,12 +11,13 @@ from numpy.typing import ArrayLike
 from continuum_grasp.grasp.report.html import (
     badge,
     cards,
+    configuration,
     details,
-    document,
     escaped,
     figure,
     items,
     nested,
+    report,
     section,
     table,
 )
@@ -30,7 +31,6 @@ from continuum_grasp.grasp.report.text import (
     robust_head,
     robust_rows,
 )
-from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
@@ -78,10 +78,11 @@ def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: Arr
     if result.arrays and not result.solved:
         lead = '<p class="quiet">Where the search came closest: its forces are not in balance, or break limits.</p>'
         found = details("Numbers of the closest attempt, which is no grasp", f"{lead}\n{found}")
-    body = [
-        f"<h1>{escaped(name)}</h1>",
-        f"<p>{badge(result.status.value.replace('_', ' '), result.solved)} {escaped(result.message)}</p>",
-        f'<div class="warning">{items(result.warnings)}</div>' if result.warnings else "",
+    return report(
+        name,
+        result.status.value,
+        result.message,
+        result.warnings,
         _why(result),
         _picture(result, drawn),
         _key_numbers(result),
@@ -93,11 +94,9 @@ def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: Arr
         _closing(result),
         section("The same grasp in a fine model", table((), fine_rows(result))),
         section("The search", nested({k: v for k, v in result.statistics.items() if not k.startswith("fine")})),
-        section(
-            "The scene", details("Configuration, as it was read", f"<pre>{escaped(yaml_text(given, exact=True))}</pre>")
-        ),
-    ]
-    return document(name, "\n".join(part for part in body if part))
+        configuration("The scene", given, exact=True),
+        solved=result.solved,
+    )
 
 
 def _why(result: GraspResult) -> str:
@@ -231,7 +230,6 @@ def _disturbances(result: GraspResult) -> str:
 
 def _closing(result: GraspResult) -> str:
     """The way in, where it was asked for."""
-    from continuum_grasp.plotting.drawing.axes import inline_svg
     from continuum_grasp.plotting.grasp.closing import plot_closing
 
     path = result.closing
@@ -242,7 +240,7 @@ def _closing(result: GraspResult) -> str:
         "press on the object; dashed: the grasp."
     )
     lead = f"<p>{badge(path.status.value, path.reached)} {escaped(path.message)}</p>"
-    drawing = inline_svg(plot_closing(result), "closing", "fingers on their way into the grasp")
+    drawing = _svg(plot_closing(result), "closing", "fingers on their way into the grasp")
     return section("The way in", lead, figure("closing", drawing, caption))
 
 

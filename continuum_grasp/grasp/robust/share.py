@@ -73,6 +73,13 @@ class PlantShare:
         Greatest errors to both sides by name: lengths [m], angle [rad], others as shares [1].
     why_not : str
         Why the share was not computed; empty where it was.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> grasp = cg.optimize_grasp("configs/grasp/mug_arcs.yaml")  # least tension, so that a contact is about to slip
+    >>> 0.4 < grasp.plants.share < 0.6, grasp.plants.errors["friction"]
+    (True, 0.2)
     """
 
     share: float
