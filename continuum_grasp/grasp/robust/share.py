@@ -89,17 +89,10 @@ class PlantShare:
     def __str__(self) -> str:
         if self.why_not:
             return f"what share of plants with usual errors would hold was not computed: {self.why_not}"
-        return f"{self.share:.0%} of plants with usual errors would hold ({', '.join(self.words)})"
-
-    @property
-    def words(self) -> list[str]:
-        """The errors as texts."""
-        written = {"place": "{:.2g} mm", "angle": "{:.2g} deg"}
-        scale = {"place": 1e3, "angle": float(np.degrees(1.0))}
-        return [
-            f"{name} \N{PLUS-MINUS SIGN}{written.get(name, '{:.2g} %').format(scale.get(name, 100.0) * value)}"
-            for name, value in self.errors.items()
-        ]
+        units = {"place": ("mm", 1e3), "angle": ("deg", float(np.degrees(1.0)))}
+        each = ((name, value, *units.get(name, ("%", 100.0))) for name, value in self.errors.items())
+        words = (f"{name} \N{PLUS-MINUS SIGN}{scale * value:.2g} {unit}" for name, value, unit, scale in each)
+        return f"{self.share:.0%} of plants with usual errors would hold ({', '.join(words)})"
 
     def data(self) -> dict[str, Any]:
         """The same as plain data."""
@@ -114,26 +107,19 @@ def plant_share(scene: GraspScene, arrays: Mapping[str, Any]) -> PlantShare:
     length = max(setup.finger.rod.length for setup in scene.setups)
     usual = Robust(position=USUAL["place"] * length, friction=USUAL["friction"], mass=USUAL["mass"])
     bounds = scene.robust or usual
-    names = {"position": "place", "radius": "size"}
-    errors = {
-        names.get(key, key): float(getattr(bounds, key)) for key in ("friction", "mass", "position", "angle", "radius")
-    }
-    errors = {key: value for key, value in errors.items() if value}
-    errors |= {key: USUAL[key] for key in ("stiffness", "tension")}
+    errors = {"friction": bounds.friction, "mass": bounds.mass, "place": bounds.position, "angle": bounds.angle}
+    errors |= {"size": bounds.radius, "stiffness": USUAL["stiffness"], "tension": USUAL["tension"]}
+    errors = {name: value for name, value in errors.items() if value}
     sides = np.diag([*bounds.bounds, USUAL["stiffness"], *[USUAL["tension"]] * len(scene.setups)])
     if scene.robust is None:  # along and across a finger, whichever way the scene lies
         turn = scene.setups[0].finger.base.angle
         c, s = np.cos(turn), np.sin(turn)
         sides[:2, :2] = bounds.position * np.array([[c, s], [-s, c]])
-    if any(len(arrays[f"{setup.name}.lengths"]) != setup.elements for setup in scene.setups):
-        return PlantShare(float("nan"), errors, "the fingers have other elements than those of the scene")
     try:
-        plants = _Plants(scene, arrays, sides)
+        held = _Plants(scene, arrays, sides).reserves(drawn_evenly(len(sides))) >= HOLDS
     except InputError as error:
         return PlantShare(float("nan"), errors, str(error))
-    if plants.why_not:
-        return PlantShare(float("nan"), errors, plants.why_not)
-    return PlantShare(float((plants.reserves(drawn_evenly(len(sides))) >= HOLDS).mean()), errors)
+    return PlantShare(float(held.mean()), errors)
 
 
 def drawn_evenly(count: int) -> Array:
@@ -156,10 +142,13 @@ class _Plants:
     """Contact forces of all plants, to first order: those of the grasp, and K ways in which they may change.
 
     ``sides`` (E, E) has an error of the object, of the stiffness and of each finger's tensions per row, to one side.
+    `InputError` says why there is nothing to compute.
     """
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any], sides: Array) -> None:
-        self.scene, self.arrays, self.sides, self.why_not = scene, arrays, sides, ""
+        if any(len(arrays[f"{setup.name}.lengths"]) != setup.elements for setup in scene.setups):
+            raise InputError("the fingers have other elements than those of the scene")
+        self.scene, self.arrays, self.sides = scene, arrays, sides
         self.in_error, self.start = InError(scene, arrays), start_from(scene, dict(arrays))
         self.features = contact_features(scene, self.start.contacts)
         self.solver = solver_for(ProblemSpec.of(scene, self.start.contacts))
@@ -167,8 +156,7 @@ class _Plants:
         problem = self.solver.problem
         self.names = [contact.name for contact in problem.spec.contacts]
         if not self.names:
-            self.why_not = "nothing touches the object"
-            return
+            raise InputError("nothing touches the object")
         x, numbers = self._point(np.zeros(len(sides)))
         kinds = ([b.rows.ravel() for b in problem.rows.blocks if b.name.startswith(k)] for k in (_EQUATIONS, _LIMITS))
         equations, limits = (np.concatenate([np.zeros(0, dtype=int), *rows]) for rows in kinds)
@@ -187,8 +175,7 @@ class _Plants:
         rank = int((values > _SINGULAR * values[0]).sum())
         answer, ways = -right[:rank].T @ (left[:, :rank].T @ given / values[:rank, None]), right[rank:].T
         if np.abs(unknown @ answer + given).max() > 1e-6 * max(1.0, np.abs(given).max()):
-            self.why_not = "contacts of the grasp cannot all stay in plants with such errors"
-            return
+            raise InputError("contacts of the grasp cannot all stay in plants with such errors")
         self._spare = self._rows(x, numbers)[count:]
         self._spare_by_error = broken[count:] + slopes[count:] @ answer
         self._spare_by_way = slopes[count:] @ ways
@@ -280,13 +267,9 @@ class _Plants:
         free = [k for k in range(3) if yields or (problem.spec.free and k not in self.in_error.left)]
         if problem.spec.free:
             return jacobian[:, np.arange(x.size)[problem.x.at["object pose"]][free]]
-        step, found = 1e-6, np.zeros((len(jacobian), len(free)))
-        for column, k in enumerate(free):
-            ends = [numbers.copy(), numbers.copy()]
-            for sign, one in zip((1.0, -1.0), ends, strict=True):
-                one[problem.numbers.at["object pose"].start + k] += sign * step
-            found[:, column] = (self._rows(x, ends[0]) - self._rows(x, ends[1])) / (2.0 * step)
-        return found
+        steps = 1e-6 * np.eye(numbers.size)[problem.numbers.at["object pose"]][free]
+        found = [(self._rows(x, numbers + step) - self._rows(x, numbers - step)) / 2e-6 for step in steps]
+        return np.reshape(found, (len(free), len(jacobian))).T
 
     def _landings(self, x: Array, numbers: Array, columns: Array, motions: int) -> tuple[Array, Array]:
         """Equations of tips that stay where they landed on an object that yields, as `GraspProblem` has them."""
@@ -302,12 +285,11 @@ class _Plants:
             args = [problem.x.symbol, problem.numbers.symbol]
             slope = ca.Function("landing", args, [across, point, across.T @ ca.jacobian(point, args[0])])
             along, at, change = (np.array(value) for value in slope(x, numbers))
-            # In the object's frame the tip lands beside where it did, by as much as the object is off and turned.
-            moved = -self.sides[:, :2] @ np.array([[c, -s], [s, c]]) / length
-            moved = moved - self.sides[:, 2:3] * np.array([[-at[1, 0], at[0, 0]]])
-            moved = moved + self.sides[:, 3:4] * at.ravel()
+            # In the object's frame its place is off by as much as the object is off, turned and grown.
+            moved = self.sides[:, :2] @ np.array([[c, -s], [s, c]]) / length
+            moved += self.sides[:, 2:3] * [-at[1, 0], at[0, 0]] + self.sides[:, 3:4] * at.ravel()
             rows.append(np.append(change.ravel()[columns], np.zeros(motions))[None])
-            off.append(-(moved @ along.ravel())[None])
+            off.append((moved @ along.ravel())[None])
         return np.concatenate(rows), np.concatenate(off)
 
 
