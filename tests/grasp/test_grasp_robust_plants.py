@@ -116,9 +116,9 @@ def test_as_many_plants_hold_as_reported(count: int) -> None:
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("kept", [0.0, 0.2])
-def test_the_share_of_plants_with_usual_errors_is_that_of_plants_of_another_hand(kept: float) -> None:
-    grasp = optimize_grasp(load(CONFIGS / "mug_arcs.yaml").changed({"contacts.reserve": kept}))
+@pytest.mark.parametrize("free", [0.0, 0.2])
+def test_the_share_of_plants_with_usual_errors_is_that_of_plants_of_another_hand(free: float) -> None:
+    grasp = optimize_grasp(load(CONFIGS / "mug_arcs.yaml").changed({"contacts.reserve": free}))
     guess = np.append(grasp.arrays["finger.q"], grasp.arrays["finger.lengths"][0])
     # The palm keeps the mug where it is along x.
     sides = [USUAL["place"] * LENGTH, *(USUAL[name] for name in ("friction", "mass", "stiffness", "tension"))]
@@ -138,6 +138,6 @@ def test_the_share_of_plants_with_usual_errors_is_that_of_plants_of_another_hand
         ]
     )
     share = grasp.plants.share
-    assert (share < 0.6) if kept == 0.0 else (share > 0.8)
+    assert (share < 0.6) if free == 0.0 else (share > 0.8)
     # 200 plants are a sample; slopes and planes of the cones are good to 0.02.
     assert abs((held > -1e-3).mean() - share) < 0.02 + 3.0 * np.sqrt(share * (1.0 - share) / len(held))

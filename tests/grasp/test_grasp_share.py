@@ -104,9 +104,9 @@ SCENES = [("mug", 0.2), ("mug", 0.0), ("oval_flask", 0.0), ("box_edge", 0.0), ("
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize(("name", "kept"), few(SCENES, 2))
-def test_plants_hold_as_those_that_are_solved_in_full(name, kept):
-    grasp = optimize_grasp(load(CONFIGS / f"{name}.yaml").changed({"contacts.reserve": kept}))
+@pytest.mark.parametrize(("name", "reserve"), few(SCENES, 2))
+def test_plants_hold_as_those_that_are_solved_in_full(name, reserve):
+    grasp = optimize_grasp(load(CONFIGS / f"{name}.yaml").changed({"contacts.reserve": reserve}))
     sides = usual_sides(grasp.scene)
     points = drawn_evenly(len(sides))[::31]
     near = _Plants(grasp.scene, grasp.arrays, sides).reserves(points) >= HOLDS

@@ -160,8 +160,8 @@ class _Plants:
         x, numbers = self._point(np.zeros(len(sides)))
         kinds = ([b.rows.ravel() for b in problem.rows.blocks if b.name.startswith(k)] for k in (_EQUATIONS, _LIMITS))
         equations, limits = (np.concatenate([np.zeros(0, dtype=int), *rows]) for rows in kinds)
-        self._kept, count = np.concatenate([equations, limits]), equations.size
-        jacobian = np.array(self.solver.nlp.functions["jac_g"](x, numbers)[1])[self._kept]
+        self._chosen, count = np.concatenate([equations, limits]), equations.size
+        jacobian = np.array(self.solver.nlp.functions["jac_g"](x, numbers)[1])[self._chosen]
         columns, motions = self._open(x), self._object_motions(x, numbers, jacobian)
         slopes = np.column_stack([jacobian[:, columns], motions])
         # Central differences over the whole errors: slopes between their ends, not at the grasp.
@@ -247,7 +247,7 @@ class _Plants:
         return self._known[key]
 
     def _rows(self, x: Array, numbers: Array) -> Array:
-        return np.array(self.solver.nlp.functions["jac_g"](x, numbers)[0]).ravel()[self._kept]
+        return np.array(self.solver.nlp.functions["jac_g"](x, numbers)[0]).ravel()[self._chosen]
 
     def _open(self, x: Array) -> NDArray[np.int64]:
         """Which unknowns follow from the errors: forces, places, shapes; of drives the tensions."""
