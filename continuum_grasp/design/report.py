@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.grasp.report.html import cards, configuration, figure, items, nested, report, section, table
+from continuum_grasp.grasp.report.html import cards, figure, folded, items, report, section, table
 from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.design import QUANTITIES
 
@@ -33,6 +33,7 @@ def result_yaml(result: DesignResult) -> str:
 
 def page(result: DesignResult, *, pictures: Mapping[str, Any] | None = None) -> str:
     """The design as an HTML page that refers to no other file or site; ``pictures`` are those drawn, by name."""
+    given = result.scene.model_dump(mode="json", exclude_unset=True)
     return report(
         result.name or "design",
         result.status.value,
@@ -45,8 +46,8 @@ def page(result: DesignResult, *, pictures: Mapping[str, Any] | None = None) -> 
         section("Limits", items(f"{one} is active" for one in result.active)),
         section("Sensitivities", *_sensitivities(result)),
         section("Errors of manufacture", *_errors(result)),
-        section("The search", items([*result.switches, *result.kinks]), nested(result.statistics)),
-        configuration("The design", result.scene.model_dump(mode="json", exclude_unset=True)),
+        section("The search", items([*result.switches, *result.kinks]), folded("Statistics", result.statistics)),
+        section("The design", folded("Configuration, as it was read", given)),
         solved=result.solved,
     )
 

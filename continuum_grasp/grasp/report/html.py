@@ -79,49 +79,14 @@ def report(title: str, status: str, message: str, warnings: Sequence[str], *part
     )
 
 
-def configuration(title: str, given: Mapping[str, Any], *, exact: bool = False) -> str:
-    """The section that shows a configuration as YAML."""
-    shown = f"<pre>{escaped(yaml_text(given, exact=exact))}</pre>"
-    return section(title, details("Configuration, as it was read", shown))
+def folded(summary: str, values: Mapping[str, Any], *, exact: bool = False) -> str:
+    """Names and values, however deep, as YAML that opens when it is asked for; empty where there are none."""
+    return details(summary, f"<pre>{escaped(yaml_text(values, exact=exact))}</pre>") if values else ""
 
 
 def figure(kind: str, drawing: str, caption: str) -> str:
     """A drawing in SVG and what it shows."""
     return f'<figure class="{kind}">\n{drawing}\n<figcaption>{escaped(caption)}</figcaption>\n</figure>'
-
-
-def nested(values: Mapping[str, Any]) -> str:
-    """Names and values, however deep, and a folded table of each list of mappings."""
-    simple, tables = [], []
-    for name, value in _flattened(values):
-        if isinstance(value, (list, tuple)) and value and all(isinstance(v, Mapping) for v in value):
-            head = list(dict.fromkeys(key for row in value for key in row))
-            rows = [[_said(row.get(key)) for key in head] for row in value]
-            summary = f"{name.replace('_', ' ')} ({len(value)})"
-            tables.append(details(summary, table([key.replace("_", " ") for key in head], rows)))
-        elif value not in (None, "", [], ()):
-            simple.append((name.replace("_", " "), _said(value)))
-    return "\n".join((table((), simple), *tables))
-
-
-def _flattened(values: Mapping[str, Any], before: str = "") -> list[tuple[str, Any]]:
-    found: list[tuple[str, Any]] = []
-    for key, value in values.items():
-        name = f"{before}{key}"
-        found += _flattened(value, f"{name}, ") if isinstance(value, Mapping) else [(name, value)]
-    return found
-
-
-def _said(value: Any) -> str:
-    if value is None:  # in a row that others fill
-        return ""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, (list, tuple)):
-        return ", ".join(_said(v) for v in value)
-    return str(value)
 
 
 def escaped(value: object) -> str:

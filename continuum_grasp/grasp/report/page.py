@@ -11,12 +11,11 @@ from numpy.typing import ArrayLike
 from continuum_grasp.grasp.report.html import (
     badge,
     cards,
-    configuration,
     details,
     escaped,
     figure,
+    folded,
     items,
-    nested,
     report,
     section,
     table,
@@ -78,6 +77,7 @@ def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: Arr
     if result.arrays and not result.solved:
         lead = '<p class="quiet">Where the search came closest: its forces are not in balance, or break limits.</p>'
         found = details("Numbers of the closest attempt, which is no grasp", f"{lead}\n{found}")
+    searched = {k: v for k, v in result.statistics.items() if not k.startswith("fine")}
     return report(
         name,
         result.status.value,
@@ -93,8 +93,8 @@ def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: Arr
         _certificate(result.certificate) if result.solved and result.certificate is not None else "",
         _closing(result),
         section("The same grasp in a fine model", table((), fine_rows(result))),
-        section("The search", nested({k: v for k, v in result.statistics.items() if not k.startswith("fine")})),
-        configuration("The scene", given, exact=True),
+        section("The search", folded("Statistics", searched)),
+        section("The scene", folded("Configuration, as it was read", given, exact=True)),
         solved=result.solved,
     )
 
@@ -155,8 +155,6 @@ def _key_numbers(result: GraspResult) -> str:
             ("greatest normal force", f"{result.force_text(result.greatest_normal_force)} N"),
             ("least friction margin", result.margin_text(least)),
         ]
-    if not result.plants.why_not:
-        pairs.append(("of plants would hold", f"{result.plants.share:.0%}"))
     if result.lower_bound is not None:
         pairs.append(("least in any grasp", f"{result.force_text(result.lower_bound)} N"))
     if certificate is not None:

@@ -38,7 +38,7 @@ def result_text(result: GraspResult) -> str:
         lines += ["", *_finger_lines(result), "", *_contact_lines(result)]
         if result.lower_bound is not None:
             lines += _wrapped(result.bound_words)
-        lines += ["", *textwrap.wrap(str(result.plants), 112, initial_indent="  ", subsequent_indent="    ")]
+        lines += ["", *_wrapped(str(result.plants))]
         if result.certificate is not None:
             lines += [*_quality_lines(result), "", *_certificate_lines(result.certificate)]
         lines += [f"  {name}: {value}" for name, value in fine_rows(result)]
