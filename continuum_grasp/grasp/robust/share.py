@@ -247,7 +247,7 @@ class _Plants:
         return self._known[key]
 
     def _rows(self, x: Array, numbers: Array) -> Array:
-        return np.array(self.solver.nlp.functions["jac_g"](x, numbers)[0]).ravel()[self._chosen]
+        return np.asarray(np.array(self.solver.nlp.functions["jac_g"](x, numbers)[0]).ravel()[self._chosen])
 
     def _open(self, x: Array) -> NDArray[np.int64]:
         """Which unknowns follow from the errors: forces, places, shapes; of drives the tensions."""
@@ -259,7 +259,7 @@ class _Plants:
             own += () if setup.drive is None else ("pulls", "wound")
             names += [name for key in own if (name := f"{setup.name}.{key}") in problem.x.at]
         every = np.concatenate([np.arange(x.size)[problem.x.at[name]] for name in names])
-        return every[low[every] < high[every]]
+        return np.asarray(every[low[every] < high[every]])
 
     def _object_motions(self, x: Array, numbers: Array, jacobian: Array) -> Array:
         """Changes of the equations with coordinates of the pose that follow from the errors, too."""
