@@ -282,6 +282,11 @@ FAULTS: tuple[Fault, ...] = (
         ("key=os.path.getmtime)[:-stored]", "key=os.path.getmtime)[stored:]"),
         tests="grasp/test_grasp_equations.py",
     ),
+    *_in(
+        "grasp/robust/share.py",
+        ("softer, heavier = 1.0 / (1.0 + stiffness)", "softer, heavier = (1.0 + stiffness)"),
+        tests="grasp/test_grasp_share.py",
+    ),
     # design, sweeps
     *_in(
         "design/held.py",

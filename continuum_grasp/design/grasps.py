@@ -18,9 +18,8 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.values import moved_features
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.joint import JointSolverRun
-from continuum_grasp.grasp.robust.response import Responder
-from continuum_grasp.grasp.robust.search import EXCHANGES, MOST, tried_errors
-from continuum_grasp.grasp.robust.states import descended, with_postures
+from continuum_grasp.grasp.robust.search import Exchange
+from continuum_grasp.grasp.robust.states import with_postures
 from continuum_grasp.grasp.solve import optimize_grasp
 from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from
 from continuum_grasp.grasp.values import Status
@@ -197,26 +196,22 @@ class CaseGrasps:
         """A certified grasp that holds for all errors and friction states that are tried, from a start with those that
         matter there; ones that fail become part of its problem. None where there is none.
         """
-        bounds = scene.robust or Robust.model_construct()
-        budget = Budget.of(scene.solver)
-        for _ in range(EXCHANGES):
-            solver = JointSolverRun(scene, start, errors, touching)
+        found = self._converged(scene, start, JointSolverRun(scene, start, errors, touching), x0=x0, features=features)
+        if found is None:
+            return None
+        budget, bounds = Budget.of(scene.solver), scene.robust or Robust.model_construct()
+        exchange = Exchange(scene, bounds, found.arrays, budget, list(errors))
+        while active := exchange.active(found.arrays):
+            contacts = [response.begin.contacts for response in active]
+            solver = JointSolverRun(scene, start, np.array([response.error for response in active]), contacts)
+            x0 = np.concatenate([found.nominal, *(response.attempt.x for response in active)])
             found = self._converged(scene, start, solver, x0=x0, features=features)
             if found is None:
                 return None
-            responder = Responder(scene, found.arrays, budget)
-            responses = [responder.to(error) for error in tried_errors(scene, bounds, found.arrays)]
-            responses += list(descended(responder, responses))
-            known = {error.tobytes() for error in errors}
-            worse = [one for one in responses if not one.holds and one.error.tobytes() not in known]
-            if not worse:
-                arrays = with_postures(scene, found.arrays, responses, budget)
-                return replace(found, arrays=arrays) if certify(scene, arrays).passed else None
-            worse = sorted(worse, key=lambda one: one.reserve)[:MOST]
-            errors = np.concatenate([errors, [one.error for one in worse]])
-            touching = [*touching, *(one.begin.contacts for one in worse)]
-            x0 = np.concatenate([found.attempt.x, *(one.attempt.x for one in worse)])
-        return None
+        if not exchange.holds:
+            return None
+        found = replace(found, arrays=with_postures(scene, found.arrays, exchange.responses, budget))
+        return found if certify(scene, found.arrays).passed else None
 
     def _take(self, aim: str, found: HeldGrasp) -> None:
         """Keep a grasp unless the one at hand is better."""

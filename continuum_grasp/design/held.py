@@ -163,6 +163,11 @@ class HeldGrasp:
         }
 
     @property
+    def nominal(self) -> Array:
+        """The unknowns of the grasp without errors."""
+        return self.attempt.x[: self.solver.problem.x.size]
+
+    @property
     def acting(self) -> tuple[tuple[float, ...], ...]:
         """Errors and friction states that decide the grasp, as rows of `continuum_grasp.grasp.robust.errors`."""
         if not isinstance(self.solver, JointSolverRun):

@@ -5,18 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.grasp.report.html import (
-    badge,
-    cards,
-    details,
-    document,
-    escaped,
-    figure,
-    items,
-    nested,
-    section,
-    table,
-)
+from continuum_grasp.grasp.report.html import cards, figure, folded, items, report, section, table
 from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.design import QUANTITIES
 
@@ -44,13 +33,12 @@ def result_yaml(result: DesignResult) -> str:
 
 def page(result: DesignResult, *, pictures: Mapping[str, Any] | None = None) -> str:
     """The design as an HTML page that refers to no other file or site; ``pictures`` are those drawn, by name."""
-    name = result.name or "design"
     given = result.scene.model_dump(mode="json", exclude_unset=True)
-    warned = f'<div class="warning">{items(result.warnings)}</div>' if result.warnings else ""
-    body = [
-        f"<h1>{escaped(name)}</h1>",
-        f"<p>{badge(result.status.value, result.solved)} {escaped(result.message)}</p>",
-        warned,
+    return report(
+        result.name or "design",
+        result.status.value,
+        result.message,
+        result.warnings,
         _picture(result, (pictures or {}).get("design")),
         cards(_key_numbers(result)),
         section("Variables", _variables(result)),
@@ -58,10 +46,10 @@ def page(result: DesignResult, *, pictures: Mapping[str, Any] | None = None) -> 
         section("Limits", items(f"{one} is active" for one in result.active)),
         section("Sensitivities", *_sensitivities(result)),
         section("Errors of manufacture", *_errors(result)),
-        section("The search", items([*result.switches, *result.kinks]), nested(result.statistics)),
-        section("The design", details("Configuration, as it was read", f"<pre>{escaped(yaml_text(given))}</pre>")),
-    ]
-    return document(name, "\n".join(part for part in body if part))
+        section("The search", items([*result.switches, *result.kinks]), folded("Statistics", result.statistics)),
+        section("The design", folded("Configuration, as it was read", given)),
+        solved=result.solved,
+    )
 
 
 def _picture(result: DesignResult, drawn: Any) -> str:

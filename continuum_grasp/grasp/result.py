@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.exploration import Exploration
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.robust.result import Robustness
+    from continuum_grasp.grasp.robust.share import PlantShare
     from continuum_grasp.grasp.sensitivity import Sensitivity
 
 Array = NDArray[Any]
@@ -125,6 +126,15 @@ class GraspResult(Result):
         if not self.solved:
             raise InputError(f"there is no grasp whose quality could be computed (status {self.status.value})")
         return Quality(self.scene, self.arrays)
+
+    @cached_property
+    def plants(self) -> PlantShare | None:
+        """What share of plants with usual errors would hold with these tensions; computed when it is first read."""
+        if not self.solved:
+            return None
+        from continuum_grasp.grasp.robust.share import plant_share
+
+        return plant_share(self.scene, self.arrays)
 
     @cached_property
     def closing(self) -> ClosingPath | None:
@@ -314,6 +324,7 @@ class GraspResult(Result):
             "lower_bound": self.lower_bound,
             "certificate": None if self.certificate is None else self.certificate.data(),
             "quality": self.quality.data() if quality and self.solved else None,
+            "plants": self.plants.data() if quality and self.plants is not None else None,
             "violated": list(self.violated),
             "reasons": [asdict(reason) for reason in self.reasons],
             "advice": self.advice,

@@ -532,17 +532,6 @@ def taken_in():
     return sizes
 
 
-def retensioned():
-    """Draws that are tried with other tensions, where no draw of a hundred holds."""
-    response = Some(holds=False, margin=-1.0, weakest="", error=np.zeros(6), reserve=-1.0)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(robust, "Responder", lambda *_: Some(to=lambda *_, **__: response, anew=0))
-        patch.setattr(robust, "extremes", lambda *_: np.zeros((1, 0)))
-        patch.setattr(robust, "alone", lambda _: {})
-        patch.setattr(robust, "tension_of", lambda *_: 1.0)
-        return robust._trials(SCENE, None, {}, np.zeros((100, 6)), Budget(), [response]).retried
-
-
 def robustly(holds=False, **bounds):
     """Grasps that robust ones are sought next to, and draws with which each is tried, where none or all hold."""
     scene, sought, draws = SCENE.replaced(robust=Robust(**bounds) if bounds else None), [], []
@@ -579,7 +568,9 @@ def within_tolerance():
 def yields_by():
     """How far an object may move, per its size, and turn."""
     scene, arrays = cases.squeezed_disc()
-    free = InError(scene, arrays).scene_with(np.zeros(6), yields=True).object.free
+    in_error = InError(scene, arrays)
+    in_error.on = frozenset()  # of fingers alone
+    free = in_error.scene_with(np.zeros(6)).object.free
     return [np.ptp(free.x) / scene.object.size, np.ptp(free.y) / scene.object.size, np.ptp(free.angle)]
 
 
@@ -608,7 +599,6 @@ def named():
 COUNTS = [
     ("sets of contacts of an error", [4, 4, 4, 4, 1, 1], lambda: contacts_tried(6)),
     ("errors that enter the problem", [4, 8, 12, 16, 20, 24], taken_in),
-    ("draws with other tensions", 50, retensioned),
     ("branches of a robust grasp, and draws without errors", (3, [100]), robustly),
     ("draws of a nominal grasp, and of a robust one", (1, [200, 1000]), lambda: robustly(True, friction=0.1)),
     ("elements per segment", [6, 1, 2, 3, 4, 5], within_tolerance),

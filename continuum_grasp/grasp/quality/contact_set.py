@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.quality.lp import solve_lp
 from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
@@ -73,23 +72,19 @@ class ContactSet:
         return part.curvature((x, y), CORNER * self.scene.object.size)
 
 
-def cone_edges(contacts: ContactSet) -> tuple[Array, Array]:
-    """Wrenches of the contacts' friction cones at unit normal force (E, 3), and the contact that each belongs to (E,).
+def cone_edges(contacts: ContactSet) -> Array:
+    """Wrenches of both edges of the contacts' friction cones at unit normal force (E, 3): force x, y and moment about
+    the center of mass over the torque scale [1], on the object; one edge where there is no friction.
 
-    They are force x, y and moment about the center of mass over the torque scale [1], on the object, of both edges of
-    each cone; one where there is no friction. Contacts alone: every one of them, supports included, may push with any
-    normal force up to one; that fingers bend and tendons have limits is the business of
-    `continuum_grasp.grasp.quality.resistance`. In a scene with the weight out of the plane the whole planar cones
-    count, as though nothing were lifted.
+    Contacts alone: every one of them, supports included, may push with any normal force up to one; that fingers bend
+    and tendons have limits is the business of `continuum_grasp.grasp.quality.resistance`. In a scene with the weight
+    out of the plane the whole planar cones count, as though nothing were lifted.
     """
     scale = np.array([1.0, 1.0, contacts.scene.torque_scale])
     normal, across = (contacts.wrench_map()[:, :, i].T / scale for i in (0, 1))
-    edges, owner = [np.zeros((0, 3))], []
-    for k, mu in enumerate(contacts.friction):
-        slopes = (mu, -mu) if mu > 0.0 else (0.0,)
-        edges.append(np.array([normal[k] + slope * across[k] for slope in slopes]))
-        owner += [k] * len(slopes)
-    return np.concatenate(edges), np.array(owner, dtype=int)
+    slopes = [(mu, -mu) if mu > 0.0 else (0.0,) for mu in contacts.friction]
+    edges = [normal[k] + slope * across[k] for k, own in enumerate(slopes) for slope in own]
+    return np.reshape(edges, (-1, 3))
 
 
 def epsilon_l1(edges: Array) -> float:
@@ -114,46 +109,6 @@ def epsilon_l1(edges: Array) -> float:
         directions += [normals, -normals]
     units = _units(np.concatenate(directions))
     return float((units @ edges.T).max(axis=1).min())
-
-
-def epsilon_linf(edges: Array, owner: Array) -> float:
-    """As `epsilon_l1` with normal forces of up to one at each contact: depth of the origin in the Minkowski sum [1].
-
-    The sum holds the origin always; 0 where there is no force closure (`epsilon_l1` has the sign).
-    """
-    # Every facet of a Minkowski sum is spanned by sides of its summands: their cross products are all its normals.
-    sides = [np.zeros((0, 3))]
-    groups = [np.concatenate([np.zeros((1, 3)), edges[owner == k]]) for k in np.unique(owner)]
-    for corners in groups:
-        first, second = _chosen(corners, 2)
-        sides.append(second - first)
-    steps = np.concatenate(sides)
-    if len(steps) < 2:
-        return 0.0
-    a, b = _chosen(steps, 2)
-    normals = np.cross(a, b)
-    units = _units(np.concatenate([normals, -normals, _null_space(edges)]))
-    if len(units) == 0:
-        return 0.0
-    reach = sum((units @ corners.T).max(axis=1) for corners in groups)
-    return max(0.0, float(np.min(reach)))
-
-
-def min_weight(edges: Array) -> float:
-    """Greatest l such that the origin is a convex combination of the edges with no weight below l [1].
-
-    Positive for force closure, at most one over the number of edges; 0 where the origin is no such combination,
-    or where the edges do not span forces and moments (A. H. Li et al., FRoGGeR, arXiv 2302.13687).
-    """
-    count = len(edges)
-    if count == 0 or len(_null_space(edges)) > 0:
-        return 0.0
-    rows = np.zeros((4, count + 1))  # weights are l + v, v >= 0
-    rows[:3, :count], rows[3, :count] = edges.T, 1.0
-    rows[:, count] = rows[:, :count].sum(axis=1)
-    right = np.array([0.0, 0.0, 0.0, 1.0])
-    found = solve_lp(np.append(np.zeros(count), -1.0), rows, right, right, 0.0, 1.0)
-    return float(found.x[-1]) if found.optimal else 0.0
 
 
 def _chosen(points: Array, count: int) -> list[Array]:

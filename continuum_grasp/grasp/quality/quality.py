@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arguments import instance
-from continuum_grasp.grasp.quality.contact_set import ContactSet, cone_edges, epsilon_l1, epsilon_linf, min_weight
+from continuum_grasp.grasp.quality.contact_set import ContactSet, cone_edges, epsilon_l1
 from continuum_grasp.grasp.quality.resistance import Resistance, resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.scene.grasp import GraspScene
@@ -47,23 +47,9 @@ class Quality:
         return GraspResponse(self.scene, self.arrays)
 
     @cached_property
-    def _cones(self) -> tuple[Array, Array]:
-        return cone_edges(self._contacts)
-
-    @cached_property
     def epsilon_l1(self) -> float:
         """Ferrari-Canny quality with normal forces that add up to one; negative: no force closure [1]."""
-        return epsilon_l1(self._cones[0])
-
-    @cached_property
-    def epsilon_linf(self) -> float:
-        """Ferrari-Canny quality with normal forces of up to one each; 0: no force closure [1]."""
-        return epsilon_linf(*self._cones)
-
-    @cached_property
-    def min_weight(self) -> float:
-        """Min-weight metric; 0: no force closure [1]."""
-        return min_weight(self._cones[0])
+        return epsilon_l1(cone_edges(self._contacts))
 
     @cached_property
     def resistance(self) -> Resistance:
@@ -117,8 +103,6 @@ class Quality:
             ("tension_margin", self.tension_margin, "share of the greatest tension that is left, worst tendon"),
             ("normal_force_spread", self.normal_force_spread, "(greatest - least) / greatest normal force"),
             ("epsilon_l1", self.epsilon_l1, f"Ferrari-Canny, normal forces add up to one; {per}; < 0: no closure"),
-            ("epsilon_linf", self.epsilon_linf, f"Ferrari-Canny, normal forces up to one each; {per}"),
-            ("min_weight", self.min_weight, "least weight of a cone edge in the best balance of all; 0: no closure"),
         )
 
     def data(self) -> dict[str, Any]:

@@ -6,6 +6,8 @@ import html
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from continuum_grasp.results.yaml_text import yaml_text
+
 _STYLE = """
 :root { color-scheme: light dark; --paper: #fff; --ink: #222; --quiet: #5f5f5f; --line: #ddd; --panel: #f6f6f4;
   --good: #00694b; --bad: #a03000; --note: #8a6500; --on-badge: #fff; }
@@ -64,8 +66,11 @@ summary { cursor: pointer; margin: .6rem 0; }
 """
 
 
-def document(title: str, body: str) -> str:
-    """A whole page."""
+def report(title: str, status: str, message: str, warnings: Sequence[str], *parts: str, solved: bool) -> str:
+    """A whole page on a result: how it ended, what to know before it is used, and those of its parts that are there."""
+    warned = f'<div class="warning">{items(warnings)}</div>' if warnings else ""
+    verdict = f"<p>{badge(status.replace('_', ' '), solved)} {escaped(message)}</p>"
+    body = "\n".join(part for part in (f"<h1>{escaped(title)}</h1>", verdict, warned, *parts) if part)
     return (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -74,43 +79,14 @@ def document(title: str, body: str) -> str:
     )
 
 
+def folded(summary: str, values: Mapping[str, Any], *, exact: bool = False) -> str:
+    """Names and values, however deep, as YAML that opens when it is asked for; empty where there are none."""
+    return details(summary, f"<pre>{escaped(yaml_text(values, exact=exact))}</pre>") if values else ""
+
+
 def figure(kind: str, drawing: str, caption: str) -> str:
     """A drawing in SVG and what it shows."""
     return f'<figure class="{kind}">\n{drawing}\n<figcaption>{escaped(caption)}</figcaption>\n</figure>'
-
-
-def nested(values: Mapping[str, Any]) -> str:
-    """Names and values, however deep, and a folded table of each list of mappings."""
-    simple, tables = [], []
-    for name, value in _flattened(values):
-        if isinstance(value, (list, tuple)) and value and all(isinstance(v, Mapping) for v in value):
-            head = list(dict.fromkeys(key for row in value for key in row))
-            rows = [[_said(row.get(key)) for key in head] for row in value]
-            summary = f"{name.replace('_', ' ')} ({len(value)})"
-            tables.append(details(summary, table([key.replace("_", " ") for key in head], rows)))
-        elif value not in (None, "", [], ()):
-            simple.append((name.replace("_", " "), _said(value)))
-    return "\n".join((table((), simple), *tables))
-
-
-def _flattened(values: Mapping[str, Any], before: str = "") -> list[tuple[str, Any]]:
-    found: list[tuple[str, Any]] = []
-    for key, value in values.items():
-        name = f"{before}{key}"
-        found += _flattened(value, f"{name}, ") if isinstance(value, Mapping) else [(name, value)]
-    return found
-
-
-def _said(value: Any) -> str:
-    if value is None:  # in a row that others fill
-        return ""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, (list, tuple)):
-        return ", ".join(_said(v) for v in value)
-    return str(value)
 
 
 def escaped(value: object) -> str:

@@ -12,11 +12,11 @@ from continuum_grasp.grasp.report.html import (
     badge,
     cards,
     details,
-    document,
     escaped,
     figure,
+    folded,
     items,
-    nested,
+    report,
     section,
     table,
 )
@@ -30,7 +30,6 @@ from continuum_grasp.grasp.report.text import (
     robust_head,
     robust_rows,
 )
-from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
@@ -78,10 +77,12 @@ def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: Arr
     if result.arrays and not result.solved:
         lead = '<p class="quiet">Where the search came closest: its forces are not in balance, or break limits.</p>'
         found = details("Numbers of the closest attempt, which is no grasp", f"{lead}\n{found}")
-    body = [
-        f"<h1>{escaped(name)}</h1>",
-        f"<p>{badge(result.status.value.replace('_', ' '), result.solved)} {escaped(result.message)}</p>",
-        f'<div class="warning">{items(result.warnings)}</div>' if result.warnings else "",
+    searched = {k: v for k, v in result.statistics.items() if not k.startswith("fine")}
+    return report(
+        name,
+        result.status.value,
+        result.message,
+        result.warnings,
         _why(result),
         _picture(result, drawn),
         _key_numbers(result),
@@ -92,12 +93,10 @@ def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: Arr
         _certificate(result.certificate) if result.solved and result.certificate is not None else "",
         _closing(result),
         section("The same grasp in a fine model", table((), fine_rows(result))),
-        section("The search", nested({k: v for k, v in result.statistics.items() if not k.startswith("fine")})),
-        section(
-            "The scene", details("Configuration, as it was read", f"<pre>{escaped(yaml_text(given, exact=True))}</pre>")
-        ),
-    ]
-    return document(name, "\n".join(part for part in body if part))
+        section("The search", folded("Statistics", searched)),
+        section("The scene", folded("Configuration, as it was read", given, exact=True)),
+        solved=result.solved,
+    )
 
 
 def _why(result: GraspResult) -> str:
@@ -146,7 +145,7 @@ def _lifted(result: GraspResult) -> bool:
 
 
 def _key_numbers(result: GraspResult) -> str:
-    if not result.solved:
+    if result.plants is None:
         return ""
     contacts, certificate = result.contacts, result.certificate
     pairs = [("sum of tensions", f"{result.force_text(result.tension)} N")]
@@ -165,7 +164,7 @@ def _key_numbers(result: GraspResult) -> str:
             ("second-order test", "stable" if certificate.stability.stable else "unstable"),
             ("model error", f"{1e3 * error:.2f} mm" if math.isfinite(error) else "not computed"),
         ]
-    return cards(pairs)
+    return f"{cards(pairs)}\n<p>{escaped(result.plants)}.</p>"
 
 
 def _fingers(result: GraspResult) -> str:
@@ -229,7 +228,6 @@ def _disturbances(result: GraspResult) -> str:
 
 def _closing(result: GraspResult) -> str:
     """The way in, where it was asked for."""
-    from continuum_grasp.plotting.drawing.axes import inline_svg
     from continuum_grasp.plotting.grasp.closing import plot_closing
 
     path = result.closing
@@ -240,7 +238,7 @@ def _closing(result: GraspResult) -> str:
         "press on the object; dashed: the grasp."
     )
     lead = f"<p>{badge(path.status.value, path.reached)} {escaped(path.message)}</p>"
-    drawing = inline_svg(plot_closing(result), "closing", "fingers on their way into the grasp")
+    drawing = _svg(plot_closing(result), "closing", "fingers on their way into the grasp")
     return section("The way in", lead, figure("closing", drawing, caption))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +38,7 @@ def result_text(result: GraspResult) -> str:
         lines += ["", *_finger_lines(result), "", *_contact_lines(result)]
         if result.lower_bound is not None:
             lines += _wrapped(result.bound_words)
+        lines += ["", *_wrapped(str(result.plants))]
         if result.certificate is not None:
             lines += [*_quality_lines(result), "", *_certificate_lines(result.certificate)]
         lines += [f"  {name}: {value}" for name, value in fine_rows(result)]
@@ -117,18 +118,22 @@ def _quality_lines(result: GraspResult) -> list[str]:
     held = "Disturbances (force x, y, moment), the multiple that is resisted, and what stops it"
     lines = []
     for title, rows in (("Quality", quality_rows(result)), (held, disturbance_rows(result))):
-        if rows:
-            first, second = (max(len(row[k]) for row in rows) for k in (0, 1))
-            lines += ["", title, *(f"  {a:<{first}}  {b:>{second}}  {c}".rstrip() for a, b, c in rows)]
+        lines += ["", title, *_aligned(rows, "<><")] if rows else []
     return lines
+
+
+def _aligned(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
+    """Rows of a table, each column to its side, ``<`` or ``>``."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    formats = [f"{{:{side}{width}}}" for side, width in zip(sides, widths, strict=True)]
+    return [f"  {'  '.join(f.format(cell) for f, cell in zip(formats, row, strict=True))}".rstrip() for row in rows]
 
 
 def _certificate_lines(certificate: Certificate) -> list[str]:
     verdict = "all checks passed" if certificate.passed else f"{len(certificate.failed)} checks FAILED"
     lines = [f"Verified independently: {verdict}"]
     rows = [(a, b, c, f"limit {d}", e) for a, b, c, d, e in check_rows(certificate)]
-    widths = [max(len(row[k]) for row in rows) for k in range(4)]
-    lines += [f"  {a:<{widths[0]}}  {b:>{widths[1]}} {c:<{widths[2]}}  {d:<{widths[3]}}  {e}" for a, b, c, d, e in rows]
+    lines += _aligned(rows, "<><<<")
     lines += [f"  FAILED: {text}" for text in failed_checks(certificate)]
     stability, error, overlap = certificate.stability, certificate.model_error, certificate.overlap
     word = "stable" if stability.stable else "UNSTABLE"
@@ -171,9 +176,7 @@ def _robust_lines(result: GraspResult) -> list[str]:
     if not rows:
         return []
     title, head = robust_head(result)
-    rows = [head, *rows]
-    first, second = (max(len(row[k]) for row in rows) for k in (0, 1))
-    return ["", title, *(f"  {a:<{first}}  {b:<{second}}  {c}".rstrip() for a, b, c in rows)]
+    return ["", title, *_aligned([head, *rows], "<<<")]
 
 
 def _wrapped(text: str) -> list[str]:
@@ -272,8 +275,9 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
             },
             "contacts": [_contact(contact) for contact in result.contacts],
         }
-    if quality and result.solved:
+    if quality and result.plants is not None:
         found["quality"] = result.quality.data()
+        found["plants"] = result.plants.data()
     if result.robustness is not None:
         found["robustness"] = result.robustness.data()
     found |= {key: value for key, value in result.statistics.items() if key.startswith("fine") and value is not None}

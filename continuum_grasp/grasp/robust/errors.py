@@ -8,6 +8,7 @@ follow (`continuum_grasp.grasp.robust.states`).
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
@@ -17,7 +18,8 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.held import YIELDS
 from continuum_grasp.grasp.robust.result import ERRORS
-from continuum_grasp.grasp.starts.supports import object_outlines, pinned_by, settle
+from continuum_grasp.grasp.starts.supports import object_outlines, pinned_by, settle, support_contacts
+from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, Robust
 from continuum_grasp.scene.objects.body import Freedom, Pose
@@ -106,14 +108,36 @@ class InError:
         _, first = np.unique(np.round(rows, 9), axis=0, return_index=True)
         return errors[np.sort(first)]
 
-    def scene_with(self, error: Array, *, yields: bool) -> GraspScene:
-        """The scene with an error; its object ``yields`` to the fingers, or stays where it lies."""
+    @property
+    def yields(self) -> bool:
+        """Whether the object yields to the fingers; where it touches a support, it stays where it lies."""
+        return not self.on
+
+    def plant(self, start: Start, error: Array) -> tuple[GraspScene, Start]:
+        """The scene with an error (6,), or with friction states (6 + S,), and the start of a grasp in it, whose object
+        has another size and lies elsewhere.
+        """
+        scene, size = self.scene_with(error), 1.0 + float(error[3])
+        contacts = {
+            name: replace(contact, point=(size * contact.point[0], size * contact.point[1]))
+            for name, contact in start.contacts.items()
+        }
+        contacts |= support_contacts(scene, scene.object.pose, self.on)
+        contacts = {name: contacts[name] for name in start.contacts}
+        states = dict(start.friction_states)
+        if error.size > len(ERRORS):
+            columns = scene.state_columns.items()
+            states = {name: tuple(error[len(ERRORS) :][part].tolist()) for name, part in columns}
+        return scene, replace(start, object_pose=scene.object.pose, contacts=contacts, friction_states=states)
+
+    def scene_with(self, error: Array) -> GraspScene:
+        """The scene with an error."""
         friction, mass = 1.0 + float(error[4]), 1.0 + float(error[5])
         x, y, angle = self.pose_in_error(error)
         scene, reach = self._sized(error), YIELDS * self.scene.object.size
         ranges = {"x": (x - reach, x + reach), "y": (y - reach, y + reach), "angle": (angle - YIELDS, angle + YIELDS)}
         # Where it does not yield, the response pins its pose.
-        free = Freedom(**ranges) if yields or self.scene.object.free is not None else None
+        free = Freedom(**ranges) if self.yields or self.scene.object.free is not None else None
         pose = {"position": (x, y), "angle": angle, "free": free}
         body = scene.object.model_copy(update={**pose, "mass": mass * scene.object.mass})
 

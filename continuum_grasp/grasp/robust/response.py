@@ -1,6 +1,6 @@
 """What becomes of a grasp when its object is not as it should be: the posture at given tensions, and its reserve.
 
-The tensions are those of the grasp, or are changed as little as holds. An object that touches a support stays where it
+The tensions are those of the grasp. An object that touches a support stays where it
 lies; others yield to the fingers. A finger that touches along its length slides on the object as it closes, so that its
 contacts settle anew; a tip that comes straight onto an object that yields stays where it lands: at the place next to
 where it is in the grasp, seen from the object in error. Of all postures that balance, that is taken whose contacts are
@@ -26,7 +26,7 @@ from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, so
 from continuum_grasp.grasp.problem.structure import DriveSpec, ProblemSpec
 from continuum_grasp.grasp.problem.values import Units, held_values
 from continuum_grasp.grasp.robust.errors import InError
-from continuum_grasp.grasp.starts.supports import nearest_contact, support_contacts
+from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from, with_contacts
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
@@ -106,21 +106,12 @@ class Responder:
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> None:
         self.scene, self.arrays, self._budget = scene, dict(arrays), budget
         self.in_error = InError(scene, arrays)
-        names = [str(name) for name in arrays["contact_names"]]
-        forces = dict(zip(names, map(tuple, arrays["contact_forces"].tolist()), strict=True))
-        tensions = {name: tuple(arrays[f"{name}.tensions"].tolist()) for name in scene.named_fingers}
-        self.start = replace(start_from(scene, self.arrays), forces=forces, tensions=tensions)
-        self.yields = not self.in_error.on
-        # Solutions with the tensions of the grasp, by error.
+        self.start = start_from(scene, self.arrays)
         self._known: list[Response] = []
         self.anew = self._fruitless = 0
 
-    def to(self, error: Array, *, retensioned: Response | None = None) -> Response:
-        """The response to an error (6 + K,), with the tensions of the grasp, or with such that hold if there are any:
-        then ``retensioned`` is that with the tensions of the grasp, from which they are sought.
-        """
-        if retensioned is not None:
-            return self._with(retensioned.begin, error, retensioned)
+    def to(self, error: Array) -> Response:
+        """The response to an error (6 + K,)."""
         near = self._nearest(error)
         best = self._with(self.start if near is None else near.begin, error)
         tried, left = {frozenset(best.begin.contacts)}, list(self._next(best))
@@ -137,23 +128,18 @@ class Responder:
                 left[:0] = self._next(other)
         return best
 
-    def _with(self, begin: Start, error: Array, retensioned: Response | None = None) -> Response:
+    def _with(self, begin: Start, error: Array) -> Response:
         """The response to an error with the contacts of a start."""
         solver = self._solver(begin)
-        scene = self.in_error.scene_with(error, yields=self.yields)
-        start = start_in_error(self.scene, self.in_error, begin, scene, error)
-        pinned = self._pinned(solver, scene, start, error, tensions=retensioned is None)
-        # More than what holds is not asked for: the tensions change as little as they can.
-        most = {} if retensioned is None else {"reserve": 0.0}
-        known = self._nearest(error, begin) if retensioned is None else retensioned
-        solve = partial(solver.run, scene, start, self._budget, pinned=pinned, most=most)
+        scene, start = self.in_error.plant(begin, error)
+        solve = partial(solver.run, scene, start, self._budget, pinned=self._pinned(solver, scene, start, error))
         # Without its multipliers, which mislead where other limits act: six robust grasps take 6 % longer with them.
-        near = None if known is None or not known.attempt.converged else known.attempt.x
-        attempts = [] if near is None else [solve(x0=near)]
+        known = self._nearest(error, begin)
+        attempts = [] if known is None else [solve(x0=known.attempt.x)]
         # A local optimum that does not hold says nothing of others.
         if not any(_reserve(solver, attempt) >= HOLDS for attempt in attempts):
             self.anew += 1
-            attempts.append(solve(rung=2, x0=None if retensioned is None else near))
+            attempts.append(solve(rung=2))
         attempt = max(reversed(attempts), key=partial(_reserve, solver))
         reserve, margin, weakest = _reserve(solver, attempt), np.nan, ""
         if attempt.converged:
@@ -163,12 +149,14 @@ class Responder:
         elif attempt.status is nlp.Status.INFEASIBLE:
             margin = -np.inf
         found = Response(error, scene, reserve, margin, weakest, start, attempt, solver, begin)
-        if retensioned is None and attempt.converged:
+        if attempt.converged:
             self._known.append(found)
         return found
 
     def _solver(self, begin: Start) -> GraspSolverRun:
-        solver: GraspSolverRun = solver_for(ProblemSpec.of(self.scene, begin.contacts).in_error(landed=self.yields))
+        solver: GraspSolverRun = solver_for(
+            ProblemSpec.of(self.scene, begin.contacts).in_error(landed=self.in_error.yields)
+        )
         return solver
 
     def _next(self, response: Response) -> Iterator[Start]:
@@ -218,19 +206,16 @@ class Responder:
                     found.append((gap, name, replace(at, point=point)))
         yield from ((name, at) for _, name, at in sorted(found, key=lambda one: one[0]))
 
-    def _pinned(
-        self, solver: GraspSolverRun, scene: GraspScene, start: Start, error: Array, *, tensions: bool
-    ) -> dict[str, Array]:
+    def _pinned(self, solver: GraspSolverRun, scene: GraspScene, start: Start, error: Array) -> dict[str, Array]:
         """Unknowns that are given, in units of the problem; NaN where one is not."""
         units, pinned = Units.of(scene), self.landings(solver, error)
-        if not self.yields and scene.object.free is not None:
+        if not self.in_error.yields and scene.object.free is not None:
             # What the supports decide follows from their contacts.
             pose = np.array(units.pose(scene.object.pose))
             pinned["object pose"] = np.where(np.isin(range(3), self.in_error.left), pose, np.nan)
         for setup in scene.setups:
-            if tensions:
-                key = "pulls" if DriveSpec.of(setup) is None else "command"
-                pinned[f"{setup.name}.{key}"] = held_values(setup, self.arrays)
+            key = "pulls" if DriveSpec.of(setup) is None else "command"
+            pinned[f"{setup.name}.{key}"] = held_values(setup, self.arrays)
             if setup.finger.base_free is not None:
                 pinned[f"{setup.name}.base"] = np.array(units.pose(start.fingers[setup.name].base))
         return pinned
@@ -280,18 +265,3 @@ def _least_margin(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -
 def _rotation(angle: float) -> Array:
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s], [s, c]])
-
-
-def start_in_error(scene: GraspScene, in_error: InError, start: Start, other: GraspScene, error: Array) -> Start:
-    """A grasp's ``start`` for the scene ``other`` of an error, whose object has another size and lies elsewhere, with
-    the friction states given.
-    """
-    size = 1.0 + float(error[3])
-    contacts = {
-        name: replace(contact, point=(size * contact.point[0], size * contact.point[1]))
-        for name, contact in start.contacts.items()
-    }
-    contacts |= support_contacts(other, other.object.pose, in_error.on)
-    contacts = {name: contacts[name] for name in start.contacts}
-    states = {name: tuple(error[6:][columns].tolist()) for name, columns in scene.state_columns.items()}
-    return replace(start, object_pose=other.object.pose, contacts=contacts, friction_states=states)

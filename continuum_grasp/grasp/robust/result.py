@@ -29,10 +29,6 @@ class Trials:
     margins : ndarray, shape (draws,)
         Least friction margin of each draw with these tensions, negative where a contact slips [1]; minus infinity where
         one parts or no posture balances, NaN where the solver has no answer.
-    retried : int
-        Draws that do not hold with these tensions and were tried with others.
-    recovered : int
-        Draws of these that hold with tensions chosen anew, within their limits.
     corner_margins : ndarray, shape (corners,)
         As ``margins``, at all corners of the bounds with the least friction.
     alone : dict of str to float
@@ -48,8 +44,6 @@ class Trials:
 
     tension: float
     margins: Array = field(repr=False)
-    retried: int
-    recovered: int
     corner_margins: Array = field(repr=False)
     alone: Mapping[str, float]
     weakest: Mapping[str, int]
@@ -70,13 +64,6 @@ class Trials:
     def least(self) -> float:
         """Least margin of all draws and corners [1]."""
         return float(np.nanmin(np.concatenate([self.margins, self.corner_margins])))
-
-    @property
-    def retensioned(self) -> float:
-        """Estimated share of the draws that hold with tensions chosen anew where needed [1]."""
-        failed = self.margins.size - self.held
-        again = self.recovered / self.retried if self.retried else 0.0
-        return (self.held + failed * again) / self.margins.size
 
 
 @dataclass(frozen=True)
@@ -161,7 +148,6 @@ class Robustness(Summarized):
         return [
             row("sum of tensions", lambda one: f"{one.tension:.2f} N"),
             row("draws held, tensions fixed", lambda one: f"{one.held} of {one.margins.size}"),
-            row("of the others, held with new tensions", _recovered),
             row("least margin, draws and corners", lambda one: _margin(one.least)),
             *(
                 row(f"least margin, {name} alone", lambda one, name=name: _margin(one.alone[name]))
@@ -179,8 +165,6 @@ class Robustness(Summarized):
                 "tension_N": one.tension,
                 "draws": int(one.margins.size),
                 "held": one.held,
-                "retried_with_new_tensions": one.retried,
-                "recovered_by_new_tensions": one.recovered,
                 "least_margin": one.least,
                 "corners": int(one.corner_margins.size),
                 "corners_held": int((one.corner_margins >= 0.0).sum()),
@@ -192,10 +176,6 @@ class Robustness(Summarized):
 
         found = {"nominal": of(self.nominal)}
         return found if self.robust is None else {**found, "robust": of(self.robust)}
-
-
-def _recovered(one: Trials) -> str:
-    return f"{one.recovered} of {one.retried} tried" if one.retried else "-"
 
 
 def _weakest(one: Trials) -> str:

@@ -78,32 +78,77 @@ class Found:
         return self.certificate.passed and all(response.holds for response in self.responses)
 
 
+class Exchange:
+    """Errors that are tried, and those of them that the problem of a grasp must have: they grow until none fails.
+
+    Parameters
+    ----------
+    scene : GraspScene
+    bounds : Robust
+    arrays : mapping
+        Of the grasp that it begins with, as a result holds them.
+    budget : Budget
+    errors : ndarray, shape (K, 6 + S), optional
+        Those that the problem has already.
+
+    Attributes
+    ----------
+    responder : Responder
+        Of the grasp that was tried last.
+    responses : sequence of Response
+        Of that grasp to all errors.
+    chosen : list of int
+        Which of these the problem must have.
+    """
+
+    responder: Responder
+
+    def __init__(
+        self, scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget, errors: Sequence[Array] = ()
+    ) -> None:
+        self.scene, self.budget, self.responses = scene, budget, list[Response]()
+        tried = {error.tobytes(): error for error in (*errors, *tried_errors(scene, bounds, arrays))}
+        self._errors, self.chosen = list(tried.values()), list(range(len(errors)))
+
+    def active(self, arrays: Mapping[str, Any]) -> list[Response]:
+        """Responses of a grasp to what its problem must have, the worst that fail now included; none where none fails,
+        or no more are taken in.
+        """
+        self.responder = Responder(self.scene, arrays, self.budget)
+        self.responses = [self.responder.to(error) for error in self._errors]
+        self.responses += list(descended(self.responder, self.responses))
+        self._errors = [response.error for response in self.responses]
+        order = np.argsort([response.reserve for response in self.responses], kind="stable")
+        worse = [int(k) for k in order if not self.responses[k].holds and k not in self.chosen]
+        if not worse or len(self.chosen) >= EXCHANGES * MOST or self.budget.over:
+            return []
+        self.chosen += worse[:MOST]
+        return [self.responses[k] for k in self.chosen]
+
+    @property
+    def holds(self) -> bool:
+        """Whether the grasp that was tried last holds for all errors."""
+        return all(response.holds for response in self.responses)
+
+
 def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget) -> Found:
     """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds."""
-    every = list(tried_errors(scene, bounds, arrays))
-    chosen: list[int] = []
+    exchange = Exchange(scene, bounds, arrays, budget)
     touching: Sequence[Mapping[str, ContactStart]] = ()
     iterations, optimal = 0, True
     first: Sequence[Response] = ()
-    while True:
-        responder = Responder(scene, arrays, budget)
-        responses = [responder.to(error) for error in every]
-        responses += list(descended(responder, responses))
-        every = [response.error for response in responses]
-        first = first or responses
-        order = np.argsort([response.reserve for response in responses], kind="stable")
-        worse = [int(k) for k in order if not responses[k].holds and k not in chosen]
-        if not worse or len(chosen) >= EXCHANGES * MOST or budget.over:
-            break
-        chosen += worse[:MOST]
-        touching = [responses[k].begin.contacts for k in chosen]
-        attempt, new = _solved(responder, [responses[k] for k in chosen], budget)
+    while active := exchange.active(arrays):
+        first = first or exchange.responses
+        touching = [response.begin.contacts for response in active]
+        attempt, new = _solved(exchange.responder, active, budget)
         iterations += attempt.iterations
         if new is None:
             break
         arrays, optimal = new, attempt.status is nlp.Status.SOLVED
-    active = np.array([every[k] for k in chosen]).reshape(len(chosen), every[0].size)
-    return Found(arrays, certify_reached(scene, arrays), optimal, iterations, active, touching, responses, first)
+    responses = exchange.responses
+    errors = np.array([responses[k].error for k in exchange.chosen]).reshape(len(touching), responses[0].error.size)
+    certificate = certify_reached(scene, arrays)
+    return Found(arrays, certificate, optimal, iterations, errors, touching, responses, first or responses)
 
 
 def _solved(

@@ -39,8 +39,6 @@ DRAWS = 100
 """Friction states that are drawn, where the scene names no errors."""
 COMPARED = 200
 """Draws with which the nominal grasp is tried: its share is known to 7 percentage points at 95 %."""
-RETRIED = 50
-"""Draws, of those that do not hold, that are tried with other tensions."""
 HALVINGS = 4
 """How often the interval of the bounds that can be borne is halved: to a sixteenth."""
 BRANCHES = 2
@@ -285,7 +283,6 @@ def _trials(
     responder = Responder(scene, arrays, budget)
     responses = [responder.to(error) for error in errors]
     failed = [response for response in responses if not response.holds]
-    again = [responder.to(response.error, retensioned=response) for response in failed[:RETRIED]]
     weakest: dict[str, int] = {}
     for response in failed:
         name = response.weakest or "balance"
@@ -299,8 +296,6 @@ def _trials(
     return Trials(
         tension_of(scene, arrays),
         np.array([response.margin for response in responses]),
-        len(again),
-        sum(response.holds for response in again),
         np.array([response.margin for response in corners]),
         single,
         weakest,

@@ -1,0 +1,321 @@
+"""What share of plants that differ from the model by usual errors a grasp would hold with the tensions that it has.
+
+The equations of the grasp problem, contacts touching and object and fingers in balance, are taken to first order in its
+unknowns and in the errors. Friction coefficients are exact. What the equations leave open, forces that contacts share
+and ways that fingers slide, is chosen so that the contact nearest to slipping is as far from it as can be, as in
+`continuum_grasp.grasp.robust.response`, which solves each plant in full. Only slipping and parting count: how a plant
+fares with other limits, such as those of normal forces and clearance, is not asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.problem.points import starting_point
+from continuum_grasp.grasp.problem.solver_run import solver_for
+from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.problem.values import (
+    Units,
+    contact_features,
+    held_values,
+    moved_features,
+    problem_bounds,
+    problem_values,
+)
+from continuum_grasp.grasp.robust.errors import InError
+from continuum_grasp.grasp.robust.response import HOLDS
+from continuum_grasp.grasp.robust.result import ERRORS
+from continuum_grasp.grasp.starts.values import start_from
+from continuum_grasp.scene.grasp import GraspScene
+from continuum_grasp.scene.grasp_options import Robust
+
+Array = NDArray[Any]
+
+USUAL = {"place": 0.005, "friction": 0.2, "mass": 0.1, "stiffness": 0.1, "tension": 0.05}
+"""Usual errors, each evenly to both sides [1]: the object's place along and across the first finger's base, per length
+of the longest finger; friction coefficients, the object's mass, bending stiffness, and the tensions of each finger as
+shares. Those of `Trials` of missions, but for friction, which is known to a fifth as a rule."""
+PLANTS = 128
+"""Plants of the quasi-random sequence, each with eight signs of its errors: shares are good to 1 or 2 %."""
+_TURNS = 24
+"""Tangent planes that stand for a spatial friction cone, beside that at the force of the grasp: 0.9 % wider."""
+_FAR = 1e2
+"""Bound of what is open [units of the problem]: far beyond what any plant needs."""
+_SINGULAR = 1e-9
+"""Singular value, per greatest one, of equations that depend on others."""
+_PIVOTS = 60
+"""Most exchanges of active constraints: ten are usual."""
+_EQUATIONS = (
+    *("contact gap", "contact tangency", "contact on the surface", "contact normal"),
+    *("finger equilibrium", "drive", "object "),
+)
+"""First words of the constraints that stay equations in every plant."""
+_LIMITS = ("contact direction", "contact within")
+"""And of the limits beyond which a contact is another one: a finger's side in place of its tip, off a support."""
+
+
+@dataclass(frozen=True)
+class PlantShare:
+    """How many plants with usual errors a grasp would hold.
+
+    Attributes
+    ----------
+    share : float
+        Of plants drawn evenly within the errors [1]; NaN where it was not computed.
+    errors : dict of str to float
+        Greatest errors to both sides by name: lengths [m], angle [rad], others as shares [1].
+    why_not : str
+        Why the share was not computed; empty where it was.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> grasp = cg.optimize_grasp("configs/grasp/mug_arcs.yaml")  # least tension, so that a contact is about to slip
+    >>> 0.4 < grasp.plants.share < 0.6, grasp.plants.errors["friction"]
+    (True, 0.2)
+    """
+
+    share: float
+    errors: Mapping[str, float]
+    why_not: str = ""
+
+    def __str__(self) -> str:
+        if self.why_not:
+            return f"what share of plants with usual errors would hold was not computed: {self.why_not}"
+        units = {"place": ("mm", 1e3), "angle": ("deg", float(np.degrees(1.0)))}
+        each = ((name, value, *units.get(name, ("%", 100.0))) for name, value in self.errors.items())
+        words = (f"{name} \N{PLUS-MINUS SIGN}{scale * value:.2g} {unit}" for name, value, unit, scale in each)
+        return f"{self.share:.0%} of plants with usual errors would hold ({', '.join(words)})"
+
+    def data(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {"share": None if self.why_not else self.share, "errors": dict(self.errors), "why_not": self.why_not}
+
+
+def plant_share(scene: GraspScene, arrays: Mapping[str, Any]) -> PlantShare:
+    """The share of plants that a grasp would hold; ``arrays`` are its numbers as a result holds them.
+
+    Errors of the object are those of ``robust`` where the scene has it, others usual ones.
+    """
+    length = max(setup.finger.rod.length for setup in scene.setups)
+    usual = Robust(position=USUAL["place"] * length, friction=USUAL["friction"], mass=USUAL["mass"])
+    bounds = scene.robust or usual
+    errors = {"friction": bounds.friction, "mass": bounds.mass, "place": bounds.position, "angle": bounds.angle}
+    errors |= {"size": bounds.radius, "stiffness": USUAL["stiffness"], "tension": USUAL["tension"]}
+    errors = {name: value for name, value in errors.items() if value}
+    sides = np.diag([*bounds.bounds, USUAL["stiffness"], *[USUAL["tension"]] * len(scene.setups)])
+    if scene.robust is None:  # along and across a finger, whichever way the scene lies
+        turn = scene.setups[0].finger.base.angle
+        c, s = np.cos(turn), np.sin(turn)
+        sides[:2, :2] = bounds.position * np.array([[c, s], [-s, c]])
+    try:
+        held = _Plants(scene, arrays, sides).reserves(drawn_evenly(len(sides))) >= HOLDS
+    except InputError as error:
+        return PlantShare(float("nan"), errors, str(error))
+    return PlantShare(float(held.mean()), errors)
+
+
+def drawn_evenly(count: int) -> Array:
+    """Points (8 PLANTS, count) of the cube from -1 to 1, evenly: an additive recurrence as that of
+    `continuum_grasp.grasp.starts.supports`, with both signs of the first two columns, and with their product that of
+    the third, so that a mirrored scene has mirrored errors; and both signs of all others.
+    """
+    root = 2.0
+    for _ in range(60):
+        root = (1.0 + root) ** (1.0 / (count + 1.0))
+    steps = np.arange(1, PLANTS + 1)[:, None] * root ** -np.arange(1.0, count + 1.0)
+    signs = np.ones((8, count))
+    signs[:, :3] = [[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]] * 2
+    signs[4:, 3:] = -1.0
+    points: Array = signs[:, None] * (2.0 * np.mod(0.5 + steps, 1.0) - 1.0)
+    return points.reshape(-1, count)
+
+
+class _Plants:
+    """Contact forces of all plants, to first order: those of the grasp, and K ways in which they may change.
+
+    ``sides`` (E, E) has an error of the object, of the stiffness and of each finger's tensions per row, to one side.
+    `InputError` says why there is nothing to compute.
+    """
+
+    def __init__(self, scene: GraspScene, arrays: Mapping[str, Any], sides: Array) -> None:
+        if any(len(arrays[f"{setup.name}.lengths"]) != setup.elements for setup in scene.setups):
+            raise InputError("the fingers have other elements than those of the scene")
+        self.scene, self.arrays, self.sides = scene, arrays, sides
+        self.in_error, self.start = InError(scene, arrays), start_from(scene, dict(arrays))
+        self.features = contact_features(scene, self.start.contacts)
+        self.solver = solver_for(ProblemSpec.of(scene, self.start.contacts))
+        self._known: dict[bytes, tuple[Array, Array]] = {}
+        problem = self.solver.problem
+        self.names = [contact.name for contact in problem.spec.contacts]
+        if not self.names:
+            raise InputError("nothing touches the object")
+        x, numbers = self._point(np.zeros(len(sides)))
+        kinds = ([b.rows.ravel() for b in problem.rows.blocks if b.name.startswith(k)] for k in (_EQUATIONS, _LIMITS))
+        equations, limits = (np.concatenate([np.zeros(0, dtype=int), *rows]) for rows in kinds)
+        self._chosen, count = np.concatenate([equations, limits]), equations.size
+        jacobian = np.array(self.solver.nlp.functions["jac_g"](x, numbers)[1])[self._chosen]
+        columns, motions = self._open(x), self._object_motions(x, numbers, jacobian)
+        slopes = np.column_stack([jacobian[:, columns], motions])
+        # Central differences over the whole errors: slopes between their ends, not at the grasp.
+        ends = [(self._point(side), self._point(-side)) for side in sides]
+        moved = 0.5 * np.array([more[0] - less[0] for more, less in ends]).T
+        broken = 0.5 * np.array([self._rows(*more) - self._rows(*less) for more, less in ends]).T
+        landed, off = self._landings(x, numbers, columns, motions.shape[1])
+        unknown, given = np.concatenate([slopes[:count], landed]), np.concatenate([broken[:count], off])
+        # What changes least of all that satisfies the equations, and the ways that they leave.
+        left, values, right = np.linalg.svd(unknown)
+        rank = int((values > _SINGULAR * values[0]).sum())
+        answer, ways = -right[:rank].T @ (left[:, :rank].T @ given / values[:rank, None]), right[rank:].T
+        if np.abs(unknown @ answer + given).max() > 1e-6 * max(1.0, np.abs(given).max()):
+            raise InputError("contacts of the grasp cannot all stay in plants with such errors")
+        self._spare = self._rows(x, numbers)[count:]
+        self._spare_by_error = broken[count:] + slopes[count:] @ answer
+        self._spare_by_way = slopes[count:] @ ways
+        by_way = np.zeros((x.size, ways.shape[1]))
+        moved[columns] += answer[: columns.size]
+        by_way[columns] = ways[: columns.size]
+        at = [problem.x.at[f"force, {name}"] for name in self.names]
+        self._forces, self._by_error, self._by_way = (np.array([v[one] for one in at]) for v in (x, moved, by_way))
+
+    def reserves(self, points: Array) -> Array:
+        """By how much all cones could be narrower in plants (D,) of errors (D, E) from -1 to 1, per force reference;
+        negative where a contact slips, parts, or would be beyond its tip.
+        """
+        friction = np.array([self.scene.friction(name) for name in self.names])
+        slippery = np.outer(1.0 + points @ self.sides[:, ERRORS.index("friction")], friction)
+        forces = self._forces + np.einsum("cfe,de->dcf", self._by_error, points)
+        turns = 2.0 * np.pi * np.arange(_TURNS) / _TURNS
+        around = np.stack([np.cos(turns), np.sin(turns)], axis=1) if forces.shape[2] == 3 else np.array([[1.0], [-1.0]])
+        ways = self._by_way.shape[2]
+        rows = [np.tile(-self._spare_by_way, (len(points), 1, 1))]
+        limits = [self._spare + points @ self._spare_by_error.T]
+        for k, (_, *sideways) in enumerate(self._forces):
+            # Friction times normal force, less the force along each direction; and what presses.
+            own = np.array(sideways) / max(float(np.linalg.norm(sideways)), 1e-300)
+            cone = np.zeros((len(points), len(around) + 2, forces.shape[2]))
+            cone[:, :-1, 0], cone[:, -1, 0], cone[:, :-1, 1:] = slippery[:, k, None], 1.0, -np.vstack([around, own])
+            rows.append((-cone.reshape(-1, cone.shape[2]) @ self._by_way[k]).reshape(*cone.shape[:2], ways))
+            limits.append(np.einsum("drf,df->dr", cone, forces[:, k]))
+        matrix = np.concatenate(rows, axis=1)
+        matrix = np.concatenate([matrix, np.ones((*matrix.shape[:2], 1))], axis=2)
+        unit = Units.of(self.scene).force
+        return greatest_last(matrix, np.concatenate(limits, axis=1)) / max(self.scene.weight / unit, 1.0)
+
+    def _point(self, error: Array) -> tuple[Array, Array]:
+        """Unknowns of the grasp with an error (E,), and the numbers of the problem there."""
+        of_object, stiffness, tensions = error[: len(ERRORS)].copy(), error[len(ERRORS)], error[len(ERRORS) + 1 :]
+        # Stiffer fingers bend as those with less of all other forces; friction is part of the cones alone.
+        softer, heavier = 1.0 / (1.0 + stiffness), 1.0 + of_object[ERRORS.index("mass")]
+        of_object[ERRORS.index("friction") :] = 0.0
+        x, numbers = (values.copy() for values in self._placed(of_object))
+        at = self.solver.problem.numbers.at
+        for name in ("weight", *(f"{setup.name}.weight" for setup in self.scene.setups)):
+            if name in at:
+                numbers[at[name]] *= softer * (heavier if name == "weight" else 1.0)
+        for setup, off in zip(self.scene.setups, tensions, strict=True):
+            pull, command = (f"{setup.name}.{key}" for key in ("pulls", "command"))
+            x[self.solver.problem.x.at[pull]] *= softer * (1.0 + off)
+            if command in self.solver.problem.x.at:
+                key = f"{setup.name}.tensions"
+                arrays = {**self.arrays, key: softer * (1.0 + off) * np.asarray(self.arrays[key])}
+                x[self.solver.problem.x.at[command]] = held_values(setup, arrays)
+        return x, numbers
+
+    def _placed(self, error: Array) -> tuple[Array, Array]:
+        """The same with an error of pose and size alone."""
+        key = error.tobytes()
+        if key not in self._known:
+            problem, scene, start, features = self.solver.problem, self.scene, self.start, self.features
+            if error.any():
+                scene, start = self.in_error.plant(start, error)
+                features = moved_features(self.scene, scene, start.contacts, features)
+            numbers = problem.numbers.pack(problem_values(problem, scene, start, features), 0.0)
+            x = starting_point(problem, scene, start, features)
+            for setup, finger in zip(scene.setups, problem.fingers, strict=True):
+                if not setup.graded:  # starts have steps of the curvature rounded off
+                    size = finger.model.structure.family.coordinate_size(1.0, setup.finger.rod.length)
+                    x[problem.x.at[f"{setup.name}.q"]] = self.arrays[f"{setup.name}.q"] / size
+            self._known[key] = x, numbers
+        return self._known[key]
+
+    def _rows(self, x: Array, numbers: Array) -> Array:
+        return np.asarray(np.array(self.solver.nlp.functions["jac_g"](x, numbers)[0]).ravel()[self._chosen])
+
+    def _open(self, x: Array) -> NDArray[np.int64]:
+        """Which unknowns follow from the errors: forces, places, shapes; of drives the tensions."""
+        problem = self.solver.problem
+        low, high = problem_bounds(problem, self.scene, self.features)
+        names = [name for name in problem.x.at if name.startswith(("force, ", "place, "))]
+        for setup in self.scene.setups:
+            own = ("q", *(f"joint_{k}" for k in range(len(setup.middles))))
+            own += () if setup.drive is None else ("pulls", "wound")
+            names += [name for key in own if (name := f"{setup.name}.{key}") in problem.x.at]
+        every = np.concatenate([np.arange(x.size)[problem.x.at[name]] for name in names])
+        return np.asarray(every[low[every] < high[every]])
+
+    def _object_motions(self, x: Array, numbers: Array, jacobian: Array) -> Array:
+        """Changes of the equations with coordinates of the pose that follow from the errors, too."""
+        problem, yields = self.solver.problem, self.in_error.yields
+        free = [k for k in range(3) if yields or (problem.spec.free and k not in self.in_error.left)]
+        if problem.spec.free:
+            return jacobian[:, np.arange(x.size)[problem.x.at["object pose"]][free]]
+        steps = 1e-6 * np.eye(numbers.size)[problem.numbers.at["object pose"]][free]
+        found = [(self._rows(x, numbers + step) - self._rows(x, numbers - step)) / 2e-6 for step in steps]
+        return np.reshape(found, (len(free), len(jacobian))).T
+
+    def _landings(self, x: Array, numbers: Array, columns: Array, motions: int) -> tuple[Array, Array]:
+        """Equations of tips that stay where they landed on an object that yields, as `GraspProblem` has them."""
+        problem, length = self.solver.problem, Units.of(self.scene).length
+        rows, off = [np.zeros((0, columns.size + motions))], [np.zeros((0, len(self.sides)))]
+        spec = problem.spec.in_error(landed=self.in_error.yields)
+        c, s = np.cos(self.in_error.pose[2]), np.sin(self.in_error.pose[2])
+        for contact in problem.contacts:
+            if not spec.lands(contact.spec):
+                continue
+            point, normal = contact.local.point, contact.local.normal
+            across = ca.vertcat(-normal[1], normal[0])
+            args = [problem.x.symbol, problem.numbers.symbol]
+            slope = ca.Function("landing", args, [across, point, across.T @ ca.jacobian(point, args[0])])
+            along, at, change = (np.array(value) for value in slope(x, numbers))
+            # In the object's frame its place is off by as much as the object is off, turned and grown.
+            moved = self.sides[:, :2] @ np.array([[c, -s], [s, c]]) / length
+            moved += self.sides[:, 2:3] * [-at[1, 0], at[0, 0]] + self.sides[:, 3:4] * at.ravel()
+            rows.append(np.append(change.ravel()[columns], np.zeros(motions))[None])
+            off.append((moved @ along.ravel())[None])
+        return np.concatenate(rows), np.concatenate(off)
+
+
+def greatest_last(rows: Array, limits: Array) -> Array:
+    """The greatest last unknown (D,) of D linear problems ``rows @ x <= limits``, (D, M, K) and (D, M), all at once by
+    the dual simplex method; the unknowns before it stay within a box.
+    """
+    count, _, size = rows.shape
+    box = np.concatenate([np.eye(size), -np.eye(size)])
+    rows = np.concatenate([np.tile(box, (count, 1, 1)), rows], axis=1)
+    limits = np.concatenate([np.full((count, 2 * size), _FAR), limits], axis=1)
+    # A little of the other unknowns makes optima corners, and multipliers positive.
+    aim = np.append(1e-7 * np.sqrt(np.arange(1.0, size)), 1.0)
+    active, each = np.tile(np.arange(size), (count, 1)), np.arange(count)
+    x = np.zeros((count, size))
+    for _ in range(_PIVOTS):
+        inverse = np.linalg.inv(rows[each[:, None], active])
+        x = np.einsum("dij,dj->di", inverse, limits[each[:, None], active])
+        over = np.einsum("dmi,di->dm", rows, x) - limits
+        worst = over.argmax(axis=1)
+        still = np.flatnonzero(over[each, worst] > 1e-9)
+        if not still.size:
+            break
+        force = np.einsum("i,dij->dj", aim, inverse[still])
+        entering = np.einsum("di,dij->dj", rows[still, worst[still]], inverse[still])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(entering > 1e-12, np.maximum(force, 0.0) / entering, np.inf)
+        active[still, ratio.argmin(axis=1)] = worst[still]
+    return x[:, -1]
