@@ -30,7 +30,7 @@ def drawn(kind: str, seed: int) -> Data:
     """A scene with two elements per finger: "one" finger before one of seven kinds of objects; "union": before two
     parts; "two" and "three" fingers that touch with their tips; "wrap": two that may touch with their middles, too;
     "outline": one, which touches with middle and tip, before an object that is not convex; "tapered": one whose
-    stiffness, density and thickness fall towards the tip; "infeasible": one with a limit that is likely too tight.
+    stiffness, density and tendon offsets fall towards the tip; "infeasible": one with a limit that is likely too tight.
     """
     if kind in ("two", "three"):
         return DRAWN[kind](seed) | UNASKED
@@ -73,12 +73,13 @@ _TIGHT = (
 
 
 def _taper(random: np.random.Generator, finger: Data) -> None:
-    """Let a finger become thinner from base to tip: stiffness by the fourth power, density by the square."""
-    ratio = random.uniform(0.4, 0.9)
-    rod, tendons = finger["rod"], finger["tendons"]
-    for part, key, power in ((rod, "bending_stiffness", 4), (rod, "linear_density", 2), (tendons, "offset", 1)):
-        part[key] = [part[key], ratio**power * part[key]]
-    finger["half_thickness"] = [finger["half_thickness"], ratio * finger["half_thickness"]]
+    """Let a finger become thinner from base to tip: stiffness by the fourth power, density by the square,
+    tendon offsets by the first."""
+    ratio, rod, pair = random.uniform(0.4, 0.9), finger["rod"], finger.pop("tendons")
+    for key, power in (("bending_stiffness", 4), ("linear_density", 2)):
+        rod[key] = [rod[key], ratio**power * rod[key]]
+    ends = np.array([1.0, ratio]) * pair["offset"]
+    finger["tendons"] = [pair | {"offset": (side * ends).tolist()} for side in (1.0, -1.0)]
 
 
 def random_outline(random: np.random.Generator, size: float) -> list[tuple[float, float]]:
