@@ -74,7 +74,8 @@ _TIGHT = (
 
 def _taper(random: np.random.Generator, finger: Data) -> None:
     """Let a finger become thinner from base to tip: stiffness by the fourth power, density by the square,
-    tendon offsets by the first."""
+    tendon offsets by the first.
+    """
     ratio, rod, pair = random.uniform(0.4, 0.9), finger["rod"], finger.pop("tendons")
     for key, power in (("bending_stiffness", 4), ("linear_density", 2)):
         rod[key] = [rod[key], ratio**power * rod[key]]

@@ -119,15 +119,20 @@ def test_walls_meet_the_outermost_corners_and_what_lies_between_feet_is_no_face(
 
 
 def test_a_tip_between_two_faces_touches_that_whose_normal_it_states():
-    """A tip in the corner of an L touches both of its bars."""
+    """A tip in the corner of an L touches both of its bars, also where one is nearer by what contacts may be off."""
     part, center = OffsetPolygon(ELL), np.array([0.025, 0.025])
-    for normal, foot in (((1.0, 0.0), (0.02, 0.025)), ((0.0, 1.0), (0.025, 0.02))):
-        touched = surfaces.touched(part, center, np.array(normal))
+    for (normal, foot), off in itertools.product(
+        (((1.0, 0.0), (0.02, 0.025)), ((0.0, 1.0), (0.025, 0.02))), (0.0, 1e-8, -1e-8)
+    ):
+        touched = surfaces.touched(part, center + np.array([off, 0.0]), np.array(normal))
         found = surfaces.nearest(touched, center[None])
         assert found.normal[0] == pytest.approx(normal)
         assert found.point[0] == pytest.approx(foot)
         # From afar the other bar, which lies in front of the face, does not count.
         assert surfaces.nearest(touched, (center + 0.1 * np.array(normal))[None]).point[0] == pytest.approx(foot)
+    # Where it is clearly nearer to one, no normal makes it touch the other.
+    beside = surfaces.touched(part, center + np.array([1e-5, 0.0]), np.array([1.0, 0.0]))
+    assert surfaces.nearest(beside, center[None]).point[0] == pytest.approx((0.025, 0.02))
 
 
 # -- files ---------------------------------------------------------------------------------------------------------
@@ -263,7 +268,7 @@ def test_polygons_that_cross_or_touch_themselves_are_refused_with_the_place():
 
 
 def test_scale_and_tolerance_of_an_outline_vary(tmp_path):
-    """What sweeps and designs put in place of a value is read from the drawing anew: a circle, of which they know all."""
+    """Every value has the drawing read anew, a circle here."""
     turns = np.arange(720) * math.tau / 720
     np.savetxt(tmp_path / "disc.csv", 20.0 * np.column_stack([np.cos(turns), np.sin(turns)]), delimiter=",")
     data = load(SCENE).model_dump(mode="json", exclude_unset=True) | {"schema_version": 1}
