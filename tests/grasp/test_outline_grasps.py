@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import shapely
@@ -10,11 +12,12 @@ from scipy.interpolate import CubicSpline
 from benchmarks.bench_grasp_elements import outcome
 from benchmarks.grasp_images import drawn
 from continuum_grasp.grasp import certify, optimize_grasp
-from continuum_grasp.grasp.problem import solver_run
+from continuum_grasp.grasp.problem import solver_run, structure, surroundings
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.parts import OffsetPolygon, corners_of
 from tests.marks import few
 
 # An L, 60 mm by 60 mm of bars 25 mm wide, whose foot is away from the palm; from its center of mass.
@@ -72,6 +75,17 @@ def test_a_contact_goes_on_where_a_face_ends(monkeypatch):
     assert moved.objective == pytest.approx(best.objective, rel=1e-6)
     assert moved.features == best.features
     assert stopped.objective > 1.05 * best.objective
+
+
+def test_both_sides_of_a_gate_are_in_the_way():
+    """Between the teeth of a comb, 10 mm apart and nearer to one; each tooth is in pieces of its own."""
+    teeth = [(1e-2 * (k // 2), 3e-2 * ((k + 1) // 2 % 2)) for k in range(12)]
+    pieces = OffsetPolygon(corners_of([*teeth, (0.05, -0.01), (0.0, -0.01)])).pieces
+    assert len(pieces) > structure._NEAREST
+    middle = np.array([[0.0149, 0.03]])
+    seen = surroundings._beside(pieces, structure._NEAREST, middle, SimpleNamespace(length=1.0))
+    nearest = sorted((float(gap[0]), float(circle[0, 0])) for circle, gap in seen)[:2]
+    assert nearest == [pytest.approx((0.0049, 0.01)), pytest.approx((0.0051, 0.02))]
 
 
 @pytest.mark.parametrize("seed", few([2, 5, *(k for k in range(24) if k not in (2, 5))], 2))
