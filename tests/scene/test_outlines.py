@@ -119,19 +119,19 @@ def test_walls_meet_the_outermost_corners_and_what_lies_between_feet_is_no_face(
 
 
 def test_a_tip_between_two_faces_touches_that_whose_normal_it_states():
-    """A tip in the corner of an L touches both of its bars, also where one is nearer by what contacts may be off."""
+    """A tip in the corner of an L touches both of its bars, also where one is nearer by what a finger may be deep."""
     part, center = OffsetPolygon(ELL), np.array([0.025, 0.025])
     for (normal, foot), off in itertools.product(
         (((1.0, 0.0), (0.02, 0.025)), ((0.0, 1.0), (0.025, 0.02))), (0.0, 1e-8, -1e-8)
     ):
-        touched = surfaces.touched(part, center + np.array([off, 0.0]), np.array(normal))
+        touched = surfaces.touched(part, center + np.array([off, 0.0]), np.array(normal), 2e-8)
         found = surfaces.nearest(touched, center[None])
         assert found.normal[0] == pytest.approx(normal)
         assert found.point[0] == pytest.approx(foot)
         # From afar the other bar, which lies in front of the face, does not count.
         assert surfaces.nearest(touched, (center + 0.1 * np.array(normal))[None]).point[0] == pytest.approx(foot)
     # Where it is clearly nearer to one, no normal makes it touch the other.
-    beside = surfaces.touched(part, center + np.array([1e-5, 0.0]), np.array([1.0, 0.0]))
+    beside = surfaces.touched(part, center + np.array([1e-5, 0.0]), np.array([1.0, 0.0]), 2e-8)
     assert surfaces.nearest(beside, center[None]).point[0] == pytest.approx((0.025, 0.02))
 
 
