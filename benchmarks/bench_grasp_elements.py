@@ -2,7 +2,11 @@
 
 Run ``python -m benchmarks.bench_grasp_elements`` in the root of the repository. Scenes are random
 (``benchmarks.grasp_images``); the best of all images of a scene, and of records named by ``--with``, is the oracle.
-Times are processor time after the problems are built.
+Grasps of uniform fingers are checked by equations that share nothing with the package, and outlines that two elements
+do not hold are searched by brute force (``benchmarks.grasp_oracle``). Times are processor time after the build.
+
+Every outcome is a line of the record ``--rows``, to which a further run adds what it lacks: ``--population 1`` is the
+whole list of scenes, whichever part of it a run gets to, ``--count 0`` writes the report alone.
 """
 
 from __future__ import annotations
@@ -18,6 +22,9 @@ import numpy as np
 import yaml
 
 from benchmarks.grasp_images import IMAGES, drawn, force_unit, images, scene_of
+from benchmarks.grasp_oracle.check import LIMITS, residuals
+from benchmarks.grasp_oracle.numbers import numbers
+from benchmarks.grasp_oracle.search import Search as Oracle
 from benchmarks.report import RESULTS, Report, Table
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.search import Search
@@ -28,119 +35,186 @@ from continuum_grasp.workers import ProcessPool, cores
 
 EQUAL, LITTLE, WORSE = 1e-6, 1e-6, 1e-2
 """Relative difference of equal tensions; tension that is none, per the greatest; part by which one is worse."""
+SLACK = 0.03
+"""Part of every limit that a grasp of the brute force keeps free before it counts."""
+POPULATION = {"one": 1000, "two": 300, "three": 100, "tapered": 200, "outline": 200, "infeasible": 300}
+"""Scenes of each kind in the whole list."""
+Row = dict[str, Any]
 
 
-def outcome(task: tuple[str, str, dict[str, Any], int, bool]) -> dict[str, Any]:
-    """What becomes of an image: status, tension in its unit of force, processor time, iterations."""
-    name, image, data, elements, searches = task
-    scene = scene_of(data, elements)
+def outcome(task: tuple[str, str, str, Row, int, str, bool]) -> Row:
+    """What becomes of an image: status, tension in its unit of force, processor time, iterations; the greatest residual
+    of a grasp per its limit, and whether the brute force has one where the package has none.
+    """
+    kind, name, image, data, elements, effort, searches = task
+    scene = scene_of(data, elements).changed({"solver.effort": effort})
     most = sum(setup.max_tension for setup in scene.setups)
-    row: dict[str, Any] = {"scene": name, "image": image, "most": most / force_unit(image)}
+    row: Row = {"kind": kind, "scene": name, "image": image, "effort": effort, "most": most / force_unit(image)}
     began, used = time.perf_counter(), time.process_time()
     try:
-        status, tension, build, iterations = _searched(scene) if searches else _solved(scene)
+        status, tension, build, iterations, arrays = _searched(scene) if searches else _solved(scene)
     except Exception as error:  # whatever it is, it is an outcome
-        return row | {"status": "error", "tension": None, "ms": math.nan, "iterations": 0, "note": repr(error)[:200]}
+        return row | {"status": "error", "tension": None, "ms": None, "iterations": 0, "note": repr(error)[:200]}
     used, share = time.process_time() - used, (time.process_time() - used) / (time.perf_counter() - began)
     tension = None if tension is None else tension / force_unit(image)
-    ms = 1e3 * (used - build * share)
-    return row | {"status": status, "tension": tension, "ms": round(ms, 1), "iterations": iterations}
+    row |= {
+        "status": status,
+        "tension": tension,
+        "ms": round(1e3 * (used - build * share), 1),
+        "iterations": iterations,
+    }
+    if arrays is not None and kind != "tapered":
+        row["residual"] = max(value / LIMITS[key] for key, value in residuals(scene, arrays).items())
+    elif arrays is None and kind == "outline" and elements == 2:
+        row["held"] = held(scene)
+    return row
 
 
-def _solved(scene: GraspScene) -> tuple[str, float | None, float, int]:
+def held(scene: GraspScene) -> float | None:
+    """The tension of a grasp by brute force that keeps clear of every limit [N]; None where it has none."""
+    given = numbers(scene)
+    limits, (hand,) = given.limits, given.hands
+    slack = {name: (1.0 - SLACK) * getattr(limits, name) for name in ("friction", "normal", "strain", "bend")}
+    tight = given.limited(**slack, mass=limits.mass * (1.0 + SLACK), tension=(1.0 - SLACK) * hand.most)
+    best = Oracle(tight).best()
+    return None if best is None else best.value
+
+
+def _solved(scene: GraspScene) -> tuple[str, float | None, float, int, Any]:
     result = optimize_grasp(scene, raise_on_failure=False)
     counts = result.statistics
-    tension = float(result.tension) if result.solved else None
-    return str(result.status), tension, counts["build_seconds"], counts["total_iterations"]
+    tension, arrays = (float(result.tension), result.arrays) if result.solved else (None, None)
+    return str(result.status), tension, counts["build_seconds"], counts["total_iterations"], arrays
 
 
-def _searched(scene: GraspScene) -> tuple[str, float | None, float, int]:
+def _searched(scene: GraspScene) -> tuple[str, float | None, float, int, Any]:
     """The search alone, without reasons why there is no grasp."""
     search = Search(scene, budget := Budget.of(scene.solver))
     search.run()
     used = scene.solver.max_total_iterations - budget.left
     if search.best is None:
-        return "none", None, search.build_seconds, used
-    return (
-        "open" if search.exploration.open else "found",
-        tension_of(scene, search.best.arrays),
-        search.build_seconds,
-        used,
-    )
+        return "none", None, search.build_seconds, used, None
+    arrays = search.best.arrays
+    status = "open" if search.exploration.open else "found"
+    return status, tension_of(scene, arrays), search.build_seconds, used, arrays
 
 
-def judged(rows: list[dict[str, Any]], known: dict[str, float]) -> dict[str, Any]:
-    """Figures of all images of some scenes."""
-    scenes: dict[str, list[dict[str, Any]]] = {}
+def judged(rows: list[Row], known: dict[str, float]) -> dict[str, list[str]]:
+    """What is wrong with the images of some scenes."""
+    scenes: dict[tuple[str, str], list[Row]] = {}
     for row in rows:
-        scenes.setdefault(row["scene"], []).append(row)
-    other_status, other_tension, worse, worst = [], [], [], []
-    for name, some in scenes.items():
+        scenes.setdefault((row["scene"], row["effort"]), []).append(row)
+        if row["tension"] is not None:
+            known[row["scene"]] = min(known.get(row["scene"], math.inf), row["tension"])
+    wrong: dict[str, list[str]] = {}
+    names = ("status differs", "tension differs", "worse", "missed", "false certificate", "false infeasible")
+    status, tension, worse, missed, false, infeasible = (wrong.setdefault(name, []) for name in names)
+    for (name, effort), some in scenes.items():
         tensions = [row["tension"] for row in some if row["tension"] is not None]
-        least, little = min([*tensions, known.get(name, math.inf)]), LITTLE * some[0]["most"]
+        least, little = known.get(name, math.inf), LITTLE * some[0]["most"]
         if len({row["status"] for row in some}) > 1:
-            other_status.append(name)
+            status.append(f"{name} {effort}: {', '.join(row['status'] for row in some)}")
         if tensions and max(tensions) - min(tensions) > EQUAL * abs(min(tensions)) + little:
-            other_tension.append(f"{name}: {', '.join(f'{t:.7g}' for t in tensions)}")
-        late = [row for row in some if row["tension"] is None or row["tension"] > (1.0 + WORSE) * least + little]
-        if math.isfinite(least):
-            worse += [
-                f"{name} {r['image']}: {r['status']} {r['tension']} for {least:.5g}" for r in late if r["tension"]
+            tension.append(f"{name} {effort}: {', '.join(f'{t:.7g}' for t in tensions)}")
+        for row in some:
+            what = f"{name} {effort} {row['image']}: {row['status']}"
+            if row["tension"] is None and math.isfinite(least):
+                missed.append(f"{what} for {least:.5g}")
+            elif row["tension"] is not None and row["tension"] > (1.0 + WORSE) * least + little:
+                worse.append(f"{what} {row['tension']} for {least:.5g}")
+            if row.get("residual", 0.0) > 1.0:
+                false.append(f"{what} {row['residual']:.3g}")
+            if row.get("held") is not None:
+                (infeasible if row["status"] == "infeasible" else missed).append(f"{what} for {row['held']:.5g}")
+    return wrong
+
+
+def report_of(rows: list[Row], known: dict[str, float]) -> Report:
+    """Claims and tables of some rows."""
+    report, wrong = Report("grasp_elements", 0), judged(rows, known)
+    for what, found in wrong.items():
+        report.claim(what, len(found), "<=", 0)
+    groups: dict[tuple[str, str], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row["kind"], row["effort"]), []).append(row)
+    times, table = [], []
+    for (kind, effort), group in groups.items():
+        found = [len(each) for each in judged(group, dict(known)).values()]
+        table.append([kind, effort, len({row["scene"] for row in group}), len(group), *found])
+        for status in sorted({row["status"] for row in group}):
+            some = [row for row in group if row["status"] == status]
+            spent = [
+                np.percentile([row[key] or 0.0 for row in some], p) for key in ("ms", "iterations") for p in (50, 95)
             ]
-            worst += [f"{name} {r['image']}: {r['status']} for {least:.5g}" for r in late if r["tension"] is None]
-    return {"status differs": other_status, "tension differs": other_tension, "worse": worse, "missed": worst}
+            times.append([kind, effort, status, len(some), *map(float, spent)])
+    columns = ["kind", "effort", "status", "images", "median [ms]", "95 % [ms]", "iterations, median", "95 %"]
+    report.tables.append(Table("By kind and status", columns, times, "Processor time after the build."))
+    report.tables.append(Table("By kind", ["kind", "effort", "scenes", "images", *wrong], table))
+    report.tables += [Table(what, ["scene"], [[each] for each in found]) for what, found in wrong.items() if found]
+    return report
+
+
+def read(file: Path) -> list[Row]:
+    """The rows of a record; a line that an interruption tore is left out."""
+    lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
+    return [json.loads(line) for line in lines if line.endswith("}")]
 
 
 def main() -> None:
     """Run the scenes asked for and write the report."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kind", nargs="*", default=["one"], help="one, union, two, three, wrap")
+    parser.add_argument(
+        "--kind", nargs="*", default=["one"], help="one, union, two, three, wrap, tapered, outline, infeasible"
+    )
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--count", type=int, default=40, help="seeds per kind")
+    parser.add_argument("--population", type=float, help="this part of the whole list in place of --kind and --count")
     parser.add_argument("--elements", type=int, nargs="*", default=[4, 8])
+    parser.add_argument("--effort", nargs="*", default=["normal"], help="quick, normal, thorough")
     parser.add_argument("--images", nargs="*", choices=list(IMAGES), default=list(IMAGES))
     parser.add_argument("--case", type=Path, nargs="*", default=[], help="scenes of files, with their own elements")
     parser.add_argument("--search", action="store_true", help="no reasons why there is no grasp")
+    parser.add_argument("--rows", type=Path, help="record to go on with; by default one in the folder")
     parser.add_argument("--with", dest="others", type=Path, nargs="*", default=[], help="records that may know better")
     parser.add_argument("--jobs", type=int, default=cores(), help="processes")
     parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write the report")
     arguments = parser.parse_args()
-    known: dict[str, float] = {}
-    for file in arguments.others:
-        for row in json.loads(file.read_text(encoding="utf-8")):
-            if row["tension"] is not None:
-                known[row["scene"]] = min(known.get(row["scene"], math.inf), row["tension"])
-    seeds = range(arguments.first, arguments.first + arguments.count)
-    scenes = [(f"{k} {s}, {n}", drawn(k, s), n) for n in arguments.elements for k in arguments.kind for s in seeds]
+    counts = dict.fromkeys(arguments.kind, arguments.count)
+    if arguments.population is not None:
+        counts = {kind: math.ceil(arguments.population * count) for kind, count in POPULATION.items()}
+    # All kinds advance together, so that a part of the list is a sample of it.
+    drawings = sorted((s / n, kind, arguments.first + s) for kind, n in counts.items() for s in range(n))
+    cases = [(kind, f"{kind} {s}, {n}", drawn(kind, s), n) for _, kind, s in drawings for n in arguments.elements]
     for file in arguments.case:
         data = yaml.safe_load(file.read_text(encoding="utf-8"))
-        scenes.append((file.stem, data, data["fidelity"]["elements"]))
+        cases.append(("case", file.stem, data, data["fidelity"]["elements"]))
+    arguments.folder.mkdir(parents=True, exist_ok=True)
+    record = arguments.rows or arguments.folder / "grasp_elements_rows.jsonl"
+    rows = read(record)
+    done = {(row["scene"], row["image"], row["effort"]) for row in rows}
     tasks = [
-        (name, image, shown, n, arguments.search)
-        for name, data, n in scenes
+        (kind, name, image, shown, n, effort, arguments.search)
+        for effort in arguments.effort
+        for kind, name, data, n in cases
         for image, shown in images(data, arguments.images).items()
+        if (name, image, effort) not in done
     ]
-    pool, rows = ProcessPool(arguments.jobs), [dict[str, Any]()] * len(tasks)
+    pool = ProcessPool(arguments.jobs)
     try:
-        for k, future in pool.as_completed(outcome, tasks):
-            rows[k] = future.result()
-            print(json.dumps(rows[k]), flush=True)
+        with record.open("a", encoding="utf-8") as lines:
+            for _, future in pool.as_completed(outcome, tasks):
+                rows.append(future.result())
+                # A new line first: an interruption may have torn the last one.
+                lines.write("\n" + json.dumps(rows[-1]))
+                lines.flush()
     finally:
         pool.close(True)
-    report, wrong = Report("grasp_elements", arguments.first), judged(rows, known)
-    for what, found in wrong.items():
-        report.claim(what, len(found), "<=", 0)
-    table = []
-    for status in sorted({row["status"] for row in rows}):
-        some = [row for row in rows if row["status"] == status]
-        spent = [np.percentile([row[key] for row in some], p) for key in ("ms", "iterations") for p in (50, 95)]
-        table.append([status, len(some), *map(float, spent)])
-    columns = ["status", "images", "median [ms]", "95 % [ms]", "iterations, median", "95 %"]
-    report.tables.append(Table("By status", columns, table, "Processor time after the build."))
-    report.tables += [Table(what, ["scene"], [[each] for each in found]) for what, found in wrong.items() if found]
+    known: dict[str, float] = {}
+    for row in (row for file in arguments.others for row in read(file) if row["tension"] is not None):
+        known[row["scene"]] = min(known.get(row["scene"], math.inf), row["tension"])
+    report = report_of(rows, known)
     for written in report.write(arguments.folder):
         print(written)
-    (arguments.folder / "grasp_elements_rows.json").write_text(json.dumps(rows, indent=0), encoding="utf-8")
     print(report.status)
 
 

@@ -26,6 +26,8 @@ LIMITS = {
     "limit": 1e-6,
 }
 """Greatest residuals: parts of the greatest moment or force, of the finger's length, of the limit."""
+ABOVE = 0.1
+"""How far above a contact its normal is looked at, per half thickness of the finger."""
 
 
 def residuals(scene: GraspScene, arrays: Mapping[str, Any], count: int = 1000) -> dict[str, float]:
@@ -192,11 +194,12 @@ class _Check:
         marks = np.cumsum(lengths)
         for k, name in spots:
             where = there[k]
-            gaps = [o.nearest(where.point) for o in self._outlines(half)]
-            gap, normal = min(gaps, key=lambda g: float(g[0]))
-            self._note("contact", abs(float(gap)) / length)
-            self._note("contact", np.abs(normal - self.normals[k]).max() * half / length)
+            # A little above the place of the contact: where a tip lies in a notch it is as near to another face.
             place = where.point - half * self.normals[k]
+            gaps = [o.nearest(place + ABOVE * half * self.normals[k]) for o in self._outlines(0.0)]
+            gap, normal = min(gaps, key=lambda g: float(g[0]))
+            self._note("contact", abs(float(gap) - ABOVE * half) / length)
+            self._note("contact", np.abs(normal - self.normals[k]).max() * half / length)
             self._note("contact", np.abs(place - self.positions[k]).max() / length)
             if name.endswith(".tip"):
                 self._note("contact", abs(self.stations[k] / length - 1.0))

@@ -88,7 +88,7 @@ class Rest:
 
 @dataclass(frozen=True)
 class Numbers:
-    """Everything that the oracles need of a scene with one convex, fixed object and fixed bases."""
+    """Everything that the oracles need of a scene with one fixed object of one part and fixed bases."""
 
     hands: tuple[Hand, ...]
     part: Any
@@ -200,6 +200,9 @@ def _rests(wall: Any, part: Any, pose: tuple[float, float, float], size: float) 
             for v, high in zip(part.vertices, heights, strict=True)
             if high > heights.max() - 1e-9 * size
         ]
+    # Of several feet in line the outer two carry whatever all of them do.
+    ahead = [float(p @ [inward[1], -inward[0]]) for p in spots]
+    spots = [spots[k] for k in dict.fromkeys((int(np.argmin(ahead)), int(np.argmax(ahead))))]
     found = [p for p in spots if abs(wall.height(tuple(p))) <= TOUCH * size]
     names = [wall.name] if len(found) == 1 else [f"{wall.name}.{k + 1}" for k in range(len(found))]
     return [Rest(n, tuple(p), inward, wall.friction) for n, p in zip(names, found, strict=True)]

@@ -1,4 +1,4 @@
-"""The line on which a finger's backbone lies where it touches a convex object."""
+"""The line on which a finger's backbone lies where it touches an object."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from continuum_grasp.scene.parts import Part, SuperellipsePart
@@ -16,7 +17,7 @@ CORNERS = 0.05
 
 
 class Outline:
-    """Outline of a convex shape, grown by the finger's half thickness.
+    """Outline of a shape, grown by the finger's half thickness.
 
     Parameters
     ----------
@@ -36,11 +37,12 @@ class Outline:
         center = smooth.center if smooth else (0.0, 0.0)
         self._turn = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
         self._shift = np.array(pose[:2]) + np.array([[cos, -sin], [sin, cos]]) @ np.array(center)
-        self._shape: _Smooth | _Cornered = (
-            _Smooth(smooth.semi_axes, smooth.exponent, grown)
-            if smooth
-            else _Cornered(np.array(part.vertices, dtype=float), part.radius + grown)
-        )
+        self._shape: _Smooth | _Cornered
+        if smooth:
+            self._shape = _Smooth(smooth.semi_axes, smooth.exponent, grown)
+        else:
+            cornered = _Cornered if len(part.pieces) == 1 else _Notched
+            self._shape = cornered(np.array(part.vertices, dtype=float), part.radius + grown)
 
     def at(self, u: Any) -> tuple[Array, Array]:
         """Points of the grown outline and outward unit normals, u in turns from 0 to 1: (..., 2) each."""
@@ -131,6 +133,9 @@ class _Cornered:
             angles = np.arctan2(self.out[:, 1], self.out[:, 0])
             turns = (angles - np.roll(angles, 1)) % (2.0 * math.pi)
             starts = angles - turns
+            # At reflex corners there is no arc.
+            turns = np.where(turns > math.pi + 1e-9, 0.0, turns)
+            starts = np.where(turns > 0.0, starts, angles)
         else:
             turns, starts = np.array([2.0 * math.pi]), np.array([0.0])
         # corner k, then the edge that leaves it
@@ -175,3 +180,23 @@ class _Cornered:
         normal = np.where(inside[:, None], self.out[shallow], outside)
         gap = np.where(inside, height[rows, shallow], distance[rows, best]) - self.radius
         return gap.reshape(points.shape[:-1]), normal.reshape(points.shape)
+
+
+class _Notched(_Cornered):
+    """Everything within a distance of a simple polygon, by shapely; `at` has places in notches that are too narrow."""
+
+    def __init__(self, corners: Array, radius: float) -> None:
+        super().__init__(corners, radius)
+        self.solid = shapely.Polygon(corners)
+        self.ring = self.solid.exterior
+        shapely.prepare([self.solid, self.ring])
+
+    def nearest(self, points: Array) -> tuple[Array, Array]:
+        flat = points.reshape(-1, 2)
+        spots = shapely.points(flat)
+        walked = shapely.line_locate_point(self.ring, spots)
+        off = flat - shapely.get_coordinates(shapely.line_interpolate_point(self.ring, walked))
+        side = np.where(shapely.contains_xy(self.solid, flat), -1.0, 1.0)
+        away = np.linalg.norm(off, axis=1)
+        normal = (side / np.maximum(away, 1e-300))[:, None] * off
+        return (side * away - self.radius).reshape(points.shape[:-1]), normal.reshape(points.shape)

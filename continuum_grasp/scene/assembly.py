@@ -59,9 +59,10 @@ def kind_of(data: Any) -> str:
     return "simulate"
 
 
-def assembled(path: str | Path, changes: Iterable[Change]) -> Document:
-    """The data of a file, with changes applied and fingers from other files put in."""
+def assembled(path: str | Path, changes: Iterable[Change], varied: Iterable[KeyPath] = ()) -> Document:
+    """The data of a file, with changes applied and what is in other files put in, but for outlines whose keys vary."""
     document = read_yaml(path)
+    document.varies_outlines = any("object" in key[:-1] and key[-1] in _outline().model_fields for key in varied)
     if not isinstance(document.value, dict):
         place = document.places[()]
         got = "an empty file" if document.value is None else "no keys"
@@ -73,7 +74,7 @@ def assembled(path: str | Path, changes: Iterable[Change]) -> Document:
 
 def changed(document: Document, changes: Iterable[Change], path: str | Path) -> Document:
     """A copy of an assembled document with changes applied; ``path`` is its file."""
-    result = Document(copy.deepcopy(document.value), dict(document.places))
+    result = Document(copy.deepcopy(document.value), dict(document.places), document.varies_outlines)
     _apply(result, changes, Path(path))
     return result
 
@@ -114,6 +115,10 @@ def _put_in_files(document: Document, main: Path) -> None:
             )
 
 
+def _outline() -> Any:
+    return import_module("continuum_grasp.scene.objects.outline").OutlineFile  # loaded with the first one
+
+
 def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
     """Put a polygon in place of an outline in a file: of an object, or of members of a union."""
     own = document.part(body)
@@ -124,13 +129,15 @@ def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
         _put_in_outlines(document, (*body, "members", k), main)
     if own.value.get("shape") != "outline" or not isinstance(own.value.get("file"), str):
         return
-    outline = import_module("continuum_grasp.scene.objects.outline")  # loaded with the first one
     file = named_file(own.place(("file",)), own.get(("file",)), main, "file of an outline", (*body, "file"))
-    others = outline.Outline.model_fields.keys() - outline.OutlineFile.model_fields.keys()
+    if document.varies_outlines:
+        own.value["file"] = str(file.resolve())
+        return
+    others = import_module("continuum_grasp.scene.objects.body").ObjectBody.model_fields
     rest = {key: value for key, value in own.value.items() if key in others}
     own.value = {key: value for key, value in own.value.items() if key not in others} | {"file": str(file)}
     try:
-        found = validated(own, outline.OutlineFile)
+        found = validated(own, _outline())
     except InputError as error:
         key = f"{dotted(body)}.{error.key}" if error.key else dotted(body)
         raise InputError(error.message, file=error.file, line=error.line, column=error.column, key=key) from None

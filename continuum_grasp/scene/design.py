@@ -128,6 +128,11 @@ class Design(Varied):
             check_expression("limits", expression, known)
 
     @property
+    def varied_keys(self) -> tuple[str, ...]:
+        cases = (key for case in self.cases.values() for key in case)
+        return (*super().varied_keys, *self.variables, *self.tolerances, *cases)
+
+    @property
     def expressions(self) -> tuple[str, ...]:
         """The cost, then what is limited."""
         return (self.minimize, *self.limits)

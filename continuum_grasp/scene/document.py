@@ -44,11 +44,13 @@ class Document:
     """Plain data and the place of each entry in it.
 
     ``value`` holds dict, list, str, int, float, bool and None; ``places`` maps paths of entries, such as
-    ``("finger", "masses", 0, "at")``, to where they were written.
+    ``("finger", "masses", 0, "at")``, to where they were written. Where ``varies_outlines``, objects stay files of
+    outlines, since keys of theirs vary; elsewhere they become polygons.
     """
 
     value: Any
     places: dict[KeyPath, Place] = field(default_factory=dict)
+    varies_outlines: bool = False
 
     def get(self, path: KeyPath) -> Any:
         """The value at a path that exists."""

@@ -176,6 +176,11 @@ class Sweep(Varied):
             raise ValueError(f"{self.count} scenes are more than the {MOST_SCENES} that are possible")
 
     @property
+    def varied_keys(self) -> tuple[str, ...]:
+        drawn = () if self.sample is None else self.sample.keys
+        return (*super().varied_keys, *self.vary, *drawn)
+
+    @property
     def count(self) -> int:
         """Number of scenes."""
         total = 1 if self.sample is None else self.sample.count

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.assembly import assembled, changed, kind_of, named_file, path_of, placed, validated
-from continuum_grasp.scene.document import Change, Document, KeyPath
+from continuum_grasp.scene.document import Change, Document, KeyPath, undotted
 from continuum_grasp.scene.kinds import KINDS, model_of
 from continuum_grasp.scene.problems import input_error, nearest
 from continuum_grasp.scene.shape import Shape
@@ -127,7 +127,7 @@ class SceneKeys:
         place = document.nearest(("scene",))
         self.file = Path(os.path.normpath(named_file(place, config.scene, file, "file", ("scene",))))
         fixed = [self.change(("set", key), key, value) for key, value in config.set.items()]
-        self.base = assembled(self.file, fixed)
+        self.base = assembled(self.file, fixed, map(undotted, config.varied_keys))
         self.kind = kind_of(self.base.value)
         if self.kind not in kinds:
             expected = " or ".join(KINDS[kind].expected for kind in kinds)

@@ -77,6 +77,11 @@ class Varied(Configuration):
 
     _folder: Path = PrivateAttr(default=Path())
 
+    @property
+    def varied_keys(self) -> tuple[str, ...]:
+        """Key paths in the scene of what varies."""
+        return tuple(self.follow)
+
     def check_follow(self, varied: Collection[str]) -> None:
         """Refuse keys that follow none of the varied ones, or are among them."""
         for key, follow in self.follow.items():

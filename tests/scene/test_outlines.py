@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import casadi as ca
@@ -9,15 +10,21 @@ import ezdxf
 import numpy as np
 import pytest
 import shapely
+import yaml
 from shapely.affinity import rotate, translate
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate import surfaces
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces import nearest, outline_of, surface_of
-from continuum_grasp.scene import Polygon
+from continuum_grasp.scene import Design, GraspScene, Polygon, Sweep
+from continuum_grasp.scene.design_space import SINGLE, design_space_of
+from continuum_grasp.scene.document import Document, Place
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.parts import OffsetPolygon, corners_of
+from continuum_grasp.scene.variation import variation_of
+from continuum_grasp.sweeps.plan import Point
+from continuum_grasp.sweeps.worker import scene_data
 
 SCENE = "configs/grasp/mug.yaml"
 # An L of two bars, 60 mm and 40 mm long, both 20 mm wide.
@@ -112,15 +119,20 @@ def test_walls_meet_the_outermost_corners_and_what_lies_between_feet_is_no_face(
 
 
 def test_a_tip_between_two_faces_touches_that_whose_normal_it_states():
-    """A tip in the corner of an L touches both of its bars."""
+    """A tip in the corner of an L touches both of its bars, also where one is nearer by what a finger may be deep."""
     part, center = OffsetPolygon(ELL), np.array([0.025, 0.025])
-    for normal, foot in (((1.0, 0.0), (0.02, 0.025)), ((0.0, 1.0), (0.025, 0.02))):
-        touched = surfaces.touched(part, center, np.array(normal))
+    for (normal, foot), off in itertools.product(
+        (((1.0, 0.0), (0.02, 0.025)), ((0.0, 1.0), (0.025, 0.02))), (0.0, 1e-8, -1e-8)
+    ):
+        touched = surfaces.touched(part, center + np.array([off, 0.0]), np.array(normal), 2e-8)
         found = surfaces.nearest(touched, center[None])
         assert found.normal[0] == pytest.approx(normal)
         assert found.point[0] == pytest.approx(foot)
         # From afar the other bar, which lies in front of the face, does not count.
         assert surfaces.nearest(touched, (center + 0.1 * np.array(normal))[None]).point[0] == pytest.approx(foot)
+    # Where it is clearly nearer to one, no normal makes it touch the other.
+    beside = surfaces.touched(part, center + np.array([1e-5, 0.0]), np.array([1.0, 0.0]), 2e-8)
+    assert surfaces.nearest(beside, center[None]).point[0] == pytest.approx((0.025, 0.02))
 
 
 # -- files ---------------------------------------------------------------------------------------------------------
@@ -253,3 +265,28 @@ def test_polygons_that_cross_or_touch_themselves_are_refused_with_the_place():
         Polygon(shape="polygon", vertices=((0, 0), (0.02, 0.02), (0.02, 0), (0, 0.02)), mass=0.1, position=(0, 0))
     with pytest.raises(InputError, match="a corner is there twice"):
         Polygon(shape="polygon", vertices=(*ELL, ELL[0]), mass=0.1, position=(0.0, 0.0))
+
+
+def test_scale_and_tolerance_of_an_outline_vary(tmp_path):
+    """Every value has the drawing read anew, a circle here."""
+    turns = np.arange(720) * math.tau / 720
+    np.savetxt(tmp_path / "disc.csv", 20.0 * np.column_stack([np.cos(turns), np.sin(turns)]), delimiter=",")
+    data = load(SCENE).model_dump(mode="json", exclude_unset=True) | {"schema_version": 1}
+    data["object"] = {"shape": "outline", "file": "disc.csv", "scale": "1 mm", "mass": 0.1, "position": [0.04, 0.0]}
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump(data))
+    keys = {"object.scale": {"values": ["1 mm", "2 mm"]}, "object.tolerance": {"values": ["0.01 mm", "1 mm"]}}
+    sweep = Sweep(scene=str(tmp_path / "scene.yaml"), vary=keys)
+    varied = variation_of(sweep, Document({}, {(): Place("sweep")}), tmp_path / "sweep.yaml")
+    paths = [axis.path for axis in varied.axes]
+    for values in itertools.product(*(axis.values for axis in varied.axes)):
+        scene = GraspScene.model_validate(scene_data(varied.base, paths, Point(0, values, values)))
+        scale, tolerance = values
+        assert scene.object.size == pytest.approx(20.0 * scale, abs=2.0 * tolerance)
+        # Chords of a circle that stay within a tolerance t of it span angles of acos(1 - t / r) either way.
+        least = math.pi / math.acos(1.0 - tolerance / (20.0 * scale))
+        assert 0.9 * least < len(scene.object.parts[0].vertices) < 2.5 * least
+    chosen = {"object.scale": {"min": 1e-3, "max": 2e-3}}
+    design = Design(scene=str(tmp_path / "scene.yaml"), variables=chosen, minimize="tension")
+    space = design_space_of(design, Document({}, {(): Place("design")}), tmp_path / "design.yaml")
+    assert space.start == [1e-3]
+    assert space.scene(SINGLE, [1.5e-3]).object.size == pytest.approx(0.03, abs=2e-4)

@@ -268,7 +268,11 @@ class RecomputedGrasp:
             return
         parts = [c.part for c in contacts]
         centers = np.stack([_center(c) for c in contacts])
-        surfaces = [self.object.touched(c.part, at, c.stored_normal) for c, at in zip(contacts, centers, strict=True)]
+        deep = 2.0 * self.scene.solver.penetration_tolerance  # of both faces in a notch
+        surfaces = [
+            self.object.touched(c.part, at, c.stored_normal, deep * c.length)
+            for c, at in zip(contacts, centers, strict=True)
+        ]
         near = self.object.nearest_of(centers, surfaces)
         for k, c in enumerate(contacts):
             unit = c.stored_normal / max(float(np.hypot(*c.stored_normal)), 1e-300)

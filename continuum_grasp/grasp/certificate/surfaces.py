@@ -20,8 +20,6 @@ _SMALLEST = 1e-300
 """Keeps a division by a zero distance finite; the quotient is not used then."""
 _ROUNDING = 1e-13
 """Distance from a sharp corner, as a part of the longest edge, below which the way to it means nothing."""
-_ALIKE = 1e-6
-"""Distance, as a part of the longest edge, up to which two edges count as equally near: what contacts may be off."""
 _TURNS = np.linspace(0.0, 0.5 * np.pi, 33)
 """Of a circle; where the points of a superellipse that are tried first would be without its elongation."""
 
@@ -90,9 +88,9 @@ class PlacedObject:
         found = [self._nearest(point[None], part) for point, part in zip(points, parts, strict=True)]
         return Nearest(*(np.concatenate([getattr(one, key.name) for one in found]) for key in fields(Nearest)))
 
-    def touched(self, part: int, point: Array, normal: Array) -> Part:
-        """What of a part a contact is on, whose center and normal (2,) are given in the world."""
-        return touched(self.parts[part], (point - self.position) @ self._turn, normal @ self._turn)
+    def touched(self, part: int, point: Array, normal: Array, depth: float) -> Part:
+        """What of a part a contact is on, whose center and normal (2,) are given in the world; see `touched`."""
+        return touched(self.parts[part], (point - self.position) @ self._turn, normal @ self._turn, depth)
 
     def distances(self, points: Array) -> Array:
         """Distance of world points from each part (parts, n) [m], negative inside."""
@@ -190,23 +188,23 @@ def _seen(core: Array, points: Array) -> tuple[Array, Array, Array]:
     return walked, points @ out.T - (core * out).sum(axis=1), walked - np.clip(walked, 0.0, length)
 
 
-def touched(part: Part, point: Array, normal: Array) -> Part:
+def touched(part: Part, point: Array, normal: Array, depth: float) -> Part:
     """What of a part a contact at a point (2,) with a normal (2,) may roll or slide on: a convex piece of its outline.
 
-    What does not lie behind it is left to the checks of clearance. Of edges that are about as near, as where a tip
-    lies in a notch, it is that with this normal.
+    What does not lie behind it is left to the checks of clearance. Of edges that are as near but for a ``depth`` that a
+    finger may have [m], as where a tip lies in a notch, it is that with this normal.
     """
     if not isinstance(part, OffsetPolygon) or len(part.vertices) < 3:
         return part
     core = np.asarray(part.vertices, dtype=float)
-    along, out, length = _edges(core)
+    along, out, _ = _edges(core)
     convex = (np.roll(along, 1, axis=0) * out).sum(axis=1) > 0.0  # at the corner where each edge starts
     if convex.all():
         return part
     _, height, beside = (row[0] for row in _seen(core, point[None]))
     away = np.hypot(height, beside)
     agrees = (height * (out @ normal) + beside * (along @ normal)) / np.maximum(away, _SMALLEST)
-    edge, count = int((away - _ALIKE * length.max() * agrees).argmin()), len(core)
+    edge, count = int(np.where(away <= away.min() + depth, agrees, -np.inf).argmax()), len(core)
     first = last = edge
     while convex[first % count] and (first == edge or out[first % count] @ normal > 0.0):
         first -= 1

@@ -43,7 +43,7 @@ class OutlineFile(Value):
     threshold: Annotated[float, Field(gt=0.0, lt=1.0), Unit("1")] = 0.5
     """Darkness of a pixel of a PNG from which on it belongs to the object [1]: 0 white or transparent, 1 black."""
 
-    @property
+    @cached_property
     def parts(self) -> tuple[Part, ...]:
         return (OffsetPolygon(self.vertices),)
 
