@@ -49,11 +49,11 @@ METHODS = {
 }
 EXPLAINED = PUBLIC | METHODS
 NO_NAME = re.compile(r'^ *"""(?:What|Which|How|Where|When|The same|It|Its|Of|That of|Those|Their)\b', re.MULTILINE)
-"""Openings of docstrings that leave unsaid what the thing is: on hover they stand alone."""
+"""Openings of docstrings that do not stand alone, as on hover."""
 WITH_EXAMPLES = [name for name, value in EXPLAINED.items() if ">>>" in (inspect.getdoc(value) or "")]
 
 
-def test_a_docstring_says_what_the_thing_is():
+def test_a_docstring_stands_alone():
     sources = Path(continuum_grasp.__path__[0]).rglob("*.py")
     found = [(file.name, line) for file in sources for line in NO_NAME.findall(file.read_text(encoding="utf-8"))]
     assert found == []

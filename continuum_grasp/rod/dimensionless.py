@@ -27,7 +27,7 @@ _PANELS, _NODES = 8, 16
 
 
 class Cable(NamedTuple):
-    """Elastic cable whose stretch makes the tension of a tendon that is wound up."""
+    """Elastic cable whose elongation makes the tension of a tendon that is wound up."""
 
     wound: float  # cable from where the straight rod has it just taut [m]
     arm: float  # of its shape [m]

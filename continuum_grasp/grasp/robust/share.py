@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.problem.equations import expressions
 from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.solver_run import solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -241,7 +242,7 @@ class _Plants:
             x = starting_point(problem, scene, start, features)
             for setup, finger in zip(scene.setups, problem.fingers, strict=True):
                 if not setup.graded:  # starts have steps of the curvature rounded off
-                    size = finger.model.structure.family.coordinate_size(1.0, setup.finger.rod.length)
+                    size = finger.family.coordinate_size(1.0, setup.finger.rod.length)
                     x[problem.x.at[f"{setup.name}.q"]] = self.arrays[f"{setup.name}.q"] / size
             self._known[key] = x, numbers
         return self._known[key]
@@ -273,16 +274,18 @@ class _Plants:
 
     def _landings(self, x: Array, numbers: Array, columns: Array, motions: int) -> tuple[Array, Array]:
         """Equations of tips that stay where they landed on an object that yields, as `GraspProblem` has them."""
-        problem, length = self.solver.problem, Units.of(self.scene).length
+        length = Units.of(self.scene).length
         rows, off = [np.zeros((0, columns.size + motions))], [np.zeros((0, len(self.sides)))]
-        spec = problem.spec.in_error(landed=self.in_error.yields)
+        spec = self.solver.problem.spec.in_error(landed=self.in_error.yields)
         c, s = np.cos(self.in_error.pose[2]), np.sin(self.in_error.pose[2])
-        for contact in problem.contacts:
-            if not spec.lands(contact.spec):
-                continue
+        # The problem may have been loaded without its expressions, which are built for such tips alone.
+        landed = [k for k, contact in enumerate(spec.contacts) if spec.lands(contact)]
+        for k in landed:
+            made = expressions(self.solver.problem.spec)
+            contact = made.contacts[k]
             point, normal = contact.local.point, contact.local.normal
             across = ca.vertcat(-normal[1], normal[0])
-            args = [problem.x.symbol, problem.numbers.symbol]
+            args = [made.x.symbol, made.numbers.symbol]
             slope = ca.Function("landing", args, [across, point, across.T @ ca.jacobian(point, args[0])])
             along, at, change = (np.array(value) for value in slope(x, numbers))
             # In the object's frame its place is off by as much as the object is off, turned and grown.
