@@ -109,10 +109,10 @@ def test_starts_of_several_fingers_are_those_of_the_image(kind, seed):
     scene, other = scene_of(data, 4), scene_of(image, 4)
     for mode in contact_modes(scene):
         for one, two in zip(make_starts(scene, mode, 8), make_starts(other, mode, 8), strict=True):
-            assert two.doubt == pytest.approx(one.doubt, abs=1e-6)
+            assert two.doubt == pytest.approx(one.doubt, abs=1e-5)
             for name, finger in one.fingers.items():
                 bent = -LONGER * np.array(two.fingers[name].curvatures)
-                assert bent == pytest.approx(np.array(finger.curvatures), rel=1e-6, abs=1e-5 / finger.knots[-1])
+                assert bent == pytest.approx(np.array(finger.curvatures), rel=1e-6, abs=1e-4 / finger.knots[-1])
 
 
 @pytest.mark.parametrize("bending_range", [3.4, 6.28])
