@@ -122,9 +122,10 @@ class Repairs(Elastic):
         known = tuple(limit for limit, part in point.parts.items() if part >= NONE)
         weights = {one.name: 1.0 / FLOOR for one in known}
         if len(set(others) - set(known)) > 1:
-            # What is not relaxed where all may be is in the place of nothing.
+            # Where none of them is relaxed though all may be, none is in the place of something.
             every = self.relax(tuple(dict.fromkeys((*known, *others))), point.attempt.start, point, weights=weights)
-            others = [] if every is None else [one for one in others if one in known or every.parts[one] >= NONE]
+            if every is None or all(every.parts[one] < NONE for one in others if one not in known):
+                others = [one for one in others if every is not None and one in known]
         for limit in others:
             at, rest = point, [one for one in known if one is not limit]
             if rest:
