@@ -415,7 +415,7 @@ def weight_in_place():
     weights, repairs = [], Repairs(SCENE, searching())
     repairs.relax = lambda *_, weights=None, seen=weights: seen.append(weights["tension"])
     repairs._in_place_of(Repair({TENSION: 1.0}, {}, Some(start=None)), RELAXATIONS[1:3])
-    return weights
+    return set(weights)
 
 
 def seeds_of(*totals):
@@ -613,7 +613,7 @@ COUNTS = [
     ("starts that are not scanned", ([0, 1], [0, 1]), rough_starts),
     ("iterations of each", [80], iterations_of_a_start),
     ("starts of all limits", ([1.0, 2.9], 3, 6), starts_together),
-    ("weight of a limit in place of which others are relaxed", [10.0], weight_in_place),
+    ("weight of a limit in place of which others are relaxed", {10.0}, weight_in_place),
     ("weights of parts", [0.1 / 0.6] * 2, lambda: weights_of(0.5)),
     ("points made sparse", [1.0, 2.0, 3.0], lambda: seeds_of(3.0, 1.0, 5.0, 2.0, 1.0 + 1e-5, 4.0)),
     ("steps of repairs for all states", (None, [0.01, 0.04, 0.16, 0.64]), lambda: further(1.0)),

@@ -15,6 +15,7 @@ from collections.abc import Iterable, Sequence
 
 from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
+from continuum_grasp.grasp.problem.solver_run import MODEST
 from continuum_grasp.grasp.reasons.elastic import HASTY, NONE, SAME, Elastic, Limits, Repair, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, Starts, eased
 from continuum_grasp.grasp.reasons.words import in_words, is_clear, is_rare, ordered, part_of
@@ -119,12 +120,16 @@ class Repairs(Elastic):
         """Relax other limits from where some are, which count the more: a point that satisfies all leads there more
         surely than starts do.
         """
+        most = {limit: MODEST * limit.most(self.scene) / limit.start(self.scene) for limit in point.parts}
+        if any(part > most[limit] for limit, part in point.parts.items()):
+            return  # so far that is relaxed alone only
         known = tuple(limit for limit, part in point.parts.items() if part >= NONE)
         weights = {one.name: 1.0 / FLOOR for one in known}
         if len(set(others) - set(known)) > 1:
-            # What is not relaxed where all may be is in the place of nothing.
+            # Where none of them is relaxed though all may be, none is in the place of something.
             every = self.relax(tuple(dict.fromkeys((*known, *others))), point.attempt.start, point, weights=weights)
-            others = [] if every is None else [one for one in others if one in known or every.parts[one] >= NONE]
+            if every is not None and all(every.parts[one] < NONE for one in others if one not in known):
+                others = [one for one in others if one in known]
         for limit in others:
             at, rest = point, [one for one in known if one is not limit]
             if rest:
