@@ -28,7 +28,7 @@ _ACTIVE = 1e-4
 _AT_BOUND = 1e-6
 """Distance of a coordinate from its bound at which it counts as there [1]."""
 _ASIDE = 1e-5
-"""How far a design moves, in coordinates, from where the structure of the grasp problem changes."""
+"""Distance by which a design moves, in coordinates, from where the structure of the grasp problem changes."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class Evaluation:
 
     @property
     def cost(self) -> float:
-        """What is to be least."""
+        """Cost to be minimized."""
         return self.worst.value
 
     @cached_property
@@ -306,7 +306,7 @@ class DesignProblem:
         return tuple(found)
 
     def _limits(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[Row, ...]:
-        """What is left of the limits, as parts of them."""
+        """Distances from the limits, as parts of them."""
         found = []
         for text, limit in self.space.design.limits.items():
             for one in cases:

@@ -47,7 +47,7 @@ _LIGHT, _HEAVY = 1.02, 2.0
 _FIRST_MASS = 3.0
 """Mass in the scene, per the scene's own, from which the first payload is sought."""
 _MASSES = 12
-"""How often the mass in the scene is set until the payload lies close below."""
+"""Number of times that the mass in the scene is set until the payload lies close below."""
 
 
 class LostGrasp(Exception):
@@ -56,14 +56,14 @@ class LostGrasp(Exception):
 
 @dataclass
 class Effort:
-    """What was spent."""
+    """Effort spent."""
 
     searches: int = 0
     """Full searches for grasps."""
     solves: int = 0
     """Runs of the solver from a grasp nearby."""
     iterations: int = 0
-    """Of these runs."""
+    """Iterations of these runs."""
     lost: int = 0
     """Designs for which there was no grasp."""
     most: int = 0
@@ -79,7 +79,7 @@ class CaseGrasps:
     effort: Effort
     held: dict[str, HeldGrasp] = field(default_factory=dict)
     found: GraspResult | None = None
-    """Of the last full search."""
+    """Result of the last full search."""
 
     def search(self, scene: GraspScene) -> None:
         """Search for the best grasps in full; what is better than the one at hand replaces it.
@@ -258,7 +258,7 @@ class CaseGrasps:
         return self._centered(found)
 
     def _centered(self, found: HeldGrasp) -> HeldGrasp:
-        """The same with a mass in the scene that is close above the payload."""
+        """A copy with a mass in the scene that is close above the payload."""
         for _ in range(_MASSES):
             if self._is_close(found):
                 return found
@@ -290,7 +290,7 @@ class CaseGrasps:
 
     @property
     def quantities(self) -> dict[str, float]:
-        """What expressions may name."""
+        """Quantities that expressions may name."""
         return {name: value for held in self.held.values() for name, value in held.quantities.items()}
 
 

@@ -98,7 +98,7 @@ class Stencil:
         return sum(weight * value for weight, value in zip(self.weights, values, strict=True)) / _STEP
 
     def change(self, change: Callable[[GraspScene], GraspScene]) -> Stencil:
-        """The same with other scenes."""
+        """A copy with other scenes."""
         return replace(self, scenes=tuple(change(scene) for scene in self.scenes))
 
     def error(self, values: Sequence[Array], here: Array) -> float:
@@ -117,7 +117,7 @@ class Stencil:
 
 @dataclass(frozen=True)
 class Slopes:
-    """How a grasp changes along one direction of designs.
+    """Change of a grasp along one direction of designs.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ class HeldGrasp:
 
     @cached_property
     def quantities(self) -> dict[str, float]:
-        """What expressions may name of it."""
+        """Quantities of the grasp that expressions may name."""
         return self._quantities(self.scene, self.attempt.x, self.arrays)
 
     def _quantities(self, scene: GraspScene, x: Array, arrays: dict[str, Array]) -> dict[str, float]:
@@ -176,7 +176,7 @@ class HeldGrasp:
 
     @cached_property
     def _extremes(self) -> tuple[int, int, int]:
-        """Which tension and normal force is greatest, and which friction margin least."""
+        """Indices of the greatest tension and normal force, and of the least friction margin."""
         tensions, forces, margins = _parts(self.scene, self.arrays)
         return int(tensions.argmax()), int(forces.argmax()), int(margins.argmin())
 

@@ -43,7 +43,7 @@ _LEFT = 0.02
 
 @dataclass
 class _Trace:
-    """What was tried, in order."""
+    """Trials, in order."""
 
     coordinates: list[Array] = field(default_factory=list)
     costs: list[float] = field(default_factory=list)
@@ -118,7 +118,7 @@ def optimize_design(
 
 
 class _DesignSearch:
-    """One search: trial designs, then rounds of improvement and full search."""
+    """A search: trial designs, then rounds of improvement and full search."""
 
     def __init__(self, space: DesignSpace, progress: Callable[[float, str], None]) -> None:
         self.space, self.options = space, space.design.solver
@@ -238,7 +238,7 @@ class _DesignSearch:
                 return
 
     def _descend(self, half: float) -> bool:
-        """One run of SLSQP within a box around the best design; whether a grasp was lost."""
+        """Run SLSQP once within a box around the best design; whether a grasp was lost."""
         start = self._best
         n = start.coordinates.size
         low, high = np.maximum(start.coordinates - half, 0.0), np.minimum(start.coordinates + half, 1.0)

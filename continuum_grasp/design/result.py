@@ -25,7 +25,7 @@ _MOST_WARNINGS = 3
 
 
 class Status(StrEnum):
-    """How the search for a design ended."""
+    """Outcome of the search for a design."""
 
     OPTIMAL = "optimal"
     """A local optimum whose grasps full searches confirm."""
@@ -62,7 +62,7 @@ class WorstCase:
 
 @dataclass(frozen=True)
 class Influence:
-    """How the cost changes with one number.
+    """Change of the cost with one number.
 
     Attributes
     ----------
@@ -212,7 +212,7 @@ class DesignResult(Result):
 
     @property
     def influences(self) -> tuple[Influence, ...]:
-        """How the least cost changes with each variable, and with what is tolerated beside them.
+        """Change of the least cost with each variable, and with the tolerated numbers beside them.
 
         The other variables stay at their optimum: where none is at a bound and no limit acts, variables have none.
         """
@@ -270,7 +270,7 @@ class DesignResult(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to know before the design is built."""
+        """Warnings before the design is built."""
         found = [f"{name}: {text}" for name, grasp in self.grasps.items() for text in grasp.warnings]
         if len(found) > _MOST_WARNINGS:
             found = [*found[:_MOST_WARNINGS], f"and {len(found) - _MOST_WARNINGS} more of this kind, see grasp_CASE/"]

@@ -132,7 +132,7 @@ def _turns(scene: GraspScene) -> bool:
 
 
 def _need(scene: GraspScene) -> Array:
-    """What the contacts must bear, per weight: force x, y and moment, lift, two moments of the lift (6,)."""
+    """Load on the contacts, per weight: force x, y and moment, lift, two moments of the lift (6,)."""
     if isinstance(scene.gravity, PlanarGravity):
         down = complex(*scene.gravity.vector) / math.hypot(*scene.gravity.vector)
         down *= 1.0 if _turns(scene) else cmath.exp(-1j * scene.object.angle)
@@ -141,7 +141,7 @@ def _need(scene: GraspScene) -> Array:
 
 
 def _in_use(scene: GraspScene) -> Array:
-    """Which of these balances there are (6,)."""
+    """Mask of the balances that hold (6,)."""
     lifts = isinstance(scene.gravity, OutOfPlaneGravity)
     tilts = isinstance(scene.gravity, OutOfPlaneGravity) and scene.gravity.tilt == "balance"
     return np.array([1.0, 1.0, 1.0, lifts, tilts, tilts], float)
@@ -193,8 +193,8 @@ def _contacts(scene: GraspScene) -> list[_Places]:
 
 @dataclass(frozen=True)
 class _Places:
-    """Where a contact may be: on outlines, where the line of a finger that is ``half`` a thickness away is within reach
-    of a point; without outlines, at the center of mass with any normal; or at one place with one normal.
+    """Possible places of a contact: on outlines, where the line of a finger that is ``half`` a thickness away is within
+    reach of a point; without outlines, at the center of mass with any normal; or at one place with one normal.
     """
 
     friction: float
@@ -218,7 +218,7 @@ class _Places:
         return (most, self._effect(y, point, angle)) if most > 0.0 else (0.0, np.zeros(6))
 
     def _line(self, point: Array, angle: Array) -> Array:
-        """Where the line of the finger is that touches at points with normals, seen from the base."""
+        """Line of the finger that touches at points with normals, seen from the base."""
         return np.asarray(point + self.half * np.exp(1j * angle) - self.center)
 
     def _arms(self, y: Array, point: Array) -> tuple[Array, Array]:
@@ -233,7 +233,7 @@ class _Places:
         return np.asarray(along.real + self.friction * np.hypot(along.imag, lift))
 
     def _effect(self, y: Array, point: complex, angle: float) -> Array:
-        """What the force with this most does to the object."""
+        """Effect on the object of the force with this maximum."""
         force, lift = self._arms(y, np.array(point))
         across, up = float((force * cmath.exp(-1j * angle)).imag), float(lift)
         size = math.hypot(across, up) or 1.0

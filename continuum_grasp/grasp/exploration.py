@@ -1,4 +1,4 @@
-"""What a search looked at: basins of the estimated tension, and the record of all that was tried."""
+"""Record of a search: basins of the estimated tension, and the record of all that was tried."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Basin:
 
 @dataclass(frozen=True)
 class Exploration:
-    """What a search looked at.
+    """Record of a search.
 
     Attributes
     ----------

@@ -29,7 +29,7 @@ FIRST = 3
 """Elements per segment of a grasp next to which others are sought: with two, a finger that tapers is not found
 (spirob_cup)."""
 NONE = "no grasp next to this one"
-"""What the fine model says where it refutes a grasp."""
+"""Statistics where the fine model refutes a grasp."""
 
 
 def with_fine(result: GraspResult, budget: Budget) -> GraspResult:
@@ -98,7 +98,7 @@ def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Trie
 
 
 def _change(scene: GraspScene, here: Mapping[str, Array], there: Mapping[str, Array]) -> Change:
-    """What changes from one model of a grasp to another."""
+    """Change from one model of a grasp to another."""
     one, two = (tension_of(scene, arrays) for arrays in (here, there))
     before, after = (dict(zip(a["contact_names"].tolist(), a["contact_positions"], strict=True)) for a in (here, there))
     moved = max((float(np.linalg.norm(before[name] - after[name])) for name in before if name in after), default=0.0)

@@ -1,4 +1,4 @@
-"""What a search chooses: which contacts are on, as the switches of a scene allow, and the elements of fingers."""
+"""Choices of a search: contacts that are on, as the switches of a scene allow, and the elements of fingers."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ class GraspResult(Result):
 
     @cached_property
     def plants(self) -> PlantShare | None:
-        """What share of plants with usual errors would hold with these tensions; computed when it is first read."""
+        """Share of plants with usual errors that would hold with these tensions; computed when it is first read."""
         if not self.solved:
             return None
         from continuum_grasp.grasp.robust.share import plant_share
@@ -148,12 +148,12 @@ class GraspResult(Result):
 
     @property
     def greatest_normal_force(self) -> float:
-        """Of all contacts [N]."""
+        """Greatest normal force of all contacts [N]."""
         return max((contact.normal_force for contact in self.contacts), default=0.0)
 
     @property
     def bound_words(self) -> str:
-        """What the lower bound says, where there is one."""
+        """Words about the lower bound, where there is one."""
         if self.lower_bound is None:
             return ""
         share = self.greatest_normal_force / self.lower_bound - 1.0 if self.lower_bound > 0.0 else 0.0
@@ -205,7 +205,7 @@ class GraspResult(Result):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to know before this grasp is relied on."""
+        """Warnings before this grasp is relied on."""
         if not self.solved or self.certificate is None:
             return ()
         found, error = [], self.certificate.model_error
@@ -251,7 +251,7 @@ class GraspResult(Result):
 
     @cached_property
     def drives(self) -> dict[str, tuple[DriveState, ...]]:
-        """What the winches or motors of each finger are at; none of fingers whose tensions are commanded."""
+        """States of the winches or motors of each finger; none of fingers whose tensions are commanded."""
         grasp = None if self.certificate is None else self.certificate.grasp
         return {f.name: f.wound.drives for f in (() if grasp is None else grasp.fingers) if f.wound is not None}
 

@@ -54,8 +54,9 @@ iterations in the median, and none was worse than from a scan of postures."""
 NEAREST = 3
 """Starts tried with all elements where none led to a grasp with few, those with the least violation there."""
 PATIENCE = 7
-"""Of the solver with a start. In 31 scenes (one finger, two, parts) it saves 60 % of all iterations, and no best grasp
-is lost down to 5; a violation that must halve within 10 iterations, whatever it does meanwhile, loses one."""
+"""Iterations of the solver with a start that bring it no nearer. In 31 scenes (one finger, two, parts) it saves 60 % of
+all iterations, and no best grasp is lost down to 5; a violation that must halve within 10 iterations, whatever it does
+meanwhile, loses one."""
 WORSE = 1.05
 """Objective, per the least there is, from which on guarded places are not moved any more: they only raise it."""
 SAME_BASIN = 5e-3
@@ -64,8 +65,9 @@ UNBALANCED, CLOSEST = 0.01, 2
 """Imbalance of a basin of two elements from which on it most likely has no grasp, and how many such basins are tried
 all the same."""
 UNLIKELY = 0.2
-"""The same of more elements, as long as there is no grasp: of 37 scanned starts that gave one (66 scenes of one finger)
-five had more than 0.06, none more than 0.13; without a grasp two thirds of the iterations were spent beyond 0.2."""
+"""Imbalance with more elements from which on a start is skipped, as long as there is no grasp: of 37 scanned starts
+that gave one (66 scenes of one finger) five had more than 0.06, none more than 0.13; without a grasp two thirds of the
+iterations were spent beyond 0.2."""
 BENT = 0.06
 """Imbalance of a posture of more elements, which bend away from those of a scan, up to which a greater limit may repair
 it: a scene that a greater tension repairs had 0.031."""
@@ -79,7 +81,7 @@ LEAST_DIFFERENCE = 1e-4
 
 @dataclass(frozen=True)
 class _Limits:
-    """What an effort means."""
+    """Limits of an effort."""
 
     basins: int  # per set of contacts, that are solved
     starts: int  # rough ones per set of contacts
@@ -92,7 +94,7 @@ _EFFORTS: dict[Effort, _Limits] = {
     "normal": _Limits(basins=12, starts=8, iterations=600, always_rough=False),
     "thorough": _Limits(basins=12, starts=24, iterations=math.inf, always_rough=True),
 }
-"""What each effort means. Of 1,000 scenes of one finger 95 % take less than 140 iterations."""
+"""Limits of each effort. Of 1,000 scenes of one finger 95 % take less than 140 iterations."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,7 @@ class Search:
 
     @property
     def unstable(self) -> Tried | None:
-        """The same of the verified ones that are not acceptable."""
+        """The least of the verified grasps that are not acceptable."""
         return _least([t for t in self.good if not t.acceptable])
 
     def run(self) -> None:
@@ -187,7 +189,7 @@ class Search:
 
     @property
     def exploration(self) -> Exploration:
-        """What was looked at so far."""
+        """Record of the search so far."""
         open_ = [basin.start.estimate for basin in self.basins if self.is_open(basin)]
         skipped = sum(not basin.tried and not self.is_open(basin) for basin in self.basins)
         pruned = {f"estimated to take more than {SKIP_FACTOR:g} times the tension found": skipped}
@@ -337,7 +339,7 @@ class Search:
 
     @cached_property
     def bound(self) -> float | None:
-        """What no grasp's greatest normal force is below [N], where that is what is minimized."""
+        """Lower bound of the greatest normal force of any grasp [N], where that is what is minimized."""
         return least_normal_force_bound(self.scene) if self.scene.objective == "least_normal_force" else None
 
     @property
@@ -493,7 +495,9 @@ def _least(tried: list[Tried]) -> Tried | None:
 
 
 def branch_of(start: Start) -> tuple[Any, ...]:
-    """What starts that most likely lead to the same grasp have in common: contacts, sides, and where they face."""
+    """Branch of a start; starts of one branch most likely lead to the same grasp: contacts, sides, and where they
+    face.
+    """
     sides = tuple(finger.sides for finger in start.fingers.values())
     faces = tuple(round(contact.normal_angle / SECTOR) for contact in start.contacts.values())
     places = tuple(contact.part for contact in start.contacts.values())

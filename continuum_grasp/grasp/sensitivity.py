@@ -1,4 +1,4 @@
-"""How the answer changes with friction, mass and pose: from the multipliers of the solution, without solving again."""
+"""Change of the answer with friction, mass and pose: from the multipliers of the solution, without solving again."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ class Sensitivity:
 
     name: str
     derivative: float
-    """Of the sum of tensions [N] where that is the objective, else of the objective as minimized, per ``unit``."""
+    """Derivative of the sum of tensions [N] where that is the objective, else of the objective as minimized, per
+    ``unit``."""
     unit: str  # of the number that changes
 
 

@@ -157,7 +157,7 @@ def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> tu
 
 
 class _Verdict:
-    """One search with one model, and what comes of it."""
+    """A search with one model, and its verdict."""
 
     def __init__(self, scene: GraspScene, budget: Budget, chosen_range: bool = False) -> None:
         self.scene, self.budget = scene, budget
@@ -344,7 +344,7 @@ class _Verdict:
         )
 
     def _cut(self) -> str:
-        """What cut the search short, in words."""
+        """Limit that cut the search short, in words."""
         options = self.scene.solver
         if self.budget.stopped:
             return f"the clock stopped the search after {options.time_limit:g} s (solver.time_limit)"

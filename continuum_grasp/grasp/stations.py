@@ -1,4 +1,5 @@
-"""Which stations along the fingers touch: one near each middle contact of a grasp without stations, then exchanges.
+"""Choice of stations along the fingers that touch: one near each middle contact of a grasp without stations, then
+exchanges.
 
 A grasp with one middle contact per finger is a grasp with one station each. From there single stations are added, left
 out or exchanged with a neighbor as long as that takes less tension or, where no grasp is found, less of a limit that is

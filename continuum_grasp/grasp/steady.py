@@ -32,7 +32,7 @@ SMALLEST = 0.3
 SETTLED = 1e-4
 """Relative change of the objective from one round to the next at which it is taken for converged."""
 _STEP = 1e-6
-"""Of a difference quotient (problem's units): rounding of the eigenvalue is 1e-12 of the stiffest spring."""
+"""Step of a difference quotient (problem's units): rounding of the eigenvalue is 1e-12 of the stiffest spring."""
 
 
 def stabilize(search: Search) -> None:

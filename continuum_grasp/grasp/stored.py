@@ -33,7 +33,7 @@ _POSTURE = (
     Stored("{finger}.base", "(base,)", "", "world x, y [m] and angle [rad] of the base"),
     Stored("{finger}.backbone", "({finger} place, section)", "", "shape of the finger from base to tip"),
 )
-"""What a grasp has, and with other friction states of its tendons has anew."""
+"""Arrays that a grasp has, and with other friction states of its tendons has anew."""
 
 
 _CONTACTS = (
@@ -68,7 +68,7 @@ STORED = (
     Stored("{trials}.margins", "(draw,)", "1", "least friction margin of each; -inf: a contact parts, NaN: no answer"),
     Stored("{trials}.nominal_margins", "(nominal draw,)", "1", "the same of the grasp that is best without errors"),
 )
-"""Where there is no grasp: of the point that comes closest, or none of them."""
+"""Stored arrays; where there is no grasp: of the point that comes closest, or none of them."""
 DIMENSIONS = (
     Dimension("contact", "contacts of the object", "contact_names"),
     XY,

@@ -1,4 +1,4 @@
-"""What the answer to a scene consists of: status, fingers, contacts, reasons, and how its forces are written."""
+"""Parts of the answer to a scene: status, fingers, contacts, reasons, and notation of its forces."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[Any]
 
 
 class Status(StrEnum):
-    """How the search ended."""
+    """Outcome of the search."""
 
     OPTIMAL = "optimal"
     """A local optimum that the certificate confirms; of all basins that the search found, none that was not solved is
@@ -34,7 +34,7 @@ class Status(StrEnum):
 
 @dataclass(frozen=True)
 class FingerPosture:
-    """One finger of a grasp.
+    """A finger of a grasp.
 
     Attributes
     ----------
@@ -149,7 +149,7 @@ class Reason:
 
 @dataclass(frozen=True)
 class Change:
-    """What other elements change about a grasp."""
+    """Change of a grasp with other elements."""
 
     elements: dict[str, int]  # of each finger in the model compared with
     tension: float  # sum of tensions there [N]

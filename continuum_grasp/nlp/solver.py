@@ -37,7 +37,7 @@ _STATUS = {
 _VIOLATED, _SAME = 1e-3, 0.03
 """Violation from which on a run may lose its patience, and relative change of one that stays as it is."""
 _CONSTRAINTS = 2
-"""Their place among what CasADi passes to a callback, in the order of its outputs."""
+"""Place of the constraints among what CasADi passes to a callback, in the order of its outputs."""
 _ACCEPTABLE = 100.0
 """Errors of an acceptable point per tolerance."""
 

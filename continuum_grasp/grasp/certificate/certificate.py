@@ -123,7 +123,7 @@ class Certificate(Summarized):
 
     @cached_property
     def model_error(self) -> ModelError:
-        """What the curvature family leaves out; computed when first asked for.
+        """Error of the curvature family; computed when first asked for.
 
         Not an error of the solution, and no check: it falls with the number of elements.
         """
@@ -137,11 +137,11 @@ class Certificate(Summarized):
         return max(0.0, *(overlap(*pair) for pair in combinations(self.grasp.fingers, 2)), 0.0)
 
     def headline(self) -> str:
-        """How many checks passed."""
+        """Number of checks that passed."""
         return f"{len(self.checks) - len(self.failed)} of {len(self.checks)} checks passed"
 
     def pairs(self) -> dict[str, str]:
-        """What failed, least margin, stability and model error."""
+        """Failed checks, least margin, stability and model error."""
         failed = {"failed": ", ".join(check.name for check in self.failed)} if self.failed else {}
         stable = "stable" if self.stability.stable else "unstable"
         margin = f"{self.friction_margin:.1%} of the friction cone"
@@ -227,7 +227,7 @@ def _recomputed(
 
 
 def _not_finite(scene: GraspScene, arrays: Mapping[str, Any]) -> int:
-    """How many of the numbers of a grasp are NaN or infinite; the stations of supports are NaN by right."""
+    """Number of entries of a grasp that are NaN or infinite; the stations of supports are NaN by right."""
     names = [f"{setup.name}.{name}" for setup in scene.setups for name in OF_FINGER]
     names += ["object.pose", *(key for key in OF_CONTACTS if key not in ("contact_names", "contact_stations"))]
     found = [_numbers(arrays.get(name, 0.0)) for name in names]
@@ -235,7 +235,7 @@ def _not_finite(scene: GraspScene, arrays: Mapping[str, Any]) -> int:
 
 
 def _misfits(scene: GraspScene, arrays: Mapping[str, Any], *, reached: bool) -> int:
-    """How many of the arrays are missing, misshapen or of another family than the scene's."""
+    """Number of arrays that are missing, misshapen or of another family than the scene's."""
 
     def shape(name: str) -> tuple[int, ...] | None:
         values = _numbers(arrays[name]) if name in arrays else None
@@ -364,7 +364,7 @@ def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
 
 
 def _beyond(start: tuple[float, float, float], free: Freedom | None, pose: Array, length: float) -> float:
-    """How far a pose lies outside its bounds, or from where it is fixed, as a part of a length and in radians."""
+    """Distance of a pose outside its bounds, or from where it is fixed, as a part of a length and in radians."""
     over = []
     for value, (low, high), unit in zip(pose, pose_bounds(start, free), (length, length, 1.0), strict=True):
         over += [(low - value) / unit, (value - high) / unit]

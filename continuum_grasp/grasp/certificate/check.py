@@ -46,7 +46,7 @@ _FINE = np.linspace(0.0, 1.0, 33)
 
 @dataclass(frozen=True)
 class Check:
-    """One verified property.
+    """A verified property.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ def worst(*values: float) -> float:
 
 
 def mode_check(grasp: RecomputedGrasp) -> Check:
-    """How many contacts are missing, unknown, there twice, or there although they are off."""
+    """Number of contacts that are missing, unknown, there twice, or there although they are off."""
     switches: dict[str, str] = {}
     for setup in grasp.setups:
         switches |= dict(zip(setup.middle_names, setup.middles, strict=True)) | {setup.tip_name: setup.tip}
@@ -207,7 +207,7 @@ def depth_in_wall(points: Array, wall: Wall, thickness: float | Array, emerges: 
 
 
 def depth_of_wall(body: PlacedObject, wall: Wall) -> float:
-    """How deep an object lies in a wall, or a finite line in the object [m]; negative where they are apart.
+    """Depth of an object in a wall, or a finite line in the object [m]; negative where they are apart.
 
     The distance along a line is searched closer and closer. A corner that pokes through it counts as deep as it
     reaches.
@@ -235,7 +235,7 @@ def depth_of_wall(body: PlacedObject, wall: Wall) -> float:
 
 
 def overlap(one: RecomputedFinger, other: RecomputedFinger) -> float:
-    """How deep two fingers are in each other in the plane [m]; negative: how far they are apart.
+    """Depth of two fingers in each other in the plane [m]; negative: their distance.
 
     Where their backbones cross, by both half thicknesses and as much as a tip is beyond the other backbone.
     """

@@ -1,4 +1,4 @@
-"""What the drives of a finger are at in a grasp, and whether they can be, from its stored shape and tensions alone.
+"""States of the drives of a finger in a grasp, and whether they can be, from its stored shape and tensions alone.
 
 A taut tendon of tension T at its drive is wound up by y = (its path along the bent finger) + C T; C is the elongation
 of cable and tendon per tension at the drive, the latter by the share of the tension that friction leaves.
@@ -29,7 +29,7 @@ TAUT = 1e-6
 
 @dataclass(frozen=True)
 class DriveState:
-    """What one drive is at.
+    """State of one drive.
 
     Attributes
     ----------
@@ -66,14 +66,14 @@ class WoundTendons:
 
     @cached_property
     def path(self) -> float:
-        """How far the bend draws in the tendon on the -X side, and pays out the other [m]."""
+        """Length by which the bend draws in the tendon on the -X side, and pays out the other [m]."""
         (channel,), profile = self._shape.channels, self._shape.profile
         s, w, _ = cell_nodes(self._shape.joints, profile.breaks, channel.shape.breaks)
         return float(abs(channel.arms[0]) * (self._shape.curvature(s) * channel.shape(s)) @ w)
 
     @property
     def paths(self) -> Array:
-        """Of both tendons (2,) [m]."""
+        """Paths of both tendons (2,) [m]."""
         return self.path * np.array([1.0, -1.0])
 
     @cached_property
@@ -96,14 +96,14 @@ class WoundTendons:
 
     @property
     def _wound_by_pulley(self) -> float:
-        """What the pulley winds up of the one and pays out of the other, counted from zero [m]."""
+        """Length that the pulley winds up of the one and pays out of the other, counted from zero [m]."""
         first = self.tensions[0] >= self.tensions[1]
         return float(self.wound[0] - self.law.start if first else self.law.start - self.wound[1])
 
     @property
     def held(self) -> Array:
-        """What the drives hold while friction or object change: cable [m] of drives that lock, one for each; of a motor
-        on a pulley under a torque the difference of the tensions [N]; of others the tensions (2,) [N].
+        """Quantities that the drives hold while friction or object change: cable [m] of drives that lock, one for each;
+        of a motor on a pulley under a torque the difference of the tensions [N]; of others the tensions (2,) [N].
         """
         law, (left, right) = self.law, self.tensions
         if law.pulley:
@@ -152,7 +152,7 @@ class WoundTendons:
 
     @property
     def drives(self) -> tuple[DriveState, ...]:
-        """What the drives are at."""
+        """States of the drives."""
         pulls = np.where(self.taut, self.tensions, 0.0)
         if self.law.pulley:
             return (self._state(("left", "right"), self._wound_by_pulley, float(pulls[0] - pulls[1])),)
@@ -186,7 +186,7 @@ def _softness(length: Array) -> Array:
 
 
 def _unsoftened(elongation: Array, taut: NDArray[np.bool_]) -> Array:
-    """What is wound up beyond taut for an elongation [m]; none of a slack tendon. By Newton's method."""
+    """Length wound up beyond straight for an elongation [m]; none for a slack tendon. By Newton's method."""
     x = np.asarray(elongation, dtype=float).copy()
     for _ in range(50):
         # Not at the end of the slack range, where the law is flat.

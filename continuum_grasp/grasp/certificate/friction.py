@@ -93,7 +93,7 @@ class TendonFriction:
         return np.asarray(self._setup.tendons.friction * turned**2 / np.sqrt(turned**2 + rounding**2) * self.states)
 
     def _shares(self, arm: float) -> tuple[Array, Array]:
-        """Of a tendon: its change across each cell, and its mean tension there per that at the base."""
+        """Change of a tendon's tension across each cell, and its mean tension there per that at the base."""
         own = math.copysign(1.0, arm) * self.losses
         return own, np.exp(-(np.cumsum(own) - 0.5 * own)) * (1.0 + own**2 / 24.0)
 
@@ -198,8 +198,8 @@ def pulled_states(setup: FingerSetup, shape: FingerShape) -> Array:
 
 
 def state_cells(scene: GraspScene) -> list[NDArray[np.bool_]]:
-    """Which friction states (K,) of all fingers turn together: of one cell of the tendons, or all branches of one cell
-    in bending.
+    """Groups of friction states (K,) of all fingers that turn together: of one cell of the tendons, or all branches of
+    one cell in bending.
     """
     cells: list[list[int]] = []
     for setup in (setup for setup in scene.setups if setup.name in scene.state_columns):

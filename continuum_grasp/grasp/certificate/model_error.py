@@ -1,4 +1,4 @@
-"""How far the exact elastic rods under the forces found would be from the grasp's shape."""
+"""Distance of the exact elastic rods under the forces found from the grasp's shape."""
 
 from __future__ import annotations
 
@@ -23,12 +23,13 @@ SECTIONS = 200
 """Sections at which moments are compared, about: two per panel, as near to the ends of elements as 0.2 % of the length.
 """
 LEAST_MOMENT = 1e-6
-"""Of the moments in play [1]: less than this is rounding, and the share of a straight finger's moment means nothing."""
+"""Least share of the moments in play [1]: less than this is rounding, and the share of a straight finger's moment means
+nothing."""
 
 
 @dataclass(frozen=True)
 class ModelError:
-    """What the fingers' curvature families leave out; it falls with the number of elements."""
+    """Error of the fingers' curvature families; it falls with the number of elements."""
 
     # How far the exact rods are from the grasp's shape [m], at contacts by name and at tips as ``<finger>.tip``.
     displacements: dict[str, float]

@@ -33,14 +33,14 @@ OF_CONTACTS = tuple(f"contact_{key}" for key in ("names", "positions", "normals"
 _COARSE = 1 / 64
 """Panels for the equilibrium: with five Gauss points each, exact to rounding; the fine ones are for clearances."""
 _STEP = 1e-30
-"""Of complex steps in the coordinates."""
+"""Size of complex steps in the coordinates."""
 _BLUNT = 1e-3
 """Least radius of a tip, as a part of the length, from whose center the normal follows precisely."""
 
 
 @dataclass(frozen=True)
 class FingerLoad:
-    """What a contact does to a finger."""
+    """Load of a contact on a finger."""
 
     name: str  # of the contact
     joint: int  # number of elements between the base and it
@@ -93,7 +93,7 @@ class RecomputedFinger:
         return sum(load.couple for load in self.loads if load.joint == self.lengths.size)
 
     def joint_position(self, joint: int) -> float:
-        """Where a joint lies along the finger [m]."""
+        """Position of a joint along the finger [m]."""
         return float(self.rod.joints[joint])
 
     def moment_scale(self, force: float) -> float:
@@ -106,8 +106,8 @@ class RecomputedFinger:
 
     @property
     def load_moment(self) -> float:
-        """What residual moments are compared with [N m]: the greatest moment of contact forces and weight, to which
-        what bends the finger adds little, however stiff it is.
+        """Moment that residual moments are compared with [N m]: the greatest moment of contact forces and weight, to
+        which what bends the finger adds little, however stiff it is.
         """
         s, moment = self.rod.edges, np.zeros(self.rod.edges.size)
         greatest = 0.0
@@ -124,7 +124,7 @@ class RecomputedFinger:
 
     @property
     def weight(self) -> float:
-        """Of the finger and the masses on it [N]."""
+        """Weight of the finger and the masses on it [N]."""
         own = float(self.profile.linear_density(self.rod.nodes) @ self.rod.weights)
         return float(np.hypot(*self.gravity)) * (own + sum(mass.mass for mass in self.finger.masses))
 
@@ -170,7 +170,7 @@ class RecomputedFinger:
 
 @dataclass
 class RecomputedContact:
-    """One contact, its geometry found anew; world frame."""
+    """A contact, its geometry found anew; world frame."""
 
     name: str
     kind: str  # middle, station, tip, wall or peg

@@ -119,7 +119,7 @@ class _Chain:
         return np.diff(np.minimum(self.bounds, end))
 
     def hessian(self) -> Array:
-        """Of bending, weight and the contact forces that act on the nodes."""
+        """Hessian of bending, weight and the contact forces that act on the nodes."""
         finger, ds = self.finger, self.ds(self.length)
         matrix = self.bends.T @ (self.springs[:, None] * self.bends)
         # Weight beyond a node, and forces beyond it, pull along it or push: the second derivative of their work.

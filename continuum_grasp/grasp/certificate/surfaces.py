@@ -21,12 +21,12 @@ _SMALLEST = 1e-300
 _ROUNDING = 1e-13
 """Distance from a sharp corner, as a part of the longest edge, below which the way to it means nothing."""
 _TURNS = np.linspace(0.0, 0.5 * np.pi, 33)
-"""Of a circle; where the points of a superellipse that are tried first would be without its elongation."""
+"""Turns of a circle; places where the points of a superellipse that are tried first would be without its elongation."""
 
 
 @dataclass(frozen=True)
 class Nearest:
-    """What of a surface is nearest to n points."""
+    """Points of a surface nearest to n points."""
 
     distance: Array  # (n,) from the surface [m], negative inside
     point: Array  # (n, 2) of the surface [m]
@@ -35,7 +35,7 @@ class Nearest:
 
 
 def nearest(part: Part, points: Array) -> Nearest:
-    """What of a part's surface is nearest to points (n, 2) [m], both in the object's frame."""
+    """Points of a part's surface nearest to points (n, 2) [m], both in the object's frame."""
     points = np.asarray(points, dtype=float).reshape(-1, 2)
     if isinstance(part, OffsetPolygon):
         return _rounded_polygon(np.asarray(part.vertices, dtype=float), part.radius, points)
@@ -76,7 +76,7 @@ class PlacedObject:
         return np.asarray(points @ self._turn.T + self.position)
 
     def nearest(self, points: Array, part: int) -> Nearest:
-        """What of one part's surface is nearest to world points (n, 2)."""
+        """Points of one part's surface nearest to world points (n, 2)."""
         return self._nearest(points, self.parts[part])
 
     def _nearest(self, points: Array, part: Part) -> Nearest:
@@ -84,12 +84,14 @@ class PlacedObject:
         return Nearest(found.distance, self.world(found.point), found.normal @ self._turn.T, found.radius)
 
     def nearest_of(self, points: Array, parts: Sequence[Part]) -> Nearest:
-        """The same where each point (n, 2) has a part of its own."""
+        """Nearest points where each point (n, 2) has a part of its own."""
         found = [self._nearest(point[None], part) for point, part in zip(points, parts, strict=True)]
         return Nearest(*(np.concatenate([getattr(one, key.name) for one in found]) for key in fields(Nearest)))
 
     def touched(self, part: int, point: Array, normal: Array, depth: float) -> Part:
-        """What of a part a contact is on, whose center and normal (2,) are given in the world; see `touched`."""
+        """Feature of a part that a contact is on, whose center and normal (2,) are given in the world; see
+        `touched`.
+        """
         return touched(self.parts[part], (point - self.position) @ self._turn, normal @ self._turn, depth)
 
     def distances(self, points: Array) -> Array:
@@ -182,14 +184,15 @@ def _edges(core: Array) -> tuple[Array, Array, Array]:
 
 
 def _seen(core: Array, points: Array) -> tuple[Array, Array, Array]:
-    """How far each point (rows) is along each edge (columns), above it, and beside its ends."""
+    """Distance of each point (rows) along each edge (columns), above it, and beside its ends."""
     along, out, length = _edges(core)
     walked = points @ along.T - (core * along).sum(axis=1)
     return walked, points @ out.T - (core * out).sum(axis=1), walked - np.clip(walked, 0.0, length)
 
 
 def touched(part: Part, point: Array, normal: Array, depth: float) -> Part:
-    """What of a part a contact at a point (2,) with a normal (2,) may roll or slide on: a convex piece of its outline.
+    """Piece of a part that a contact at a point (2,) with a normal (2,) may roll or slide on: a convex piece of its
+    outline.
 
     What does not lie behind it is left to the checks of clearance. Of edges that are as near but for a ``depth`` that a
     finger may have [m], as where a tip lies in a notch, it is that with this normal.

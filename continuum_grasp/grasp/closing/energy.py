@@ -1,4 +1,4 @@
-"""What fingers and object do at given tensions: the least of an energy outside each other, with friction from before.
+"""Motion of fingers and object at given tensions: the least of an energy outside each other, with friction from before.
 
 The energy is that of the fingers, less the work of their tendons, plus what friction takes; multipliers of the gaps are
 the normal forces. Friction is that of Coulomb with the normal forces and the tangents of the pass before (M. Li et al.,
@@ -40,7 +40,7 @@ table (ellipsoid in place of the limit surface: R. D. Howe, M. R. Cutkosky, Int.
 
 
 class ClosingFinger:
-    """One finger on its way, as expressions of its coordinates, which are per its length."""
+    """A finger on its way, as expressions of its coordinates, which are per its length."""
 
     def __init__(self, scene: GraspScene, setup: FingerSetup, base: Array) -> None:
         self.setup, self.name = setup, setup.name
@@ -70,13 +70,13 @@ class ClosingFinger:
         return ca.dot(ca.DM(self.arms).T @ tensions, self.q) / self.length
 
     def heights_needed(self, wall: Wall) -> Array:
-        """How far places must stay from a half plane [m]: a finger comes out of one that its base is in."""
+        """Distances that places must keep from a half plane [m]: a finger comes out of one that its base is in."""
         height = float((np.asarray(self.model.finger.base.position) - wall.point) @ np.asarray(wall.normal))
         inner = (self.stations < self.setup.middle_bounds[0]) & (height < self.halves[0])
         return np.where(inner, min(height, 0.0), self.halves)
 
     def discs(self, index: int, friction: float | None = None) -> list[_Disc]:
-        """What it may touch with, as the finger of an index; with its own friction where none is given."""
+        """Discs that it may touch with, as the finger of an index; with its own friction where none is given."""
         friction = self.setup.friction if friction is None else friction
         halves = self.halves.tolist()
         return [
@@ -87,7 +87,7 @@ class ClosingFinger:
 
 @dataclass(frozen=True)
 class _Disc:
-    """What may touch: a disc at a place in the world whose skin turns with an angle."""
+    """A disc that may touch, at a place in the world whose skin turns with an angle."""
 
     place: ca.SX
     angle: ca.SX
@@ -97,11 +97,11 @@ class _Disc:
     finger: int  # -1: a support
 
     def pair(self, gap: ca.SX, normal: ca.SX, point: ca.SX, *, on_object: bool) -> Pair:
-        """It and what it is a gap away from."""
+        """The disc and a body that it is a gap away from."""
         return Pair(gap, normal, self.place, self.angle, self.arm, point, self.friction, self.finger, on_object)
 
     def beside(self, part: Part, pose: ca.SX | None) -> Pair:
-        """It and a part of the object at a pose, or of the world."""
+        """The disc and a part of the object at a pose, or of the world."""
         turn, origin = (ca.SX.eye(2), ca.SX.zeros(2)) if pose is None else (rotation(pose[2]), pose[:2])
         local = turn.T @ (self.place - origin)
         near = surface_of(part).nearest(part, Vec(local[0], local[1]))
@@ -222,7 +222,7 @@ class Closing:
     # -- steps
 
     def found(self, x: Array, pose: Array) -> Sight:
-        """What there is at a point."""
+        """State at a point."""
         q, unknown = (x[:-3], x[-3:]) if self.free else (x, pose / self.scale)
         gaps, normals, points, lines = (np.array(v) for v in self.look(q, unknown))
         return Sight(q, gaps.ravel(), normals, points, lines, unknown * self.scale)

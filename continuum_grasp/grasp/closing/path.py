@@ -21,7 +21,7 @@ _STICK, _PASSES = 1e-4, 2
 """Slip of a step up to which friction is not full, per length, and solutions of a step, each with the normal forces of
 the one before: a step moves places by some percent."""
 _HALVINGS = 5
-"""How often a step that the solver cannot take is halved."""
+"""Number of times that a step is halved that the solver cannot take."""
 _OPENINGS = 10
 """Tensions of the opening tendons that are tried: tenths of their limits."""
 _PENETRATES = 1e-4
@@ -147,5 +147,5 @@ class _Walk:
         return attempt.converged
 
     def _ended(self, status: ClosingStatus | None) -> ClosingPath:
-        """What the steps taken say; ``status`` where it stands already."""
+        """Verdict from the steps taken; ``status`` where it stands already."""
         return Ending(self.closing, self.arrays, self.taken, self._deepest).path(status)

@@ -1,4 +1,4 @@
-"""What closing a grasp gives: the steps, the touches in order, and how it ended."""
+"""Result of closing a grasp: the steps, the touches in order, and the outcome."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = NDArray[Any]
 
 
 class ClosingStatus(StrEnum):
-    """How a path ended."""
+    """Outcome of a path."""
 
     REACHED = "reached"
     """At the grasp."""
@@ -55,7 +55,7 @@ class Touch:
 
 @dataclass(frozen=True)
 class ClosingPath:
-    """How fingers close on an object.
+    """Path of fingers that close on an object.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the steps of a closing path say: touches in order, where the fingers end, what the object needs until then."""
+"""Verdict on a closing path: touches in order, ends of the fingers, forces that the object needs until then."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Ending:
         self.closing, self.arrays, self.taken, self.deepest = closing, arrays, taken, deepest
 
     def path(self, status: ClosingStatus | None) -> ClosingPath:
-        """What the steps taken say; ``status`` where it stands already."""
+        """Verdict from the steps taken; ``status`` where it stands already."""
         closing, taken = self.closing, self.taken
         fingers, count = closing.fingers, len(closing.fingers[0].stations)
         names = [finger.name for finger in fingers]
@@ -101,7 +101,7 @@ class Ending:
         return tuple(sorted(found, key=lambda touch: touch.share))
 
     def _wrench(self, step: Step, here: list[int]) -> Array:
-        """What the fingers do to the object: force, and moment about its center of mass."""
+        """Wrench of the fingers on the object: force, and moment about its center of mass."""
         sight = step.sight
         normals = sight.normals[:, here]
         forces = -(step.normal[here] * normals + step.friction[here] * np.stack([-normals[1], normals[0]]))
@@ -200,7 +200,7 @@ class Ending:
         return found
 
     def _snaps(self) -> str:
-        """Where a finger jumps from one step to the next, in words."""
+        """Jumps of a finger from one step to the next, in words."""
         lines = np.array([t.sight.lines for t in self.taken])
         jumps = np.linalg.norm(np.diff(lines, axis=0), axis=1).max(axis=1, initial=0.0)
         k = int(jumps.argmax()) if len(jumps) else 0

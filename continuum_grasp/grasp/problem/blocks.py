@@ -16,7 +16,7 @@ Array = NDArray[Any]
 
 
 class Places:
-    """Where named entries are in a column: of the unknowns, or of the run-time numbers.
+    """Places of named entries in a column: of the unknowns, or of the run-time numbers.
 
     Attributes
     ----------

@@ -57,7 +57,7 @@ class CurvesSpec:
 
     @property
     def size(self) -> int:
-        """How many numbers there are: inner edges of the panels, and the coefficients of the curves."""
+        """Number of entries: inner edges of the panels, and the coefficients of the curves."""
         return sum(self.edges.values()) + sum(curve.size for curve in self.curves)
 
     @property

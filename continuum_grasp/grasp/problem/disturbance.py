@@ -52,7 +52,7 @@ def add_disturbances(problem: Unknowns) -> ca.SX:
 
 
 def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
-    """What stays zero as a grasp yields, right to first order, in ``changes``: the wrench (3,), then those of
+    """Rows that stay zero as a grasp yields, right to first order, in ``changes``: the wrench (3,), then those of
     coordinates, tensions, contact forces along axes that turn with the contact, and the object's pose.
     """
     wrench, size = changes("wrench", 3), problem.numbers("size")
@@ -140,7 +140,7 @@ def _curvatures(problem: Unknowns, contact: Touch) -> tuple[ca.SX, ca.SX]:
 
 
 def _retained(finger: UnitFinger, drawn: ca.SX, pulls: ca.SX) -> ca.SX:
-    """What is zero where the drives hold still while the bend draws in and the pulls change."""
+    """Rows that are zero where the drives hold still while the bend draws in and the pulls change."""
     if not finger.spec.wound:
         # Fixed lengths need one moment: what one tendon gains, the other loses.
         return ca.vertcat(drawn, ca.sum1(pulls))

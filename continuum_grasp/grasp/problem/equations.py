@@ -49,7 +49,7 @@ _DERIVATIVES = {"grad_f": "nlp_grad_f", "jac_g": "nlp_jac_g", "hess_lag": "nlp_h
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """What a solver run needs of a problem."""
+    """Equations of a problem for a solver run."""
 
     layout: Layout
     nlp: NLP

@@ -34,7 +34,9 @@ def _unprobed(finger: UnitFinger) -> int:
 
 
 def places_reader(problem: GraspProblem) -> ca.Function:
-    """What a look at the surroundings needs, in units of the problem, from unknowns and run-time numbers."""
+    """Function of what a look at the surroundings needs, in units of the problem, from unknowns and run-time
+    numbers.
+    """
     out: list[ca.SX] = [problem.pose]
     for k, finger in enumerate(problem.fingers):
         points, _, _, half = finger.guarded
@@ -47,7 +49,7 @@ def places_reader(problem: GraspProblem) -> ca.Function:
 
 
 def point_reader(problem: GraspProblem) -> ca.Function:
-    """What a result stores, in units of the problem, from unknowns and run-time numbers."""
+    """Function of what a result stores, in units of the problem, from unknowns and run-time numbers."""
     x, numbers, touched = problem.x.symbol, problem.numbers.symbol, problem.contacts
 
     def station(contact: Touch) -> ca.SX:

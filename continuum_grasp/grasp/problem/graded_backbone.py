@@ -181,7 +181,7 @@ class GradedBackbone(Backbone):
         return found
 
     def _ports(self, count: int) -> list[Port]:
-        """Where the laws of the sections see the curvature above rest, so many on each element."""
+        """Ports at which the laws of the sections see the curvature above rest, so many on each element."""
         found, base = [], self.curves.at(0.0)("stiffness")
         for k in range(len(self.ends) - 1):
             for a, b in self._bounds(k, count):

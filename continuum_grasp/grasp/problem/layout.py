@@ -1,4 +1,4 @@
-"""Where everything is in the columns of a grasp problem: what is known of it without its expressions."""
+"""Layout of the columns and rows of a grasp problem, which is known without its expressions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from continuum_grasp.model.family import Family
 
 @dataclass(frozen=True)
 class FingerLayout:
-    """What is known of a finger."""
+    """Layout of a finger."""
 
     spec: FingerSpec
     size: int  # number of its bending coordinates

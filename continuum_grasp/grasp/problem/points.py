@@ -110,7 +110,7 @@ def bending_arrays(
 
 
 def stored_arrays(problem: Layout, scene: GraspScene, start: Start, values: list[ca.DM]) -> dict[str, Array]:
-    """What a result stores of a point, from the ``values`` that the problem's reader gives there."""
+    """Stored arrays of a point, from the ``values`` that the problem's reader gives there."""
     units, spec = Units.of(scene), problem.spec
     pose, points, normals, forces, stations, *rest = (np.array(v) for v in values)
     m = units.length

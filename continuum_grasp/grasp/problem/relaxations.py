@@ -32,7 +32,7 @@ class Relaxation:
     """The scene with its limit relaxed by an amount."""
     repair: str = "{key} = {needed:.4g} {unit}"  # what to do; ``{key}``, ``{needed}`` and ``{unit}`` stand for these
     beside: Callable[[GraspScene, GraspScene], str] = lambda scene, relaxed: ""
-    """What else must be changed, in words, from a scene to the one with its limit relaxed."""
+    """Other changes, in words, from a scene to the one with its limit relaxed."""
     most: Callable[[GraspScene], float] = lambda scene: math.inf  # amount from which on a relaxation makes no sense
     size: int = 1  # components of the relaxation; beyond one, the amount is their norm
     additive: bool = True  # whether the amount has the unit of the limit; False: it is a part of it
@@ -92,7 +92,7 @@ def _stronger_motors(scene: GraspScene, relaxed: GraspScene) -> str:
 
 
 def _contacts(key: str) -> Callable[[GraspScene, float], GraspScene]:
-    """What raises a limit of contacts wherever the scene has a number for it."""
+    """Changes that raise a limit of contacts wherever the scene has a number for it."""
 
     def raised(scene: GraspScene, amount: float) -> GraspScene:
         def more(value: V) -> V:

@@ -35,7 +35,7 @@ MODEST = 0.8
 """Part of the most that makes sense of an amount, up to which one of several limits is relaxed: else a mass would go to
 zero for a trace of another limit."""
 ROUNDS = 8
-"""How often the places that must stay clear are moved to where fingers are deepest."""
+"""Number of times that the places that must stay clear are moved to where fingers are deepest."""
 STEADY = 1e-5
 """Relative change of what is sought, by new guarded places, from which on it is solved once more."""
 RUNGS = (
@@ -43,9 +43,10 @@ RUNGS = (
     (nlp.OptionSet.REFINED_MONOTONE, 60),
     (nlp.OptionSet.DEFAULT, 200),
 )
-"""How a start is solved from, boldest first: options, and the most iterations of one solver run."""
+"""Ways to solve from a start, boldest first: options, and the most iterations of one solver run."""
 END, BETTER = 1e-6, 1e-6
-"""How near the end of a face or corner a contact is at it, and by what part beyond it must be better."""
+"""Distance from the end of a face or corner at which a contact is at the end, and share by which a grasp beyond it must
+be better."""
 OVERDETERMINED = "More_Equations_Than_Unknowns"
 """Outcome of a run that is not begun."""
 DEEP = 1.1
@@ -54,7 +55,7 @@ DEEP = 1.1
 
 @dataclass(frozen=True, eq=False)
 class Attempt(nlp.Attempt):
-    """What one start of the solver gave; iterations and seconds are those of all its runs."""
+    """Result of one start of the solver; iterations and seconds are those of all its runs."""
 
     start: Start
     features: dict[str, Feature]  # where each contact sits
@@ -173,7 +174,7 @@ class GraspSolverRun:
         patience: int | None,
         enough: float,
     ) -> Attempt:
-        """The same on given features."""
+        """Solve from a start on given features."""
         problem, units = self.problem, Units.of(scene)
         values = problem_values(problem, scene, start, features) | dict(numbers or {})
         low, high = problem_bounds(problem, scene, features)
@@ -217,7 +218,7 @@ class GraspSolverRun:
         return nlp.Attempt(nlp.Status.FAILED, OVERDETERMINED, start.x, g, 0.0, none, 0, 0.0, violation, np.inf)
 
     def _look(self, scene: GraspScene, values: dict[str, Any]) -> Callable[[Array, Array], tuple[float, Array]]:
-        """How deep fingers are at a point, and ``values`` as numbers with the guarded places and circles of it."""
+        """Depth of fingers at a point, and ``values`` as numbers with the guarded places and circles of it."""
 
         def look(x: Array, numbers: Array) -> tuple[float, Array]:
             sight = self.near.look(scene, x, numbers)
@@ -231,7 +232,7 @@ class GraspSolverRun:
         return float(np.linalg.norm(x[at])) * scale
 
     def _relaxed(self, relaxation: Relaxation, units: Units) -> tuple[slice, float]:
-        """Where the amount of a relaxation is among the unknowns, and its unit."""
+        """Place of a relaxation's amount among the unknowns, and its unit."""
         scale = units.amounts.get(relaxation.unit, 1.0) if relaxation.additive else 1.0
         return self.problem.x.at[f"relaxed {relaxation.name}"], scale
 
@@ -254,7 +255,7 @@ class GraspSolverRun:
 
     @property
     def guarded(self) -> NDArray[np.int64]:
-        """Which constraints are those of guarded places (n,), which move with the grasp."""
+        """Indices of the constraints of guarded places (n,), which move with the grasp."""
         rows = [block.rows.ravel() for block in self.problem.rows.blocks if block.name.startswith("penetration")]
         return np.concatenate([np.zeros(0, dtype=np.int64), *rows])
 
@@ -288,13 +289,13 @@ _IPOPT = {
 
 
 def settings_of(options: GraspSolver) -> nlp.Settings:
-    """What is asked of a solver of grasps."""
+    """Settings of a solver of grasps."""
     constraints = min(1e-9, options.tolerance)
     return nlp.Settings(options.method, options.tolerance, constraints, options.max_iterations, {"ipopt": _IPOPT})
 
 
 def allowed_depth(scene: GraspScene) -> float:
-    """How deep fingers may be between guarded places, as a part of the length."""
+    """Depth that fingers may have between guarded places, as a part of the length."""
     return DEEP * max(tolerance_of(setup, scene) for setup in scene.setups)
 
 

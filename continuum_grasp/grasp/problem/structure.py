@@ -194,7 +194,8 @@ class ProblemSpec:
         )
 
     def in_error(self, *, landed: bool) -> ProblemSpec:
-        """The same contacts of an object that is not as it should be: the greatest reserve of their cones is sought.
+        """Structure for the same contacts of an object that is not as it should be: the greatest reserve of their cones
+        is sought.
 
         A ``landed`` object yields to the fingers, tips stay where they landed on it.
         """

@@ -1,4 +1,4 @@
-"""What is near the fingers at a point of the search: obstacles for the guarded places, and the depth."""
+"""Surroundings of the fingers at a point of the search: obstacles for the guarded places, and the depth."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _EVEN = np.linspace(0.0, 1.0, 129)
 
 @dataclass
 class Sight:
-    """What a look found."""
+    """Result of a look."""
 
     numbers: Values = field(default_factory=dict)  # of the problem: probes, circles of obstacles, needed gaps
     deepest: float = -np.inf  # greatest penetration beyond the relaxation, in units of the problem
@@ -47,7 +47,7 @@ class Sight:
 
 @dataclass(frozen=True)
 class _Obstacle:
-    """What fingers must stay clear of: a convex part of the world, or the half plane behind a wall."""
+    """Obstacle that fingers must stay clear of: a convex part of the world, or the half plane behind a wall."""
 
     body: Part | Wall
     circles: str = ""  # what those that stand for it are called among a finger's numbers, where there are some
@@ -198,7 +198,7 @@ class _Traced:
 
 
 def _between(one: _Traced, other: _Traced, numbers: Values) -> float:
-    """How deep two fingers are in each other; the places where each element is nearest go into the numbers."""
+    """Depth of two fingers in each other; the places where each element is nearest go into the numbers."""
     away = np.hypot(*(one.points[:, None] - other.points).transpose(2, 0, 1))
     gap = away - one.half[:, None] - other.half
     rows = [np.flatnonzero(one.owner == k)[:, None] for k in range(int(one.owner[-1]) + 1)]

@@ -1,4 +1,4 @@
-"""One finger of a grasp in units of its own: length, bending stiffness and linear density are 1.
+"""A finger of a grasp in units of its own: length, bending stiffness and linear density are 1.
 
 Every number of the finger is then a run-time parameter of the same model, so that fingers of one structure share one
 solver. Its base is at the origin, pointing along +Y.
@@ -97,7 +97,7 @@ class UnitFinger:
         return ends, angles
 
     def drawn(self, q: ca.SX, u: ca.SX) -> ca.SX:
-        """How far the bend draws in the first tendon and pays out the other, per offset at the base [rad]."""
+        """Length by which the bend draws in the first tendon and pays out the other, per offset at the base [rad]."""
         drawn: ca.SX = self.backbone.drawn(q, u, self.p)
         return drawn
 
@@ -125,7 +125,7 @@ class UnitFinger:
         return points, elements, clear, ca.cse(self.number("length") * ca.vertcat(*half))
 
     def stored(self) -> list[ca.SX]:
-        """What a result stores: coordinates, lengths of the elements, curvature at the tip, tensions, base.
+        """Expressions that a result stores: coordinates, lengths of the elements, curvature at the tip, tensions, base.
 
         Of graded fingers moments at the nodes (N + 1,), less those of the tendons that belong to the shape, take the
         place of coordinates.
@@ -188,7 +188,7 @@ class UnitFinger:
         return [self.number("series") + self.number("axial") * mean for mean in means]
 
     def drive_rows(self) -> ca.SX:
-        """What is zero where the tensions are those of the drives, per length."""
+        """Rows that are zero where the tensions are those of the drives, per length."""
         spec = self.spec.drive
         if spec is None:
             return ca.SX(0, 1)
@@ -215,7 +215,7 @@ class UnitFinger:
 
     @property
     def held(self) -> ca.SX:
-        """What stays while friction or the object change."""
+        """Quantities that stay while friction or the object change."""
         return self.pulls if self.spec.drive is None else self.command
 
     @cached_property
@@ -223,7 +223,7 @@ class UnitFinger:
         return self.backbone.missing(self.spec.masses)
 
     def curvatures(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """What the strain limit is for; curvatures (degree + 1, N) at the family's places on each element; and the
+        """Curvatures for the strain limit; curvatures (degree + 1, N) at the family's places on each element; and the
         latter times the lengths of the elements.
         """
         fractions = self.number("strain probes", self.spec.elements) if "depth" in self.curves.names else ca.SX(0, 1)

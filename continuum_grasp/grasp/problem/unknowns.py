@@ -35,7 +35,7 @@ class Touch:
 
 
 class Unknowns:
-    """What constraints and objective of a grasp are written in."""
+    """Unknowns and numbers in which constraints and objective of a grasp are written."""
 
     def __init__(self, spec: ProblemSpec) -> None:
         self.spec = spec

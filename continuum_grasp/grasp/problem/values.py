@@ -60,7 +60,7 @@ class Units:
 
     @property
     def amounts(self) -> dict[str, float]:
-        """What one unit of the problem is in SI."""
+        """Amounts of the problem's units in SI."""
         return {"m": self.length, "N": self.force, "N m": self.force * self.length}
 
     def pose(self, pose: Sequence[float]) -> list[float]:
@@ -86,7 +86,7 @@ def contact_features(scene: GraspScene, contacts: dict[str, ContactStart]) -> di
 def moved_features(
     before: GraspScene, after: GraspScene, contacts: Mapping[str, ContactStart], features: dict[str, Feature]
 ) -> dict[str, Feature]:
-    """The same faces, corners and smooth parts in a scene whose object may have other dimensions."""
+    """Faces, corners and smooth parts in a scene whose object may have other dimensions."""
     found = dict(features)
     if before.object.parts == after.object.parts:
         return found
@@ -267,7 +267,7 @@ def _history(setup: FingerSetup, start: Start) -> Array:
 
 
 def held_values(setup: FingerSetup, arrays: Mapping[str, Any]) -> Array:
-    """What the drives of a finger of a grasp hold, in units of its problem."""
+    """Quantities that the drives of a finger of a grasp hold, in units of its problem."""
     length = setup.finger.rod.length
     pulls = setup.tendons.offset * length / setup.stiffness
     if setup.drive is None:
@@ -279,12 +279,14 @@ def held_values(setup: FingerSetup, arrays: Mapping[str, Any]) -> Array:
 
 
 def tolerance_of(setup: FingerSetup, scene: GraspScene) -> float:
-    """How deep a finger may be in what it must keep clear of, as a part of the length."""
+    """Depth that a finger may have in obstacles, as a part of the length."""
     return max(BETWEEN if setup.stations else 0.0, scene.solver.penetration_tolerance)
 
 
 def tension_weight(scene: GraspScene) -> float:
-    """Of the sum of all tensions in the objective [1/N]; a little where it is no aim, so that they are unique."""
+    """Weight of the sum of all tensions in the objective [1/N]; a little where it is no aim, so that they are
+    unique.
+    """
     if scene.aims == ("least_tension",):
         return 1.0 / max(s.stiffness / s.finger.rod.length / s.tendons.offset for s in scene.setups)
     return max(scene.weights.least_tension, LITTLE) / sum(setup.tendons.max_tension for setup in scene.setups)

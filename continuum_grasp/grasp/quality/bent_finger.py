@@ -137,7 +137,7 @@ class BentFinger:
         return hats
 
     def _curvature(self, edge: int) -> float:
-        """Of the section at an edge [1/m], the mean of both sides where it jumps."""
+        """Curvature of the section at an edge [1/m], the mean of both sides where it jumps."""
         s = self.rod.edges[edge]
         sides = [self._shape.curvature(np.array(s), tip_side=side) for side in (False, True)]
         for k in np.flatnonzero(self.rod.joints[1:-1] == s):

@@ -39,13 +39,13 @@ tolerance lets through."""
 ROUNDS = 200
 """Most LPs for one answer."""
 INWARD = 1e-7
-"""What a point well inside a cone, or a small change, is worth beside the cost: where many points are best, corners of
+"""Worth of a point well inside a cone, or of a small change, beside the cost: where many points are best, corners of
 the planes, which lie outside the cones, are not taken."""
 
 
 @dataclass(frozen=True)
 class LPOutcome:
-    """What became of an LP; ``failed`` (the solver gave up, or its point breaks a limit) is not infeasible."""
+    """Outcome of an LP; ``failed`` (the solver gave up, or its point breaks a limit) is not infeasible."""
 
     status: Outcome
     x: Array  # (n,) the optimum; NaN unless optimal

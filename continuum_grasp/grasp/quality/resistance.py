@@ -1,4 +1,4 @@
-"""Which disturbances a grasp resists: the limits that it meets as it yields, of forces, tensions and motions."""
+"""Disturbances that a grasp resists: the limits that it meets as it yields, of forces, tensions and motions."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _NOWHERE = np.full(3, np.nan)
 
 @dataclass(frozen=True)
 class Resistance:
-    """Which multiples of K disturbances a grasp resists."""
+    """Multiples of K disturbances that a grasp resists."""
 
     wrenches: Array  # (K, 3) force x, y [N] and moment about the center of mass [N m]
     # (K,) greatest multiple of each that the grasp resists [1]; infinite where nothing limits it, zero where the grasp

@@ -30,7 +30,7 @@ leave open, between two ends of a face on a wall for instance."""
 
 @dataclass(frozen=True)
 class Change:
-    """What K unit causes change."""
+    """Changes by K unit causes."""
 
     pose: Array  # (3, K) of the object: center of mass [m], angle [rad]
     forces: Array  # (C, 2, K) normal and friction force, along directions that turn with the contact [N]

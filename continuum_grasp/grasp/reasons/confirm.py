@@ -33,7 +33,7 @@ OFF = 0.2 * EQUILIBRIUM
 """By what part equations may be off: a given posture is never exact, and with many elements there are more equations
 than forces. Well below what the certificate lets pass."""
 PRECISION = 1e-6
-"""Of a friction coefficient, relative."""
+"""Precision of a friction coefficient, relative."""
 
 
 @dataclass(frozen=True)

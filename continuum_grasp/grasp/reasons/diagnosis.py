@@ -31,13 +31,13 @@ ROUGH = 2
 SEEDS = 3
 """Least sums of many limits that are brought down to few."""
 REWEIGHTED, FLOOR = 2, 0.1
-"""How often parts are weighted anew, and the part of a usual amount that halves a weight."""
+"""Number of times that parts are weighted anew, and the part of a usual amount that halves a weight."""
 TOGETHER = 2
 """Most limits of a reason: scenes that break more are not explained."""
 
 
 class Repairs(Elastic):
-    """Which limits of a scene are relaxed, alone or together, in search of reasons."""
+    """Choice of the limits of a scene that are relaxed, alone or together, in search of reasons."""
 
     def __init__(self, scene: GraspScene, search: Search) -> None:
         super().__init__(scene, search)

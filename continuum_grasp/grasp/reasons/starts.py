@@ -1,4 +1,4 @@
-"""Where the elastic problem starts from: postures in which forces balance, or nearly, once limits are relaxed."""
+"""Starts of the elastic problem: postures in which forces balance, or nearly, once limits are relaxed."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Starts:
         return [*near[:SCANNED], *interleaved(wider)[:EASED]]
 
     def _balanced(self, limit: Relaxation, factors: Iterable[float]) -> list[Start]:
-        """Those of scanned postures nearly in balance with the limit relaxed by the first factor for which there are
+        """Starts of scanned postures nearly in balance with the limit relaxed by the first factor for which there are
         any.
         """
         last = None
@@ -96,7 +96,7 @@ class Starts:
         return starts
 
     def _hopeful(self, starts: list[Start]) -> list[Start]:
-        """Those nearly in balance, and nearer than without the limit relaxed."""
+        """Starts nearly in balance, and nearer than without the limit relaxed."""
         search, tips = self._search, {setup.tip_name for setup in self._scene.setups}
         most = BALANCED if all(setup.elements <= 2 for setup in self._scene.setups) else BENT
 
@@ -120,7 +120,7 @@ def eased(scene: GraspScene, limits: Iterable[Relaxation], factor: float) -> Gra
 
 
 def spread(starts: list[Start]) -> list[Start]:
-    """One start of each branch first, then the second of each, and so on."""
+    """A start of each branch first, then the second of each, and so on."""
     branches: dict[tuple[Any, ...], list[Start]] = {}
     for start in starts:
         branches.setdefault((frozenset(start.contacts), *branch_of(start)), []).append(start)

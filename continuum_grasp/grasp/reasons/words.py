@@ -1,4 +1,4 @@
-"""What is said of limits that give a grasp once they are relaxed, in which order, and of objects out of reach."""
+"""Words for limits that give a grasp once they are relaxed, in order, and of objects out of reach."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def in_words(elastic: Elastic, repair: Repair) -> Reason:
 
 
 def part_of(elastic: Elastic, limit: Relaxation, repair: Repair, confirm: bool = False) -> Reason:
-    """One limit of a repair; on demand confirmed by linear programming where that applies."""
+    """A limit of a repair; on demand confirmed by linear programming where that applies."""
     others = {other: part for other, part in repair.parts.items() if other is not limit}
     scene, usual = elastic.relaxed(others, spare=1.0), limit.start(elastic.scene)
     amount, confirmed = repair.parts[limit] * usual, None
@@ -108,7 +108,7 @@ def out_of_reach(scene: GraspScene) -> Reason | None:
 
 
 def _reach(setup: FingerSetup) -> float:
-    """How far from its base a finger can touch at most [m]."""
+    """Greatest distance from its base at which a finger can touch [m]."""
     length = setup.finger.rod.length
     middle = setup.middle_bounds[1] if "on" in setup.middles else length
     return min(middle, length) + setup.finger.thickness_radius

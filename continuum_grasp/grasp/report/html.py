@@ -141,7 +141,7 @@ def items(texts: Iterable[str]) -> str:
 
 
 def details(summary: str, body: str) -> str:
-    """What opens when it is asked for."""
+    """A part that opens on demand."""
     return f"<details>\n<summary>{escaped(summary)}</summary>\n{body}\n</details>"
 
 

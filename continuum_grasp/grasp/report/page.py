@@ -183,7 +183,7 @@ def _fingers(result: GraspResult) -> str:
 
 
 def _contacts(result: GraspResult, beside: Mapping[str, Axes]) -> tuple[str, str, str]:
-    """Where the object is touched, and with what forces."""
+    """Table of the contacts and their forces."""
     lifted = _lifted(result)
     rows: list[tuple[Any, ...]] = []
     for c in result.contacts:

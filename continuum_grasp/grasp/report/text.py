@@ -75,7 +75,7 @@ def _finger_lines(result: GraspResult) -> list[str]:
 
 
 def drive_lines(result: GraspResult, finger: str) -> list[str]:
-    """What the drives of a finger are at, in words; none where its tensions are commanded."""
+    """States of the drives of a finger, in words; none where its tensions are commanded."""
     lines = []
     for drive, taut in zip(result.drives.get(finger, ()), _taut(result, finger), strict=False):
         what = f"drive of {' and '.join(drive.tendons)}"
@@ -95,7 +95,7 @@ def drive_lines(result: GraspResult, finger: str) -> list[str]:
 
 
 def _taut(result: GraspResult, finger: str) -> list[str]:
-    """Which tendons of a finger are slack, per drive."""
+    """Words for slack tendons of a finger, per drive."""
     slack = [side for side, pull in zip(("left", "right"), result.fingers[finger].tensions, strict=True) if pull < 1e-3]
     each = [[s for s in drive.tendons if s in slack] for drive in result.drives.get(finger, ())]
     return [f"; {' and '.join(own)} slack" if own else "" for own in each]
@@ -235,7 +235,7 @@ def robust_rows(result: GraspResult) -> list[tuple[str, str, str]]:
 
 
 def fine_rows(result: GraspResult) -> list[tuple[str, str]]:
-    """What the statistics say about the grasp in a fine model, as (name, value)."""
+    """Statistics about the grasp in a fine model, as (name, value)."""
     found = []
     for key, value in result.statistics.items():
         if key.startswith("fine") and value is not None:
@@ -249,7 +249,7 @@ def _short(value: float) -> str:
 
 
 def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
-    """What a person wants to read of a result as YAML; SI units, which the names carry.
+    """Summary of a result as YAML; SI units, which the names carry.
 
     ``quality=False`` leaves out the indices of quality, which cost more than the rest.
     """

@@ -78,7 +78,7 @@ class InError:
         self.left = tuple({0, 1, 2} - set(pinned_by(self.scene, self.on, self.pose, flat=self.flat)))
 
     def pose_in_error(self, error: Array) -> Pose:
-        """Where the object lies [m, rad]: moved back to the supports that it touches."""
+        """Pose of the object in error [m, rad]: moved back to the supports that it touches."""
         key = error.tobytes()
         if key not in self._lies:
             self._lies[key] = self._settled(error)

@@ -70,8 +70,8 @@ class _Link:
 
 
 def link(nominal: GraspProblem, other: GraspProblem, error: ca.SX, left: tuple[int, ...]) -> ca.SX:
-    """What an error's problem shares with the nominal one; ``error`` (3,) is by how much its object's pose is off where
-    it lies, in units of the problem, and ``left`` are the coordinates that the supports leave.
+    """Unknowns that an error's problem shares with the nominal one; ``error`` (3,) is by how much its object's pose is
+    off where it lies, in units of the problem, and ``left`` are the coordinates that the supports leave.
     """
     rows = []
     for mine, its in zip(nominal.fingers, other.fingers, strict=True):
@@ -270,7 +270,7 @@ class JointSolverRun:
 
     @property
     def guarded(self) -> NDArray[np.int64]:
-        """Which constraints are those of guarded places (n,)."""
+        """Indices of the constraints of guarded places (n,)."""
         counts = [solver.problem.rows.count for solver in self._solvers]
         starts = np.cumsum([0, *counts[:-1]])
         found = [start + solver.guarded for start, solver in zip(starts, self._solvers, strict=True)]

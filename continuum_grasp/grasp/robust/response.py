@@ -1,4 +1,4 @@
-"""What becomes of a grasp when its object is not as it should be: the posture at given tensions, and its reserve.
+"""Response of a grasp to an object that is not as it should be: the posture at given tensions, and its reserve.
 
 The tensions are those of the grasp. An object that touches a support stays where it
 lies; others yield to the fingers. A finger that touches along its length slides on the object as it closes, so that its
@@ -188,7 +188,7 @@ class Responder:
             yield with_contacts(self.scene, begin, left)
 
     def _near_object(self, response: Response, names: Sequence[str]) -> Iterator[tuple[str, ContactStart]]:
-        """Which of the contacts that are clear nearly touch the object or are deep in it, deepest first, and where."""
+        """Contacts that are off and nearly touch the object or are deep in it, deepest first, and where."""
         scene, arrays, found = response.scene, response.arrays, []
         x, y, angle = arrays["object.pose"].tolist()
         for setup in scene.setups if names else ():
@@ -232,7 +232,7 @@ class Responder:
         return known[int((away**2).sum(axis=1).argmin())]
 
     def landings(self, solver: GraspSolverRun, error: Array) -> dict[str, Array]:
-        """Where tips land on an object that yields (2,), in its frame and in units of the problem."""
+        """Places where tips land on an object that yields (2,), in its frame and in units of the problem."""
         pose = np.array(self.in_error.pose_in_error(error)) - self.in_error.pose
         units, problem = Units.of(self.scene), solver.problem
         back, turned = (_rotation(-angle) for angle in (self.in_error.pose[2], pose[2]))

@@ -1,4 +1,4 @@
-"""How a grasp fares when its object is not as it should be."""
+"""Results for a grasp whose object is not as it should be."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from continuum_grasp.summary import Summarized
 Array = NDArray[Any]
 
 ERRORS = ("x", "y", "angle", "radius", "friction", "mass")
-"""What is not as it should be, in the order of the columns of errors."""
+"""Errors, in the order of the columns."""
 
 
 @dataclass(frozen=True)
 class Trials:
-    """One grasp, tried with errors of its object.
+    """A grasp, tried with errors of its object.
 
     Attributes
     ----------
@@ -68,7 +68,8 @@ class Trials:
 
 @dataclass(frozen=True)
 class Robustness(Summarized):
-    """What a grasp bears that was sought for errors of its object, and what the best one without errors bears.
+    """Errors that a grasp bears which was sought for errors of its object, and those that the best one without errors
+    bears.
 
     Attributes
     ----------
@@ -103,13 +104,13 @@ class Robustness(Summarized):
 
     @property
     def names(self) -> tuple[str, str, str]:
-        """What is tried, and names of the nominal and of the robust grasp."""
+        """Tried errors, and names of the nominal and of the robust grasp."""
         if self.errors[:, : len(ERRORS)].any():
             return "Errors of the object", "without errors", "for all errors"
         return "Friction states", "as pulled", "for any friction"
 
     def arrays(self) -> dict[str, Array]:
-        """What is stored of the draws, where there is a grasp for all errors."""
+        """Stored arrays of the draws, where there is a grasp for all errors."""
         if self.robust is None:
             return {}
         margins = {"robust.margins": self.robust.margins, "robust.nominal_margins": self.nominal.margins}
@@ -118,7 +119,7 @@ class Robustness(Summarized):
         return {**drawn, **margins}
 
     def warnings(self) -> list[str]:
-        """What to know before this grasp is relied on."""
+        """Warnings before this grasp is relied on."""
         one = self.robust
         if one is None or one.holds:
             return []
@@ -138,7 +139,7 @@ class Robustness(Summarized):
         return {name: f"{nominal} nominal, {robust} robust" for name, nominal, robust in self.rows()}
 
     def rows(self) -> list[tuple[str, str, str]]:
-        """What there is to compare: its name, and values of the nominal and of the robust grasp."""
+        """Compared quantities: name, and values of the nominal and of the robust grasp."""
         both = (self.nominal, self.robust)
 
         def row(name: str, text: Any) -> tuple[str, str, str]:
@@ -158,7 +159,7 @@ class Robustness(Summarized):
         ]
 
     def data(self) -> dict[str, Any]:
-        """The same as plain data."""
+        """The results as plain data."""
 
         def of(one: Trials) -> dict[str, Any]:
             return {

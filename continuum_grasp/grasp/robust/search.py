@@ -31,7 +31,7 @@ Array = NDArray[Any]
 MOST = 4
 """Corners that enter the problem at once."""
 EXCHANGES = 6
-"""How often corners that fail enter the problem."""
+"""Number of times that corners that fail enter the problem."""
 
 
 def tried_errors(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any]) -> Array:
@@ -41,7 +41,7 @@ def tried_errors(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any]) -
 
 @dataclass(frozen=True)
 class Found:
-    """What the search gave.
+    """Result of the search.
 
     Attributes
     ----------
@@ -154,7 +154,7 @@ def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], bu
 def _solved(
     responder: Responder, responses: Sequence[Response], budget: Budget
 ) -> tuple[nlp.Attempt, Mapping[str, Array] | None]:
-    """One run of the solver, from a grasp and its responses to some errors, and the grasp; None where it found none."""
+    """Run the solver once, from a grasp and its responses to some errors, and the grasp; None where it found none."""
     scene, start = responder.scene, responder.start
     touching = [response.begin.contacts for response in responses]
     run = JointSolverRun(scene, start, np.array([response.error for response in responses]), touching)

@@ -1,4 +1,4 @@
-"""What share of plants that differ from the model by usual errors a grasp would hold with the tensions that it has.
+"""Share of plants with usual errors that a grasp would hold with the tensions that it has.
 
 The equations of the grasp problem, contacts touching and object and fingers in balance, are taken to first order in its
 unknowns and in the errors. Friction coefficients are exact. What the equations leave open, forces that contacts share
@@ -64,7 +64,7 @@ _LIMITS = ("contact direction", "contact within")
 
 @dataclass(frozen=True)
 class PlantShare:
-    """How many plants with usual errors a grasp would hold.
+    """Share of plants with usual errors that a grasp would hold.
 
     Attributes
     ----------
@@ -96,7 +96,7 @@ class PlantShare:
         return f"{self.share:.0%} of plants with usual errors would hold ({', '.join(words)})"
 
     def data(self) -> dict[str, Any]:
-        """The same as plain data."""
+        """The share as plain data."""
         return {"share": None if self.why_not else self.share, "errors": dict(self.errors), "why_not": self.why_not}
 
 
@@ -231,7 +231,7 @@ class _Plants:
         return x, numbers
 
     def _placed(self, error: Array) -> tuple[Array, Array]:
-        """The same with an error of pose and size alone."""
+        """Unknowns and numbers with an error of pose and size alone."""
         key = error.tobytes()
         if key not in self._known:
             problem, scene, start, features = self.solver.problem, self.scene, self.start, self.features
@@ -251,7 +251,7 @@ class _Plants:
         return np.asarray(np.array(self.solver.nlp.functions["jac_g"](x, numbers)[0]).ravel()[self._chosen])
 
     def _open(self, x: Array) -> NDArray[np.int64]:
-        """Which unknowns follow from the errors: forces, places, shapes; of drives the tensions."""
+        """Indices of the unknowns that follow from the errors: forces, places, shapes; of drives the tensions."""
         problem = self.solver.problem
         low, high = problem_bounds(problem, self.scene, self.features)
         names = [name for name in problem.x.at if name.startswith(("force, ", "place, "))]

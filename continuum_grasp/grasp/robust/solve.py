@@ -40,7 +40,7 @@ DRAWS = 100
 COMPARED = 200
 """Draws with which the nominal grasp is tried: its share is known to 7 percentage points at 95 %."""
 HALVINGS = 4
-"""How often the interval of the bounds that can be borne is halved: to a sixteenth."""
+"""Number of times that the interval of the bounds that can be borne is halved: to a sixteenth."""
 BRANCHES = 2
 """Further grasps of the nominal search next to which a robust one is sought. With stations, that with one holds after
 1.5 s, that with two after 3 s, that with four does not after 17 s, and one with three has no answer after minutes
@@ -116,14 +116,14 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
 
 
 def _whatever(scene: GraspScene) -> str:
-    """What must not matter, in words."""
+    """Errors that must not matter, in words."""
     states = f"the friction states {_where(scene)}"
     both = ("the errors within robust", scene.robust), (states, scene.state_columns)
     return " and ".join(words for words, there in both if there)
 
 
 def _where(scene: GraspScene) -> str:
-    """What has friction states, in words."""
+    """Parts that have friction states, in words."""
     both = ("of the tendons", "has_tendon_friction"), ("in bending", "has_dry_friction")
     return " and ".join(word for word, has in both if any(getattr(setup.finger, has) for setup in scene.setups))
 
@@ -229,7 +229,7 @@ def _frictions(scene: GraspScene) -> list[tuple[str, float]]:
 
 
 def _less(scene: GraspScene) -> str:
-    """What to change where friction states are too bad."""
+    """Advice where friction states are too bad."""
     keys = " and ".join(key for key, _ in _frictions(scene))
     return (
         f"Lower {keys}, raise contacts.friction or contacts.normal_force_max, which fingers that were "

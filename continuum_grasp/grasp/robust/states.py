@@ -65,7 +65,7 @@ def with_drawn_states(scene: GraspScene, errors: Array) -> Array:
 
 
 def worst_vertex(response: Response) -> Array:
-    """The same error with the states (6 + K,) at which the reserve is least, to first order; itself without slope."""
+    """An error with the states (6 + K,) at which the reserve is least, to first order; itself without slope."""
     error, attempt, solver = response.error.copy(), response.attempt, response.solver
     if not attempt.converged:
         return error

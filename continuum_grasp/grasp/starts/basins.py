@@ -123,7 +123,7 @@ class Basins:
     # -- forces ------------------------------------------------------------------------------------------------
 
     def _judged(self, branch: Branch) -> tuple[Scored | None, Array]:
-        """Those that are clear of everything, with their forces, and which of the postures these are."""
+        """Postures that are clear of everything, with their forces, and which of the postures these are."""
         wrong = self._depth(branch)
         clear = wrong <= STRICT
         if not clear.any():
@@ -193,7 +193,7 @@ def _ordered(some: Scored) -> Scored:
 
 
 def along_outline(branch: Branch, count: int) -> Array:
-    """Which pairs (P, P) of postures on a ring with so many places are neighbors."""
+    """Mask (P, P) of neighbors among postures on a ring with so many places."""
     apart = np.remainder(branch.place[:, None] - branch.place + 0.5 * count, count) - 0.5 * count
     one, two = np.nonzero(np.abs(apart) <= _NEIGHBORS)
 
@@ -215,7 +215,7 @@ def _pairs(count: int, one: Array, two: Array) -> Array:
 
 
 def in_bends(branch: Branch, spacing: float) -> Array:
-    """Which pairs (P, P) of postures of two arcs are neighbors, of a scan with a spacing [rad]."""
+    """Mask (P, P) of neighbors among postures of two arcs, of a scan with a spacing [rad]."""
     one = branch.ends[:, 0] * branch.joint
     two = branch.ends[:, 2] * (1.0 - branch.joint)
     first, second = np.nonzero(np.abs(one[:, None] - one) + np.abs(two[:, None] - two) <= _NEIGHBORS * spacing)

@@ -27,8 +27,8 @@ _SIGNS = np.array([1.0, -1.0])[:, None, None]
 def boxed(
     system: Array, right: Array, low: Array, high: Array, cost: Array, cost_weight: float
 ) -> tuple[Array, Array, Array]:
-    """What is left (B,) of systems (B, m, n) with right sides (B, m) at their least squares with ``low`` <= x <=
-    ``high`` (n,), the costs (B,) of the unknowns, which count a little beside the squares, and the unknowns (B, n).
+    """Residuals (B,) of systems (B, m, n) with right sides (B, m) at their least squares with ``low`` <= x <= ``high``
+    (n,), the costs (B,) of the unknowns, which count a little beside the squares, and the unknowns (B, n).
     """
     # In shares of their ranges all unknowns lie in (0, 1); 1e-8 beside the cost makes the optimum unique.
     span = np.maximum(high - low, 1e-12)

@@ -18,8 +18,8 @@ _AT = np.linspace(0.0, 1.0, 25)
 
 
 def overlaps(scene: GraspScene, found: list[Candidates], index: list[Array]) -> Array:
-    """How deep the fingers of B combinations are in each other, in sum, per length (B,); ``index`` (B,) per finger are
-    the postures combined.
+    """Depth of the fingers of B combinations in each other, in sum, per length (B,); ``index`` (B,) per finger are the
+    postures combined.
     """
     names = [setup.name for setup in scene.setups]
     pairs = [(names.index(one.name), names.index(other.name)) for one, other in scene.pairs]

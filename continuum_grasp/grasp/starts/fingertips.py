@@ -24,7 +24,7 @@ _TABLE = {2: 400, 3: 36, 4: 14}
 _LIKELY = 600
 """Sets among which those that differ are chosen."""
 _COST = 0.1
-"""What the tensions of a set count, per those of likely sets, beside its relative imbalance."""
+"""Weight of the tensions of a set, per those of likely sets, beside its relative imbalance."""
 
 
 def matched_sets(
@@ -35,7 +35,7 @@ def matched_sets(
     supports: tuple[Block, dict[str, ContactStart]],
     count: int,
 ) -> list[Candidates]:
-    """Of each finger ``count`` postures at most, the k-th of which belong together, the most likely ones that differ
+    """Postures of each finger, ``count`` at most, the k-th of which belong together, the most likely ones that differ
     first; the object is at a world pose [m, rad].
     """
     com = complex(*scene.object.com)
@@ -83,7 +83,7 @@ def matched_sets(
 def _supported(
     scene: GraspScene, loads: Loads, off: Array, block: Block, touched: dict[str, ContactStart]
 ) -> tuple[Array, Array]:
-    """What is left of imbalances (S, 3) under the best forces of supports, and how much these may lift (S,)."""
+    """Remainder of imbalances (S, 3) under the best forces of supports, and how much these may lift (S,)."""
     if not touched:
         return off, np.zeros(len(off))
     friction = np.array([scene.held_friction(name) for name in touched])

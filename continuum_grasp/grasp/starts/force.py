@@ -1,5 +1,5 @@
-"""Which starts can hold the object: contact forces in their cones and tensions within limits that come closest to
-balancing object and fingers, for many postures at once.
+"""Forces of starts that can hold the object: contact forces in their cones and tensions within limits that come closest
+to balancing object and fingers, for many postures at once.
 
 Friction cones are spanned by edges, each with a force that is not negative; a finger's bending moment is balanced at a
 few of its sections. The remaining imbalance ranks the starts; it proves nothing.
@@ -38,7 +38,7 @@ _TENSION_WEIGHT = 5e-5
 
 @dataclass(frozen=True)
 class Loads:
-    """What the contacts have to carry, and scales."""
+    """Loads on the contacts, and scales."""
 
     force: float  # force that counts as one [N]
     length: float  # size of the object [m]
@@ -61,7 +61,7 @@ class Loads:
 
     @property
     def target(self) -> Array:
-        """What the contacts must apply to the object, scaled (rows,)."""
+        """Wrench that the contacts must apply to the object, scaled (rows,)."""
         out = np.zeros(self.rows)
         out[0], out[1] = -self.planar.real / self.force, -self.planar.imag / self.force
         if self.lift:
@@ -82,7 +82,7 @@ class Block:
 
 
 def loads_of(scene: GraspScene) -> Loads:
-    """What a scene's contacts have to carry."""
+    """Loads on a scene's contacts."""
     gravity = complex(*scene.gravity.vector) if isinstance(scene.gravity, PlanarGravity) else 0j
     upright = scene.gravity if isinstance(scene.gravity, OutOfPlaneGravity) else None
     stiff = max(s.stiffness / s.finger.rod.length**2 for s in scene.setups)

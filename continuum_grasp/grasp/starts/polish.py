@@ -36,14 +36,14 @@ _DESCENTS = 24
 _IN_THE_WAY, _GAP = 5.0, 20.0
 """Weights of what is in the way and of the gap at the tip, in lengths of the finger, beside relative imbalances."""
 _SHALLOW = 1e-3
-"""What is in the way, in lengths of the finger, that the weights leave at the best posture beside an object."""
+"""Depth in obstacles, in lengths of the finger, that the weights leave at the best posture beside an object."""
 _TOUCHES = 1e-9
 """Gap at which a tip touches [L]."""
 
 
 @dataclass(frozen=True)
 class Borne:
-    """What one contact force and one tension do that come closest to bending P postures of a finger as they are."""
+    """Effect of the contact force and the tension that come closest to bending P postures of a finger as they are."""
 
     known: Array  # (P, 8) what they do to the object (3), forces along two edges of the cone, tension left minus
     # right, all per the unit of force; arm of the contact, per the object's size (2)
@@ -119,7 +119,7 @@ def pressed(onto: Array, off: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Look:
-    """What a finger's tip does at a set's posture and, behind it, with each of its n unknowns changed a little."""
+    """Tip of a finger at a set's posture and, behind it, with each of its n unknowns changed a little."""
 
     known: Array  # (K, 1 + n, 8)
     own: Array  # (K, 1 + n, R)
@@ -127,7 +127,7 @@ class _Look:
 
 
 class _Balance:
-    """What is missing for balance, and what it costs, from what the tips do, lifts and forces at supports."""
+    """Imbalance, and its cost, from what the tips do, lifts and forces at supports."""
 
     def __init__(self, scene: GraspScene, loads: Loads, supports: Block, touched: dict[str, ContactStart]) -> None:
         self.loads, self._setups = loads, scene.setups
@@ -224,7 +224,7 @@ class _Balance:
 
 
 class _Finger:
-    """One finger of the sets, whose unknowns are the curvatures at its knots and what is free of its base."""
+    """A finger of the sets, whose unknowns are the curvatures at its knots and what is free of its base."""
 
     def __init__(self, scene: GraspScene, loads: Loads, setup: FingerSetup, pose: Pose, start: Candidates) -> None:
         self.scene, self.loads, self.setup, self.pose, self.start = scene, loads, setup, pose, start
@@ -242,7 +242,7 @@ class _Finger:
         self._size = start.curvatures.shape[1]
 
     def look(self, x: Array) -> _Look:
-        """What the tip does at unknowns (K, n), and with small changes for its slopes."""
+        """Tip at unknowns (K, n), and with small changes for its slopes."""
         count, size = x.shape
         # Away from zero: of a mirrored finger, which bends the other way, the slopes are the same.
         steps = np.copysign(_STEP, x)

@@ -61,7 +61,7 @@ def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Ba
 
 
 def rebalanced_starts(basins: Basins, scene: GraspScene) -> list[Start]:
-    """The same from the postures of a scan for a scene that differs in mass or in limits of forces alone."""
+    """Starts from the postures of a scan for a scene that differs in mass or in limits of forces alone."""
     return _starts_of(*basins.with_forces(scene))
 
 

@@ -1,4 +1,4 @@
-"""What a starting point of the search is, and a grasp that was found as one: for other elements, or another aim."""
+"""Starting points of the search, also made from a grasp that was found: for other elements, or another aim."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Array = NDArray[Any]
 
 @dataclass(frozen=True)
 class FingerStart:
-    """One finger of a start."""
+    """A finger of a start."""
 
     base: Pose  # world pose of the base [m, rad]
     joints: tuple[float, ...]  # positions along the finger of all middle contacts, on or off, increasing [m]
@@ -32,7 +32,7 @@ class FingerStart:
 
 @dataclass(frozen=True)
 class ContactStart:
-    """One contact of a start, in the object's frame."""
+    """A contact of a start, in the object's frame."""
 
     part: int  # index of the object's part that is touched
     point: tuple[float, float]  # on its surface [m]
@@ -41,7 +41,7 @@ class ContactStart:
 
 @dataclass(frozen=True)
 class Start:
-    """One start."""
+    """A start."""
 
     label: str  # "scan" (touches as it should), "near" (the closest there is), "found" (a grasp) ...
     object_pose: Pose  # in the world [m, rad]
@@ -51,15 +51,16 @@ class Start:
     """Normal, friction and lift at the contacts that balance the object as nearly as they can [N]; signs as in a
     result's ``contact_forces``; may be empty."""
     tensions: dict[str, tuple[float, float]] = field(default_factory=dict)
-    """Of the fingers' tendons that go with them [N]; may be empty."""
+    """Tensions of the fingers' tendons that go with the postures [N]; may be empty."""
     estimate: float = math.nan
     """Sum of the tensions [N] to be expected of the basin that it stands for; NaN: unknown."""
     imbalance: float = math.nan
     """Part of the loads that the best forces within their limits leave unbalanced there; NaN: unknown."""
     doubt: float = math.nan
-    """How unlikely a grasp is from there, by imbalance, tensions, and what is in the way; NaN: unknown."""
+    """Doubt that a grasp follows, by imbalance, tensions, and what is in the way; NaN: unknown."""
     friction_states: dict[str, tuple[float, ...]] = field(default_factory=dict)
-    """Of the fingers whose tendons have others than those of pulling them from the straight finger on."""
+    """Friction states of the fingers whose tendons have others than those of pulling them from the straight finger
+    on."""
 
 
 def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:

@@ -57,7 +57,7 @@ class Weighing:
         self._tips_alone = len(alone) > 1 and all(alone)
 
     def at_pose(self, pose: Pose, number: int) -> list[Weighed]:
-        """What is found at the ``number``-th pose of the object; nothing where a finger does not reach it."""
+        """Candidates at the ``number``-th pose of the object; nothing where a finger does not reach it."""
         found: list[Candidates] = []
         for setup in self.setups:
             candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, self.on)
@@ -111,14 +111,14 @@ def combinations(loads: Loads, blocks: list[Block], features: list[Array]) -> li
 
 
 def doubt(left: Array) -> Array:
-    """How unlikely a grasp is where forces and tensions leave this imbalance: beyond a few parts in a hundred, how much
-    it is means little.
+    """Doubt of a grasp where forces and tensions leave this imbalance: beyond a few parts in a hundred, how much it is
+    means little.
     """
     return np.where(left < NEARLY_BALANCED, 10.0 * left, 10.0 * NEARLY_BALANCED + 2.0 * (left - NEARLY_BALANCED))
 
 
 def _alone(loads: Loads, block: Block) -> tuple[Array, Array, Array]:
-    """What is left of the fingers' own balance, its cost, and what the forces then do to the object."""
+    """Remainder of the fingers' own balance, its cost, and what the forces then do to the object."""
     # No load, and forces without effect on the object: its rows are zero and drop out of the least squares.
     free = Loads(loads.force, loads.length, 0j, 0.0, loads.gravity, False)
     own = Block(0.0 * block.onto[:, :3], block.moments, block.needed, block.low, block.high, block.cost)

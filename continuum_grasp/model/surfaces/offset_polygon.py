@@ -221,7 +221,7 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
 
 
 class _PolygonOutline(Outline):
-    """Of an offset polygon."""
+    """Outline of an offset polygon."""
 
     def __init__(self, vertices: Array, radius: float, grown: float) -> None:
         self.corners = vertices

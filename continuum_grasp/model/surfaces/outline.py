@@ -52,7 +52,7 @@ class Walk:
 
 
 def picked(values: Array, index: Array) -> Array:
-    """Of values (..., K) those at an index (...) each; `numpy.take_along_axis` takes longer for few."""
+    """Entries of values (..., K) at an index (...) each; `numpy.take_along_axis` takes longer for few."""
     flat = values.reshape(-1, values.shape[-1])
     return np.asarray(flat[np.arange(len(flat)), index.ravel()].reshape(index.shape))
 
@@ -91,13 +91,13 @@ class Outline(ABC):
         return self.nearest(points)[0]
 
     def rough_distance(self, points: Array) -> Array:
-        """The same to within 1e-5 of the part's size, where that takes less time."""
+        """Distance to within 1e-5 of the part's size, where that takes less time."""
         return self.distance(points)
 
     @property
     @abstractmethod
     def rough_numbers(self) -> list[float]:
-        """What `rough_distance` is computed from, as the kernel of the scan reads it."""
+        """Numbers that `rough_distance` is computed from, as the kernel of the scan reads it."""
 
     @abstractmethod
     def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:

@@ -25,9 +25,9 @@ Array = NDArray[Any]
 _TINY = 1e-30
 """Keeps powers of a squared coordinate differentiable on the axes [1]; far below rounding."""
 _TINY_PLACE = 1e-10
-"""The same of a contact's place, whose second derivatives IPOPT needs: rounds |xi| below 1e-5 [1]."""
+"""Rounding of a contact's place, whose second derivatives IPOPT needs: rounds |xi| below 1e-5 [1]."""
 _TINY_DIRECTION = 1e-14
-"""The same of the support function [1, in squared units of the problem]."""
+"""Rounding of the support function [1, in squared units of the problem]."""
 _STEPS, _FEWER_STEPS = 3, 2  # see below
 _PLAIN_EXPONENT, _PLAIN_ASPECT = 4.0, 1.6
 """Newton steps to the nearest point, and exponent and ratio of the half axes up to which fewer do: the nearest point is
@@ -168,7 +168,7 @@ def _on_superellipse(a: float, b: float, power: float, way: Vec) -> tuple[Vec, V
 
 
 class _SuperellipseOutline(Outline):
-    """Of a superellipse; w is the polar angle of the scaled superellipse."""
+    """Outline of a superellipse; w is the polar angle of the scaled superellipse."""
 
     corners: Array = np.zeros(0, complex)
 

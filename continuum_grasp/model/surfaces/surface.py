@@ -1,4 +1,4 @@
-"""What contacts, grasp problem and grasp search ask of the surface of a part, whatever its form.
+"""Interface of contacts, grasp problem and grasp search to the surface of a part, whatever its form.
 
 A surface is stateless but for what decides how its expressions look, so that problems of equal structure share one
 compiled solver; the numbers of a part are handed in.
@@ -123,7 +123,7 @@ class Surface(ABC, Generic[P]):
 
     @abstractmethod
     def features(self, part: P) -> list[Feature]:
-        """What contacts can sit on, counter-clockwise."""
+        """Features that contacts can sit on, counter-clockwise."""
 
     @abstractmethod
     def place(self, part: P, feature: Feature, point: tuple[float, float], normal_angle: float) -> tuple[float, float]:

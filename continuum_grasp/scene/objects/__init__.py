@@ -1,4 +1,4 @@
-"""What can be grasped: shapes and unions of them, with mass and pose.
+"""Objects to be grasped: shapes and unions of them, with mass and pose.
 
 A new shape is two classes in `continuum_grasp.scene.objects.shapes`, and a name in each of the two lists below.
 """
@@ -65,4 +65,4 @@ class Union(ObjectBody):
 GraspObject = Annotated[
     Circle | Ellipse | Superellipse | Box | Polygon | Stadium | Outline | Union, Field(discriminator="shape")
 ]
-"""What can be grasped."""
+"""An object to be grasped."""

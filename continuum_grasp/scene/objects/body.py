@@ -1,4 +1,4 @@
-"""What every object has beside its shape: mass, center of mass, and a pose, fixed or to be chosen."""
+"""Properties of every object beside its shape: mass, center of mass, and a pose, fixed or to be chosen."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def pose_bounds(pose: Pose, free: Freedom | None) -> list[tuple[float, float]]:
 
 
 def greatest_shift(free: Freedom | None, at: tuple[float, float]) -> float:
-    """How far a position may move at most within bounds [m]."""
+    """Greatest distance that a position may move within bounds [m]."""
     if free is None:
         return 0.0
     spans = [max(b[1] - v, v - b[0]) if b else 0.0 for b, v in zip((free.x, free.y), at, strict=True)]
@@ -44,7 +44,7 @@ def greatest_shift(free: Freedom | None, at: tuple[float, float]) -> float:
 
 
 class ObjectBody(Value):
-    """What every object has beside its shape, in whose frame it is given."""
+    """Properties of every object beside its shape, in whose frame they are given."""
 
     mass: Mass
     """Mass [kg]."""
@@ -100,9 +100,9 @@ class ObjectBody(Value):
 
 
 class MemberPlace(Value):
-    """Where a part of a union sits."""
+    """Pose of a part of a union."""
 
     position: Position = (0.0, 0.0)
-    """Of the origin of the part's frame, in the object's [m]."""
+    """Position of the origin of the part's frame, in the object's [m]."""
     angle: Angle = 0.0
     """Angle from the object's axes to the part's [rad]."""

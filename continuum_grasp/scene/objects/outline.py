@@ -23,11 +23,11 @@ _CURVE = 48
 """Chords of a curve of an SVG path, before it is simplified: they keep a half circle to 0.05 % of its radius."""
 
 Ring = tuple[str, list[Point]]
-"""What a closed curve is called in its file, and its points there."""
+"""Name of a closed curve in its file, and its points there."""
 
 
 class OutlineFile(Value):
-    """What is read from where."""
+    """File of an outline, and how it is read."""
 
     shape: Literal["outline"]
     """A closed curve in a file; it becomes a polygon whose frame has its origin at the centroid, y up."""
@@ -35,11 +35,11 @@ class OutlineFile(Value):
     """SVG (a path or shape), DXF (a closed polyline, spline, circle or ellipse), CSV (two columns, with or without a
     line of names) or PNG (a dark silhouette on a light or transparent ground)."""
     path: str | None = None
-    """Which of several: ``id`` of an SVG path, or the layer of a DXF entity."""
+    """Curve to take of several: ``id`` of an SVG path, or the layer of a DXF entity."""
     scale: Annotated[Extent, Field(examples=["1 mm"])] | None = None
     """Length of a unit of the file, or of a pixel [m]; None: 1/96 inch of SVG, what a DXF states, 1 m of CSV."""
     tolerance: Annotated[Extent, Field(examples=["0.2 mm"])] = 1e-4
-    """How far the polygon may be from the curve [m]; a greater one takes fewer corners."""
+    """Greatest distance of the polygon from the curve [m]; a greater one takes fewer corners."""
     threshold: Annotated[float, Field(gt=0.0, lt=1.0), Unit("1")] = 0.5
     """Darkness of a pixel of a PNG from which on it belongs to the object [1]: 0 white or transparent, 1 black."""
 

@@ -80,13 +80,13 @@ def next_joint(task: FingerTask, family: Postures) -> Postures | None:
 
 
 def ends_of(family: Postures) -> tuple[Array, Array]:
-    """Where the curves end so far: point and angle."""
+    """Ends of the curves so far: point and angle."""
     end, turn, _, _ = segment_end(np.diff(family.knots, axis=1), family.curvatures)
     return end, turn
 
 
 def _clear(task: FingerTask, family: Postures | None) -> Postures | None:
-    """Those clear of the object so far, or the least deep ones where none is."""
+    """Curves clear of the object so far, or the least deep ones where none is."""
     if family is None:
         return None
     at = family.knots[:, -1:] * np.linspace(0.0, 1.0, 33)
@@ -109,8 +109,8 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
 
 
 def crossings(shape: Outline, gap: Array, tips: Array, *, axis: int = 1) -> tuple[Array, Array, Array, Array]:
-    """Where neighbors along an axis of tables have their tips on either side of a grown outline: indices of the first
-    of both, the share of the way to the second, and the walk of the nearest place.
+    """Crossings where neighbors along an axis of tables have their tips on either side of a grown outline: indices of
+    the first of both, the share of the way to the second, and the walk of the nearest place.
     """
     one = tuple(slice(None, -1) if k == axis else slice(None) for k in (0, 1))
     two = tuple(slice(1, None) if k == axis else slice(None) for k in (0, 1))

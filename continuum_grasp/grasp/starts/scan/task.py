@@ -1,5 +1,5 @@
-"""One finger before one object, in numbers of the finger: lengths per its length, from its base, mirrored where the
-object should lie on its right. And postures in these numbers, with their violation of clearances and limits.
+"""A finger before an object, in numbers of the finger: lengths per its length, from its base, mirrored where the object
+should lie on its right. And postures in these numbers, with their violation of clearances and limits.
 """
 
 from __future__ import annotations

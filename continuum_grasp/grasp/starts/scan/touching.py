@@ -349,8 +349,8 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
 
 
 def folds(grid: Array, gap: Array) -> tuple[Array, Array, Array]:
-    """Where gaps (P, G) on even grids turn back next to zero without a change of sign: rows, columns, and the vertices
-    of the parabolas through three neighbors.
+    """Folds where gaps (P, G) on even grids turn back next to zero without a change of sign: rows, columns, and the
+    vertices of the parabolas through three neighbors.
     """
     before, here, after = gap[:, :-2], gap[:, 1:-1], gap[:, 2:]
     bend = before - 2.0 * here + after
