@@ -54,9 +54,9 @@ iterations in the median, and none was worse than from a scan of postures."""
 NEAREST = 3
 """Starts tried with all elements where none led to a grasp with few, those with the least violation there."""
 PATIENCE = 7
-"""Iterations of the solver with a start that bring it no nearer. In 31 scenes (one finger, two, parts) it saves 60 % of
-all iterations, and no best grasp is lost down to 5; a violation that must halve within 10 iterations, whatever it does
-meanwhile, loses one."""
+"""Iterations that bring a start no nearer to its constraints, after which its run ends. In 31 scenes (one finger, two,
+parts) this saves 60 % of all iterations, and no best grasp is lost down to 5; a violation that must halve within 10
+iterations, whatever it does meanwhile, loses one."""
 WORSE = 1.05
 """Objective, per the least there is, from which on guarded places are not moved any more: they only raise it."""
 SAME_BASIN = 5e-3
