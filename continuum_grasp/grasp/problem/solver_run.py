@@ -105,7 +105,6 @@ class GraspSolverRun:
         x0: Array | None = None,
         numbers: Mapping[str, Any] | None = None,
         pinned: Mapping[str, ArrayLike] | None = None,
-        most: Mapping[str, float] | None = None,
         patience: int | None = None,
         enough: float = np.inf,
     ) -> Attempt:
@@ -116,9 +115,8 @@ class GraspSolverRun:
         ``relaxed``; their amounts are minimized then, beginning with those given (SI), of several the sum of their
         parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features``, by default those of the
         start, beyond whose ends they go on while that is better; the unknowns begin with ``x0``. Further run-time
-        ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for NaN, and others are bounded by
-        ``most`` (units of the problem). ``patience`` is that of `nlp.Start`; with an objective above ``enough``,
-        guarded places are not moved any more.
+        ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for NaN. ``patience`` is that of
+        `nlp.Start`; with an objective above ``enough``, guarded places are not moved any more.
 
         Raises
         ------
@@ -126,7 +124,7 @@ class GraspSolverRun:
             Ctrl-C was pressed meanwhile; this start has no result then.
         """
         given: dict[str, Any] = {"iterations": iterations, "relaxed": relaxed, "weights": weights, "numbers": numbers}
-        given |= {"pinned": pinned, "most": most, "patience": patience, "enough": enough}
+        given |= {"pinned": pinned, "patience": patience, "enough": enough}
         if features is not None:
             return self._run(scene, start, budget, features, rung=rung, x0=x0, **given)
         found = self._run(scene, start, budget, contact_features(scene, start.contacts), rung=rung, x0=x0, **given)
@@ -170,7 +168,6 @@ class GraspSolverRun:
         x0: Array | None,
         numbers: Mapping[str, Any] | None,
         pinned: Mapping[str, ArrayLike] | None,
-        most: Mapping[str, float] | None,
         patience: int | None,
         enough: float,
     ) -> Attempt:
@@ -194,8 +191,6 @@ class GraspSolverRun:
             held = np.where(np.isnan(value), x[at], value)
             x[at] = held
             low[at], high[at] = (np.where(np.isnan(value), side[at], held) for side in (low, high))
-        for name, bound in (most or {}).items():
-            high[problem.x.at[name]] = bound
         options, cap = RUNGS[rung]
         solve = partial(self._solved, self.prepare(scene))
         began = time.perf_counter()
