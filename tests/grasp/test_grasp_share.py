@@ -90,6 +90,17 @@ def held_in_full(grasp, errors):
     return np.array(found)
 
 
+def test_an_error_of_friction_is_that_of_a_scene_with_this_friction():
+    grasp = optimize_grasp(CONFIGS / "mug_arcs.yaml")
+    scene, sides = grasp.scene, usual_sides(grasp.scene)
+    error = np.zeros((1, len(sides)))
+    for share in (-1.0, 0.5):
+        error[0, 4] = share
+        other = scene.changed({"contacts.friction": (1.0 + 0.2 * share) * scene.contacts.friction})
+        slippery = _Plants(other, grasp.arrays, sides).reserves(0.0 * error)
+        assert_allclose(_Plants(scene, grasp.arrays, sides).reserves(error), slippery, rtol=1e-9)
+
+
 def test_a_plant_with_one_error_holds_as_one_solved_in_full():
     grasp = optimize_grasp(CONFIGS / "mug_arcs.yaml")
     sides = usual_sides(grasp.scene)

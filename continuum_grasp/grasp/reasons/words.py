@@ -49,7 +49,7 @@ def ordered(reasons: Iterable[Reason]) -> list[Reason]:
 
 
 def is_rare(reason: Reason) -> bool:
-    """Whether it asks for a friction that few surfaces have."""
+    """Whether a repair asks for a friction that few surfaces have."""
     return reason.name == "friction" and reason.needed > RARE
 
 
