@@ -1,4 +1,4 @@
-"""The figures of real_rods.md: python docs/real_rods.py [belendez|ring_downs|foam|tendons|releases] [REPEATS]."""
+"""The figures of real_rods_measured.md: python docs/real_rods.py [belendez|ring_downs|foam|tendons|releases] [REPEATS]."""
 
 from __future__ import annotations
 
