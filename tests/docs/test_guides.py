@@ -14,7 +14,7 @@ from continuum_grasp.scene.schema import json_schema
 from docs.guides import ROOT, Run, blocks, page_text, pictures, run
 from docs.own_finger_data import FOLDER, TRUTH
 
-BUILD = ("first_finger",)
+BUILD = ("first_finger", "design_a_finger")
 GRASP = ("grasp_an_object", "grasp_with_errors", "close_the_fingers", "carry_out_a_grasp")
 CONTROL = ("close_a_loop", "estimate_unknowns", "run_your_own_loop", "controller_in_c")
 PATHS = (*BUILD, *GRASP, *CONTROL)
