@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import zip_longest
 from typing import Any
@@ -19,7 +19,7 @@ from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
-from continuum_grasp.grasp.starts.starts import basin_starts, make_starts, rebalanced_starts
+from continuum_grasp.grasp.starts.starts import basin_starts, held_still, make_starts, rebalanced_starts
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.grasp.values import tension_of
 from continuum_grasp.nlp import Budget
@@ -35,8 +35,9 @@ sensitivities, and 0.1 % of tension is below the model's error."""
 SECTOR = 0.8
 """Difference of a contact's direction from which on a start is of another branch [rad]: starts whose
 contacts face alike to within it end in the same grasp as a rule."""
-HELD = 3
-"""Grasps with least tension from which other aims start: of nearby branches another may be best for them."""
+HELD, HELD_STILL = 3, "held still"
+"""Grasps from which another scene starts: of nearby branches another may be best for it; label of those starts where
+object and bases were held that may move."""
 ITERATION_CAP, FIRST_CAP = 40, 80
 """Iterations of a rough start once there is a grasp, and before: from good starts IPOPT needs a median of 12 and 17 at
 the 95th percentile (400 random scenes), at most 52 from the best of shipped scenes and 76 of 36 random ones of several
@@ -164,11 +165,13 @@ class Search:
         """Solve from the basins of all modes in order of their estimates, then from rough starts of modes that are not
         scanned (by the effort, of all), then on from the best grasp where its solver was stopped.
         """
-        if self.scene.objective != "least_tension":
-            self._from_least_tension()
         # Modes come with the most contacts first: a branch that holds with all of them needs no try with fewer,
         # since a contact without force is as good as one that is off.
         modes = contact_modes(self.scene)
+        if self.scene.objective != "least_tension":
+            self._from(self.scene.replaced(objective="least_tension"), "least tension")
+        elif modes and (held := held_still(self.scene, modes[0])) is not None:
+            self._from(held, HELD_STILL)
         self._modes = len(modes)
         unscanned = [mode for mode in modes if not self._from_basins(mode)]
         self._sampled = len(unscanned)
@@ -318,7 +321,9 @@ class Search:
         Once there is a grasp, starts that do not touch and those that look much worse are skipped, and the others get
         few iterations.
         """
-        held = {branch_of(tried.attempt.start) for tried in self.good}
+        # From rough starts object and bases move farther than from where they were held.
+        known = (tried.attempt.start for tried in self.good)
+        held = {branch_of(start) for start in known if start.label != HELD_STILL}
         for rank in zip_longest(*map(self.rough_starts_of, modes)):
             for start in sorted(filter(None, rank), key=lambda one: one.doubt):
                 branch = branch_of(start)
@@ -367,17 +372,20 @@ class Search:
         """Whether no grasp is better than the best found by more than `NEAR`."""
         return bool(self.bound) and self.best is not None and self.excess <= NEAR
 
-    def _from_least_tension(self) -> None:
-        """Other aims start from grasps with least tension, which are found more surely."""
-        before = Search(self.scene.replaced(objective="least_tension"), self.budget)
+    def _from(self, scene: GraspScene, label: str) -> None:
+        """Start from the grasps of a scene in which they are found more surely: other aims from those with least
+        tension, objects and bases that may move from where they are held.
+        """
+        before = Search(scene, self.budget)
         try:
             self.run_before(before)
         finally:  # also on Ctrl-C
-            self.fallback = before.best
+            if scene.objective != self.scene.objective:
+                self.fallback = before.best
         for held in sorted(before.good, key=lambda t: t.attempt.objective)[:HELD]:
             if self.budget.over:
                 return
-            self.attempt(start_from(self.scene, held.arrays))
+            self.attempt(replace(start_from(self.scene, held.arrays), label=label))
             if self.proven:
                 return
 

@@ -92,6 +92,20 @@ def test_what_no_scanned_posture_leads_to_is_found_from_rough_starts(seed, tensi
     assert least(scene_of(drawn("one", seed), 4)) == pytest.approx(tension, rel=1e-6)
 
 
+@pytest.mark.parametrize(("seed", "where"), few([(s, w) for s in (5, 7, 100, 3, 4) for w in ("y", "angle", "base")], 2))
+def test_an_object_or_a_base_that_may_move_takes_no_more_than_one_that_is_fixed(seed, where):
+    data = drawn("one", seed)
+    fixed = least(scene_of(data, 4))
+    assert fixed is not None
+    span, base = 0.1 * data["finger"]["rod"]["length"], data["finger"]["base"]["angle"]
+    if where == "base":
+        data["finger"] |= {"base_free": {"angle": (base - 0.1, base + 0.1)}}
+    else:
+        at, most = (data["object"]["position"][1], span) if where == "y" else (data["object"].get("angle", 0.0), 0.1)
+        data["object"] |= {"free": {where: (at - most, at + most)}}
+    assert least(scene_of(data, 4)) <= (1.0 + 1e-6) * fixed + NONE * data["finger"]["tendons"]["max_tension"]
+
+
 @pytest.mark.deep
 @pytest.mark.parametrize(
     ("kind", "seed", "tension", "most"),

@@ -176,7 +176,8 @@ def test_other_aims_begin_with_three_grasps_of_least_tension(monkeypatch):
     search, starts = searching(objective="greatest_friction_margin")
     monkeypatch.setattr(search, "run_before", lambda before: before.good.extend(grasp(objective=k) for k in range(5)))
     monkeypatch.setattr(module, "start_from", lambda scene, arrays: arrays)
-    search._from_least_tension()
+    monkeypatch.setattr(module, "replace", lambda start, label: start)
+    search._from(search.scene.replaced(objective="least_tension"), "least tension")
     assert len(starts) == 3
 
 
