@@ -67,8 +67,8 @@ UNBALANCED, CLOSEST = 0.01, 2
 """Imbalance of a basin of two elements from which on it most likely has no grasp, and how many such basins are tried
 all the same."""
 UNLIKELY = 0.2
-"""Imbalance with more elements from which on a start is skipped: of 68 scanned starts that gave a grasp (158 scenes of one
-finger) nine had more than 0.06, and one more than 0.13, which was not the best; two thirds of the iterations were spent
+"""Imbalance with more elements from which on a start is skipped: of 68 scanned starts that gave a grasp (158 scenes of
+one finger) nine had more than 0.06, and one, not the best, more than 0.13; two thirds of the iterations were spent
 beyond 0.2 in scenes without a grasp, a sixth in others."""
 BENT = 0.06
 """Imbalance of a posture of more elements, which bend away from those of a scan, up to which a greater limit may repair

@@ -8,7 +8,7 @@ import cmath
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, Self, TypeVar
 
@@ -85,18 +85,14 @@ class FingerTask:
             out = np.minimum(out, away)
         return out
 
-    @cached_property
+    @property
     def object_numbers(self) -> Array:
         """The object as the kernel of the scan has it."""
         return _numbers(self.shapes)
 
     def rough_distance(self, points: Array, part: int | None = None) -> Array:
         """Signed distance from the object, or from one part of it, to within 1e-5 of its size."""
-        shapes = self.shapes if part is None else self.shapes[part : part + 1]
-        if kernel.library():
-            out, numbers = np.empty(points.shape), self.object_numbers if part is None else _numbers(shapes)
-            return kernel.called("distances", out, out.size, numbers, points)
-        return np.asarray(np.min([shape.rough_distance(points) for shape in shapes], axis=0))
+        return rough_distance(self.shapes if part is None else self.shapes[part : part + 1], points)
 
     def touched(self, points: Array) -> tuple[Array, Array, Array]:
         """The parts nearest to points (B,), and the places on their grown outlines: points, angles of the normals."""
@@ -163,7 +159,15 @@ class Postures(Rows):
 P = TypeVar("P", bound=Postures)
 
 
-def _numbers(shapes: Sequence[Outline]) -> Array:
+def rough_distance(shapes: tuple[Outline, ...], points: Array) -> Array:
+    """Signed distance from the nearest of some outlines, to within 1e-5 of its size."""
+    if kernel.library():
+        return kernel.called("distances", np.empty(points.shape), points.size, _numbers(shapes), points)
+    return np.asarray(np.min([shape.rough_distance(points) for shape in shapes], axis=0))
+
+
+@lru_cache(maxsize=64)
+def _numbers(shapes: tuple[Outline, ...]) -> Array:
     return np.array([len(shapes), *(each for shape in shapes for each in shape.rough_numbers)])
 
 
