@@ -275,8 +275,8 @@ _IPOPT = {
     "mu_init": 1e-2,
     "mu_linear_decrease_factor": 0.1,
     "mu_superlinear_decrease_power": 1.7,
-    # 30 unknowns take a quarter less time per iteration without what large linear systems need; 15 of 47 starts of seven
-    # scenes converged with it and without, in 372 and 384 iterations.
+    # Some 30 unknowns take a sixth less time per iteration without what large linear systems need; 15 of 47 starts of
+    # seven scenes converged with it and without, in 384 and 372 iterations.
     "fast_step_computation": "yes",
     "min_refinement_steps": 0,
     "mumps_permuting_scaling": 0,
