@@ -150,6 +150,7 @@ class Search:
         self._tells = all(setup.elements <= 2 for setup in scene.setups)
         self._scans: dict[frozenset[str], Basins] = {}  # of each mode
         self._rough: dict[frozenset[str], list[Start]] = {}
+        self._solvers: dict[tuple[tuple[str, int], ...], GraspSolverRun] = {}  # by names and parts of contacts
         self.basins: list[Basin] = []
         # Contacts and objectives of grasps with few elements; starts that led to none, with violations and rungs.
         self._coarsely: list[tuple[Any, float]] = []
@@ -486,10 +487,12 @@ class Search:
     def solver(self, start: Start) -> GraspSolverRun:
         """The solver for a start's contacts."""
         began = time.perf_counter()
-        solver = solver_for(ProblemSpec.of(self.scene, start.contacts))
-        solver.prepare(self.scene)
+        contacts = tuple((name, contact.part) for name, contact in start.contacts.items())
+        if contacts not in self._solvers:
+            self._solvers[contacts] = solver_for(ProblemSpec.of(self.scene, start.contacts))
+            self._solvers[contacts].prepare(self.scene)
         self.build_seconds += time.perf_counter() - began
-        return solver
+        return self._solvers[contacts]
 
 
 def _same(one: Start, two: Start) -> bool:

@@ -25,6 +25,8 @@ NEARLY_BALANCED = 0.02
 """Relative imbalance up to which its size ranks starts; IPOPT brings a few parts in a hundred to zero."""
 _PER_FINGER = {2: 14, 3: 8, 4: 6}
 """Postures per finger that are combined, by number of fingers: 200 to 1300 combinations."""
+_CLEAREST = 100
+"""Postures of one finger that are weighed, those with least in the way: all that 8 scenes chose have nothing."""
 _SETS = {2: 48, 3: 96, 4: 96}
 """Sets of so many fingers that touch with their tips alone, at a pose of the object."""
 
@@ -63,6 +65,9 @@ class Weighing:
             candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, self.on)
             if candidates is None:
                 return []
+            if len(self.setups) == 1 and len(candidates) > _CLEAREST:
+                wrong = candidates.violation
+                candidates = candidates.take(wrong <= np.partition(wrong, _CLEAREST)[_CLEAREST])
             found.append(candidates)
         blocks = self._blocks(pose, found)
         plain = self._weigh(pose, found, blocks, combinations(self.loads, blocks, self._features(found)))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -128,13 +129,12 @@ def _in_front(shape: Outline, walk: Array, facing: Array) -> Array:
 
 
 def tip_only(task: FingerTask) -> Postures | None:
-    """Curves from the base whose tip touches: a family of two parameters, cut along a grid both ways.
+    """Arcs from the base whose tip touches: a family of two parameters, cut along a grid both ways.
 
     The parameters are the curvatures at both ends, or those of two arcs.
     """
-    joint = task.counts[0] / 2.0 if task.arcs and task.counts == (1, 1) else None
-    # Beside the shapes of `bent_by_tip`, which have clothoids only, every other line of the grid is enough.
-    reach, count = TIP_REACH, TIPS if task.arcs else TIPS // 2 + 1
+    joint = task.counts[0] / 2.0 if task.counts == (1, 1) else None
+    reach, count = TIP_REACH, TIPS
     if joint is not None:  # each of two arcs has a part of the length for its bend
         reach, count = 2.0 * TIP_REACH, 2 * TIPS - 1
     grid, ends, _ = guess_table(reach, count, joint)
@@ -180,26 +180,20 @@ def _tips(knots: Array, bent: Array, part: int, shape: Outline, walk: Array) -> 
     return touching_family(np.broadcast_to(knots, (count, len(knots))), bent, np.zeros((count, 0)), part, shape, walk)
 
 
-def bent_by_tip(task: FingerTask) -> Postures | None:
-    """Fingers bent by a force at their tips, which touch."""
-    knots = np.array(task.nodes)
-    groups: list[Postures | None] = []
-    clothoids = tip_only(task)
-    if clothoids is not None:  # the same curves, whose curvature is linear all along, with more knots
-        first, last = clothoids.curvatures[:, :1], clothoids.curvatures[:, 1:]
-        bent = first + (last - first) * knots
-        groups.append(replace(clothoids, knots=np.broadcast_to(knots, bent.shape), curvatures=bent))
-    groups.append(_two_clothoids(task))
-    found = join([group for group in groups if group is not None])
-    return None if found is None else unique(found)
-
-
-def _two_clothoids(task: FingerTask) -> Postures | None:
-    """All postures, one or more for each pair of curvatures at base and joint from which the tip touches."""
-    # A curve of half the length is half as long with twice the curvature.
+@cache
+def _halves() -> tuple[Array, Array, Array, Array, Array]:
+    """Curvatures at base and joint (N,), and at the tip (N,); ends and angles (N, N) of the first half of a finger, and
+    ends (N, N) of its second half.
+    """
     line, ends = np.linspace(-_REACH, _REACH, _COUNT), np.linspace(-_TIP_REACH, _TIP_REACH, _COUNT)
+    # A curve of half the length is half as long with twice the curvature.
     joints, bends = table_of(0.5 * line, 0.5 * line, None)
-    joints, tips = 0.5 * joints, 0.5 * table_of(0.5 * line, 0.5 * ends, None)[0]
+    return line, ends, 0.5 * joints, bends, 0.5 * table_of(0.5 * line, 0.5 * ends, None)[0]
+
+
+def bent_by_tip(task: FingerTask) -> Postures | None:
+    """Fingers bent by a force at their tips, which touch: one or more for each pair of curvatures at base and joint."""
+    line, ends, joints, bends, tips = _halves()
     knots = np.array(task.nodes)
     hats = np.stack([np.interp(knots, (0.0, 0.5, 1.0), unit) for unit in np.eye(3)])
     beyond = tuple(np.flatnonzero(knots > 0.5).tolist())
@@ -213,4 +207,5 @@ def _two_clothoids(task: FingerTask) -> Postures | None:
             last = ends[k] + share * (ends[1] - ends[0])
             bent = np.stack([line[i[row]], line[j[row]], last], axis=1)
             groups.append(touching(knots, bent @ hats, beyond, part, shape, walk))
-    return join(groups)
+    found = join(groups)
+    return None if found is None else unique(found)
