@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.families import bent_by_tip, first_joint, next_joint, tip_only, with_tip
+from continuum_grasp.grasp.starts.scan.families import bent_by_tip, first_joint, next_joint, with_tip
 from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, make_task, violation
+from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose
 
@@ -87,7 +88,7 @@ def _postures(task: FingerTask) -> Postures | None:
         if family is not None:
             family = with_tip(task, family) if task.tip else _free_end(family)
     elif task.tip:
-        family = tip_only(task) if task.arcs else bent_by_tip(task)
+        family = _two_arcs(task) if task.arcs and task.counts == (1, 1) else bent_by_tip(task)
     else:
         family = _untouched(task)
     return None if family is None else _finished(task, family)
@@ -97,6 +98,14 @@ def _finished(task: FingerTask, family: Postures) -> Postures:
     joints = all_joints(task, family.joints)
     wrong = violation(task, family.knots, family.curvatures, joints)
     return replace(family, joints=joints, violation=wrong)
+
+
+def _two_arcs(task: FingerTask) -> Postures:
+    """Fingers of two arcs whose tips touch."""
+    some = scanned_arcs(task)
+    none, touched = np.zeros((len(some), 0)), (some.tip, some.tip_point, some.tip_normal)
+    parts, points, angles = (each[:, None] for each in touched)
+    return Postures(some.knots, some.ends, none, parts, points, angles, np.zeros(len(some)))
 
 
 def _free_end(family: Postures) -> Postures:

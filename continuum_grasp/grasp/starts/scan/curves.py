@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -119,17 +118,6 @@ def bends(knots: Array, curvatures: Array, joints: Array, counts: tuple[int, ...
         np.abs(curvature_at(knots, curvatures, at[:, 1:] - inside)),
     )
     return np.asarray((lengths * near).max(axis=1))
-
-
-@lru_cache(64)
-def guess_table(reach: float, count: int, joint: float | None = None) -> tuple[Array, Array, Array]:
-    """Curves of length one whose end curvatures are on a grid: end curvatures (count,), end points (count, count) and
-    angles (count, count) by first and last curvature.
-
-    Where ``joint`` is given they are two arcs that meet there.
-    """
-    grid = np.linspace(-reach, reach, count)
-    return grid, *table_of(grid, grid, joint)
 
 
 def table_of(firsts: Array, lasts: Array, joint: float | None) -> tuple[Array, Array]:

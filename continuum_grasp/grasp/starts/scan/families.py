@@ -15,12 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import guess_table, sample, segment_end, table_of, tangent, touch
+from continuum_grasp.grasp.starts.scan.curves import sample, segment_end, table_of, tangent, touch
 from continuum_grasp.grasp.starts.scan.task import (
     ALLOWED,
     FRONT,
-    TIP_REACH,
-    TIPS,
     FingerTask,
     Postures,
     join,
@@ -28,7 +26,6 @@ from continuum_grasp.grasp.starts.scan.task import (
     unique,
 )
 from continuum_grasp.grasp.starts.scan.touching import Ring, onwards, scanned, started
-from continuum_grasp.model.surfaces.outline import Outline
 
 Array = NDArray[Any]
 
@@ -109,77 +106,6 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     return family.take(rows).on_to(*on)
 
 
-def crossings(shape: Outline, gap: Array, tips: Array, *, axis: int = 1) -> tuple[Array, Array, Array, Array]:
-    """Crossings where neighbors along an axis of tables have their tips on either side of a grown outline: indices of
-    the first of both, the share of the way to the second, and the walk of the nearest place.
-    """
-    one = tuple(slice(None, -1) if k == axis else slice(None) for k in (0, 1))
-    two = tuple(slice(1, None) if k == axis else slice(None) for k in (0, 1))
-    a, b = gap[one], gap[two]
-    with np.errstate(invalid="ignore"):
-        i, j = np.nonzero((a * b <= 0.0) & (a != b))
-    share = a[i, j] / (a[i, j] - b[i, j])
-    tip = tips[one][i, j] + share * (tips[two][i, j] - tips[one][i, j])
-    return i, j, share, shape.nearest(tip)[1]
-
-
-def _in_front(shape: Outline, walk: Array, facing: Array) -> Array:
-    """Whether the front half of the rounded tip touches."""
-    return np.asarray(np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= FRONT)
-
-
-def tip_only(task: FingerTask) -> Postures | None:
-    """Arcs from the base whose tip touches: a family of two parameters, cut along a grid both ways.
-
-    The parameters are the curvatures at both ends, or those of two arcs.
-    """
-    joint = task.counts[0] / 2.0 if task.counts == (1, 1) else None
-    reach, count = TIP_REACH, TIPS
-    if joint is not None:  # each of two arcs has a part of the length for its bend
-        reach, count = 2.0 * TIP_REACH, 2 * TIPS - 1
-    grid, ends, _ = guess_table(reach, count, joint)
-    knots = np.array([0.0, 1.0] if joint is None else [0.0, joint, joint, 1.0])
-    groups = []
-    for part, shape in enumerate(task.shapes):
-        gap = task.rough_distance(ends, part) - task.half
-        _, walk = shape.nearest(np.array([1j]))  # the straight finger's tip
-        touches = abs(complex(shape.walk(walk).point[0]) - 1j) < 1e-9
-        if touches and _in_front(shape, walk, np.zeros(1)).all():
-            groups.append(_tips(knots, np.zeros((1, len(knots))), part, shape, walk))
-        groups += _cuts(part, shape, knots, grid, gap, ends)
-    every = join(groups)
-    return None if every is None else unique(every)
-
-
-def _cuts(part: int, shape: Outline, knots: Array, grid: Array, gap: Array, ends: Array) -> list[Postures]:
-    """Curves whose tip touches, between neighbors on a grid of first and last curvatures."""
-    groups = []
-    half = len(knots) // 2
-    for axis in (0, 1):
-        i, j, share, walk = crossings(shape, gap, ends, axis=axis)
-        if len(i):
-            curve = np.repeat(np.stack([grid[i], grid[j]], axis=1), half, axis=1)
-            columns = tuple(range(axis * half, axis * half + half))
-            curve[:, columns] += (share * (grid[1] - grid[0]))[:, None]
-            groups.append(touching(knots, curve, columns, part, shape, walk))
-    return groups
-
-
-def touching(knots: Array, bent: Array, columns: tuple[int, ...], part: int, shape: Outline, walk: Array) -> Postures:
-    """Curves from the base whose tips touch a part with their fronts, from first guesses."""
-    start = (np.zeros(len(bent), complex), np.zeros(len(bent)))
-    lengths = np.broadcast_to(np.diff(knots), (len(bent), len(knots) - 1))
-    bent, walk, good = touch(shape, start, lengths, bent, columns, walk)
-    _, turn, _, _ = segment_end(lengths, bent)
-    good &= _in_front(shape, walk, turn)
-    return _tips(knots, bent[good], part, shape, walk[good])
-
-
-def _tips(knots: Array, bent: Array, part: int, shape: Outline, walk: Array) -> Postures:
-    count = len(walk)
-    return touching_family(np.broadcast_to(knots, (count, len(knots))), bent, np.zeros((count, 0)), part, shape, walk)
-
-
 @cache
 def _halves() -> tuple[Array, Array, Array, Array, Array]:
     """Curvatures at base and joint (N,), and at the tip (N,); ends and angles (N, N) of the first half of a finger, and
@@ -202,10 +128,21 @@ def bent_by_tip(task: FingerTask) -> Postures | None:
         near = np.abs(joints - shape.center) < shape.extent + task.half + 0.5
         i, j = np.nonzero(near)
         at = joints[i, j][:, None] + np.exp(1j * bends[i, j])[:, None] * tips[j]
-        row, k, share, walk = crossings(shape, task.rough_distance(at, part) - task.half, at)
-        if len(row):
-            last = ends[k] + share * (ends[1] - ends[0])
-            bent = np.stack([line[i[row]], line[j[row]], last], axis=1)
-            groups.append(touching(knots, bent @ hats, beyond, part, shape, walk))
+        # Neighbors with their tips on either side of the grown outline, and the share of the way to the second of both.
+        gap = task.rough_distance(at, part) - task.half
+        a, b = gap[:, :-1], gap[:, 1:]
+        row, k = np.nonzero((a * b <= 0.0) & (a != b))
+        if not len(row):
+            continue
+        share = a[row, k] / (a[row, k] - b[row, k])
+        walk = shape.nearest(at[row, k] + share * (at[row, k + 1] - at[row, k]))[1]
+        bent = np.stack([line[i[row]], line[j[row]], ends[k] + share * (ends[1] - ends[0])], axis=1) @ hats
+        start, lengths = (0j * walk, 0.0 * walk), np.broadcast_to(np.diff(knots), (len(row), len(knots) - 1))
+        bent, walk, good = touch(shape, start, lengths, bent, beyond, walk)
+        facing = segment_end(lengths, bent)[1]
+        # The front half of the rounded tip touches.
+        good &= np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= FRONT
+        bent, walk, none = bent[good], walk[good], np.zeros((int(good.sum()), 0))
+        groups.append(touching_family(np.broadcast_to(knots, bent.shape), bent, none, part, shape, walk))
     found = join(groups)
     return None if found is None else unique(found)
