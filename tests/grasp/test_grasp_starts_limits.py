@@ -12,13 +12,12 @@ from scipy.optimize import nnls
 
 from continuum_grasp.grasp.starts import basins
 from continuum_grasp.grasp.starts.basins import Basins
-from continuum_grasp.grasp.starts.crossing import overlaps
+from continuum_grasp.grasp.starts.candidates import spread_order
+from continuum_grasp.grasp.starts.fingertips import pressed
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
-from continuum_grasp.grasp.starts.polish import pressed
 from continuum_grasp.grasp.starts.scan import task, touching
 from continuum_grasp.grasp.starts.scan.touching import Branch
-from continuum_grasp.grasp.starts.spread import spread_order
-from continuum_grasp.grasp.starts.weighing import combinations, doubt
+from continuum_grasp.grasp.starts.starts import combinations, doubt, overlaps
 
 ON = frozenset({"finger.middle", "finger.tip", "palm"})
 

@@ -1,18 +1,34 @@
-"""Postures of one finger that touch an object at one pose, from both sides and all poses of its base, by scans over
-curvatures and contact positions.
+"""Postures of one finger that touch an object at one pose, from both sides and all poses of its base: curves to one
+middle contact after the other, and on to a tip that touches, or fingers whose tips alone touch.
+
+Of two elements of linear curvature any shape whose tip touches is in balance under some force and tension, so all of
+them are looked at, by the curvatures at base and joint; fingers of more elements begin with the same shapes.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.families import bent_by_tip, first_joint, next_joint, with_tip
-from continuum_grasp.grasp.starts.scan.task import FingerTask, Postures, join, make_task, violation
+from continuum_grasp.grasp.starts.scan.curves import sample, segment_end, table_of, tangent, touch
+from continuum_grasp.grasp.starts.scan.task import (
+    ALLOWED,
+    FRONT,
+    FingerTask,
+    Postures,
+    join,
+    make_task,
+    touching_family,
+    unique,
+    violation,
+)
+from continuum_grasp.grasp.starts.scan.touching import Ring, onwards, scanned, started
 from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose
@@ -140,3 +156,142 @@ def all_joints(task: FingerTask, on: Array) -> Array:
         for k in range(a + 1, b):
             out[:, k] = np.clip(left + (right - left) * (k - a) / (b - a), low, high)
     return out
+
+
+_REACH, _TIP_REACH, _COUNT = 10.0, 15.0, 41
+"""Greatest curvature at base and joint, and at the tip, which a short end bends [1/L]; number of each."""
+
+
+def first_joint(task: FingerTask) -> Postures | None:
+    """Curves from the base to the first contact, tangent there, with the object on their left."""
+    some = scanned(replace(task, tip=False), Ring(task))
+    some = some.take(some.side > 0)
+    if not len(some):
+        return None
+    joints, parts, points, angles = (each[:, None] for each in (some.joint, some.part, some.point, some.normal))
+    bent = some.ends[:, :2]
+    return _clear(task, Postures(some.knots[:, :2], bent, joints, parts, points, angles, np.zeros(len(some))))
+
+
+def next_joint(task: FingerTask, family: Postures) -> Postures | None:
+    """Curves on from the last contact to one more, with a knot half-way."""
+    last = family.knots[:, -1]
+    groups = []
+    point, angle = ends_of(family)
+    for share in (0.15, 0.3, 0.45, 0.6, 0.8):
+        ell = share * (task.bounds[1] - last)
+        # Shorter than 3 % of the length, no curve is worth a start.
+        rows = np.flatnonzero(ell > 0.03)
+        if not len(rows):
+            continue
+        ell, begin, start = ell[rows], family.curvatures[rows, -1], (point[rows], angle[rows])
+        lengths = np.stack([0.5 * ell, 0.5 * ell], axis=1)
+        for part, shape in enumerate(task.shapes):
+            # On as before, straighter, or more bent.
+            for factor in (1.0, 0.5, 2.0):
+                curve = np.stack([begin, factor * begin, factor * begin], axis=1)
+                end, _, _, _ = segment_end(lengths, curve)
+                _, walk = shape.nearest(start[0] + np.exp(1j * start[1]) * end)
+                bent, walk, good = tangent(shape, start, lengths, curve, (1, 2), walk)
+                if not good.any():
+                    continue
+                retained = family.take(rows[good])
+                there = last[rows][good] + ell[good]
+                knots = np.stack([there - 0.5 * ell[good], there], axis=1)
+                at = shape.walk(walk[good])
+                parts = np.full(len(retained), part)
+                longer = retained.on_to(knots, bent[good, 1:], parts, at.point, at.angle)
+                groups.append(replace(longer, joints=np.concatenate([retained.joints, there[:, None]], axis=1)))
+    found = join(groups)
+    return None if found is None else _clear(task, unique(found))
+
+
+def ends_of(family: Postures) -> tuple[Array, Array]:
+    """Ends of the curves so far: point and angle."""
+    end, turn, _, _ = segment_end(np.diff(family.knots, axis=1), family.curvatures)
+    return end, turn
+
+
+def _clear(task: FingerTask, family: Postures | None) -> Postures | None:
+    """Curves clear of the object so far, or the least deep ones where none is."""
+    if family is None:
+        return None
+    at = family.knots[:, -1:] * np.linspace(0.0, 1.0, 33)
+    depth = task.half - task.distance(sample(family.knots, family.curvatures, at)).min(axis=1)
+    good = depth <= ALLOWED
+    return family.take(np.flatnonzero(good) if good.any() else np.argsort(depth, kind="stable")[:4])
+
+
+def with_tip(task: FingerTask, family: Postures) -> Postures | None:
+    """The postures on to the tip, which touches."""
+    point, angle = ends_of(family)
+    none, bent = np.zeros(len(family)), np.repeat(family.curvatures[:, -1:], 2, axis=1)
+    last = started(none.astype(int), none, none, point, none, angle, family.knots[:, -1], bent)
+    found, rows = onwards(task, last)
+    if not len(rows):
+        return None
+    # The curvature may step at the last contact.
+    on = found.knots[:, 2:], found.ends[:, 2:], found.tip, found.tip_point, found.tip_normal
+    return family.take(rows).on_to(*on)
+
+
+@cache
+def _halves() -> tuple[Array, Array, Array, Array, Array]:
+    """Curvatures at base and joint (N,), and at the tip (N,); ends and angles (N, N) of the first half of a finger, and
+    ends (N, N) of its second half.
+    """
+    line, ends = np.linspace(-_REACH, _REACH, _COUNT), np.linspace(-_TIP_REACH, _TIP_REACH, _COUNT)
+    # A curve of half the length is half as long with twice the curvature.
+    joints, bends = table_of(0.5 * line, 0.5 * line, None)
+    return line, ends, 0.5 * joints, bends, 0.5 * table_of(0.5 * line, 0.5 * ends, None)[0]
+
+
+def bent_by_tip(task: FingerTask) -> Postures | None:
+    """Fingers bent by a force at their tips, which touch: one or more for each pair of curvatures at base and joint."""
+    line, ends, joints, bends, tips = _halves()
+    knots = np.array(task.nodes)
+    hats = np.stack([np.interp(knots, (0.0, 0.5, 1.0), unit) for unit in np.eye(3)])
+    beyond = tuple(np.flatnonzero(knots > 0.5).tolist())
+    groups = []
+    for part, shape in enumerate(task.shapes):
+        near = np.abs(joints - shape.center) < shape.extent + task.half + 0.51
+        i, j = np.nonzero(near)
+        at = joints[i, j][:, None] + np.exp(1j * bends[i, j])[:, None] * tips[j]
+        # Neighbors with their tips on either side of the grown outline, and the share of the way to the second of both.
+        gap = task.gap(at, part)
+        a, b = gap[:, :-1], gap[:, 1:]
+        row, k = np.nonzero((a * b <= 0.0) & (a != b))
+        if not len(row):
+            continue
+        share = a[row, k] / (a[row, k] - b[row, k])
+        walk = shape.nearest(at[row, k] + share * (at[row, k + 1] - at[row, k]))[1]
+        bent = np.stack([line[i[row]], line[j[row]], ends[k] + share * (ends[1] - ends[0])], axis=1) @ hats
+        start, lengths = (0j * walk, 0.0 * walk), np.broadcast_to(np.diff(knots), (len(row), len(knots) - 1))
+        bent, walk, good = touch(shape, start, lengths, bent, beyond, walk)
+        facing = segment_end(lengths, bent)[1]
+        # The front half of the rounded tip touches.
+        good &= np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= FRONT
+        bent, walk, none = bent[good], walk[good], np.zeros((int(good.sum()), 0))
+        groups.append(touching_family(np.broadcast_to(knots, bent.shape), bent, none, part, shape, walk))
+    found = join(groups)
+    return None if found is None else unique(found)
+
+
+_RANGE = 0.5
+"""Distance of features within which two are alike: about 0.25 L along the finger, or 30 degrees of a normal."""
+
+
+def spread_order(score: Array, features: Array, count: int) -> list[int]:
+    """Indices of ``count`` of P, each the best by score (P,), less being better, under a penalty for being like one
+    before by its features (P, F).
+    """
+    order: list[int] = []
+    near = np.full(len(score), np.inf)
+    taken = np.zeros(len(score), bool)
+    for _ in range(min(count, len(score))):
+        likeness = np.exp(-((near / _RANGE) ** 2))
+        pick = int(np.argmin(np.where(taken, np.inf, score + 0.5 * likeness)))
+        order.append(pick)
+        taken[pick] = True
+        near = np.minimum(near, np.sqrt(((features - features[pick]) ** 2).sum(axis=1)))
+    return order

@@ -38,6 +38,8 @@ the last contact, and how many end curvatures are tried: 0.5 rad apart."""
 _STATIONS = 65
 """Places along a finger whose clearance is looked at: 1.5 % of the length apart."""
 _EVEN = np.linspace(0.0, 1.0, _STATIONS)
+_TOUCHING = 1e-12
+"""Gap that is none: rounding [L]."""
 _TOUCHES = 0.75
 """Place along the finger whose thickness a posture is found with [1]: between middle contacts and the tip."""
 LOOSER = 1.25
@@ -93,6 +95,11 @@ class FingerTask:
     def rough_distance(self, points: Array, part: int | None = None) -> Array:
         """Signed distance from the object, or from one part of it, to within 1e-5 of its size."""
         return rough_distance(self.shapes if part is None else self.shapes[part : part + 1], points)
+
+    def gap(self, tips: Array, part: int | None = None) -> Array:
+        """Gap between tips and the object, or one part of it, zero to rounding: a straight finger may just touch."""
+        gap = self.rough_distance(tips, part) - self.half
+        return np.where(np.abs(gap) < _TOUCHING, 0.0, gap)
 
     def touched(self, points: Array) -> tuple[Array, Array, Array]:
         """The parts nearest to points (B,), and the places on their grown outlines: points, angles of the normals."""

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan import kernel
-from continuum_grasp.grasp.starts.scan.chords import MOST_TURN, bends_to, exact_bends
-from continuum_grasp.grasp.starts.scan.curves import NODES, WEIGHTS, wrapped
+from continuum_grasp.grasp.starts.scan.curves import MOST_TURN, NODES, WEIGHTS, bends_to, exact_bends, wrapped
 from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_MOST, TIP_REACH, TIPS, FingerTask, Rows
 
 Array = NDArray[Any]
