@@ -1,8 +1,4 @@
-"""Least squares within bounds for many systems at once.
-
-S. Mehrotra's predictor and corrector, SIAM J. Optim. 2 (1992), doi:10.1137/0802028. The Newton steps are solved in the
-rows of the systems, of which there are fewer than columns.
-"""
+"""Least squares within bounds for many systems at once."""
 
 from __future__ import annotations
 
@@ -50,10 +46,7 @@ def within_bounds(across: Array, goal: Array, weight: Array, enough: float) -> A
     if kernel.library():
         sizes = count, height, size, _STEPS, _RIGID, enough
         return kernel.called("within_bounds", np.empty((count, size)), *sizes, across, goal, weight)
-    scaled = np.swapaxes(across, 1, 2)
-    found = np.empty((count, size))
-    rows = np.arange(count)
-    unit = np.eye(height)
+    scaled, unit = np.swapaxes(across, 1, 2), np.eye(height)
     # Distances from both bounds (2, B, n) and their multipliers.
     away = np.empty((2, count, size))
     away[0], away[1] = 0.1, 0.9
@@ -68,14 +61,8 @@ def within_bounds(across: Array, goal: Array, weight: Array, enough: float) -> A
         best, least = (np.where(worse[:, None], best, x) if worse.any() else x), np.minimum(value, least)
         gap = np.einsum("kbn,kbn->b", away, press) / (2 * size)
         going = gap > enough
-        if 2 * np.count_nonzero(going) < len(rows):
-            # Few are not done: on with these alone.
-            found[rows] = best
-            if not going.any():
-                break
-            rows, scaled, across, goal, left = (v[going] for v in (rows, scaled, across, goal, left))
-            away, press, best, least, gap = away[:, going], press[:, going], best[going], least[going], gap[going]
-            going = np.ones(len(rows), bool)
+        if not going.any():
+            break
         slope = (across @ left[..., None])[..., 0] + weight
         # (K' K + D) step = -down, by the Woodbury identity: D is diagonal, and its inverse is `soft`.
         stiff = press / away
@@ -94,8 +81,7 @@ def within_bounds(across: Array, goal: Array, weight: Array, enough: float) -> A
         # Those that have converged stay: with multipliers of zero the system is singular.
         length = 0.99 * _longest(step, change, away, press) * going[:, None]
         away, press = away + length * step, press + length * change
-    found[rows] = best
-    return found
+    return best
 
 
 def _step(soft: Array, slim: Array, across: Array, matrix: Array, slope: Array) -> Array:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.scan.curves import sample, segment_end, table_of, tangent, touch
+from continuum_grasp.grasp.starts.scan.curves import sample, segment_end, table_of, touch
 from continuum_grasp.grasp.starts.scan.task import (
     ALLOWED,
     FRONT,
@@ -24,7 +24,6 @@ from continuum_grasp.grasp.starts.scan.task import (
     Postures,
     join,
     make_task,
-    touching_family,
     unique,
     violation,
 )
@@ -104,7 +103,11 @@ def _postures(task: FingerTask) -> Postures | None:
         if family is not None:
             family = with_tip(task, family) if task.tip else _free_end(family)
     elif task.tip:
-        family = _two_arcs(task) if task.arcs and task.counts == (1, 1) else bent_by_tip(task)
+        if task.arcs and task.counts == (1, 1):
+            some = scanned_arcs(task)
+            family = _with_tips(some.knots, some.ends, some.tip, some.tip_point, some.tip_normal)
+        else:
+            family = bent_by_tip(task)
     else:
         family = _untouched(task)
     return None if family is None else _finished(task, family)
@@ -116,12 +119,11 @@ def _finished(task: FingerTask, family: Postures) -> Postures:
     return replace(family, joints=joints, violation=wrong)
 
 
-def _two_arcs(task: FingerTask) -> Postures:
-    """Fingers of two arcs whose tips touch."""
-    some = scanned_arcs(task)
-    none, touched = np.zeros((len(some), 0)), (some.tip, some.tip_point, some.tip_normal)
-    parts, points, angles = (each[:, None] for each in touched)
-    return Postures(some.knots, some.ends, none, parts, points, angles, np.zeros(len(some)))
+def _with_tips(knots: Array, curvatures: Array, parts: Array, points: Array, angles: Array) -> Postures:
+    """Curves whose tips alone touch, at (P,) parts and places."""
+    none = np.zeros((len(parts), 0))
+    touched = (each[:, None] for each in (parts, points, angles))
+    return Postures(knots, curvatures, none, *touched, np.zeros(len(parts)))
 
 
 def _free_end(family: Postures) -> Postures:
@@ -192,7 +194,7 @@ def next_joint(task: FingerTask, family: Postures) -> Postures | None:
                 curve = np.stack([begin, factor * begin, factor * begin], axis=1)
                 end, _, _, _ = segment_end(lengths, curve)
                 _, walk = shape.nearest(start[0] + np.exp(1j * start[1]) * end)
-                bent, walk, good = tangent(shape, start, lengths, curve, (1, 2), walk)
+                bent, walk, good = touch(shape, start, lengths, curve, np.eye(3)[1:], walk)
                 if not good.any():
                     continue
                 retained = family.take(rows[good])
@@ -251,7 +253,7 @@ def bent_by_tip(task: FingerTask) -> Postures | None:
     line, ends, joints, bends, tips = _halves()
     knots = np.array(task.nodes)
     hats = np.stack([np.interp(knots, (0.0, 0.5, 1.0), unit) for unit in np.eye(3)])
-    beyond = tuple(np.flatnonzero(knots > 0.5).tolist())
+    beyond = np.array([knots > 0.5], float)
     groups = []
     for part, shape in enumerate(task.shapes):
         near = np.abs(joints - shape.center) < shape.extent + task.half + 0.51
@@ -271,8 +273,9 @@ def bent_by_tip(task: FingerTask) -> Postures | None:
         facing = segment_end(lengths, bent)[1]
         # The front half of the rounded tip touches.
         good &= np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= FRONT
-        bent, walk, none = bent[good], walk[good], np.zeros((int(good.sum()), 0))
-        groups.append(touching_family(np.broadcast_to(knots, bent.shape), bent, none, part, shape, walk))
+        bent, place = bent[good], shape.walk(walk[good])
+        parts = np.full(len(bent), part)
+        groups.append(_with_tips(np.broadcast_to(knots, bent.shape), bent, parts, place.point, place.angle))
     found = join(groups)
     return None if found is None else unique(found)
 

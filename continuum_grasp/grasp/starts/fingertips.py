@@ -369,7 +369,7 @@ class _Finger:
             away, walk = shape.nearest(begin[0] + np.exp(1j * begin[1]) * end)
             gap[mine] = away - task.half
             if touching:
-                curves, there, good = touch(shape, begin, lengths[mine], bent[mine], tuple(range(self._size)), walk)
+                curves, there, good = touch(shape, begin, lengths[mine], bent[mine], np.ones((1, self._size)), walk)
                 bent[mine[good]], walk[good], gap[mine[good]] = curves[good], there[good], 0.0
             at = shape.walk(walk)
             points[mine], angles[mine] = at.point, at.angle

@@ -132,62 +132,31 @@ def table_of(firsts: Array, lasts: Array, joint: float | None) -> tuple[Array, A
     return end.reshape(first.shape), turn.reshape(first.shape)
 
 
-def tangent(
-    shape: Outline, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, int], walk: Array
-) -> tuple[Array, Array, Array]:
-    """Curves whose end lies on the grown outline with the section's X axis along its outward normal.
-
-    They start at points and angles ``start`` (B,); from first guesses, two ``free`` columns of the curvatures (B, K)
-    and the place ``walk`` (B,) on the outline are sought. Returns curvatures, walks, and which were found (B,).
-    """
-    point, angle = start
-    phase = np.exp(1j * angle)
-    out = curvatures.copy()
-
-    def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
-        bent = out[rows]
-        bent[:, free[0]], bent[:, free[1]] = u[:, 0], u[:, 1]
-        end, turn, dend, dturn = segment_end(lengths[rows], bent)
-        at = shape.walk(u[:, 2])
-        off = point[rows] + phase[rows] * end - at.point
-        tilt = wrapped(angle[rows] + turn - at.angle)
-        one, two = phase[rows] * dend[:, free[0]], phase[rows] * dend[:, free[1]]
-        return [off.real, off.imag, tilt], [
-            [one.real, two.real, -at.dpoint.real],
-            [one.imag, two.imag, -at.dpoint.imag],
-            [dturn[:, free[0]], dturn[:, free[1]], -at.dangle],
-        ]
-
-    first = np.stack([out[:, free[0]], out[:, free[1]], walk], axis=1)
-    found, good = _newton(equations, first, (math.inf, math.inf, 0.15 * shape.period))
-    out[:, free[0]], out[:, free[1]] = found[:, 0], found[:, 1]
-    return out, found[:, 2], good
-
-
 def touch(
-    shape: Outline, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, ...], walk: Array
+    shape: Outline, start: tuple[Array, Array], lengths: Array, curvatures: Array, ways: Array, walk: Array
 ) -> tuple[Array, Array, Array]:
-    """Curves whose end lies on the grown outline, as :func:`tangent` does; the curvatures of the columns ``free`` all
-    change by the same amount.
+    """Curves whose end lies on the grown outline; with two ways also with the section's X axis along its normal.
+
+    They start at points and angles ``start`` (B,); from first guesses, changes of the curvatures (B, K) along ``ways``
+    (n, K) and the place ``walk`` (B,) on the outline are sought. Returns curvatures, walks, and which were found (B,).
     """
-    columns = list(free)
     point, angle = start
     phase = np.exp(1j * angle)
-    out = curvatures.copy()
 
     def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
-        bent = out[rows]
-        bent[:, columns] += u[:, :1]
-        end, _, dend, _ = segment_end(lengths[rows], bent)
-        at = shape.walk(u[:, 1])
+        end, turn, dend, dturn = segment_end(lengths[rows], curvatures[rows] + u[:, :-1] @ ways)
+        at = shape.walk(u[:, -1])
         off = point[rows] + phase[rows] * end - at.point
-        move = phase[rows] * dend[:, columns].sum(axis=1)
-        return [off.real, off.imag], [[move.real, -at.dpoint.real], [move.imag, -at.dpoint.imag]]
+        moves = phase[rows] * (dend @ ways.T).T
+        left, slopes = [off.real, off.imag], [[*moves.real, -at.dpoint.real], [*moves.imag, -at.dpoint.imag]]
+        if len(ways) == 2:
+            left.append(wrapped(angle[rows] + turn - at.angle))
+            slopes.append([*(dturn @ ways.T).T, -at.dangle])
+        return left, slopes
 
-    first = np.stack([np.zeros(len(walk)), walk], axis=1)
-    found, good = _newton(equations, first, (math.inf, 0.15 * shape.period))
-    out[:, columns] += found[:, :1]
-    return out, found[:, 1], good
+    first = np.column_stack([np.zeros((len(walk), len(ways))), walk])
+    found, good = _newton(equations, first, (*[math.inf] * len(ways), 0.15 * shape.period))
+    return curvatures + found[:, :-1] @ ways, found[:, -1], good
 
 
 def wrapped(angle: Array) -> Array:

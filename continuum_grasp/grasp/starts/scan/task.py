@@ -193,20 +193,6 @@ def join(groups: list[P]) -> P | None:
     return groups[0].followed_by(groups[1:])
 
 
-def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, shape: Outline, walk: Array) -> Postures:
-    """Postures whose ends touch a part at the given walks."""
-    at = shape.walk(walk)
-    return Postures(
-        knots,
-        curvatures,
-        joints,
-        np.full((len(walk), 1), part),
-        at.point[:, None],
-        at.angle[:, None],
-        np.zeros(len(walk)),
-    )
-
-
 def unique(family: Postures) -> Postures:
     """Each posture once."""
     # Newton's method finds a posture to 1e-12; different ones differ by far more than 1e-5 L and 1e-4 / L.
