@@ -110,10 +110,8 @@ def _postures(task: FingerTask) -> Postures | None:
             family = bent_by_tip(task)
     else:
         family = _untouched(task)
-    return None if family is None else _finished(task, family)
-
-
-def _finished(task: FingerTask, family: Postures) -> Postures:
+    if family is None:
+        return None
     joints = all_joints(task, family.joints)
     wrong = violation(task, family.knots, family.curvatures, joints)
     return replace(family, joints=joints, violation=wrong)
@@ -121,9 +119,8 @@ def _finished(task: FingerTask, family: Postures) -> Postures:
 
 def _with_tips(knots: Array, curvatures: Array, parts: Array, points: Array, angles: Array) -> Postures:
     """Curves whose tips alone touch, at (P,) parts and places."""
-    none = np.zeros((len(parts), 0))
-    touched = (each[:, None] for each in (parts, points, angles))
-    return Postures(knots, curvatures, none, *touched, np.zeros(len(parts)))
+    none, clear = np.zeros((len(parts), 0)), np.zeros(len(parts))
+    return Postures(knots, curvatures, none, parts[:, None], points[:, None], angles[:, None], clear)
 
 
 def _free_end(family: Postures) -> Postures:

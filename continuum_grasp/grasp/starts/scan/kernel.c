@@ -340,7 +340,7 @@ static void changes(int size, const double *restrict step, const double *restric
     EACH_LANE length[l] = -1.0 / length[l];
 }
 
-/* As `boxed.within_bounds`: `count` systems of `m` rows and `n` unknowns in (0, 1), transposed (count, n, m). 0 unless
+/* As `kernel.within_bounds`: `count` systems of `m` rows and `n` unknowns in (0, 1), transposed (count, n, m). 0 unless
    there is no memory. */
 int within_bounds(int count, int m, int n, int steps, double rigid, double enough, const double *given,
                   const double *target, const double *weight, double *out)
