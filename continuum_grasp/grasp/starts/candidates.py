@@ -20,6 +20,8 @@ from continuum_grasp.grasp.starts.scan.curves import sample, segment_end, table_
 from continuum_grasp.grasp.starts.scan.task import (
     ALLOWED,
     FRONT,
+    TIP_REACH,
+    TIPS,
     FingerTask,
     Postures,
     join,
@@ -70,7 +72,7 @@ def find_candidates(
     # A tip touches on either side alike; a middle contact lies on one side.
     sides = (1, -1) if any(name in on for name in setup.middle_names) else (1,)
     tasks = [make_task(scene, setup, base, pose, side, on) for base in bases for side in sides]
-    families = [(task, _postures(task)) for task in tasks]
+    families = [(task, _postures(task, len(scene.setups) > 1)) for task in tasks]
     return join([as_candidates(task, family) for task, family in families if family is not None])
 
 
@@ -93,7 +95,7 @@ def as_candidates(task: FingerTask, family: Postures) -> Candidates:
     )
 
 
-def _postures(task: FingerTask) -> Postures | None:
+def _postures(task: FingerTask, several: bool) -> Postures | None:
     """All postures found with the contacts of a task, from the base on: first contact, further ones, tip."""
     family: Postures | None
     if any(task.middles):
@@ -107,7 +109,7 @@ def _postures(task: FingerTask) -> Postures | None:
             some = scanned_arcs(task)
             family = _with_tips(some.knots, some.ends, some.tip, some.tip_point, some.tip_normal)
         else:
-            family = bent_by_tip(task)
+            family = bent_by_tip(task, several)
     else:
         family = _untouched(task)
     if family is None:
@@ -245,36 +247,52 @@ def _halves() -> tuple[Array, Array, Array, Array, Array]:
     return line, ends, 0.5 * joints, bends, 0.5 * table_of(0.5 * line, 0.5 * ends, None)[0]
 
 
-def bent_by_tip(task: FingerTask) -> Postures | None:
-    """Fingers bent by a force at their tips, which touch: one or more for each pair of curvatures at base and joint."""
+def bent_by_tip(task: FingerTask, several: bool) -> Postures | None:
+    """Fingers bent by a force at their tips, which touch: one or more for each pair of curvatures at base and joint.
+
+    Of ``several`` fingers also those whose curvature is linear all along, by a grid of its ends both ways: without them
+    2 of 12 scenes of three fingers lose their best grasp, and none of 160 of one finger and 20 of two.
+    """
     line, ends, joints, bends, tips = _halves()
-    knots = np.array(task.nodes)
-    hats = np.stack([np.interp(knots, (0.0, 0.5, 1.0), unit) for unit in np.eye(3)])
-    beyond = np.array([knots > 0.5], float)
-    groups = []
+    grid = np.linspace(-TIP_REACH, TIP_REACH, TIPS // 2 + 1)
+    knots, step = np.array(task.nodes), grid[1] - grid[0]
+    groups: list[Postures] = []
     for part, shape in enumerate(task.shapes):
-        near = np.abs(joints - shape.center) < shape.extent + task.half + 0.51
-        i, j = np.nonzero(near)
-        at = joints[i, j][:, None] + np.exp(1j * bends[i, j])[:, None] * tips[j]
-        # Neighbors with their tips on either side of the grown outline, and the share of the way to the second of both.
-        gap = task.gap(at, part)
-        a, b = gap[:, :-1], gap[:, 1:]
-        row, k = np.nonzero((a * b <= 0.0) & (a != b))
-        if not len(row):
-            continue
-        share = a[row, k] / (a[row, k] - b[row, k])
-        walk = shape.nearest(at[row, k] + share * (at[row, k + 1] - at[row, k]))[1]
-        bent = np.stack([line[i[row]], line[j[row]], ends[k] + share * (ends[1] - ends[0])], axis=1) @ hats
-        start, lengths = (0j * walk, 0.0 * walk), np.broadcast_to(np.diff(knots), (len(row), len(knots) - 1))
-        bent, walk, good = touch(shape, start, lengths, bent, beyond, walk)
-        facing = segment_end(lengths, bent)[1]
-        # The front half of the rounded tip touches.
-        good &= np.cos(shape.walk(walk).angle - facing - 0.5 * math.pi) <= FRONT
-        bent, place = bent[good], shape.walk(walk[good])
-        parts = np.full(len(bent), part)
-        groups.append(_with_tips(np.broadcast_to(knots, bent.shape), bent, parts, place.point, place.angle))
+        if several:
+            at, _ = table_of(grid, grid, None)
+            for tip, way in ((0, 1.0 - knots), (1, knots)):
+                rows, places, walk = _crossings(task, part, at if tip else at.T)
+                sides = np.stack([grid[rows], grid[0] + places * step])[:: 1 if tip else -1]
+                groups.append(_touching(task, part, sides.T @ [1.0 - knots, knots], way, walk))
+        i, j = np.nonzero(np.abs(joints - shape.center) < shape.extent + task.half + 0.51)
+        rows, places, walk = _crossings(task, part, joints[i, j][:, None] + np.exp(1j * bends[i, j])[:, None] * tips[j])
+        bent = np.stack([line[i[rows]], line[j[rows]], ends[0] + places * (ends[1] - ends[0])], axis=1)
+        hats = np.stack([np.interp(knots, (0.0, 0.5, 1.0), unit) for unit in np.eye(3)])
+        groups.append(_touching(task, part, bent @ hats, knots > 0.5, walk))
     found = join(groups)
     return None if found is None else unique(found)
+
+
+def _crossings(task: FingerTask, part: int, at: Array) -> tuple[Array, Array, Array]:
+    """Neighbors along the rows of a table of tips that are on either side of a grown part: rows, places along them, and
+    the walks of the nearest places of the outline.
+    """
+    gap = task.gap(at, part)
+    a, b = gap[:, :-1], gap[:, 1:]
+    row, k = np.nonzero((a * b <= 0.0) & (a != b))
+    share = a[row, k] / (a[row, k] - b[row, k])
+    return row, k + share, task.shapes[part].nearest(at[row, k] + share * (at[row, k + 1] - at[row, k]))[1]
+
+
+def _touching(task: FingerTask, part: int, bent: Array, way: Array, walk: Array) -> Postures:
+    """Curves from the base whose tips touch a part with their fronts, from first guesses, by changes along a way."""
+    shape, knots = task.shapes[part], np.broadcast_to(task.nodes, bent.shape)
+    start, lengths = (0j * walk, 0.0 * walk), np.diff(knots, axis=1)
+    bent, walk, good = touch(shape, start, lengths, bent, np.array([way], float), walk)
+    at, facing = shape.walk(walk), segment_end(lengths, bent)[1]
+    # The front half of the rounded tip touches.
+    good &= np.cos(at.angle - facing - 0.5 * math.pi) <= FRONT
+    return _with_tips(knots[good], bent[good], np.full(int(good.sum()), part), at.point[good], at.angle[good])
 
 
 _RANGE = 0.5
