@@ -91,7 +91,7 @@ def test_a_scene_and_its_image_have_the_same_grasp(kind, seed):
     ("kind", "seed", "tension", "most"),
     [
         ("one", 3, 8.0221747, 100), ("one", 4, 6.5668732, 140), ("union", 3, 72.270932, 80),
-        ("one", 69, 22.118219, 110), ("one", 74, 10.659581, 90), ("two", 5, 35.371361, 80),
+        ("one", 69, 22.118219, 110), ("one", 74, 10.659581, 110), ("two", 5, 35.371361, 80),
     ],
 )  # fmt: skip
 def test_patience_saves_iterations_and_loses_no_grasp(kind, seed, tension, most):
