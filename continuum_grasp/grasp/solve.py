@@ -71,8 +71,8 @@ def optimize_grasp(
     -------
     GraspResult
         The best verified grasp that was found; its ``exploration`` says where it was looked for. ``optimal`` is the
-        best local optimum from all basins of a scan of all postures, but for those that are estimated to take more
-        tension where estimates tell, which is with up to two elements; or it is proven to be the least by a bound.
+        best local optimum from all basins of a scan of all postures, but for those far from balance and those estimated
+        to take more tension where that tells, which is with up to two elements; or a bound proves it to be the least.
 
     Raises
     ------
