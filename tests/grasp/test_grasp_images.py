@@ -137,3 +137,10 @@ def test_a_short_piece_leads_to_the_grasp():
     """32.58 N with four elements, of many starts at random; with eight, which bend as far each, it takes less."""
     assert least(scene_of(HEXAGON, 4)) == pytest.approx(32.58, rel=1e-3)
     assert least(scene_of(HEXAGON, 8)) < 32.58
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(("seed", "tension"), [(4, 4.1385696), (8, 4.1840603)])
+def test_three_fingers_begin_with_curves_that_bend_evenly_too(seed, tension):
+    """Without them the least tensions are 9.38 and 22.16 N."""
+    assert least(scene_of(drawn("three", seed), 4)) == pytest.approx(tension, rel=1e-6)

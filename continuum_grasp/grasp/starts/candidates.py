@@ -110,8 +110,9 @@ def _postures(task: FingerTask, several: bool) -> Postures | None:
             family = _with_tips(some.knots, some.ends, some.tip, some.tip_point, some.tip_normal)
         else:
             family = bent_by_tip(task, several)
-    else:
-        family = _untouched(task)
+    else:  # it touches nothing: at rest
+        none, bent = np.zeros((1, 0)), np.full((1, 2), task.rest)
+        family = Postures(np.array([[0.0, 1.0]]), bent, none, none.astype(int), none + 0j, none, np.zeros(1))
     if family is None:
         return None
     joints = all_joints(task, family.joints)
@@ -132,13 +133,6 @@ def _free_end(family: Postures) -> Postures:
         knots=np.concatenate([family.knots, np.ones((len(family), 1))], axis=1),
         curvatures=np.concatenate([family.curvatures, family.curvatures[:, -1:]], axis=1),
     )
-
-
-def _untouched(task: FingerTask) -> Postures:
-    """A finger that touches nothing: at rest."""
-    none = np.zeros((1, 0))
-    bent = np.full((1, 2), task.rest)
-    return Postures(np.array([[0.0, 1.0]]), bent, none, none.astype(int), none.astype(complex), none, np.zeros(1))
 
 
 def all_joints(task: FingerTask, on: Array) -> Array:
