@@ -161,11 +161,9 @@ def first_joint(task: FingerTask) -> Postures | None:
     """Curves from the base to the first contact, tangent there, with the object on their left."""
     some = scanned(replace(task, tip=False), Ring(task))
     some = some.take(some.side > 0)
-    if not len(some):
-        return None
-    joints, parts, points, angles = (each[:, None] for each in (some.joint, some.part, some.point, some.normal))
-    bent = some.ends[:, :2]
-    return _clear(task, Postures(some.knots[:, :2], bent, joints, parts, points, angles, np.zeros(len(some))))
+    touched = some.joint[:, None], some.part[:, None], some.point[:, None], some.normal[:, None]
+    found = Postures(some.knots[:, :2], some.ends[:, :2], *touched, np.zeros(len(some)))
+    return _clear(task, found) if len(some) else None
 
 
 def next_joint(task: FingerTask, family: Postures) -> Postures | None:
@@ -207,10 +205,8 @@ def ends_of(family: Postures) -> tuple[Array, Array]:
     return end, turn
 
 
-def _clear(task: FingerTask, family: Postures | None) -> Postures | None:
+def _clear(task: FingerTask, family: Postures) -> Postures:
     """Curves clear of the object so far, or the least deep ones where none is."""
-    if family is None:
-        return None
     at = family.knots[:, -1:] * np.linspace(0.0, 1.0, 33)
     depth = task.half - task.distance(sample(family.knots, family.curvatures, at)).min(axis=1)
     good = depth <= ALLOWED

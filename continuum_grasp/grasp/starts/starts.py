@@ -79,24 +79,22 @@ def rebalanced_starts(basins: Basins, scene: GraspScene) -> list[Start]:
 def _starts_of(basins: Basins, found: Scored | None) -> list[Start]:
     if found is None:
         return []
-    weighing = Weighing(basins.scene, basins.on)
-    weighing.loads = basins.loads
     none, rows = np.zeros(len(found.score)), np.arange(len(found.score))
     at = Weighed(basins.pose, [found.candidates], [rows], found.left, found.score, none, none, found.forces)
     return [
-        replace(_as_start(weighing, at, row), estimate=float(found.estimate[row]), imbalance=float(found.left[row]))
+        replace(_as_start(basins, at, row), estimate=float(found.estimate[row]), imbalance=float(found.left[row]))
         for row in rows.tolist()
     ]
 
 
-def _as_start(weighing: Weighing, at: Weighed, row: int) -> Start:
-    scene, on = weighing.scene, weighing.on
+def _as_start(made: Weighing | Basins, at: Weighed, row: int) -> Start:
+    scene, on = made.scene, made.on
     fingers: dict[str, FingerStart] = {}
     contacts: dict[str, ContactStart] = {}
     forces: dict[str, tuple[float, float, float]] = {}
     tensions: dict[str, tuple[float, float]] = {}
-    loads, place, balanced = weighing.loads, 0, at.forces[row]
-    for setup, candidates, index in zip(weighing.setups, at.candidates, at.index, strict=True):
+    loads, place, balanced = made.loads, 0, at.forces[row]
+    for setup, candidates, index in zip(scene.setups, at.candidates, at.index, strict=True):
         posture = int(index[row])
         length = setup.finger.rod.length
         knots, bent = candidates.knots[posture], candidates.curvatures[posture]
