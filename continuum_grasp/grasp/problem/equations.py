@@ -158,10 +158,7 @@ def _compiled(spec: ProblemSpec, compiler: Compiler, work: Path) -> Path:
     return library
 
 
-if __name__ == "__main__":
-    if hasattr(os, "nice"):
-        os.nice(19)
-    compile_equations(pickle.load(sys.stdin.buffer))
+# -- functions beside the NLP, and the layout --------------------------------------------------------------------------
 
 
 def described(problem: GraspProblem) -> str:
@@ -232,3 +229,9 @@ def point_reader(problem: GraspProblem) -> ca.Function:
         line = place.map(BACKBONE_POINTS, [False, True, True], [False])(along, mx, mp)
         out += [*values[shared + 5 * k : shared + 5 + 5 * k], line]
     return ca.Function("values", [mx, mp], out)
+
+
+if __name__ == "__main__":
+    if hasattr(os, "nice"):
+        os.nice(19)
+    compile_equations(pickle.load(sys.stdin.buffer))
