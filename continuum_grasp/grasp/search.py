@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import Counter
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import zip_longest
@@ -54,10 +55,11 @@ COARSE = 4
 iterations in the median, and none was worse than from a scan of postures."""
 NEAREST = 3
 """Starts tried with all elements where none led to a grasp with few, those with the least violation there."""
-PATIENCE = 7
-"""Iterations that bring a start no nearer to its constraints, after which its run ends. In 31 scenes (one finger, two,
-parts) this saves 60 % of all iterations, and no best grasp is lost down to 5; a violation that must halve within 10
-iterations, whatever it does meanwhile, loses one."""
+PATIENCE, IMPATIENT = 5, 4
+"""Iterations that bring a start no nearer to its constraints, after which its run ends, and where there is a grasp of
+one finger. Of 176 scenes (one finger, two, parts) none loses its best grasp, which one does with 4 before any grasp,
+and another with 3 thereafter, or with 4 for two fingers; a violation that must halve within 10 iterations, whatever it
+does meanwhile, loses one, too."""
 WORSE = 1.05
 """Objective, per the least there is, from which on guarded places are not moved any more: they only raise it."""
 SAME_BASIN = 5e-3
@@ -66,9 +68,9 @@ UNBALANCED, CLOSEST = 0.01, 2
 """Imbalance of a basin of two elements from which on it most likely has no grasp, and how many such basins are tried
 all the same."""
 UNLIKELY = 0.2
-"""Imbalance with more elements from which on a start is skipped, as long as there is no grasp: of 37 scanned starts
-that gave one (66 scenes of one finger) five had more than 0.06, none more than 0.13; without a grasp two thirds of the
-iterations were spent beyond 0.2."""
+"""Imbalance with more elements from which on a start is skipped but for the first two: of 68 scanned starts that gave a
+grasp (158 scenes of one finger) nine had more than 0.06, and one of them more than 0.13, a second one of its scene; two
+thirds of the iterations were spent beyond 0.2 in scenes without a grasp, a sixth in others."""
 BENT = 0.06
 """Imbalance of a posture of more elements, which bend away from those of a scan, up to which a greater limit may repair
 it: a scene that a greater tension repairs had 0.031."""
@@ -88,12 +90,15 @@ class _Limits:
     starts: int  # rough ones per set of contacts
     iterations: float  # after the first grasp, from which on no start is tried
     always_rough: bool  # whether rough starts are tried where postures are scanned, too
+    # Rough starts of one finger's set of contacts that led to nothing better one after the other, after which, with a
+    # grasp, no more are tried: of 158 scenes one has its best grasp after 3 of them, none after more.
+    in_vain: float
 
 
 _EFFORTS: dict[Effort, _Limits] = {
-    "quick": _Limits(basins=3, starts=2, iterations=150, always_rough=False),
-    "normal": _Limits(basins=12, starts=8, iterations=600, always_rough=False),
-    "thorough": _Limits(basins=12, starts=24, iterations=math.inf, always_rough=True),
+    "quick": _Limits(basins=3, starts=2, iterations=150, always_rough=False, in_vain=4),
+    "normal": _Limits(basins=12, starts=8, iterations=600, always_rough=False, in_vain=4),
+    "thorough": _Limits(basins=12, starts=24, iterations=math.inf, always_rough=True, in_vain=math.inf),
 }
 """Limits of each effort. Of 1,000 scenes of one finger 95 % take less than 140 iterations."""
 
@@ -141,11 +146,12 @@ class Search:
         self.build_seconds = self.start_seconds = 0.0
         self._effort = _EFFORTS[scene.solver.effort]
         self._first_left: float | None = None  # iterations when the first grasp was found
-        self._modes = self._sampled = self._alike = self._unlikely = 0
+        self._modes = self._sampled = self._alike = self._unlikely = self._vain = 0
         # Whether postures of a scan, of two linear curvatures, are those of the fingers, and estimates tell.
         self._tells = all(setup.elements <= 2 for setup in scene.setups)
         self._scans: dict[frozenset[str], Basins] = {}  # of each mode
         self._rough: dict[frozenset[str], list[Start]] = {}
+        self._solvers: dict[tuple[tuple[str, int], ...], GraspSolverRun] = {}  # by names and parts of contacts
         self.basins: list[Basin] = []
         # Contacts and objectives of grasps with few elements; starts that led to none, with violations and rungs.
         self._coarsely: list[tuple[Any, float]] = []
@@ -200,6 +206,7 @@ class Search:
         pruned = {f"estimated to take more than {SKIP_FACTOR:g} times the tension found": skipped}
         pruned["far from balance"] = self._unlikely
         pruned["like one that was solved before"] = self._alike
+        pruned["after others that led to nothing better"] = self._vain
         pruned[f"without a grasp of {COARSE} elements"] = len(self._missed) if self._coarse is not None else 0
         return Exploration(
             modes=self._modes or len({frozenset(tried.attempt.start.contacts) for tried in self.tried}),
@@ -220,7 +227,7 @@ class Search:
         # Behind the last contact a finger is as its tendons bend it, and its imbalance says little.
         tells = not self._tells and all(setup.tip_name in mode for setup in self.scene.setups)
         for start in (starts or [])[: self._effort.basins]:
-            if tells and start.imbalance > UNLIKELY and self.best is None and len(self.basins) >= CLOSEST:
+            if tells and start.imbalance > UNLIKELY and len(self.basins) >= CLOSEST:
                 self._unlikely += 1
             elif not any(_same(start, basin.start) for basin in self.basins):
                 self.basins.append(Basin(start))
@@ -233,20 +240,20 @@ class Search:
             return
         if self._tells and basin.start.imbalance > UNBALANCED and len(self.tried) >= CLOSEST:
             return
-        found = self._continued(basin.start, 0)
+        found = self._continued(basin.start, 0, ITERATION_CAP if self.best else None)
         basin.tried = True
         basin.solved = found is not None and found.attempt.converged and self._keeps_promise(found, basin)
 
     def _continued(self, start: Start, rung: int, iterations: int | None = None) -> Tried | None:
         """Solve from a start and verify; many elements from what it leads to with few, unless that is known."""
-        few = self._coarse
+        few, patience = self._coarse, IMPATIENT if self.best and len(self.scene.setups) == 1 else PATIENCE
         if few is None:
-            found = self.attempt(start, rung=rung, iterations=iterations, patience=PATIENCE, enough=self._enough)
+            found = self.attempt(start, rung=rung, iterations=iterations, patience=patience, enough=self._enough)
             if found is not None and found.attempt.outcome == STALLED:
                 self._missed.append((found.attempt.badness, start, rung))
             return found
         solver = few.solver(start)
-        held = solver.run(few.scene, start, self.budget, rung=rung, iterations=iterations, patience=PATIENCE)
+        held = solver.run(few.scene, start, self.budget, rung=rung, iterations=iterations, patience=patience)
         self.build_seconds, few.build_seconds = self.build_seconds + few.build_seconds, 0.0
         found, known = None, (start.contacts.keys(), round(held.objective, 6))
         if held.converged and known in self._coarsely:
@@ -324,13 +331,18 @@ class Search:
         # From rough starts object and bases move farther than from where they were held.
         known = (tried.attempt.start for tried in self.good)
         held = {branch_of(start) for start in known if start.label != HELD_STILL}
+        vain = Counter[frozenset[str]]()
         for rank in zip_longest(*map(self.rough_starts_of, modes)):
             for start in sorted(filter(None, rank), key=lambda one: one.doubt):
                 branch = branch_of(start)
                 if branch in held and not self._tries_all:
                     self._alike += 1
                     continue
-                if self.best and not self._promises(start):
+                best, contacts = self.best, frozenset(start.contacts)
+                if best and not self._promises(start):
+                    continue
+                if best and len(self.scene.setups) == 1 and vain[contacts] >= self._effort.in_vain:
+                    self._vain += 1
                     continue
                 if self._is_over or self.proven:
                     return
@@ -339,7 +351,8 @@ class Search:
                 basin = Basin(start, tried=True)
                 if not math.isnan(start.estimate):
                     self.basins.append(basin)
-                found = self._continued(start, len(RUNGS) - 1, ITERATION_CAP if self.best else FIRST_CAP)
+                found = self._continued(start, len(RUNGS) - 1, ITERATION_CAP if best else FIRST_CAP)
+                vain[contacts] = 0 if self.best is not best else vain[contacts] + 1
                 if found is not None and found in self.good:
                     held.add(branch)
                     basin.solved = self._keeps_promise(found, basin)
@@ -485,10 +498,12 @@ class Search:
     def solver(self, start: Start) -> GraspSolverRun:
         """The solver for a start's contacts."""
         began = time.perf_counter()
-        solver = solver_for(ProblemSpec.of(self.scene, start.contacts))
-        solver.prepare(self.scene)
+        contacts = tuple((name, contact.part) for name, contact in start.contacts.items())
+        if contacts not in self._solvers:
+            self._solvers[contacts] = solver_for(ProblemSpec.of(self.scene, start.contacts))
+            self._solvers[contacts].prepare(self.scene)
         self.build_seconds += time.perf_counter() - began
-        return solver
+        return self._solvers[contacts]
 
 
 def _same(one: Start, two: Start) -> bool:

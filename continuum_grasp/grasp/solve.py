@@ -71,8 +71,8 @@ def optimize_grasp(
     -------
     GraspResult
         The best verified grasp that was found; its ``exploration`` says where it was looked for. ``optimal`` is the
-        best local optimum from all basins of a scan of all postures, but for those that are estimated to take more
-        tension where estimates tell, which is with up to two elements; or it is proven to be the least by a bound.
+        best local optimum from all basins of a scan of all postures, but for those far from balance and those estimated
+        to take more tension where that tells, which is with up to two elements; or a bound proves it to be the least.
 
     Raises
     ------
@@ -195,7 +195,7 @@ class _Verdict:
             search.run()
         else:
             search.run_before(self._before)
-            self._to_stations()
+            search_stations(search, self._before)
         stabilize(search)
         best = self._best()
         if best is not None:
@@ -234,11 +234,6 @@ class _Verdict:
         note = f"{note}: with {most:.4g} rad per element there is no grasp"
         return replace(result, statistics={**result.statistics, "fidelity": note})
 
-    def _to_stations(self) -> None:
-        """From grasps with one middle contact to those with stations, where there are any."""
-        if self._before is not None:
-            search_stations(self.search, self._before)
-
     def _reasons(self, further: bool = False) -> list[Reason]:
         """Limits that are in the way, alone or two at once; ``further`` ones where those at sight do not convince."""
         repairs, before = self.repairs, self._before
@@ -246,7 +241,7 @@ class _Verdict:
         if before is None:
             return repairs.reasons()
         reasons = find_station_reasons(self.search, before, repairs)
-        self._to_stations()
+        search_stations(self.search, before)
         return reasons
 
     # -- verdicts --------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from continuum_grasp.grasp.exploration import Basin
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
-from continuum_grasp.grasp.starts.scan.chords import bends_to, chords, exact_bends
+from continuum_grasp.grasp.starts.scan.curves import bends_to, chords, exact_bends
 from continuum_grasp.grasp.starts.scan.touching import bracketed_root, folds
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces import surface_of

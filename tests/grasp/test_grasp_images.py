@@ -109,10 +109,13 @@ def test_an_object_or_a_base_that_may_move_takes_no_more_than_one_that_is_fixed(
 @pytest.mark.deep
 @pytest.mark.parametrize(
     ("kind", "seed", "tension", "most"),
-    [("one", 3, 8.0221747, 200), ("one", 4, 6.5668732, 300), ("union", 3, 72.270932, 90)],
-)
+    [
+        ("one", 3, 8.0221747, 100), ("one", 4, 6.5668732, 140), ("union", 3, 72.270932, 80),
+        ("one", 69, 22.118219, 110), ("one", 74, 10.659581, 110), ("two", 5, 35.371361, 80),
+    ],
+)  # fmt: skip
 def test_patience_saves_iterations_and_loses_no_grasp(kind, seed, tension, most):
-    """The tensions are those without it, which takes 300, 533 and 98 iterations."""
+    """The tensions are those without it, which takes 300, 533 and 98 iterations of the first three."""
     scene = scene_of(drawn(kind, seed), 4)
     search = Search(scene, budget := Budget.of(scene.solver))
     search.run()
@@ -132,7 +135,7 @@ def test_starts_of_several_fingers_are_those_of_the_image(kind, seed):
             assert two.doubt == pytest.approx(one.doubt, abs=1e-5)
             for name, finger in one.fingers.items():
                 bent = -LONGER * np.array(two.fingers[name].curvatures)
-                assert bent == pytest.approx(np.array(finger.curvatures), rel=1e-6, abs=1e-4 / finger.knots[-1])
+                assert bent == pytest.approx(np.array(finger.curvatures), rel=1e-6, abs=2e-4 / finger.knots[-1])
 
 
 @pytest.mark.parametrize("bending_range", [3.4, 6.28])
@@ -146,7 +149,7 @@ def test_a_short_piece_is_found_whichever_vertex_comes_first(bending_range):
             starts, _ = basin_starts(scene, contact_modes(scene)[0])
             estimates.append(starts[0].estimate)
         data = rolled(data)
-    assert max(estimates) < 1.01 * min(estimates)
+    assert max(estimates) < 1.03 * min(estimates)  # without it 461 N, not 44 N, of every other one
 
 
 @pytest.mark.deep
@@ -154,3 +157,10 @@ def test_a_short_piece_leads_to_the_grasp():
     """32.58 N with four elements, of many starts at random; with eight, which bend as far each, it takes less."""
     assert least(scene_of(HEXAGON, 4)) == pytest.approx(32.58, rel=1e-3)
     assert least(scene_of(HEXAGON, 8)) < 32.58
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(("seed", "tension"), [(4, 4.1385696), (8, 4.1840603)])
+def test_three_fingers_begin_with_curves_that_bend_evenly_too(seed, tension):
+    """Without them the least tensions are 9.38 and 22.16 N."""
+    assert least(scene_of(drawn("three", seed), 4)) == pytest.approx(tension, rel=1e-6)

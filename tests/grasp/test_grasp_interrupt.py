@@ -23,11 +23,11 @@ PRESS = """
         count, whole = [0, 0], solver_run.GraspSolverRun.run
 
         class Pressing(solver._Stop):
-            def eval(self, arguments):
+            def eval_buffer(self, *arguments):
                 count[1] += 1
                 if count == [run, iteration]:
                     os.kill(os.getpid(), signal.SIGINT)
-                return super().eval(arguments)
+                return super().eval_buffer(*arguments)
 
         def counted(self, *arguments, **options):
             count[:] = count[0] + 1, 0

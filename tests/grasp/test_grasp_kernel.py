@@ -11,9 +11,9 @@ from grasp_scenes import SHAPES, UPRIGHT, make_scene
 from numpy.testing import assert_allclose
 
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.starts.boxed import within_bounds
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import sample
+from continuum_grasp.grasp.starts.scan.kernel import within_bounds
 from continuum_grasp.grasp.starts.scan.task import make_task
 from continuum_grasp.grasp.starts.starts import basin_starts
 

@@ -51,10 +51,10 @@ def runs(deepest=0.0, moved=0.0, objective=1.0, settles_after=math.inf, enough=m
 def places_seen(base):
     """Gap that is needed beside the first element of a finger whose base is so far from a palm, per half thickness."""
     setup = make_scene().setups[0]
-    half, wall = float(setup.finger.profile.half_thickness(0.0)), surroundings._Obstacle(make_scene().walls[0])
-    at, unit = np.array([[1.0, 0.0]]), SimpleNamespace(length=1.0)
-    needed = wall.near(at, np.zeros(1, int), np.array([half]), setup, 1, np.array([base * half, 0.0, 0.0]), unit)
-    return needed[2][0] / half
+    half, unit = float(setup.finger.profile.half_thickness(0.0)), SimpleNamespace(length=1.0)
+    palm, *_ = surroundings._obstacles(make_scene(), setup, 1, np.array([base * half, 0.0, 0.0]), unit)
+    _, needed = palm.gaps(np.array([[1.0, 0.0]]), np.zeros(1, int), np.array([half]), unit)
+    return needed[0] / half
 
 
 def in_order(apart):

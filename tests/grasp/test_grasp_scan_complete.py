@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from grasp_scenes import UPRIGHT, make_scene
 
+from continuum_grasp.grasp.starts.candidates import first_joint
 from continuum_grasp.grasp.starts.scan import touching
-from continuum_grasp.grasp.starts.scan.families import first_joint
 from continuum_grasp.grasp.starts.scan.task import ALLOWED, make_task, obstruction
 from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
 from continuum_grasp.scene.load import load

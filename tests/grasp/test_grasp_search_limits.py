@@ -152,7 +152,26 @@ def test_the_start_that_came_nearest_has_more_patience_where_there_is_no_grasp(m
     monkeypatch.setattr(search, "rough_starts_of", lambda mode: [])
     monkeypatch.setattr(module, "contact_modes", lambda scene: [frozenset({"finger.tip"})])
     search.run()
-    assert tried == [*((one, 7) for one in starts), (starts[1], None)]
+    assert tried == [*((one, 5) for one in starts), (starts[1], None)]
+
+
+@pytest.mark.parametrize(("grasps", "patience", "iterations"), [(0, 5, None), (1, 4, 40)])
+def test_with_a_grasp_a_scanned_start_has_less_patience_and_few_iterations(grasps, patience, iterations):
+    search, _ = searching(*[grasp() for _ in range(grasps)], elements=4)
+    search.attempt = lambda start, **options: asked.update(options)
+    asked: dict = {}
+    search._solve(Basin(start()))
+    assert (asked["patience"], asked["iterations"]) == (patience, iterations)
+
+
+@pytest.mark.parametrize(("effort", "most"), [("quick", 4), ("normal", 4), ("thorough", 9)])
+def test_with_a_grasp_four_rough_starts_in_a_row_may_lead_to_nothing_better(effort, most, monkeypatch):
+    search, starts = searching(grasp(), elements=4, **{"solver.effort": effort})
+    turns = (start(angle=2.0 * k) for k in range(1, 10))
+    monkeypatch.setattr(search, "rough_starts_of", lambda mode: list(turns))
+    search._from_rough([frozenset({"finger.tip"})])
+    assert len(starts) == most
+    assert search.exploration.pruned.get("after others that led to nothing better", 0) == 9 - most
 
 
 def test_a_proof_that_there_is_no_grasp_ends_the_search_after_six_starts(monkeypatch):
@@ -164,8 +183,8 @@ def test_a_proof_that_there_is_no_grasp_ends_the_search_after_six_starts(monkeyp
     assert len(search.tried) == 6
 
 
-def test_with_a_grasp_or_without_a_tip_no_scanned_start_is_too_far_from_balance():
-    assert (scanned(0.9), scanned(0.9, grasp())) == (2, 3)
+def test_without_a_tip_no_scanned_start_is_too_far_from_balance():
+    assert (scanned(0.9), scanned(0.9, grasp())) == (2, 2)
     search, starts = searching(elements=3)
     search.basins_of = lambda mode: [start(float(k), 0.9) for k in range(3)]
     search._from_basins(frozenset({"finger.middle", "palm"}))

@@ -10,15 +10,14 @@ import pytest
 from grasp_scenes import UPRIGHT, make_scene
 from scipy.optimize import nnls
 
-from continuum_grasp.grasp.starts import basins
+from continuum_grasp.grasp.starts import basins, starts
 from continuum_grasp.grasp.starts.basins import Basins
-from continuum_grasp.grasp.starts.crossing import overlaps
+from continuum_grasp.grasp.starts.candidates import spread_order
+from continuum_grasp.grasp.starts.fingertips import pressed
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
-from continuum_grasp.grasp.starts.polish import pressed
 from continuum_grasp.grasp.starts.scan import task, touching
 from continuum_grasp.grasp.starts.scan.touching import Branch
-from continuum_grasp.grasp.starts.spread import spread_order
-from continuum_grasp.grasp.starts.weighing import combinations, doubt
+from continuum_grasp.grasp.starts.starts import combinations, doubt, overlaps
 
 ON = frozenset({"finger.middle", "finger.tip", "palm"})
 
@@ -180,3 +179,15 @@ def test_supports_bear_nearly_as_much_as_they_can():
     left = np.linalg.norm(off + forces @ effects.T, axis=1)
     assert forces.min() >= 0.0
     assert left == pytest.approx([nnls(effects, -one)[1] for one in off], abs=0.1)
+
+
+def test_of_one_finger_the_hundred_postures_with_least_in_the_way_are_weighed(monkeypatch):
+    scene, on = make_scene("clothoid", UPRIGHT, elements=4), frozenset({"finger.tip"})
+    weighed = []
+    monkeypatch.setattr(starts.Weighing, "_weigh", lambda self, pose, found, *_: weighed.append(found[0].violation))
+    starts.Weighing(scene, on).at_pose(scene.object.pose, 0)
+    every = starts.find_candidates(scene, scene.setups[0], starts.base_poses(scene.setups[0], 0), scene.object.pose, on)
+    wrong = np.sort(every.violation)
+    assert len(wrong) > 200
+    assert weighed[0].max() == wrong[100]
+    assert len(weighed[0]) == np.count_nonzero(wrong <= wrong[100])

@@ -189,15 +189,15 @@ def test_the_deadline_ends_it(method):
 @pytest.mark.parametrize("method", METHODS)
 def test_ctrl_c_ends_it_after_the_iteration(method, monkeypatch):
     problem, start, _ = problem_71()
-    count, whole = [0], _Stop.eval
+    count, whole = [0], _Stop.eval_buffer
 
-    def pressing(self, arguments):
+    def pressing(self, *arguments):
         count[0] += 1
         if count[0] == 3:
             os.kill(os.getpid(), signal.SIGINT)
-        return whole(self, arguments)
+        return whole(self, *arguments)
 
-    monkeypatch.setattr(_Stop, "eval", pressing)
+    monkeypatch.setattr(_Stop, "eval_buffer", pressing)
     with pytest.raises(KeyboardInterrupt):
         solved(method, problem, start)
     assert count[0] == 3

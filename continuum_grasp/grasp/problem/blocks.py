@@ -85,7 +85,10 @@ class Rows(Constraints):
 
         ``units`` are the amounts of a unit of the problem, by unit; they belong to a scene, the rows to many.
         """
-        scaled = (replace(block, scale=np.array([units.get(block.unit, 1.0)])) for block in self.blocks)
+        lower, upper = self.bounds()
+        off = ~(np.maximum(lower - g, g - upper) <= tolerance)  # also where a value is not finite
+        violated = (block for block in self.blocks if off[block.rows].any())
+        scaled = (replace(block, scale=np.array([units.get(block.unit, 1.0)])) for block in violated)
         found = [block.violation(g[block.rows]) for block in scaled]
         return sorted((v for v in found if v.scaled > tolerance), key=lambda v: -v.scaled)
 

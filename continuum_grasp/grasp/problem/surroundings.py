@@ -16,7 +16,9 @@ from continuum_grasp.grasp.problem.values import Units
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.skin import skin
 from continuum_grasp.grasp.starts.scan.curves import sample
+from continuum_grasp.grasp.starts.scan.task import rough_distance
 from continuum_grasp.model.surfaces import surface_of
+from continuum_grasp.model.surfaces.surface import own_outline
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
@@ -47,34 +49,34 @@ class Sight:
 
 @dataclass(frozen=True)
 class _Obstacle:
-    """Obstacle that fingers must stay clear of: a convex part of the world, or the half plane behind a wall."""
+    """Obstacle that a finger must stay clear of, in units of the problem: a convex part of the world, or the half plane
+    behind a wall, with which the base is within it if there is a ``floor``, the height of that.
+    """
 
     body: Part | Wall
     circles: str = ""  # what those that stand for it are called among a finger's numbers, where there are some
+    floor: float | None = None
+    emerging: int = 0  # elements that may come out of it
 
-    def near(
-        self,
-        at: Array,
-        owner: Array,
-        half: Array,
-        setup: FingerSetup,
-        emerging: int,
-        base: Array,
-        units: Units,
-    ) -> tuple[Array, Array, Array]:
-        """Circles (NEAR, K) that stand for it near places (K, 2) on the elements ``owner`` (K,) of a finger, half as
-        thick as ``half`` (K,) there, distances (K,), and the gaps needed (K,). Elements before ``emerging`` may come
-        out of a support.
+    def gaps(self, at: Array, owner: Array, half: Array, units: Units) -> tuple[Array, Array]:
+        """Distances (K,) of places (K, 2) on the elements ``owner`` (K,), half as thick as ``half`` (K,), and the gaps
+        that they need.
         """
-        needed = half.copy()
         if not isinstance(self.body, Wall):
-            return *_nearest(self.body, at, units), needed
-        normal, point = np.asarray(self.body.normal), np.asarray(self.body.point) / units.length
-        height = float((base[:2] - point) @ normal)
+            return own_outline(surface_of(self.body), self.body).distance(_complex(at, units)) / units.length, half
+        needed = half if self.floor is None else np.where(owner < self.emerging, self.floor, half)
+        return (at - np.asarray(self.body.point) / units.length) @ np.asarray(self.body.normal), needed
+
+
+def _obstacles(scene: GraspScene, setup: FingerSetup, emerging: int, base: Array, units: Units) -> list[_Obstacle]:
+    """The obstacles of a finger: half planes, then what circles stand for."""
+    found, clear = [], CLEAR * float(setup.finger.profile.half_thickness(0.0)) / units.length
+    for wall in (wall for wall in scene.walls if wall.part is None):
+        height = float((base[:2] - np.asarray(wall.point) / units.length) @ np.asarray(wall.normal))
         # A base within a support is no penetration: the finger comes out of it, up to its first contact.
-        if height < CLEAR * float(setup.finger.profile.half_thickness(0.0)) / units.length:
-            needed[owner < emerging] = min(0.0, height)
-        return np.zeros((0, len(at))), (at - point) @ normal, needed
+        found.append(_Obstacle(wall, "", min(0.0, height) if height < clear else None, emerging))
+    fixed = [body.part for body in scene.places if body.part is not None]
+    return [*found, *(_Obstacle(part, f"near_fixed_{k}") for k, part in enumerate(fixed))]
 
 
 class Surroundings:
@@ -123,9 +125,8 @@ class Surroundings:
         touched, points, half, curvatures, q, lengths, tip, pulls, base = values
         half, lengths, base, size = half.ravel(), lengths.ravel(), base.ravel(), setup.finger.rod.length
         line = _Line.of(setup, finger, curvatures, q.ravel(), lengths, float(tip.ravel()[0]), pulls.ravel())
-        obstacles, emerging = _obstacles(scene), finger.spec.emerging
+        obstacles = _obstacles(scene, setup, finger.spec.emerging, base, units)
         pieces, count = scene.object.pieces, self._problem.spec.obstacles
-        spare = [*[allowed[1]] * count, *[allowed[0]] * len(obstacles)]
 
         def along(fractions: Array) -> tuple[Array, Array, Array]:
             at = line.points(fractions) * np.exp(1j * base[2]) * (size / units.length)
@@ -133,45 +134,42 @@ class Surroundings:
             thick = skin(setup.finger.profile.half_thickness)(size * line.places(fractions)) / units.length
             return np.stack([base[0] + at.real, base[1] + at.imag], axis=1), owner, thick
 
-        def look(
-            at: Array, owner: Array, thick: Array, touching: tuple[Array, Array] | None = None
-        ) -> list[tuple[Array, Array, Array]]:
-            fixed = [obstacle.near(at, owner, thick, setup, emerging, base, units) for obstacle in obstacles]
-            beside = _beside(pieces, count, _local(at, pose), units, touching)
-            return [*((circles, gap, thick) for circles, gap in beside), *fixed]
-
-        def depth(places: tuple[Array, Array, Array]) -> Array:
-            seen = zip(look(*places), spare, strict=True)
-            deepest = np.max([needed - gap - r for (_, gap, needed), r in seen], axis=0)
-            return np.asarray(deepest).reshape(finger.spec.elements, -1)
+        def depth(places: tuple[Array, Array, Array], rough: bool) -> Array:
+            at, _, thick = places
+            local = _complex(_local(at, pose), units)
+            deepest = thick - _from_object(pieces, local, rough) / units.length - allowed[1]
+            for gap, needed in (obstacle.gaps(*places, units) for obstacle in obstacles):
+                deepest = np.maximum(deepest, needed - gap - allowed[0])
+            return deepest.reshape(finger.spec.elements, -1)
 
         even = np.tile(np.arange(FINE + 1) / FINE, (finger.spec.elements, 1))
         dense = along(even)
         if given is None:
-            picks = _deepest(depth(dense), finger.spec.probes)
+            picks = _deepest(depth(dense, True), finger.spec.probes)
             before = numbers[self._problem.numbers.at[f"{name}.probes"]].reshape(picks.shape)
-            probes = _refined(lambda fractions: depth(along(fractions)), picks, before)
+            probes = _refined(lambda fractions: depth(along(fractions), False), picks, before)
         else:
             probes = given[name].reshape(finger.spec.elements, finger.spec.probes)
         at, owner, thick = along(probes)
+        at, thick = np.concatenate([points.T, at]), np.concatenate([half, thick])
         owner = np.concatenate([finger.elements, owner]).astype(int)
-        touching = (~clear, touched.T)
-        looked = look(np.concatenate([points.T, at]), owner, np.concatenate([half, thick]), touching)
+        beside = _beside(pieces, count, _local(at, pose), units, (~clear, touched.T))
         if finger.spec.strained and line.shape is not None:
             sight.numbers[f"{name}.strain probes"] = _most_strained(setup, line, even)
         sight.numbers[f"{name}.probes"] = probes.ravel()
-        planes, every = 0, np.ones(len(owner), dtype=bool)
-        words = [*(f"near_{k}" for k in range(count)), *(obstacle.circles for obstacle in obstacles)]
-        for k, (word, (circles, gap, needed), slack) in enumerate(zip(words, looked, spare, strict=True)):
-            retained = clear if k == 0 and count == 1 else every
-            sight.deepest = max(sight.deepest, float((needed - gap)[retained].max()) - slack)
-            if word:
-                # One column after the other.
-                sight.numbers[f"{name}.{word}"] = circles[:, retained].T
+        for k, (circles, gap) in enumerate(beside):
+            retained = clear if k == 0 and count == 1 else np.ones(len(owner), dtype=bool)
+            sight.deepest = max(sight.deepest, float((thick - gap)[retained].max()) - allowed[1])
+            # One column after the other.
+            sight.numbers[f"{name}.near_{k}"] = circles[:, retained].T
+        for k, obstacle in enumerate(obstacles):
+            gap, needed = obstacle.gaps(at, owner, thick, units)
+            sight.deepest = max(sight.deepest, float((needed - gap).max()) - allowed[0])
+            if isinstance(obstacle.body, Wall):
+                sight.numbers |= {f"{name}.needed_{k}_{j}": value for j, value in enumerate(needed)}
             else:
-                sight.numbers |= {f"{name}.needed_{planes}_{j}": value for j, value in enumerate(needed)}
-                planes += 1
-        return _Traced(name, *dense, np.concatenate([points.T, at]))
+                sight.numbers[f"{name}.{obstacle.circles}"] = _nearest(obstacle.body, at, units)[0].T
+        return _Traced(name, *dense, at)
 
 
 @dataclass(frozen=True)
@@ -218,14 +216,6 @@ def _between(one: _Traced, other: _Traced, numbers: Values) -> float:
     numbers |= {f"{side} of {name}": w.ravel(order="F") for side, w in zip(("first", "second"), weights, strict=True)}
     numbers[f"gap of {name}"] = chords - gap[first, second]
     return -float(gap.min())
-
-
-def _obstacles(scene: GraspScene) -> list[_Obstacle]:
-    fixed = [body.part for body in scene.places if body.part is not None]
-    return [
-        *(_Obstacle(wall) for wall in scene.walls if wall.part is None),
-        *(_Obstacle(part, f"near_fixed_{k}") for k, part in enumerate(fixed)),
-    ]
 
 
 @dataclass(frozen=True)
@@ -350,6 +340,19 @@ def _peak(values: Array, rows: Array, pick: Array) -> Array:
 def _local(points: Array, pose: Array) -> Array:
     c, s = np.cos(pose[2]), np.sin(pose[2])
     return np.asarray((points - pose[:2]) @ np.array([[c, -s], [s, c]]))
+
+
+def _complex(points: Array, units: Units) -> Array:
+    """Points (K, 2) as complex numbers [m]."""
+    return np.asarray((points[:, 0] + 1j * points[:, 1]) * units.length)
+
+
+def _from_object(pieces: tuple[Part, ...], points: Array, rough: bool) -> Array:
+    """Distances (K,) of complex points (K,) in the object's frame [m], to 1e-5 of its size where that is enough."""
+    shapes = tuple(own_outline(surface_of(piece), piece) for piece in pieces)
+    if rough:
+        return rough_distance(shapes, points)
+    return np.asarray(np.min([shape.distance(points) for shape in shapes], axis=0))
 
 
 def _beside(

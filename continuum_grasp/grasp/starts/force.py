@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.starts.boxed import boxed
 from continuum_grasp.grasp.starts.candidates import Candidates
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, sample
+from continuum_grasp.grasp.starts.scan.kernel import boxed
 from continuum_grasp.grasp.starts.scan.task import FINE
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.family import family_class

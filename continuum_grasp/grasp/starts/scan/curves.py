@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -121,17 +121,6 @@ def bends(knots: Array, curvatures: Array, joints: Array, counts: tuple[int, ...
     return np.asarray((lengths * near).max(axis=1))
 
 
-@lru_cache(64)
-def guess_table(reach: float, count: int, joint: float | None = None) -> tuple[Array, Array, Array]:
-    """Curves of length one whose end curvatures are on a grid: end curvatures (count,), end points (count, count) and
-    angles (count, count) by first and last curvature.
-
-    Where ``joint`` is given they are two arcs that meet there.
-    """
-    grid = np.linspace(-reach, reach, count)
-    return grid, *table_of(grid, grid, joint)
-
-
 def table_of(firsts: Array, lasts: Array, joint: float | None) -> tuple[Array, Array]:
     """End points and angles of curves of length one by first and last curvature."""
     first, last = np.meshgrid(firsts, lasts, indexing="ij")
@@ -143,62 +132,31 @@ def table_of(firsts: Array, lasts: Array, joint: float | None) -> tuple[Array, A
     return end.reshape(first.shape), turn.reshape(first.shape)
 
 
-def tangent(
-    shape: Outline, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, int], walk: Array
-) -> tuple[Array, Array, Array]:
-    """Curves whose end lies on the grown outline with the section's X axis along its outward normal.
-
-    They start at points and angles ``start`` (B,); from first guesses, two ``free`` columns of the curvatures (B, K)
-    and the place ``walk`` (B,) on the outline are sought. Returns curvatures, walks, and which were found (B,).
-    """
-    point, angle = start
-    phase = np.exp(1j * angle)
-    out = curvatures.copy()
-
-    def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
-        bent = out[rows]
-        bent[:, free[0]], bent[:, free[1]] = u[:, 0], u[:, 1]
-        end, turn, dend, dturn = segment_end(lengths[rows], bent)
-        at = shape.walk(u[:, 2])
-        off = point[rows] + phase[rows] * end - at.point
-        tilt = wrapped(angle[rows] + turn - at.angle)
-        one, two = phase[rows] * dend[:, free[0]], phase[rows] * dend[:, free[1]]
-        return [off.real, off.imag, tilt], [
-            [one.real, two.real, -at.dpoint.real],
-            [one.imag, two.imag, -at.dpoint.imag],
-            [dturn[:, free[0]], dturn[:, free[1]], -at.dangle],
-        ]
-
-    first = np.stack([out[:, free[0]], out[:, free[1]], walk], axis=1)
-    found, good = _newton(equations, first, (math.inf, math.inf, 0.15 * shape.period))
-    out[:, free[0]], out[:, free[1]] = found[:, 0], found[:, 1]
-    return out, found[:, 2], good
-
-
 def touch(
-    shape: Outline, start: tuple[Array, Array], lengths: Array, curvatures: Array, free: tuple[int, ...], walk: Array
+    shape: Outline, start: tuple[Array, Array], lengths: Array, curvatures: Array, ways: Array, walk: Array
 ) -> tuple[Array, Array, Array]:
-    """Curves whose end lies on the grown outline, as :func:`tangent` does; the curvatures of the columns ``free`` all
-    change by the same amount.
+    """Curves whose end lies on the grown outline; with two ways also with the section's X axis along its normal.
+
+    They start at points and angles ``start`` (B,); from first guesses, changes of the curvatures (B, K) along ``ways``
+    (n, K) and the place ``walk`` (B,) on the outline are sought. Returns curvatures, walks, and which were found (B,).
     """
-    columns = list(free)
     point, angle = start
     phase = np.exp(1j * angle)
-    out = curvatures.copy()
 
     def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
-        bent = out[rows]
-        bent[:, columns] += u[:, :1]
-        end, _, dend, _ = segment_end(lengths[rows], bent)
-        at = shape.walk(u[:, 1])
+        end, turn, dend, dturn = segment_end(lengths[rows], curvatures[rows] + u[:, :-1] @ ways)
+        at = shape.walk(u[:, -1])
         off = point[rows] + phase[rows] * end - at.point
-        move = phase[rows] * dend[:, columns].sum(axis=1)
-        return [off.real, off.imag], [[move.real, -at.dpoint.real], [move.imag, -at.dpoint.imag]]
+        moves = phase[rows] * (dend @ ways.T).T
+        left, slopes = [off.real, off.imag], [[*moves.real, -at.dpoint.real], [*moves.imag, -at.dpoint.imag]]
+        if len(ways) == 2:
+            left.append(wrapped(angle[rows] + turn - at.angle))
+            slopes.append([*(dturn @ ways.T).T, -at.dangle])
+        return left, slopes
 
-    first = np.stack([np.zeros(len(walk)), walk], axis=1)
-    found, good = _newton(equations, first, (math.inf, 0.15 * shape.period))
-    out[:, columns] += found[:, :1]
-    return out, found[:, 1], good
+    first = np.column_stack([np.zeros((len(walk), len(ways))), walk])
+    found, good = _newton(equations, first, (*[math.inf] * len(ways), 0.15 * shape.period))
+    return curvatures + found[:, :-1] @ ways, found[:, -1], good
 
 
 def wrapped(angle: Array) -> Array:
@@ -251,3 +209,87 @@ def _solve(a: list[list[Array]], b: list[Array]) -> list[Array]:
 
 def _safe(det: Array) -> Array:
     return np.where(np.abs(det) < 1e-14, 1e-14, det)
+
+
+MOST_TURN = 6.6
+"""Greatest turn of a tabulated curve [rad]: a whole one and 0.3 rad more, as elements are limited to a whole one."""
+_MOST_BEND = 12.0
+"""Greatest first curvature, per length: of a curve that turns by a whole turn and whose curvature grows from zero."""
+_TURNS, _BENDS = 129, 97
+"""Size of the table: 0.1 rad and 0.25 apart, so that linear interpolation is good to 2e-3 of the length."""
+_EARLY, _LATE = NODES - NODES**2, NODES**2
+_RULES = np.stack([WEIGHTS, WEIGHTS * _EARLY], axis=1)
+
+
+@cache
+def _table() -> tuple[Array, Array, Array, Array]:
+    """Turns, first curvatures, chords (2, turn, first curvature) by their parts, and their changes to the next turn."""
+    turns = np.linspace(-MOST_TURN, MOST_TURN, _TURNS)
+    bends = np.linspace(-_MOST_BEND, _MOST_BEND, _BENDS)
+    grid = np.meshgrid(turns, bends, indexing="ij")
+    chord = chords(grid[1].ravel(), grid[0].ravel())[0].reshape(grid[0].shape)
+    parts = np.stack([chord.real, chord.imag])
+    return turns, bends, parts, np.diff(parts, axis=1)
+
+
+def chords(bend: Array, turn: Array) -> tuple[Array, Array]:
+    """From first curvatures and turns (B,) of curves of length one that start at 0 with tangent i: their ends (B,), and
+    the derivatives of these by the first curvature.
+
+    The curvature is linear: bend + 2 (turn - bend) s.
+    """
+    angle = bend[:, None] * _EARLY + turn[:, None] * _LATE
+    # Real products: numpy takes mixed ones through complex copies.
+    across, along = np.sin(angle) @ _RULES, np.cos(angle) @ _RULES
+    return -across[:, 0] + 1j * along[:, 0], -along[:, 1] - 1j * across[:, 1]
+
+
+def bends_to(aims: Array, turns: Array, limit: float = _MOST_BEND) -> tuple[Array, Array]:
+    """All curves of length one whose chord has the direction of an aim (R,), given their turn (R,), with first
+    curvatures up to a limit: row and first curvature of each.
+    """
+    tabled, bends, table, change = _table()
+    at = (turns - tabled[0]) / (tabled[1] - tabled[0])
+    if kernel.library():
+        edges = max(int(np.searchsorted(bends, -limit)) - 1, 0), int(np.searchsorted(bends, limit)) + 1
+        numbers = len(aims), _TURNS, _BENDS, edges[0], min(edges[1], _BENDS), table, aims / np.abs(aims), at
+        found = kernel.called("crossings", np.empty(1 + 2 * _BENDS * len(aims)), *numbers)
+        rows, column = found[1 : 1 + 2 * int(found[0])].reshape(-1, 2).T
+        return rows.astype(int), bends[0] + (bends[1] - bends[0]) * column
+    index = np.clip(at.astype(int), 0, _TURNS - 2)
+    share = (at - index)[:, None]
+    some = slice(max(int(np.searchsorted(bends, -limit)) - 1, 0), int(np.searchsorted(bends, limit)) + 1)
+    bends = bends[some]
+    x, y = (part[index, some] + step[index, some] * share for part, step in zip(table, change, strict=True))
+    back = np.conj(aims / np.abs(aims))[:, None]
+    off = x * back.imag + y * back.real
+    right = off < 0.0
+    rows, columns = np.nonzero(right[:, 1:] != right[:, :-1])
+    # Those in the direction of the aim, not against it.
+    middle = x[rows, columns] + x[rows, columns + 1], y[rows, columns] + y[rows, columns + 1]
+    ahead = middle[0] * back.real[rows, 0] > middle[1] * back.imag[rows, 0]
+    rows, columns = rows[ahead], columns[ahead]
+    first, last = off[rows, columns], off[rows, columns + 1]
+    return rows, bends[columns] + (bends[1] - bends[0]) * first / (first - last)
+
+
+def exact_bends(aims: Array, turns: Array, guess: Array) -> tuple[Array, Array, Array]:
+    """First curvatures (R,) next to a guess, with which the chord has the direction of the aim (R,); the curves'
+    lengths then, and which were found near the guess.
+    """
+    back = np.conj(aims / np.abs(aims))
+    if kernel.library():
+        numbers = len(aims), len(NODES), NODES, WEIGHTS, np.conj(back), turns, guess
+        bend, along, across = kernel.called("exact_bends", np.empty((3, len(aims))), *numbers)
+        good = (np.abs(across) < 1e-9) & (along > 1e-3)
+        return bend, np.abs(aims) / np.where(good, along, 1.0), good
+    bend = guess
+    off = chord = np.zeros(0, complex)
+    for _ in range(4):
+        chord, slope = chords(bend, turns)
+        off, fall = chord * back, (slope * back).imag
+        bend = bend - off.imag / np.where(np.abs(fall) < 1e-9, 1e-9, fall)
+    chord, _ = chords(bend, turns)
+    off = chord * back
+    good = (np.abs(off.imag) < 1e-9) & (off.real > 1e-3)
+    return bend, np.abs(aims) / np.where(good, off.real, 1.0), good

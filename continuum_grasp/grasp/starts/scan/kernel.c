@@ -202,7 +202,7 @@ int tip_roots(int count, int size, int arc, int steps, double half, double round
     return 0;
 }
 
-/* As `chords.exact_bends`, with a Gauss rule (node, weight): first curvatures next to guesses, lengths, and whether they
+/* As `curves.exact_bends`, with a Gauss rule (node, weight): first curvatures next to guesses, lengths, and whether they
    were found, property after property. The aims are unit vectors. */
 int exact_bends(int count, int size, const double *node, const double *weight, const double *aim, const double *turn,
                 const double *guess, double *out)
@@ -237,7 +237,7 @@ int exact_bends(int count, int size, const double *node, const double *weight, c
     return 0;
 }
 
-/* As `chords.bends_to` finds brackets: from tables (2, rows, columns) of chords by their parts, linear between rows at
+/* As `curves.bends_to` finds brackets: from tables (2, rows, columns) of chords by their parts, linear between rows at
    `at`; the row and the column, with the share of the way to the next, of each change of sign across the direction of
    an aim, a unit vector. The first number is how many there are. */
 int crossings(int count, int rows, int columns, int first, int last, const double *table, const double *aim,
@@ -340,7 +340,7 @@ static void changes(int size, const double *restrict step, const double *restric
     EACH_LANE length[l] = -1.0 / length[l];
 }
 
-/* As `force.within_bounds`: `count` systems of `m` rows and `n` unknowns in (0, 1), transposed (count, n, m). 0 unless
+/* As `kernel.within_bounds`: `count` systems of `m` rows and `n` unknowns in (0, 1), transposed (count, n, m). 0 unless
    there is no memory. */
 int within_bounds(int count, int m, int n, int steps, double rigid, double enough, const double *given,
                   const double *target, const double *weight, double *out)

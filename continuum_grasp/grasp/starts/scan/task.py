@@ -8,7 +8,7 @@ import cmath
 import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, Self, TypeVar
 
@@ -38,6 +38,8 @@ the last contact, and how many end curvatures are tried: 0.5 rad apart."""
 _STATIONS = 65
 """Places along a finger whose clearance is looked at: 1.5 % of the length apart."""
 _EVEN = np.linspace(0.0, 1.0, _STATIONS)
+_TOUCHING = 1e-12
+"""Gap that is none: rounding [L]."""
 _TOUCHES = 0.75
 """Place along the finger whose thickness a posture is found with [1]: between middle contacts and the tip."""
 LOOSER = 1.25
@@ -85,18 +87,19 @@ class FingerTask:
             out = np.minimum(out, away)
         return out
 
-    @cached_property
+    @property
     def object_numbers(self) -> Array:
         """The object as the kernel of the scan has it."""
         return _numbers(self.shapes)
 
     def rough_distance(self, points: Array, part: int | None = None) -> Array:
         """Signed distance from the object, or from one part of it, to within 1e-5 of its size."""
-        shapes = self.shapes if part is None else self.shapes[part : part + 1]
-        if kernel.library():
-            out, numbers = np.empty(points.shape), self.object_numbers if part is None else _numbers(shapes)
-            return kernel.called("distances", out, out.size, numbers, points)
-        return np.asarray(np.min([shape.rough_distance(points) for shape in shapes], axis=0))
+        return rough_distance(self.shapes if part is None else self.shapes[part : part + 1], points)
+
+    def gap(self, tips: Array, part: int | None = None) -> Array:
+        """Gap between tips and the object, or one part of it, zero to rounding: a straight finger may just touch."""
+        gap = self.rough_distance(tips, part) - self.half
+        return np.where(np.abs(gap) < _TOUCHING, 0.0, gap)
 
     def touched(self, points: Array) -> tuple[Array, Array, Array]:
         """The parts nearest to points (B,), and the places on their grown outlines: points, angles of the normals."""
@@ -163,7 +166,15 @@ class Postures(Rows):
 P = TypeVar("P", bound=Postures)
 
 
-def _numbers(shapes: Sequence[Outline]) -> Array:
+def rough_distance(shapes: tuple[Outline, ...], points: Array) -> Array:
+    """Signed distance from the nearest of some outlines, to within 1e-5 of its size."""
+    if kernel.library():
+        return kernel.called("distances", np.empty(points.shape), points.size, _numbers(shapes), points)
+    return np.asarray(np.min([shape.rough_distance(points) for shape in shapes], axis=0))
+
+
+@lru_cache(maxsize=64)
+def _numbers(shapes: tuple[Outline, ...]) -> Array:
     return np.array([len(shapes), *(each for shape in shapes for each in shape.rough_numbers)])
 
 
@@ -180,20 +191,6 @@ def join(groups: list[P]) -> P | None:
     # Knots without distance change nothing: the last one is repeated where a group has fewer.
     groups = [replace(g, knots=padded(g.knots), curvatures=padded(g.curvatures)) for g in groups]
     return groups[0].followed_by(groups[1:])
-
-
-def touching_family(knots: Array, curvatures: Array, joints: Array, part: int, shape: Outline, walk: Array) -> Postures:
-    """Postures whose ends touch a part at the given walks."""
-    at = shape.walk(walk)
-    return Postures(
-        knots,
-        curvatures,
-        joints,
-        np.full((len(walk), 1), part),
-        at.point[:, None],
-        at.angle[:, None],
-        np.zeros(len(walk)),
-    )
 
 
 def unique(family: Postures) -> Postures:

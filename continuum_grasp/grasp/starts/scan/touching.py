@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.starts.scan import kernel
-from continuum_grasp.grasp.starts.scan.chords import MOST_TURN, bends_to, exact_bends
-from continuum_grasp.grasp.starts.scan.curves import NODES, WEIGHTS, wrapped
+from continuum_grasp.grasp.starts.scan.curves import MOST_TURN, NODES, WEIGHTS, bends_to, exact_bends, wrapped
 from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_MOST, TIP_REACH, TIPS, FingerTask, Rows
 
 Array = NDArray[Any]
@@ -104,7 +103,7 @@ def scanned(task: FingerTask, ring: Ring) -> Branch:
     places = np.tile(np.arange(float(ring.count)), len(task.shapes))
     point, normal = ring.at(parts, places)
     if task.one_arc_to_joint:
-        first = _arcs(task, ring, parts, places, point, normal)
+        first = _arcs(task, ring, point, normal)
     else:
         first = _clothoids(task, parts, places, point, normal)
         first = first.followed_by([_between(task, ring, first)])
@@ -183,17 +182,11 @@ def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, norm
     # No curve is longer than the last position of the contact, so that its curvature bends it by this at most.
     limit = task.bending_range * sum(task.counts[: task.middles.index(True) + 1])
     limit = 1.05 * min(limit, float(np.max(task.limits)) * (1.0 + _ABOVE) * high)
-    rows: list[Array] = []
-    sides: list[Array] = []
-    turns: list[Array] = []
-    for one in (1, -1):
-        angle = wrapped(normal[near] + (0.0 if one > 0 else math.pi))
-        for winding in (-math.tau, 0.0, math.tau):
-            fits = np.flatnonzero(np.abs(angle + winding) < min(MOST_TURN, limit))
-            rows.append(near[fits])
-            sides.append(np.full(len(fits), one))
-            turns.append(angle[fits] + winding)
-    row, side, turn = (np.concatenate(part) for part in (rows, sides, turns))
+    every = np.meshgrid((1, -1), (-math.tau, 0.0, math.tau), near, indexing="ij")
+    side, winding, row = (each.ravel() for each in every)
+    turn = wrapped(normal[row] + np.where(side > 0, 0.0, math.pi)) + winding
+    fits = np.abs(turn) < min(MOST_TURN, limit)
+    row, side, turn = row[fits], side[fits], turn[fits]
     index, guess = bends_to(point[row], turn, limit)
     row, side, turn = row[index], side[index], turn[index]
     some = (np.abs(guess) < limit) & (np.abs(2.0 * turn - guess) < limit)
@@ -213,30 +206,23 @@ def started(
     return Branch(part, side, place, point, normal, turn, joint, ends, none.astype(int), none + 0j, none)
 
 
-def _arcs(task: FingerTask, ring: Ring, parts: Array, places: Array, point: Array, normal: Array) -> Branch:
+def _arcs(task: FingerTask, ring: Ring, point: Array, normal: Array) -> Branch:
     """Circular arcs that are tangent at their ends: their turn is twice the angle of the chord."""
 
     def off(points: Array, normals: Array, side: Array) -> Array:
         return np.asarray(wrapped(2.0 * np.angle(-1j * points) - normals - np.where(side > 0, 0.0, math.pi)))
 
-    count = ring.count
-    low, high, part, place, side = [], [], [], [], []
-    for s in (1, -1):
-        here = off(point, normal, np.full(len(point), s)).reshape(-1, count)
-        there = np.roll(here, -1, axis=1)
-        rows, columns = np.nonzero((here * there <= 0.0) & (np.abs(here - there) < 0.5 * math.pi))
-        low.append(here[rows, columns])
-        high.append(there[rows, columns])
-        part.append(rows)
-        place.append(columns.astype(float))
-        side.append(np.full(len(rows), s))
-    parts, sides, start = (np.concatenate(v) for v in (part, side, place))
+    both = np.array([1, -1])
+    here = off(point, normal, both[:, None]).reshape(2, -1, ring.count)
+    there = np.roll(here, -1, axis=2)
+    which = np.nonzero((here * there <= 0.0) & (np.abs(here - there) < 0.5 * math.pi))
+    sides, parts, start = both[which[0]], which[1], which[2].astype(float)
 
     def gap(share: Array) -> Array:
         points, normals = ring.at(parts, start + share)
         return off(points, normals, sides)
 
-    share = bracketed_root(gap, np.zeros(len(start)), np.ones(len(start)), np.concatenate(low), np.concatenate(high))
+    share = bracketed_root(gap, np.zeros(len(start)), np.ones(len(start)), here[which], there[which])
     points, normals = ring.at(parts, start + share)
     turn = 2.0 * np.angle(-1j * points)
     half = np.where(np.abs(turn) < 1e-9, 1e-9, 0.5 * turn)

@@ -44,7 +44,7 @@ def scanned_arcs(task: FingerTask) -> Branch:
     most = 1.02 * np.max(task.limits) * np.array(SHARE) + bends[1] - bends[0]
     near &= (np.abs(bends) < most)[:, None] & (np.abs(bends) < most)
     gap = np.full(tips.shape, np.nan)
-    gap[near] = task.rough_distance(tips[near]) - task.half
+    gap[near] = task.gap(tips[near])
     found = []
     for axis in (0, 1):
         one = tuple(slice(None, -1) if k == axis else slice(None) for k in (0, 1))
@@ -84,7 +84,7 @@ def _tips(task: FingerTask, bends: Array) -> tuple[Array, Array]:
 
 
 def _gap(task: FingerTask, bends: Array) -> Array:
-    return task.rough_distance(_tips(task, bends)[0]) - task.half
+    return task.gap(_tips(task, bends)[0])
 
 
 def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: Array) -> tuple[Branch, Array]:
