@@ -5,9 +5,7 @@ from continuum_grasp.identification.data import Frequencies, Poses, Reading, Tip
 from continuum_grasp.identification.excitation import ExcitationPlan, design_excitation
 from continuum_grasp.identification.fit import Error, Fit
 from continuum_grasp.identification.fitting import identify
-from continuum_grasp.identification.learning import learn_residual
 from continuum_grasp.identification.read import data_folder, read_data
-from continuum_grasp.identification.residual import OneStepError, ResidualFit
 from continuum_grasp.identification.table import Table, read_table
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
 
@@ -19,17 +17,14 @@ __all__ = [
     "Fit",
     "Frequencies",
     "IdentifyScene",
-    "OneStepError",
     "Poses",
     "Reading",
-    "ResidualFit",
     "Table",
     "TipPath",
     "data_folder",
     "design_excitation",
     "fit_damped_sine",
     "identify",
-    "learn_residual",
     "read_data",
     "read_table",
 ]

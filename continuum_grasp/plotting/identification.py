@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.identification.excitation import ExcitationPlan
     from continuum_grasp.identification.fit import Fit
-    from continuum_grasp.identification.residual import ResidualFit
 
 
 def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
@@ -36,21 +35,6 @@ def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
     ax.locator_params(axis="x", integer=True)
     label(ax, "number of the measurement (dotted: next set)", "residual [standard deviations]")
     head(ax, "Residuals: predicted less measured")
-    return ax
-
-
-def plot_one_step_errors(fit: ResidualFit, *, ax: Axes | None = None) -> Axes:
-    """Draw by how much the tip's velocity is mispredicted over a period, without and with a learned residual."""
-    ax = new_axes(ax, 7.2, 4.0)
-    for rows, color, what in ((fit.without, GRAY, "model alone"), (fit.with_residual, BLUE, "with residual")):
-        size = 1e3 * np.hypot(rows[:, 2], rows[:, 3])
-        ax.plot(np.arange(1, len(size) + 1), size, color=color, linewidth=0.8, label=what)
-    for end in np.cumsum([one.steps for one in fit.errors[:-1]]):
-        ax.axvline(end + 0.5, color=GRAY, linewidth=0.6, linestyle=":")
-    label(ax, "period (dotted: next log)", "error of the tip's velocity [mm/s]")
-    ax.set_ylim(bottom=0.0)
-    ax.legend(frameon=False)
-    head(ax, "One-step prediction errors")
     return ax
 
 
