@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from continuum_grasp.cli.compare import compared, show_channels
 from continuum_grasp.cli.options import verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
@@ -27,7 +28,11 @@ def identify(
     output: Output,
     data: Annotated[
         list[Path] | None,
-        typer.Option("--data", metavar="FILE", help="CSV file of measurements, or a folder of them; repeatable."),
+        typer.Option(
+            "--data",
+            metavar="FILE",
+            help="Table of measurements, or a folder; repeatable; none: those that CONFIG names.",
+        ),
     ] = None,
     excitation: Annotated[
         bool,
@@ -59,8 +64,9 @@ def identify(
         )
     if excitation:
         EXCITATION.check(scene, of={"--data": bool(data), "--apply": bool(apply)})
-    elif not data:
-        raise InputError("expected --data FILE, or --excitation alone", key="data")
+    elif not scene.estimate:
+        compared(scene, data, replace(output, verb="compare"))
+        return
     targets: list[tuple[Path, FingerScene]] = []
     for path in apply or ():
         target = load(path)
@@ -73,9 +79,11 @@ def identify(
     output.check_folder()
 
     from continuum_grasp.identification import identify as run
+    from continuum_grasp.identification.read import located
 
     with output.busy("identifying") as report:
-        fit = run(scene, data or (), accept_implausible=accept_implausible, progress=report)
+        given = data or located(scene, output.config.parent)
+        fit = run(scene, given, accept_implausible=accept_implausible, progress=report)
     applied = [(path, fit.apply(target)) for path, target in targets if fit.usable]
     files = output.save(fit)
     files += [_written(changed, output.folder, path) for path, changed in applied]
@@ -96,10 +104,7 @@ def identify(
     if shown:
         more = len(fit.set_names) - len(shown)
         output.table(("of one set" + (f" ({more} more in the result)" if more else ""), "value", "deviation"), *shown)
-    for name, errors in (("fitted", fit.errors), ("hold-out", fit.holdout_errors)):
-        for one in errors:
-            largest = f"{one.largest:.3g} {one.unit} at most"
-            output.say(f"{name}: {one.group}: {one.rms:.3g} {one.unit} r.m.s., {largest}, {one.count} numbers")
+    show_channels(fit, output)
     output.pairs(output.saved_in(files))
     singular = " ".join(f"{value:.3g}" for value in fit.singular_values)
     output.conclude(fit, files, {"singular values": singular}, **fit.summary())

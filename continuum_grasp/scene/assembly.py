@@ -52,7 +52,7 @@ def kind_of(data: Any) -> str:
         # A simulation with an object has a contact law, a grasp never.
         if "object" in data and "contact_law" not in data:
             return "grasp"
-        if "estimate" in data:
+        if "estimate" in data or "data" in data:
             return "identify"
         if "rod" in data and "finger" not in data:
             return "finger"
