@@ -41,7 +41,9 @@ def compared(scene: Scene, data: list[Path] | None, output: Output) -> None:
         found = run(scene, given, progress=report)
     files = output.save(found)
     show_channels(found, output)
-    output.report(found, files, **found.details())
+    output.warn(found.warnings)
+    output.pairs(output.saved_in(files))
+    output.conclude(found, files, **found.details())
 
 
 def show_channels(found: Predicted, output: Output) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fnmatch
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -83,7 +82,7 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
     found: list[Data] = []
     for k, one in enumerate(sets):
         key = f"data[{k}]"
-        mine = [file for file in files if one.file is None or fnmatch.fnmatch(file.name, one.file)]
+        mine = [file for file in files if one.file is None or file.resolve().match(one.file)]
         if not mine:
             raise InputError(f"no file {one.file or '*.csv'} among {', '.join(map(str, paths))}", key=f"{key}.file")
         used.update(mine)
@@ -118,7 +117,7 @@ def located(scene: Scene, beside: Path | None) -> list[Path]:
             raise InputError("expected the name of a file, or a file that is given", key=key)
         shared = data_folder()
         folders = [] if beside is None else [beside]
-        folders += [] if shared is None else [folder for folder in sorted(shared.iterdir()) if folder.is_dir()]
+        folders += [] if shared is None else [shared, *sorted(folder for folder in shared.iterdir() if folder.is_dir())]
         mine = [files for folder in folders if (files := sorted(folder.glob(one.file)))]
         if not mine or (len(mine) > 1 and mine[0][0].parent != beside):
             where = "is in several folders" if mine else f"is neither beside the configuration nor in {VARIABLE}"
@@ -137,7 +136,7 @@ def _files(paths: Sequence[Path], sets: Sequence[DataSet]) -> Iterator[Path]:
         if path.is_dir():
             # a folder may hold other files; in the order of their names, which no file system promises
             patterns = [one.file or "*.csv" for one in sets] or ["*.csv"]
-            yield from sorted(file for file in path.iterdir() if any(fnmatch.fnmatch(file.name, p) for p in patterns))
+            yield from sorted(file for file in path.iterdir() if any(file.resolve().match(p) for p in patterns))
         elif path.is_file():
             yield path
         else:
@@ -404,7 +403,7 @@ def _told(file: Path, scene: Scene) -> list[Data]:
     for heading, unit in zip(table.headings, table.units, strict=True):
         found = _SUFFIX.fullmatch(heading) if unit is None else None
         own = {"Nm": "N m"}.get(found[2], found[2]) if found else None
-        columns[(found[1] if found else heading).removeprefix(COMMANDED)] = Column(column=heading, unit=own)
+        columns[found[1] if found else heading] = Column(column=heading, unit=own)
     time = next((columns.pop(name) for name in _TIMES if name in columns), None)
     at = columns.pop("at", None)
     pose = columns.pop("pose", None)
@@ -417,7 +416,10 @@ def _told(file: Path, scene: Scene) -> list[Data]:
         for name, quantity in quantities
         if name in columns
     )
-    entries = {one: column for one, column in columns.items() if one in _entries_of(scene)}
+    # Of the log of a controller the commands: what it measured of the drives has the names of inputs.
+    commands = {one.removeprefix(COMMANDED): of for one, of in columns.items() if one.startswith(COMMANDED)}
+    known = _entries_of(scene)
+    entries = {one: column for one, column in (commands or columns).items() if one in known}
     conditions = tuple(Condition(name=one, **column.model_dump(exclude_unset=True)) for one, column in entries.items())
     one: DataSet | None = None
     if "frequency" in columns:

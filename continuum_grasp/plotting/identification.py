@@ -69,7 +69,7 @@ def plot_shapes(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
         measured, predicted = found.measured[index], found.predictions[index]
         over_time = lines.over_time
         shown = np.isin(rows[:, 0], lines.at)
-        box = bend_box([lines.backbones, measured], 0.06 * finger.rod.length)
+        box = bend_box([lines.backbones, measured, predicted], 0.06 * finger.rod.length)
         show_box(one, box)
         label(one, "x [m]", "y [m]")
         for backbone in lines.backbones:
@@ -97,9 +97,18 @@ def plot_shapes(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
 def plot_series(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Draw measured and predicted numbers over rows or time, and below each the prediction less the measurement.
 
-    Hold-outs are orange. A new figure has six quantities at most, those that are missed by most per their range.
+    Hold-outs are orange. A new figure has six quantities at most, those that are missed by most, per the widest range
+    of their unit.
     """
-    series = sorted(found.series.items(), key=lambda one: -_missed(found, one[1]))[:_PANELS]
+    ranges = dict[str, float]()
+    for rows in found.series.values():
+        unit, span = found.entries[rows[0]].unit, max(float(np.ptp(found.measured[rows])), 1e-12)
+        ranges[unit] = max(ranges.get(unit, 0.0), span)
+
+    def missed(rows: NDArray[np.intp]) -> float:
+        return float(np.sqrt(np.mean(found.residuals[rows] ** 2))) / ranges[found.entries[rows[0]].unit]
+
+    series = sorted(found.series.items(), key=lambda one: -missed(one[1]))[:_PANELS]
     panels = _panels(len(series), ax, 4.6, 4.4, ratios=(2.0, 1.0))
     for ((name, what), rows), above, below in zip(series, panels[0::2], panels[1::2], strict=False):
         entry = found.entries[rows[0]]
@@ -107,7 +116,15 @@ def plot_series(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
         at, inside = np.array([found.entries[row].at for row in rows]), found.fitted[rows]
         measured, predicted = factor * found.measured[rows], factor * found.predictions[rows]
         dense = len(rows) > _DENSE
-        above.plot(at, predicted, color=BLUE, linewidth=1.2, marker=None if dense else "_", label="simulated", zorder=2)
+        above.plot(
+            at,
+            predicted,
+            color=BLUE,
+            linewidth=1.2,
+            marker=None if name in found.paths else "_",
+            label="simulated",
+            zorder=2,
+        )
         for chosen, color, text in ((inside, INK, "measured"), (~inside, ORANGE, "measured, hold-out")):
             if chosen.any():
                 above.scatter(at[chosen], measured[chosen], s=4 if dense else 18, color=color, linewidth=0, label=text)
@@ -124,16 +141,11 @@ def plot_series(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
     return panels
 
 
-def _missed(found: Predicted, rows: NDArray[np.intp]) -> float:
-    """R.m.s. error of entries, per the range of what was measured."""
-    return float(np.sqrt(np.mean(found.residuals[rows] ** 2)) / max(np.ptp(found.measured[rows]), 1e-12))
-
-
 def _links(a: NDArray[Any], b: NDArray[Any]) -> LineCollection:
     """Lines from points (P, 2) to others."""
     from matplotlib.collections import LineCollection
 
-    return LineCollection(list(np.stack([a, b], axis=1)), colors=ORANGE, linewidths=1.0, zorder=4)
+    return LineCollection(list(np.stack([a, b], axis=1)), colors=INK, linewidths=0.8, zorder=4)
 
 
 def _panels(

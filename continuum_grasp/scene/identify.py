@@ -102,7 +102,8 @@ class _Data(Value):
     name: str | None = None
     """Name of this set in reports; the file's name where not given."""
     file: str | None = None
-    """Name of the file with wildcards, torque_*.csv; None: every file that is given."""
+    """Name of the file with wildcards, torque_*.csv, with its folder where names are not enough; None: every file that
+    is given."""
     where: Annotated[tuple[RowsEqual, ...], Field(strict=False)] = ()
     """Rows to read; all of them must hold."""
     set: Annotated[tuple[str, ...], Field(strict=False)] = ()

@@ -23,6 +23,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.values import Status
 from continuum_grasp.identification.excitation import ExcitationPlan
+from continuum_grasp.identification.comparison import Comparison
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.mission.outcomes import TrialsResult
 from continuum_grasp.mission.result import MissionRun
@@ -40,6 +41,7 @@ RESULTS = (
     DesignResult,
     Equilibrium,
     ExcitationPlan,
+    Comparison,
     Fit,
     GraspResult,
     MissionRun,
