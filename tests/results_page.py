@@ -8,8 +8,8 @@ from continuum_grasp.accuracy.report import AccuracyReport
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.design import DesignResult
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.identification.excitation import ExcitationPlan
 from continuum_grasp.identification.comparison import Comparison
+from continuum_grasp.identification.excitation import ExcitationPlan
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.mission.outcomes import TrialsResult
 from continuum_grasp.mission.result import MissionRun

@@ -77,7 +77,7 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
         if sum(file.resolve() == other.resolve() for other in files) > 1:
             raise InputError("this file is given twice: its measurements would count twice", file=str(file))
     if not sets:
-        return [one for file in files for one in _told(file, scene)]
+        return [one for file in files for one in _by_headings(file, scene)]
     used: set[Path] = set()
     found: list[Data] = []
     for k, one in enumerate(sets):
@@ -391,7 +391,7 @@ def _column(table: Table, column: ColumnLike, si: str, *, gaps: bool = False) ->
 _TIMES, _SUFFIX = ("t", "time"), re.compile(r"(.+?)_(mm|cm|m|deg|rad|s|ms|N|mN|g|Hz|Nm)")
 
 
-def _told(file: Path, scene: Scene) -> list[Data]:
+def _by_headings(file: Path, scene: Scene) -> list[Data]:
     """Measurements of a table whose headings say what they are, with their units in brackets or behind an underscore.
 
     Raises

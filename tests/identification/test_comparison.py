@@ -239,3 +239,14 @@ def test_the_command_compares_and_identify_without_parameters_does_the_same(tmp_
     same = CliRunner().invoke(app, ["identify", "same.yaml", "--no-pictures"]).stdout
     assert same.partition("saved in")[0] == shown.partition("saved in")[0]
     assert (tmp_path / "runs/compare/same/result.npz").is_file()
+
+
+def test_the_log_of_a_controller_is_replayed_by_its_commands(tmp_path):
+    finger = {**ROD["finger"], "tendons": {"offset": 0.01, "max_tension": 10.0, "time_constant": 0.02}}
+    scene = cg.Scene(
+        finger=finger, gravity=(0.0, 0.0), fidelity={"family": "arc", "elements": 1}, initial={"pose": "rest"}
+    )
+    head = "t [s],commanded_tension_1 [N],commanded_tension_2 [N],tip_x [m],tip_y [m],tension_1 [N],tension_2 [N]\n"
+    found = cg.compare(scene, table(tmp_path, head + "".join(f"{0.01 * k:.2f},1,1,0.2,0.0,7,8\n" for k in range(4))))
+    assert np.abs(found.residuals).max() < 1e-12
+    assert len(found.entries) == 8
