@@ -451,7 +451,9 @@ NOT_ALONE = {
     "initial.motor_angles": "it needs an equilibrium",
     "initial.friction_states": "initial.reached_by must be state",
     "finger.tendons.drive.arrangement": "it changes the number of inputs",
+    "data.axes": "its two entries belong together",
     "data.file": "another file has other columns",
+    "data.pose": "every row of the shipped tables is a pose",
     "data.where.column": "another column has other texts",
 }
 """Keys of which no other value is tried, and why."""
