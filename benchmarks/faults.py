@@ -388,6 +388,16 @@ FAULTS: tuple[Fault, ...] = (
     ),
     # identification
     *_in(
+        "identification/read.py",
+        ('-1.0 if axis[0] == "-" else 1.0', '1.0 if axis[0] == "-" else 1.0'),
+        tests="identification",
+    ),
+    *_in(
+        "identification/table.py",
+        ("if not value >= _SURE", "if value >= _SURE"),
+        tests="identification",
+    ),
+    *_in(
         "identification/rows.py",
         ("np.array([first, first + left])", "np.array([first, first - left])"),
         tests="identification",

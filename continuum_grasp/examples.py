@@ -68,10 +68,7 @@ class Example:
     @property
     def arguments(self) -> tuple[str, ...]:
         """Arguments of ``continuum-grasp`` that run the example in a folder that has its files."""
-        read = self.files if self.kind == "identify" else ()
-        data = [file.parent.as_posix() for file in read if file.suffix == ".csv"]
-        options = [word for folder in dict.fromkeys(data) for word in ("--data", folder)]
-        return (self.verb, self.files[0].as_posix(), *options)
+        return (self.verb, self.files[0].as_posix())
 
 
 def shipped_folder() -> Path:
@@ -214,7 +211,6 @@ def _named(path: Path) -> Iterator[Path | str]:
             yield file
             yield from _named(file)
         elif text.endswith((".csv", ".svg", ".dxf", ".png")):
-            # `identify` is given a folder, and takes what lies in it by its name.
             data: list[Path | str] = [*sorted(path.parent.glob(text))]
             yield from data or [text]
 

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
+SHOWN_IN = {"m": (1e3, "mm"), "rad": (180.0 / math.pi, "deg")}
+"""Factor and unit in which errors are shown to people, by SI unit."""
+
 
 def split_unit(label: str) -> tuple[str, str]:
     """Name and unit of a label; the unit is empty where there is none."""

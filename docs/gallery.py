@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import fnmatch
 import io
 import json
 import os
@@ -73,12 +72,14 @@ KINDS = {
         "[Parameters from measurements](real_rods.md). The measurements are published by others and not "
         f"shipped; each configuration names their source, and `{DATA}` stands for the folder that has them. Those of "
         "`nitinol_releases` are simulated by this page's script, on a rod that is 8 % softer than assumed.",
-        "predictions.png",
+        "series.png",
     ),
     "design": Kind("Designs", "[Numbers of a finger chosen by gradient](design_by_gradient.md).", "design.png"),
     "sweep": Kind("Sweeps", "[One scene many times](sweeps.md).", "map_*.png"),
 }
-TELLING = {"mpc/saturation": "inputs.png", "mpc/pulse": "tracking.png", "mpc/steady_tip": "tracking.png"}
+TELLING = {"identify/foam_rod": "shapes.png", "identify/own_finger": "shapes.png"}
+TELLING |= {"identify/trunk_releases": "shapes.png"}
+TELLING |= {"mpc/saturation": "inputs.png", "mpc/pulse": "tracking.png", "mpc/steady_tip": "tracking.png"}
 """Pictures that show what an example is for better than the main one of its kind."""
 
 
@@ -149,7 +150,7 @@ def data_of(one: Example, work: Path) -> Path | None:
         return simulated_releases(one, work)
     folder = data_folder()
     for path in sorted(folder.rglob("*.csv")) if folder else ():
-        if fnmatch.fnmatch(path.name, one.missing[0]):
+        if path.match(one.missing[0]):
             return path.parent
     sys.exit(f"{one.name}: no data {', '.join(one.missing)}; set CONTINUUM_GRASP_DATA to their folder")
 

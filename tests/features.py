@@ -61,18 +61,6 @@ _STEP = {"bending_stiffness": 8e-3, "linear_density": 0.04, "to": 0.09}
 _FORCE = {"kind": "force", "at": 0.18, "force": [0.01, 0.0]}
 
 
-_RESIDUAL = {
-    "family": "clothoid",
-    "elements": [0.18],
-    "coordinates": ["kappa_0 [1/m]", "kappa_1 [1/m]"],
-    "center": [0.0] * 4,
-    "scale": [1.0] * 4,
-    "metric": [[float(i == k) for k in range(4)] for i in range(4)],
-    "radius": 4.0,
-    "weights": [[0.0] * 7] * 2,
-}
-
-
 @dataclass(frozen=True)
 class Feature:
     """Something that a scene may have: its name, and changes of a plain scene by which it has that."""
@@ -148,10 +136,6 @@ FEATURES = (
     ),
     Feature("known contacts", {"contacts": [0.09]}),
     Feature("run-time parameters", {"parameters": ["bending_stiffness"]}),
-    Feature(
-        "a learned residual",
-        {"fidelity.residual": _RESIDUAL, "fidelity.family": "clothoid", "fidelity.elements": 1},
-    ),
     Feature(
         "motors that stand",
         {**_driven(_MOTOR), "initial.pose": "equilibrium", "initial.motor_angles": [0.1, 0.0]},

@@ -8,6 +8,7 @@ from continuum_grasp.accuracy.report import AccuracyReport
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.design import DesignResult
 from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.identification.comparison import Comparison
 from continuum_grasp.identification.excitation import ExcitationPlan
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.mission.outcomes import TrialsResult
@@ -29,6 +30,7 @@ MADE_BY = {
     ControlRun: "`cg.run_closed_loop`, `continuum-grasp mpc`",
     MissionRun: "`cg.run_mission`, `continuum-grasp mpc` of a mission",
     TrialsResult: "`cg.run_trials`, `continuum-grasp mpc --trials`",
+    Comparison: "`cg.compare`, `continuum-grasp compare`",
     Fit: "`cg.identify`, `continuum-grasp identify`",
     ExcitationPlan: "`continuum_grasp.identification.design_excitation`, `continuum-grasp identify --excitation`",
     AccuracyReport: "`cg.accuracy_report`, `continuum-grasp accuracy`",

@@ -448,11 +448,12 @@ NOT_ALONE = {
     "schema_version": "there is one",
     "object.free": "scenes of simulation refuse it",
     "fidelity.tolerance": "it excludes other keys",
-    "fidelity.residual": "it belongs to the one model for which it was learned",
     "initial.motor_angles": "it needs an equilibrium",
     "initial.friction_states": "initial.reached_by must be state",
     "finger.tendons.drive.arrangement": "it changes the number of inputs",
+    "data.axes": "its two entries belong together",
     "data.file": "another file has other columns",
+    "data.pose": "every row of the shipped tables is a pose",
     "data.where.column": "another column has other texts",
 }
 """Keys of which no other value is tried, and why."""

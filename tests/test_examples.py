@@ -77,7 +77,7 @@ def test_an_example_with_data_comes_with_them(tmp_path, monkeypatch):
     one = examples._example(shipped / "configs/identify/belendez_strip.yaml")
     assert one.missing == ()
     assert data.relative_to(shipped) in one.files
-    assert one.arguments == ("identify", "configs/identify/belendez_strip.yaml", "--data", "configs/identify")
+    assert one.arguments == ("identify", "configs/identify/belendez_strip.yaml")
 
 
 def test_new_prints_a_command_that_runs(tmp_path, monkeypatch):

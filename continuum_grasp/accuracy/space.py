@@ -45,9 +45,7 @@ _TIME_SHARE = 0.1
 _LEAST_TIME = 1e-10
 """Least error in time that can be asked for, per length [1]."""
 
-_HALVED = Consumer(
-    "accuracy in space", dict.fromkeys(("fidelity.residual", "initial.friction_states"), "belongs to these elements")
-)
+_HALVED = Consumer("accuracy in space", {"initial.friction_states": "belongs to these elements"})
 
 
 def refined(scene: Scene, model: FingerModel) -> Scene:

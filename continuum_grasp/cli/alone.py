@@ -12,6 +12,4 @@ PLAIN_FUNCTIONS = Consumer(
 LOOPS = Consumer("mpc of a closed loop", {"--trials": "is for missions"})
 MISSIONS = Consumer("mpc of a mission", {"--compare": "is not for missions"})
 TRIALS = Consumer("mpc --trials", {"--animate": "is for one mission, not for --trials"})
-FINGERS = Consumer("identify of a finger", {"--holdout": "is for logs of a controller; here data have use: holdout"})
-LOGS = Consumer("identify of a controller", {"--excitation": "is for fingers: a controller learns from its logs"})
 EXCITATION = Consumer("identify --excitation", dict.fromkeys(("--data", "--apply"), "has no effect on --excitation"))

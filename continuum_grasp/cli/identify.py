@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from continuum_grasp.cli.compare import compared, show_channels
 from continuum_grasp.cli.options import verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
-    from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.identify import IdentifyScene
     from continuum_grasp.scene.simulate import FingerScene
 
@@ -28,7 +28,11 @@ def identify(
     output: Output,
     data: Annotated[
         list[Path] | None,
-        typer.Option("--data", metavar="FILE", help="CSV file of measurements, or a folder of them; repeatable."),
+        typer.Option(
+            "--data",
+            metavar="FILE",
+            help="Table of measurements, or a folder; repeatable; none: those that CONFIG names.",
+        ),
     ] = None,
     excitation: Annotated[
         bool,
@@ -42,40 +46,27 @@ def identify(
             help="Write this configuration with the estimates in it, beside the result; repeatable.",
         ),
     ] = None,
-    holdout: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--holdout", metavar="FILE", help="Log of a controller on which a residual is tried alone; repeatable."
-        ),
-    ] = None,
     accept_implausible: Annotated[
         bool,
         typer.Option("--accept-implausible", help="Write the finger although the data cannot be those of this finger."),
     ] = False,
 ) -> None:
-    """Estimate parameters from measurements, with confidence intervals, or design the commands to measure.
-
-    For a closed loop (its configuration has a controller) it learns from logs what the controller's model misses.
-    """
-    from continuum_grasp.cli.alone import EXCITATION, FINGERS
-    from continuum_grasp.scene.control import ControlScene
+    """Estimate parameters from measurements, with confidence intervals, or design the commands to measure."""
+    from continuum_grasp.cli.alone import EXCITATION
     from continuum_grasp.scene.identify import IdentifyScene
     from continuum_grasp.scene.load import load
     from continuum_grasp.scene.simulate import FingerScene
 
     scene = load(output.config, output.changes or ())
-    if isinstance(scene, ControlScene):
-        _learn(scene, data, holdout, excitation, apply, output)
-        return
-    FINGERS.check(scene, of={"--holdout": bool(holdout)})
     if not isinstance(scene, IdentifyScene):
         raise InputError(
             "expected a scene with parameters to estimate: [{name: ...}] and data", file=str(output.config)
         )
     if excitation:
         EXCITATION.check(scene, of={"--data": bool(data), "--apply": bool(apply)})
-    elif not data:
-        raise InputError("expected --data FILE, or --excitation alone", key="data")
+    elif not scene.estimate:
+        compared(scene, data, replace(output, verb="compare"))
+        return
     targets: list[tuple[Path, FingerScene]] = []
     for path in apply or ():
         target = load(path)
@@ -88,9 +79,11 @@ def identify(
     output.check_folder()
 
     from continuum_grasp.identification import identify as run
+    from continuum_grasp.identification.read import located
 
     with output.busy("identifying") as report:
-        fit = run(scene, data or (), accept_implausible=accept_implausible, progress=report)
+        given = data or located(scene, output.config.parent)
+        fit = run(scene, given, accept_implausible=accept_implausible, progress=report)
     applied = [(path, fit.apply(target)) for path, target in targets if fit.usable]
     files = output.save(fit)
     files += [_written(changed, output.folder, path) for path, changed in applied]
@@ -111,10 +104,7 @@ def identify(
     if shown:
         more = len(fit.set_names) - len(shown)
         output.table(("of one set" + (f" ({more} more in the result)" if more else ""), "value", "deviation"), *shown)
-    for name, errors in (("fitted", fit.errors), ("hold-out", fit.holdout_errors)):
-        for one in errors:
-            largest = f"{one.largest:.3g} {one.unit} at most"
-            output.say(f"{name}: {one.group}: {one.rms:.3g} {one.unit} r.m.s., {largest}, {one.count} numbers")
+    show_channels(fit, output)
     output.pairs(output.saved_in(files))
     singular = " ".join(f"{value:.3g}" for value in fit.singular_values)
     output.conclude(fit, files, {"singular values": singular}, **fit.summary())
@@ -156,45 +146,3 @@ def _design(scene: IdentifyScene, output: Output) -> None:
     )
     output.pairs(output.saved_in(files))
     output.conclude(plan, files, **plan.details())
-
-
-def _learn(
-    scene: ControlScene,
-    data: list[Path] | None,
-    holdout: list[Path] | None,
-    excitation: bool,
-    apply: list[Path] | None,
-    output: Output,
-) -> None:
-    """Learn what the model of a controller misses."""
-    from continuum_grasp.cli.alone import LOGS
-    from continuum_grasp.identification import learn_residual
-    from continuum_grasp.scene.load import scene_of
-
-    LOGS.check(scene, of={"--excitation": excitation})
-    if not data:
-        raise InputError("expected --data LOG of the controller", key="data")
-    targets = [(path, scene_of(path, type(scene))) for path in apply or ()]
-    output.check_folder()
-    with output.busy("learning") as report:
-        fit = learn_residual(scene, data, holdout=holdout or (), progress=report)
-    files = output.save(fit)
-    if fit.residual is not None:
-        files += [_written(fit.apply(target), output.folder, path) for path, target in targets]
-    output.warn(fit.warnings)
-    output.table(
-        ("one-step errors of", "tip", "with residual", "tip's velocity", "with residual", "beyond the logs"),
-        *(
-            (
-                f"{one.log}{' (held out)' if one.holdout else ''}",
-                f"{1e3 * one.position:.3g} mm",
-                f"{1e3 * one.position_with:.3g} mm",
-                f"{1e3 * one.velocity:.3g} mm/s",
-                f"{1e3 * one.velocity_with:.3g} mm/s",
-                f"{100.0 * one.beyond:.1f} %",
-            )
-            for one in fit.errors
-        ),
-    )
-    output.pairs(output.saved_in(files))
-    output.conclude(fit, files, **fit.details())

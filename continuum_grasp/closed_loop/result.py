@@ -329,7 +329,7 @@ class ControlRun(MotionResult):
 
     @property
     def log(self) -> ControlLog:
-        """Log of measurements and commands, from which a residual of the controller's model is learned."""
+        """Log of measurements and commands."""
         return ControlLog(self.t[:-1], self.u, self.y, self.u_names, self.y_names, self.scene.name or "run")
 
     def details(self) -> dict[str, Any]:

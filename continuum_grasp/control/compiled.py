@@ -8,7 +8,6 @@ import re
 import struct
 from collections.abc import Sequence
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
@@ -44,7 +43,6 @@ def controller_source(
     fields: Sequence[Field],
     real: str,
     contact: ContactModel | None = None,
-    distance: ca.Function | None = None,
 ) -> str:
     """Write the C of a controller for Python: the functions of ``c/controller_python.c``."""
     # The clock of timing.h is POSIX, which a compiler asked for plain C11 hides without the macro.
@@ -61,18 +59,12 @@ def controller_source(
         f"#define CONTROLLER_ND {stages.nd}\n#define CONTROLLER_NM {measured}\n#define CONTROLLER_NS {sensors}",
         f"#define CONTROLLER_ESTIMATES {int(estimation is not None)}",
         f"#define CONTROLLER_TOUCHES {int(contact is not None)}",
-        *([] if distance is None else _learned(distance, real)),
         *([] if contact is None else ["#undef CASADI_PREFIX", *_detector(contact, real)]),
         _templates("timing.h", "supervisor.h", "controller.h", "supervisor.c", "controller.c"),
         _setter("controller_settings", fields),
         _templates("doubles.h", *(["contact_python.c"] if contact is not None else []), "controller_python.c"),
     ]
     return "\n".join(parts)
-
-
-def _learned(distance: ca.Function, real: str) -> list[str]:
-    """Write what tells whether a state is among those from which a residual was learned."""
-    return ["#define CONTROLLER_LEARNS\n#undef CASADI_PREFIX", plain_source("learned", [distance], real)]
 
 
 def detector_source(model: ContactModel, real: str) -> str:

@@ -8,7 +8,6 @@ from time import perf_counter_ns
 from types import MappingProxyType
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -67,12 +66,8 @@ class CompiledController(Remade, Summarized):
         estimation: Estimation | None = None,
         contact: ContactModel | None = None,
         delay: int = 0,
-        distance: ca.Function | None = None,
     ) -> None:
-        """Compile for ``stages``; ``deadline`` [s], ``delay`` of measurements in periods.
-
-        ``distance`` is that from the logs of a learned residual, where the model has one.
-        """
+        """Compile for ``stages``; ``deadline`` [s], ``delay`` of measurements in periods."""
         s, n = self.stages, self.stages.stages
         if self.period > s.stage * (1.0 + 1e-9):
             raise InputError(
@@ -83,7 +78,7 @@ class CompiledController(Remade, Summarized):
         # With an infinite deadline no command is late.
         self._deadline_ns = 1e9 * (deadline if deadline == math.inf else positive("deadline", deadline))
         self._fields = {field.member: field for field in fields}
-        source = controller_source(s, estimation, delay, fields, precision, contact, distance)
+        source = controller_source(s, estimation, delay, fields, precision, contact)
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
         nm = len(self.measurement_names)
         given = {"measurement": nm, "p": s.np, "applied": s.nu, "setpoints": (n + 1) * s.nr, "elapsed": 1}

@@ -118,15 +118,7 @@ class Controller(CompiledController):
         contact = contact_model_of(self.scene) if asked is not None and asked.contact_detection is not None else None
         fields = controller_fields(self.scene, self.prediction, self.stages, estimation, self.precision, contact)
         wanted = self.scene.controller.deadline or self.period if deadline is None else deadline
-        self._compile(
-            fields,
-            self.precision,
-            wanted,
-            estimation,
-            contact,
-            delay_periods(self.scene),
-            self.prediction.residual_distance,
-        )
+        self._compile(fields, self.precision, wanted, estimation, contact, delay_periods(self.scene))
         self.first = first_state(self.scene, self.prediction)
         self.reset()
 

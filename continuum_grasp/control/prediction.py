@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.core.calls import straight_function
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.contacts import friction_parameter
@@ -127,7 +126,6 @@ class Prediction(Remade):
             accuracy=fidelity.accuracy,
             # The lag of a tip moment is not in the system.
             parameters=[name for name in scene.model_parameters if self._own_lag is None or name != _LAG],
-            residual=fidelity.residual,
             loads=[MomentLoad(at=finger.rod.length, moment=0.0)] if self._couple else [],
             tip_force=tip_force,
             input_rates=(matches_tip and self._own_lag is not None) or None,
@@ -227,20 +225,6 @@ class Prediction(Remade):
         """Time derivative of x."""
         own = [] if self._own_lag is None else self._moment[1:]
         return self._function("dynamics", xd=ca.vertcat(self.system.forward_dynamics(*self.arguments), *own))
-
-    @property
-    def residual_distance(self) -> ca.Function | None:
-        """(x, u) -> square of the distance from the logs of the learned residual, per that from which on it fades [1].
-
-        None without a residual.
-        """
-        if self.scene.fidelity.residual is None:
-            return None
-        x, u, _ = self._of_system
-        # What is missing of the moment is no part of what the logs show, and parameters have no effect.
-        found = ca.densify(ca.SX(self.system.residual_distance(x, u)))
-        value = ca.substitute([found], [self.p], [ca.SX.zeros(self.np)])
-        return straight_function("residual_distance", {"x": self.x, "u": self.u}, {"share": value[0]})
 
     @cached_property
     def tip(self) -> ca.Function:

@@ -81,7 +81,6 @@ class Anomaly(IntFlag):
     RATE_LIMITED = 8192
     FROZEN = 16384
     BEYOND_LIMIT = 32768
-    UNFAMILIAR = 65536
     PLAN_GAPS = 131072
 
 
@@ -116,7 +115,6 @@ ANOMALY_TEXTS = {
     Anomaly.INPUT_LIMITED: "the planned input was outside its limits",
     Anomaly.RATE_LIMITED: "the planned input was further from the last one than its rate allows in a stage",
     Anomaly.BEYOND_LIMIT: "the command is beyond a limit that was moved past it, and approaches it as fast as allowed",
-    Anomaly.UNFAMILIAR: "the state is beyond the logs of the learned residual, which fades to zero",
     Anomaly.PLAN_GAPS: "the plan was no motion of the model: replaced, or integrated anew",
 }
 

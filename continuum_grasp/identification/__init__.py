@@ -1,17 +1,18 @@
 """Parameters of a finger from measurements: shapes at rest, paths of the tip, vibrations."""
 
+from continuum_grasp.identification.comparison import Channel, Comparison, Error
 from continuum_grasp.identification.damped_sine import DampedSine, fit_damped_sine
 from continuum_grasp.identification.data import Frequencies, Poses, Reading, TipPath
 from continuum_grasp.identification.excitation import ExcitationPlan, design_excitation
-from continuum_grasp.identification.fit import Error, Fit
-from continuum_grasp.identification.fitting import identify
-from continuum_grasp.identification.learning import learn_residual
+from continuum_grasp.identification.fit import Fit
+from continuum_grasp.identification.fitting import compare, identify
 from continuum_grasp.identification.read import data_folder, read_data
-from continuum_grasp.identification.residual import OneStepError, ResidualFit
 from continuum_grasp.identification.table import Table, read_table
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
 
 __all__ = [
+    "Channel",
+    "Comparison",
     "DampedSine",
     "Error",
     "Estimate",
@@ -19,17 +20,15 @@ __all__ = [
     "Fit",
     "Frequencies",
     "IdentifyScene",
-    "OneStepError",
     "Poses",
     "Reading",
-    "ResidualFit",
     "Table",
     "TipPath",
+    "compare",
     "data_folder",
     "design_excitation",
     "fit_damped_sine",
     "identify",
-    "learn_residual",
     "read_data",
     "read_table",
 ]

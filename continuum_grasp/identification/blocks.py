@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import UNIT_OF, Frequencies, Poses
 from continuum_grasp.identification.observation import at_rest, check_tensions
@@ -18,6 +20,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import poles
+from continuum_grasp.simulation.trajectory import backbones
 
 Array = NDArray[np.float64]
 
@@ -41,6 +44,27 @@ class Entry:
     """Entries of one block and one series follow each other: one reading, row by row or instant by instant."""
     quantity: str = ""
     """Quantity that was measured: a reading, a frequency or a decay rate."""
+    place: float | None = None
+    """Position along the finger [m] where it was measured; None: not along the finger."""
+
+
+class Drawn(NamedTuple):
+    """Backbones (S, points, 2) [m] that are predicted, in rows or at instants ``at`` (S,), those of entries."""
+
+    at: Array
+    backbones: Array
+    over_time: bool = False
+
+
+DRAWN, _POINTS = 8, 60
+"""Most backbones of a set of measurements that are drawn, and points of each [1]: more hide one another."""
+
+
+def drawn_backbones(model: FingerModel, at: Array, q: Array, u: Array, p: Array, *, over_time: bool = False) -> Drawn:
+    """Backbones of coordinates (S, n) and inputs (S, nu) with parameters (S, np)."""
+    core = Core(model, compiled=False)
+    lines = [backbones(core, q[k : k + 1], u[k : k + 1], _POINTS, p[k])[0] for k in range(len(at))]
+    return Drawn(at, np.array(lines), over_time)
 
 
 class Block:
@@ -78,6 +102,10 @@ class Block:
         """Warnings about shapes beyond the bending range or the strain limit."""
         raise NotImplementedError
 
+    def drawn(self, values: Array) -> Drawn:
+        """Backbones of some rows or instants, evenly spread; none where no point of the finger is measured."""
+        return Drawn(np.zeros(0), np.zeros((0, _POINTS, 2)))
+
 
 class _RowsBlock(Block):
     """Rows of measurements, each about an equilibrium of its own."""
@@ -99,11 +127,18 @@ class _RowsBlock(Block):
         raise NotImplementedError
 
     def _enter(
-        self, row: int, what: str, quantity: str, group: str, unit: str, value: float, sigma: float | None = None
+        self,
+        row: int,
+        what: str,
+        quantity: str,
+        group: str,
+        unit: str,
+        value: float,
+        sigma: float | None = None,
+        place: float | None = None,
     ) -> None:
-        number, fitted = row + 1, bool(self._fitted[row])
-        entry = Entry(f"{what}, row {number}", group, unit, float(value), fitted, sigma, float(number), what, quantity)
-        self.entries.append(entry)
+        number, own = row + 1, (float(value), bool(self._fitted[row]), sigma)
+        self.entries.append(Entry(f"{what}, row {number}", group, unit, *own, float(number), what, quantity, place))
 
 
 class PosesBlock(_RowsBlock):
@@ -116,18 +151,28 @@ class PosesBlock(_RowsBlock):
         q, u, w, p = symbols(model)
         history = ca.SX.sym("history", len(model.friction_names) + bool(model.friction_names))
         given = (history,) if model.friction_names else ()
-        y = at_rest(model, data.measured, q, u, p, *given)
-        self._observe = with_slopes("observation", y, q, ca.vertcat(u, w, p), history)
+        beside = ca.SX.sym("offsets", len(data.measured))
+        y = at_rest(model, data.measured, q, u, p, *given, offsets=beside)
+        self._observe = with_slopes("observation", y, q, ca.vertcat(u, w, p), history, beside)
+        self._offsets = np.stack([np.broadcast_to(one.offset, data.rows) for one in data.measured], axis=1)
         for row in range(data.rows):
             for one in data.measured:
                 what, unit = one.what.replace(" of ", " at "), UNIT_OF[one.quantity]
                 group = f"{one.kind} of poses"
                 if one.sigma is not None:  # a reading of known deviation is a group of its own
                     group = f"{data.name}: {what}"
-                self._enter(row, what, one.quantity, group, unit, np.asarray(one.values)[row], one.sigma)
+                place = None if one.of_drive else scene.finger.rod.length if one.at is None else one.at
+                self._enter(row, what, one.quantity, group, unit, np.asarray(one.values)[row], one.sigma, place)
+
+    def drawn(self, values: Array) -> Drawn:
+        rows, model = list(self._shapes.all(values)), self._shapes.model
+        chosen = np.unique(np.linspace(0, len(rows) - 1, min(DRAWN, len(rows))).round().astype(int))
+        u, _, p = np.split(np.array([rows[k].z for k in chosen]), np.cumsum([model.nu, model.nw]), axis=1)
+        return drawn_backbones(model, chosen + 1.0, np.array([rows[k].q for k in chosen]), u, p)
 
     def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
-        y, by_q, by_z, by_past = (np.array(v) for v in self._observe(resting.q, resting.z, resting.history))
+        given = (resting.q, resting.z, resting.history, self._offsets[row])
+        y, by_q, by_z, by_past = (np.array(v) for v in self._observe(*given)[:4])
         return y.ravel(), by_q @ resting.by_q + by_z @ resting.by_z + by_past @ resting.by_history
 
 

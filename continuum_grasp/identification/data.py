@@ -53,6 +53,8 @@ class Reading:
         Position from which a bend counts [m]; the base where not given.
     of : int, optional
         Number of the tendon or drive, from 1; the first where not given.
+    offset : float or (R,) array_like
+        Distance of a marker from the backbone [m], along the section's X axis: to the right, seen from base to tip.
     """
 
     quantity: str
@@ -61,6 +63,7 @@ class Reading:
     sigma: float | None = None
     since: float | None = None
     of: int | None = None
+    offset: ArrayLike = 0.0
 
     @property
     def of_drive(self) -> bool:
@@ -258,6 +261,8 @@ def _check_readings(name: str, readings: Sequence[Reading], count: int) -> None:
         OF_BENDS.check(reading, f"{name}.measured[{k}]", {"since": reading.since is not None})
         column(f"{name}.measured[{k}].values", reading.values, count)
         _check_deviation(f"{name}.measured[{k}].sigma", reading.sigma)
+        if np.ndim(reading.offset):
+            column(f"{name}.measured[{k}].offset", reading.offset, count)
 
 
 def _check_rows(name: str, conditions: Mapping[str, ArrayLike], fitted: ArrayLike | None, rows: int) -> None:

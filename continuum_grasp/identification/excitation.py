@@ -21,7 +21,7 @@ from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.result import Result
 from continuum_grasp.results.yaml_text import yaml_text
-from continuum_grasp.scene.identify import IdentifyScene, TipTrajectory
+from continuum_grasp.scene.identify import Column, IdentifyScene, TipTrajectory
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.simulate import simulate
 from continuum_grasp.simulation.trajectory import Trajectory
@@ -210,6 +210,8 @@ def _logged(scene: IdentifyScene) -> TipTrajectory:
         if isinstance(one, TipTrajectory):
             wanted = [(f"data[{k}].sigma", one.sigma)] if one.x is not None or one.y is not None else []
             wanted += [(f"data[{k}].measured[{j}].sigma", reading.sigma) for j, reading in enumerate(one.measured)]
+            if any(isinstance(of.at, Column) or isinstance(of.offset, Column) for of in one.readings):
+                raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
             for key, sigma in wanted:
                 if sigma is None:
                     raise InputError("deviations cannot be predicted without that of every reading", key=key)
@@ -224,9 +226,8 @@ def _information(
     options, scene = design.options, design.scene(weights, scale)
     t = np.arange(1, round(options.duration / options.sample) + 1) * options.sample
     none = np.zeros(t.size)
-    further = [Reading(m.quantity, none, m.at, m.sigma, m.since, m.of) for m in logged.measured]
-    x, y = (None if one is None else none for one in (logged.x, logged.y))
-    block = PathBlock(scene, TipPath(t, x, y, logged.at, logged.sigma, measured=further, name="excitation"), unknowns)
+    readings = [Reading(m.quantity, none, m.place, m.sigma, m.since, m.of) for m in logged.readings]
+    block = PathBlock(scene, TipPath(t, measured=readings, name="excitation"), unknowns)
     _, slopes = block.predict(np.array([one.start for one in unknowns]))
     sigma = np.array([entry.sigma for entry in block.entries], dtype=float)
     jacobian = (slopes / sigma[:, None]).reshape(t.size, -1, len(unknowns))

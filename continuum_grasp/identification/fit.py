@@ -5,46 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.blocks import Entry
+from continuum_grasp.identification.comparison import Predicted, block_rows, channel_rows
 from continuum_grasp.identification.unknowns import DELAY, OF_DRIVE
 from continuum_grasp.model.parameters import numbers_of, places_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
-from continuum_grasp.results.result import Result
 from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.finger import PointMass
 from continuum_grasp.scene.rod import Rod
-from continuum_grasp.scene.simulate import FingerScene, Scene
+from continuum_grasp.scene.simulate import FingerScene
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Error:
-    """Prediction errors of a group of measurements: r.m.s., the largest, and how many.
-
-    Attributes
-    ----------
-    group, unit : str
-    rms, largest : float
-    count : int
-    """
-
-    group: str
-    unit: str
-    rms: float
-    largest: float
-    count: int
-
-
-@dataclass(frozen=True)
-class Fit(Result):
+class Fit(Predicted):
     """Estimated parameters with their uncertainty, and how well the model predicts the data.
 
     Attributes
@@ -53,13 +33,10 @@ class Fit(Result):
         Of the n parameters.
     freedom : int
         Degrees of freedom of the residuals' scatter; fewer where residuals hang together in time.
-    entries : tuple of Entry
-        The m measured numbers: label, group, unit, value, whether fitted.
-    blocks : tuple of (str, int)
-        Name of each set of measurements and how many entries it has.
+    entries, predictions, blocks, drawn, scene
+        As of `Comparison`.
     targets : tuple of (str, float, bool)
         Per parameter, what of the model it sets, the factor to that, and whether it is added to the scene's value.
-    scene : Scene
     set_names : tuple of str
         Name, set and unit of what each set has of its own: parameters that are estimated per set, and estimated starts.
     status : {"converged", "implausible"}
@@ -92,30 +69,26 @@ class Fit(Result):
             "1",
             "of the Jacobian, scaled by the data's deviations and typical parameters",
         ),
-        Stored("measured", "(measurement,)", "", "measured numbers"),
-        Stored("predictions", "(measurement,)", "", "predictions of the model"),
-        Stored("residuals", "(measurement,)", "", "predictions less measurements"),
         Stored(
             "sigma", "(measurement,)", "", "standard deviations of the measured numbers, known or from the residuals"
         ),
-        Stored("fitted", "(measurement,)", "1", "whether it was fitted"),
-        Stored("labels", "(measurement,)", "text", "name of each measured number"),
         Stored("set_values", "(set_parameter,)", "", "estimates of what each set has of its own"),
         Stored("set_deviations", "(set_parameter,)", "", "their standard deviations"),
+        *Predicted.stored,
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
         Dimension("parameter", "estimated parameters", "parameter_names"),
         Dimension("other", "the same", "parameter_names"),
         Dimension("interval", "ends of an interval", ("low", "high")),
-        Dimension("measurement", "measured numbers, set by set", "measurement_names"),
         Dimension("set_parameter", "what each set has of its own", "set_names"),
+        *Predicted.dimensions,
     )
     texts: ClassVar[tuple[File, ...]] = (
         File("identified_finger.yaml", "identification.fit:finger_text", needs="usable"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("residuals", "plotting.identification:plot_residuals"),
-        Picture("predictions", "plotting.identification:plot_all_predictions", panels=True),
+        *Predicted.pictures,
     )
 
     names: tuple[str, ...]
@@ -126,12 +99,8 @@ class Fit(Result):
     correlation: Array
     singular_values: Array
     freedom: float
-    entries: tuple[Entry, ...]
-    predictions: Array
     sigma: Array
-    blocks: tuple[tuple[str, int], ...]
     targets: tuple[tuple[str, float, bool], ...]
-    scene: Scene
     set_names: tuple[str, ...] = ()
     set_values: Array = field(default_factory=lambda: np.zeros(0))
     set_deviations: Array = field(default_factory=lambda: np.zeros(0))
@@ -164,11 +133,6 @@ class Fit(Result):
         """Name and unit of each parameter."""
         return tuple(f"{name} [{unit}]" for name, unit in zip(self.names, self.units, strict=True))
 
-    @property
-    def measurement_names(self) -> tuple[str, ...]:
-        """Name and unit of each measured number."""
-        return tuple(f"{entry.label} [{entry.unit}]" for entry in self.entries)
-
     def pairs(self) -> dict[str, str]:
         """Estimates with their standard deviations, and the errors of what was fitted."""
         estimates = zip(self.names, self.values, self.deviations, self.units, strict=True)
@@ -177,40 +141,6 @@ class Fit(Result):
             **{name: f"{value:.6g} +/- {deviation:.2g} {unit}" for name, value, deviation, unit in list(estimates)[:5]},
             "errors": "; ".join(errors),
         }
-
-    @cached_property
-    def measured(self) -> Array:
-        """Measured values (m,)."""
-        return np.array([entry.value for entry in self.entries])
-
-    @cached_property
-    def fitted(self) -> NDArray[np.bool_]:
-        """Mask of the entries that were fitted (m,)."""
-        return np.array([entry.fitted for entry in self.entries], dtype=bool)
-
-    @property
-    def residuals(self) -> Array:
-        """Predictions less measurements (m,), in the units of the entries."""
-        return self.predictions - self.measured
-
-    @property
-    def errors(self) -> tuple[Error, ...]:
-        """Errors of what was fitted, by group."""
-        return self._errors(self.fitted)
-
-    @property
-    def holdout_errors(self) -> tuple[Error, ...]:
-        """Errors of what was predicted and not fitted, by group."""
-        return self._errors(~self.fitted)
-
-    def _errors(self, chosen: NDArray[np.bool_]) -> tuple[Error, ...]:
-        found = []
-        for group, unit in {entry.group: entry.unit for entry in self.entries}.items():
-            size = np.abs(self.residuals[chosen & np.array([entry.group == group for entry in self.entries])])
-            if size.size:
-                rms = float(np.sqrt(np.mean(size**2)))
-                found.append(Error(group, unit, rms, float(size.max()), int(size.size)))
-        return tuple(found)
 
     def apply(self, scene: FingerScene | None = None) -> Any:
         """A scene with the estimates in it.
@@ -240,14 +170,9 @@ class Fit(Result):
                 period = changed.controller.step
                 changed = changed.changed({"estimator.delay": period * round(float(value) / period)})
             if target not in OF_DRIVE:
-                base = changed.finger.base.angle if added else 0.0
+                base = _of_base(changed, target) if added else 0.0
                 changed = _with_parameter(changed, target, base + factor * float(value))
         return changed
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Name of each entry."""
-        return tuple(entry.label for entry in self.entries)
 
     def details(self) -> dict[str, Any]:
         """The identified finger, None where an estimate is out of a finger's range, and the summary."""
@@ -274,7 +199,8 @@ class Fit(Result):
                 {"name": name, "value": value, "deviation": deviation}
                 for name, value, deviation in zip(self.set_names, self.set_values, self.set_deviations, strict=True)
             ],
-            "blocks": [{"name": name, "entries": count} for name, count in self.blocks],
+            "channels": channel_rows(self.channels),
+            "blocks": block_rows(self.blocks),
         }
 
 
@@ -288,6 +214,11 @@ def finger_text(fit: Fit) -> str:
     rows = zip(fit.names, fit.values, fit.deviations, fit.units, strict=True)
     head += "".join(f"# {name}: {value:.6g} +/- {deviation:.2g} {unit}\n" for name, value, deviation, unit in rows)
     return head + yaml_text({"schema_version": 1, **finger}, exact=True)
+
+
+def _of_base(scene: Any, target: str) -> float:
+    base = scene.finger.base
+    return float(base.angle if target == "base_angle" else base.position["xy".index(target[-1])])
 
 
 def _with_parameter(scene: Any, target: str, value: float) -> Any:
@@ -305,6 +236,9 @@ def _with_parameter(scene: Any, target: str, value: float) -> Any:
     elif target == "tip_mass":
         others = [mass for mass in finger.masses if not math.isclose(mass.at, finger.rod.length, rel_tol=1e-9)]
         changes = {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}
+    elif target.startswith("base_position_"):
+        own = target.removeprefix("base_position_")
+        changes = {"base.position": tuple(value if k == own else _of_base(scene, k) for k in "xy")}
     elif target in (numbers := numbers_of(finger)):
         changes = dict.fromkeys(places_of(finger, numbers[target].key), value)
     else:

@@ -1,4 +1,4 @@
-"""Estimate parameters of a finger from measurements."""
+"""Compare a finger with measurements, and estimate parameters of it from them."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from continuum_grasp.accuracy.space import refined
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError, SolverError
 from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBlock
+from continuum_grasp.identification.comparison import Comparison
 from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPath
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.identification.inference import doubts, infer, model_error_warnings
@@ -25,10 +26,10 @@ from continuum_grasp.identification.laws import doubts_of_laws
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge
 from continuum_grasp.identification.problem import Problem, Solution
-from continuum_grasp.identification.read import read_data
+from continuum_grasp.identification.read import folder_of, read_data
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.identify import Estimate, IdentifyScene
+from continuum_grasp.scene.identify import Estimate
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
 
@@ -43,7 +44,7 @@ _MOST = 12
 @check_arguments
 def identify(
     scene: Scene | str | PathLike[str],
-    data: Measurements,
+    data: Measurements = (),
     *,
     parameters: Sequence[Estimate | str] | None = None,
     loss: str | None = None,
@@ -62,7 +63,8 @@ def identify(
         The scene, or its YAML file; ``estimate`` and ``data`` of an `IdentifyScene` are what to
         estimate and how to read files.
     data : path-like, Poses, TipPath, Frequencies, or a sequence of these
-        Measurements: CSV files, folders of them, or arrays.
+        Measurements: CSV files, folders of them, or arrays; where not given, the files that the configuration names,
+        beside it or in the data folder.
     parameters : sequence of Estimate or str, optional
         What to estimate; the scene's ``estimate`` where not given.
     loss : {"squares", "huber"}, optional
@@ -100,13 +102,14 @@ def identify(
     0.006
     """
     started = perf_counter()
+    beside = folder_of(scene)
     scene, note = _resolved(scene_of(scene))
     chosen = parameters if parameters is not None else getattr(scene, "estimate", ())
     used_loss = loss if loss is not None else getattr(scene, "loss", "squares")
     if used_loss not in ("squares", "huber"):
         raise InputError(f"expected squares or huber, got {used_loss!r}", key="loss")
     unknowns = read_unknowns(scene, chosen)
-    given = [(one, _resolved(one.scene or scene)[0]) for one in _measurements(scene, data)]
+    given = [(one, _resolved(one.scene or scene)[0]) for one in _measurements(scene, data, beside)]
 
     def build(sets: Sequence[tuple[Data, Scene]], sought: Sequence[Unknown]) -> Problem:
         return Problem([_block(own, one, sought) for one, own in sets], sought, used_loss)
@@ -139,6 +142,78 @@ def identify(
     )
 
 
+@interrupt.listening()
+@check_arguments
+def compare(
+    scene: Scene | str | PathLike[str],
+    data: Measurements = (),
+    *,
+    progress: Callable[[float], None] | None = None,
+) -> Comparison:
+    """Simulate what was measured, and compare: shapes at rest, paths, frequencies, forces of drives.
+
+    Nothing is estimated, but for starts of motions that are read from their first samples.
+
+    Parameters
+    ----------
+    scene : Scene or path-like
+        The scene, or its YAML file. Where its ``data`` do not say how files are read, their headings do: ``t``, ``x``,
+        ``y``, ``angle``, ``at``, ``frequency``, ``mode``, and names of inputs and loads of the model, with units.
+    data : path-like, Poses, TipPath, Frequencies, or a sequence of these
+        Measurements: tables, folders of them, or arrays; where not given, the files that the configuration names,
+        beside it or in the data folder.
+    progress : callable, optional
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    InputError
+        If scene and data are wrong, or do not fit together.
+    SolverError, NumericalError
+        If the scene has no equilibrium or motion under what the data say.
+
+    Examples
+    --------
+    Bends [rad] of a rod under moments at its tip [N m], against M L / (E I):
+
+    >>> import continuum_grasp as cg
+    >>> from continuum_grasp.identification import Poses, Reading
+    >>> scene = cg.Scene(
+    ...     finger={"rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.005}},
+    ...     gravity=(0.0, 0.0),
+    ... )
+    >>> found = cg.compare(scene, Poses([Reading("bend", [0.41, 0.79])], {"tip_moment": [0.01, 0.02]}))
+    >>> [round(float(bend), 2) for bend in found.residuals]
+    [-0.01, 0.01]
+    """
+    started, beside = perf_counter(), folder_of(scene)
+    scene, note = _resolved(scene_of(scene))
+    blocks, predictions, drawn, warnings = [], [], [], list[str]()
+    given = _measurements(scene, data, beside)
+    for k, one in enumerate(given):
+        block = _block(_resolved(one.scene or scene)[0], one, ())
+        start = np.array([own.start for own in block.own])
+        blocks.append(block)
+        predictions.append(block.predict(start)[0])
+        drawn.append(block.drawn(start))
+        warnings += [f"{block.name}: {text}" for text in block.warnings(start)]
+        if progress is not None:
+            progress((k + 1) / len(given))
+    return Comparison(
+        entries=tuple(entry for block in blocks for entry in block.entries),
+        predictions=np.concatenate(predictions),
+        blocks=tuple((block.name, len(block.entries)) for block in blocks),
+        drawn=tuple(drawn),
+        scene=scene,
+        warnings=tuple(warnings),
+        statistics={"total_s": perf_counter() - started, **({"fidelity": note} if note else {})},
+    )
+
+
 def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], sets: Sequence[Array]) -> Array | None:
     """Predictions (m,) of models with twice the elements; None where one of them is not feasible."""
     found = []
@@ -165,16 +240,16 @@ def _resolved(scene: Scene) -> tuple[Scene, str]:
     return scene.model_copy(update={"fidelity": resolved.fidelity}), note
 
 
-def _measurements(scene: Scene, data: Measurements) -> list[Data]:
-    """Given measurements, and those in given files, which come first."""
+def _measurements(scene: Scene, data: Measurements, beside: Path | None) -> list[Data]:
+    """Given measurements, and those in given files, which come first; those that the scene names where none is given,
+    in the folder of its own file, ``beside``.
+    """
     kinds, places = (Poses, TipPath, Frequencies), (str, os.PathLike)
     given = list(data) if isinstance(data, Sequence) and not isinstance(data, (*kinds, *places)) else [data]
     found: list[Data] = []
     paths = [Path(one) for one in given if isinstance(one, places)]
-    if paths:
-        if not isinstance(scene, IdentifyScene):
-            raise InputError("files are read as the data of an identify configuration say; give arrays for a scene")
-        found += read_data(scene, paths)
+    if paths or not given:
+        found += read_data(scene, paths, beside=beside)
     for one in given:
         if isinstance(one, kinds):
             found.append(one)
@@ -208,7 +283,7 @@ def _fit(
     if finer is not None:
         coarse, fine = ((part / sigma)[fitted] for part in (solution.predictions, finer))
         doubted = model_error_warnings(unknowns, found.deviations, rows[0][: len(coarse)], coarse, fine)
-    own = zip(problem.blocks, problem.by_block(solution.values), strict=True)
+    own = list(zip(problem.blocks, problem.by_block(solution.values), strict=True))
     shapes = [f"{block.name}: {one}" for block, values in own for one in block.warnings(values)]
     return Fit(
         names=tuple(one.name for one in unknowns[:shared]),
@@ -226,6 +301,7 @@ def _fit(
         predictions=solution.predictions,
         sigma=sigma,
         blocks=tuple((block.name, len(block.entries)) for block in problem.blocks),
+        drawn=tuple(block.drawn(values) for block, values in own),
         targets=tuple((one.target, one.factor, one.added) for one in unknowns[:shared]),
         scene=scene,
         warnings=(*found.warnings, *shapes, *doubts(problem, solution, found.freedom), *laws, *doubted),

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import cast
+from typing import Any, cast
 
 import casadi as ca
+import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.data import Reading
@@ -15,8 +16,18 @@ from continuum_grasp.scene.consumer import needs
 from continuum_grasp.simulation.trajectory import acting_input
 
 
-def at_rest(model: FingerModel, readings: Sequence[Reading], q: ca.SX, u: ca.SX, p: ca.SX, *history: ca.SX) -> ca.SX:
+def at_rest(
+    model: FingerModel,
+    readings: Sequence[Reading],
+    q: ca.SX,
+    u: ca.SX,
+    p: ca.SX,
+    *history: ca.SX,
+    offsets: ca.SX | None = None,
+) -> ca.SX:
     """Readings of a finger at rest; ``history`` is that of tendon friction, where there is any.
+
+    ``offsets`` (readings) [m] replace those of the readings, which may differ from row to row.
 
     Raises
     ------
@@ -27,7 +38,7 @@ def at_rest(model: FingerModel, readings: Sequence[Reading], q: ca.SX, u: ca.SX,
     def drives() -> tuple[ca.SX, ca.SX]:
         return model.tensions_at_rest()(q, u, p, *history), model.drives_at_rest()(q, u, p, *history)
 
-    return _observed(model, readings, q, u, p, drives)
+    return _observed(model, readings, q, u, p, drives, offsets)
 
 
 def moving(model: FingerModel, readings: Sequence[Reading], x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
@@ -50,24 +61,31 @@ def _observed(
     u: ca.SX,
     p: ca.SX,
     drives: Callable[[], tuple[ca.SX, ca.SX]],
+    offsets: ca.SX | None = None,
 ) -> ca.SX:
     values, given = [], None
-    for one in readings:
+    for k, one in enumerate(readings):
         if not one.of_drive:
-            values.append(_along(model, one, q, u, p))
+            values.append(_along(model, one, q, u, p, one.offset if offsets is None else offsets[k]))
             continue
         given = given or drives()
         values.append(_at_drive(model, one, u, *given))
     return ca.vertcat(*values)
 
 
-def _along(model: FingerModel, one: Reading, q: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+def _along(model: FingerModel, one: Reading, q: ca.SX, u: ca.SX, p: ca.SX, offset: Any) -> ca.SX:
     length = model.finger.rod.length
     s = length if one.at is None else one.at
     if not 0.0 <= s <= length * (1 + 1e-9):  # the tip as a sum of lengths is rounded
         raise InputError(f"{one.quantity} at {s:g} m is not on the finger of {length:g} m", key="measured")
     if one.quantity in ("x", "y"):
-        return model.position(q, u, s, p)["xy".index(one.quantity)]
+        on_backbone = model.position(q, u, s, p)["xy".index(one.quantity)]
+        if not np.any(one.offset):
+            return on_backbone
+        if not isinstance(offset, ca.SX) and np.ndim(offset):
+            raise InputError("along a motion the offset of a marker must be one number", key="measured")
+        across = model.orientation(q, u, s, p)
+        return cast(ca.SX, on_backbone + offset * (ca.cos(across) if one.quantity == "x" else ca.sin(across)))
     base = model.orientation(q, u, one.since or 0.0, p) if one.quantity == "bend" else 0.0
     return model.orientation(q, u, s, p) - base
 

@@ -16,7 +16,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, signal
 from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.identification.blocks import Block, Entry
+from continuum_grasp.identification.blocks import DRAWN, Block, Drawn, Entry, drawn_backbones
 from continuum_grasp.identification.data import UNIT_OF, Reading, TipPath, column
 from continuum_grasp.identification.driven import Driven
 from continuum_grasp.identification.observation import check_tensions
@@ -60,7 +60,7 @@ class PathBlock(Block):
         self._model = self._driven.model
         self._motion = _Motion(self._driven, t, 0.0 if self._measured is None else float(t[0]))
         self._read = self._driven.readings.map(t.size)
-        self.entries = _entries(readings, t, data)
+        self.entries = _entries(readings, t, data, scene.finger.rod.length)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         states, p, delay = self._moved(values)
@@ -68,7 +68,7 @@ class PathBlock(Block):
         inputs = self._driven.commands(self._t, delay), self._driven.signals.w(self._t), np.tile(p, (self._t.size, 1))
         both = np.array(self._read(states.T, *(rows.T for rows in inputs)))
         slopes = both[size:].reshape(count, size, self._t.size)
-        return both[:size].T.ravel(), slopes.transpose(2, 1, 0).reshape(-1, count)
+        return both[:size].T.ravel(), slopes.transpose(2, 1, 0).reshape(size * self._t.size, count)
 
     def warnings(self, values: Array) -> tuple[str, ...]:
         states, p, delay = self._moved(values)
@@ -78,6 +78,15 @@ class PathBlock(Block):
         u = acting_input(self._model, states[:, :size].T, commands.T, p)
         use = self._model.range_use.map(t.size)(states[:, :n].T, u, np.tile(p, (t.size, 1)).T)
         return limit_warnings(self._model, np.array(use).T, t)
+
+    def drawn(self, values: Array) -> Drawn:
+        states, p, delay = self._moved(values)
+        chosen = np.unique(np.linspace(0, len(states) - 1, min(DRAWN, len(states))).round().astype(int))
+        t, own = self._t[chosen], np.tile(p[: self._model.np], (len(chosen), 1))
+        commands = self._driven.commands(t, delay)[:, : self._model.nu]
+        u = acting_input(self._model, states[chosen, : self._driven.size].T, commands.T, own[0])
+        u = np.broadcast_to(np.array(u).T, (len(chosen), self._model.nu))
+        return drawn_backbones(self._model, t, states[chosen, : self._model.n], u, own, over_time=True)
 
     def _moved(self, values: Array) -> tuple[Array, Array, float]:
         """States with their derivatives (T, ...), the parameters with theirs, and the delay."""
@@ -148,16 +157,17 @@ class PathBlock(Block):
         ]
 
 
-def _entries(readings: Sequence[Reading], t: Array, data: TipPath) -> list[Entry]:
-    """Instant by instant; readings without a known deviation share that of their quantity on all paths."""
+def _entries(readings: Sequence[Reading], t: Array, data: TipPath, length: float) -> list[Entry]:
+    """Instant by instant, of a finger of some length [m]; readings without a known deviation share that of a kind."""
     found = []
     for k, at in enumerate(t):
         for one in readings:
             unit, what = UNIT_OF[one.quantity], one.what
             group = f"{one.kind} on paths" if one.sigma is None else f"{data.name}: {one.kind}"
             value = float(np.asarray(one.values)[k])
-            label = f"{what} at {at:g} s"
-            found.append(Entry(label, group, unit, value, data.fitted, one.sigma, float(at), what, one.quantity))
+            place = None if one.of_drive else length if one.at is None else one.at
+            own = (value, data.fitted, one.sigma, float(at), what, one.quantity, place)
+            found.append(Entry(f"{what} at {at:g} s", group, unit, *own))
     return found
 
 

@@ -22,7 +22,7 @@ from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.data import KIND_OF, Data, TipPath
 from continuum_grasp.identification.problem import Build, Given, Problem, Solution
 from continuum_grasp.identification.slips import Slip, readings_of, slips_of, undone
-from continuum_grasp.identification.unknowns import Unknown, read_unknowns
+from continuum_grasp.identification.unknowns import ADDED, read_unknowns
 
 Array = NDArray[np.float64]
 
@@ -53,8 +53,8 @@ _SCALES = ("bending_stiffness", "linear_density")
 """Unknowns that scale with units of the loads or times."""
 _MEASURED = {*KIND_OF, "frequency", "decay rate"}
 """Columns on whose values no prediction depends."""
-_BASE = (("base_x", "m", "base_position_x"), ("base_y", "m", "base_position_y"))
-"""Unknowns of a base that is elsewhere: name, unit, and what of the model they set."""
+_BASE = ("base_x", "base_y")
+"""Unknowns of a base that is elsewhere."""
 _BEND = 2.0
 """Bend of an arc whose tip is moved by the finger's length, L bend / 2, for small ones [rad]."""
 
@@ -88,8 +88,8 @@ class Verdict(NamedTuple):
 
 def judge(problem: Problem, solution: Solution, given: Given, build: Build) -> Verdict:
     """Judge a fit."""
-    left, sigma = misfits(problem, solution.predictions), solution.sigma
-    reason, doubtful = _too_far(problem, sigma, given), [one for one in left if one.doubtful]
+    left = misfits(problem, solution.predictions)
+    reason, doubtful = _too_far(problem, solution, given), [one for one in left if one.doubtful]
     causes = explain(problem, given, build, left) if reason or doubtful else ()
     worst = max(left, key=lambda one: one.rms / one.limit)
     if worst.rms > worst.limit or (causes and not reason):
@@ -149,17 +149,23 @@ def _limit(kind: str, measured: Array, length: float) -> float:
     return sizes.get(kind, size)
 
 
-def _too_far(problem: Problem, sigma: Array, given: Given) -> str:
+def _too_far(problem: Problem, solution: Solution, given: Given) -> str:
     """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
     found, over = "", [np.zeros(0)]
-    for (data, scene), block, part in zip(given, problem.blocks, problem.parts, strict=True):
+    sigma, sets = solution.sigma, problem.by_block(solution.values)
+    for (data, scene), block, part, values in zip(given, problem.blocks, problem.parts, sets, strict=True):
         readings = readings_of(data)
-        base, length = scene.finger.base.position, scene.finger.rod.length
+        sought = {one.target: float(value) for one, value in zip(problem.sought, values, strict=False)}
+        base = [
+            at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", scene.finger.base.position, strict=True)
+        ]
+        length = scene.finger.rod.length
         for place in dict.fromkeys(one.at for one in readings if one.quantity in ("x", "y")):
             here = [k for k, one in enumerate(readings) if one.quantity in ("x", "y") and one.at == place]
             away = [np.asarray(readings[k].values) - base["xy".index(readings[k].quantity)] for k in here]
             noise = sigma[part].reshape(-1, len(readings))[:, here].max(axis=1)
             distance, reach = np.linalg.norm(away, axis=0), length if place is None else place
+            reach = reach + float(max(np.abs(readings[k].offset).max() for k in here))
             beyond = distance - reach - np.maximum(_PART * length, _BEYOND * noise)
             if beyond.max() > max(0.0, np.concatenate(over).max(initial=0.0)):
                 row = int(np.argmax(beyond))
@@ -219,7 +225,7 @@ def _refitted(words: str, undo: Callable[[], Problem], before: float) -> list[tu
     missed = [one for one in left if one.limit < math.inf and one.rms > min(one.limit, one.scatter)]
     if missed or _total(left) * _BETTER >= before:
         return []
-    shifts = [(one, value) for one, value in zip(trial.unknowns, solution.values, strict=True) if one[:3] in _BASE]
+    shifts = [(one, value) for one, value in zip(trial.unknowns, solution.values, strict=True) if one.name in _BASE]
     by = f" ({', '.join(f'{one.name} {value:.3g} {one.unit}' for one, value in shifts)} off)" if shifts else ""
     worst = max(left, key=lambda one: one.rms / one.limit)
     return [(_total(left), f"{words}{by}: undone, the model is off by {worst.rms:.3g} {worst.unit} r.m.s.")]
@@ -228,11 +234,8 @@ def _refitted(words: str, undo: Callable[[], Problem], before: float) -> list[tu
 def _elsewhere(problem: Problem, given: Given, build: Build) -> Problem:
     """The problem with the place of the base, and its angle, sought as well."""
     scene, sought = given[0][1], list(problem.sought)
-    if not any(one.target == "base_angle" for one in sought):
-        sought += read_unknowns(scene, ["clamp_angle"])
-    length = scene.finger.rod.length
-    shift = [Unknown(*one, 1.0, True, 0.0, -math.inf, math.inf, length) for one in _BASE]
-    return build(given, [*sought, *shift])
+    known = {one.name for one in sought}
+    return build(given, [*sought, *read_unknowns(scene, [one for one in ADDED if one not in known])])
 
 
 def _other_values(block: Block, slip: Slip, data: Data) -> Block | None:

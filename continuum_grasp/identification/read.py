@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import fnmatch
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.control.log import COMMANDED
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.damped_sine import fit_damped_sine
-from continuum_grasp.identification.data import UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
+from continuum_grasp.identification.data import KIND_OF, UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
 from continuum_grasp.identification.table import Table, read_table
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
@@ -25,9 +27,12 @@ from continuum_grasp.scene.identify import (
     DataSet,
     FrequencyTable,
     IdentifyScene,
+    Quantity,
     ReadingColumn,
     RingDown,
     StaticPoses,
+    TipTrajectory,
+    as_column,
 )
 from continuum_grasp.scene.loads import by_key
 from continuum_grasp.scene.simulate import Scene
@@ -36,14 +41,17 @@ Array = NDArray[np.float64]
 
 
 @check_arguments
-def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
-    r"""Measurements of all sets that a configuration describes.
+def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None = None) -> list[Data]:
+    r"""Measurements of all sets that a configuration describes, or that the headings of files do.
 
     Parameters
     ----------
-    scene : IdentifyScene
+    scene : Scene
+        Where it is an `IdentifyScene` with ``data``, these say how files are read.
     paths : sequence of path
-        Files, or folders that hold them; relative ones may lie in the data folder.
+        Files, or folders that hold them; relative ones may lie in the data folder. None: those that the data name.
+    beside : path, optional
+        Folder in which files that the data name are looked for first.
 
     Raises
     ------
@@ -62,18 +70,19 @@ def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
     >>> len(poses.measured), poses.conditions["load_1_y"].tolist()  # quantities, N
     (1, [-0.0, -0.098])
     """
-    if not scene.data:
-        raise InputError("a configuration that reads files says how: data: [{kind: ...}]", key="data")
-    paths = [_located(path) for path in paths]
-    files = list(_files(paths, scene.data))
+    sets = scene.data if isinstance(scene, IdentifyScene) else ()
+    paths = [_located(path) for path in paths] or located(scene, beside)
+    files = list(_files(paths, sets))
     for file in files:
         if sum(file.resolve() == other.resolve() for other in files) > 1:
             raise InputError("this file is given twice: its measurements would count twice", file=str(file))
+    if not sets:
+        return [one for file in files for one in _by_headings(file, scene)]
     used: set[Path] = set()
     found: list[Data] = []
-    for k, one in enumerate(scene.data):
+    for k, one in enumerate(sets):
         key = f"data[{k}]"
-        mine = [file for file in files if one.file is None or fnmatch.fnmatch(file.name, one.file)]
+        mine = [file for file in files if one.file is None or file.resolve().match(one.file)]
         if not mine:
             raise InputError(f"no file {one.file or '*.csv'} among {', '.join(map(str, paths))}", key=f"{key}.file")
         used.update(mine)
@@ -82,34 +91,65 @@ def read_data(scene: IdentifyScene, paths: Sequence[Path]) -> list[Data]:
             table = read_table(file)
             for choice in one.where:
                 table = table.chosen(choice.column, choice.equals)
-            found.append(_read(one, table, own, one.name or file.stem, key))
+            found += _read(one, table, own, one.name or file.stem, key)
     for path in paths:
         if path.is_file() and path not in used:
-            wanted = ", ".join(str(one.file) for one in scene.data)
+            wanted = ", ".join(str(one.file) for one in sets)
             raise InputError(f"no set of the configuration reads this file; they read {wanted}", file=str(path))
     return found
 
 
-def _files(paths: Sequence[Path], sets: Iterable[DataSet]) -> Iterator[Path]:
+def located(scene: Scene, beside: Path | None) -> list[Path]:
+    """Files that the data of a scene name, in a folder, or in one folder of the data folder.
+
+    Raises
+    ------
+    InputError
+        If the scene names none, or one is in none of these, or in several.
+    """
+    sets = scene.data if isinstance(scene, IdentifyScene) else ()
+    if not sets:
+        raise InputError("expected files with measurements, or a configuration that names them: data: [{file: ...}]")
+    found = dict[Path, None]()
+    for k, one in enumerate(sets):
+        key = f"data[{k}].file"
+        if one.file is None:
+            raise InputError("expected the name of a file, or a file that is given", key=key)
+        shared = data_folder()
+        folders = [] if beside is None else [beside]
+        folders += [] if shared is None else [shared, *sorted(folder for folder in shared.iterdir() if folder.is_dir())]
+        mine = [files for folder in folders if (files := sorted(folder.glob(one.file)))]
+        if not mine or (len(mine) > 1 and mine[0][0].parent != beside):
+            where = "is in several folders" if mine else f"is neither beside the configuration nor in {VARIABLE}"
+            raise InputError(f"{one.file} {where}: give the file or its folder", key=key)
+        found.update(dict.fromkeys(mine[0]))
+    return list(found)
+
+
+def folder_of(scene: object) -> Path | None:
+    """Folder of the file of a scene; None where it is given as such."""
+    return Path(scene).parent if isinstance(scene, (str, os.PathLike)) else None
+
+
+def _files(paths: Sequence[Path], sets: Sequence[DataSet]) -> Iterator[Path]:
     for path in paths:
         if path.is_dir():
             # a folder may hold other files; in the order of their names, which no file system promises
-            patterns = [one.file or "*.csv" for one in sets]
-            yield from sorted(file for file in path.iterdir() if any(fnmatch.fnmatch(file.name, p) for p in patterns))
+            patterns = [one.file or "*.csv" for one in sets] or ["*.csv"]
+            yield from sorted(file for file in path.iterdir() if any(file.resolve().match(p) for p in patterns))
         elif path.is_file():
             yield path
         else:
             raise InputError(f"no such file, nor in the folder that {VARIABLE} names", file=str(path))
 
 
-def plain_scene(scene: IdentifyScene) -> Scene:
+def plain_scene(scene: Scene) -> Scene:
     """The scene without what is said of the data."""
-    return Scene(
-        **scene.model_dump(mode="json", exclude_unset=True, exclude={"estimate", "data", "excitation", "loss"})
-    )
+    own = {"estimate", "data", "excitation", "loss"}
+    return Scene(**scene.model_dump(mode="json", exclude_unset=True, exclude=own))
 
 
-def _changed(scene: IdentifyScene, changes: Sequence[str], key: str) -> Scene:
+def _changed(scene: Scene, changes: Sequence[str], key: str) -> Scene:
     """The scene without what is said of the data, changed."""
     try:
         return plain_scene(scene).changed(changes)
@@ -118,19 +158,33 @@ def _changed(scene: IdentifyScene, changes: Sequence[str], key: str) -> Scene:
         raise InputError(error.message, key=where) from None
 
 
-def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> Data:
-    rows, fitted = len(table.rows), one.use == "fit"
+def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list[Data]:
+    """The measurements of a table: of shapes at rest a set for each choice of readings that some of its rows have."""
+    fitted = one.use == "fit"
     if isinstance(one, StaticPoses):
-        readings = _readings(one.measured, table, scene, key)
-        chosen = _chosen(rows, fitted, one.holdout_rows, key)
-        conditions = _conditions(table, one.conditions, scene, key)
-        return Poses(readings, conditions, chosen, scene, name, one.sequence)
+        points = _Points(one, table, scene, key, table.groups(one.pose), one.pose)
+        chosen = _chosen(points.rows, fitted, one.holdout_rows, key)
+        conditions = {
+            which: points.same(v, which) for which, v in _conditions(table, one.conditions, scene, key).items()
+        }
+        return [
+            Poses(
+                [_of(reading, rows) for reading in have],
+                {which: values[rows] for which, values in conditions.items()},
+                chosen[rows],
+                scene,
+                name if k == 0 else f"{name} ({k + 1})",
+                one.sequence,
+            )
+            for k, (have, rows) in enumerate(points.patterns(one.measured))
+        ]
+    rows = len(table.rows)
     if isinstance(one, FrequencyTable):
         mode = np.full(rows, one.mode) if isinstance(one.mode, int) else table.numbers(one.mode)
         decay = None if one.decay_rate is None else _column(table, one.decay_rate, "1/s")
         chosen = _chosen(rows, fitted, one.holdout_rows, key)
         conditions = _conditions(table, one.conditions, scene, key)
-        return Frequencies(mode, _column(table, one.frequency, "Hz"), decay, conditions, chosen, scene, name)
+        return [Frequencies(mode, _column(table, one.frequency, "Hz"), decay, conditions, chosen, scene, name)]
     t = _column(table, one.t, "s")
     inside = np.ones(t.size, dtype=bool) if one.window is None else (t >= one.window[0]) & (t <= one.window[1])
     if one.window is not None and not inside.any():
@@ -138,35 +192,119 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> Data
         message = f"no sample between {start:g} and {end:g} s; they go from {t.min():g} to {t.max():g} s"
         raise InputError(message, file=table.file)
     if isinstance(one, RingDown):
-        return _ring_downs(one, table, t, inside, scene, name)
+        return [_ring_downs(one, table, t, inside, scene, name)]
+    heading = as_column(one.t).column
+    long = any(isinstance(of.at, Column) for of in one.readings)
+    points = _Points(one, table, scene, key, table.groups(heading if long else None), heading)
+    t, inside = t[points.first], inside[points.first]
     if one.conditions:
-        scene = commanded(scene, t, _conditions(table, one.conditions, scene, key), table.file, key)
-    x, y = (None if value is None else _column(table, value, "m") for value in (one.x, one.y))
-    measured = _readings(one.measured, table, scene, key)
-    points = [Reading(key, values, one.at) for key, values in (("x", x), ("y", y)) if values is not None]
-    earlier = [_of(reading, t < t[inside][0]) for reading in (*points, *measured)]
-    x, y = (None if values is None else values[inside] for values in (x, y))
-    further = [_of(reading, inside) for reading in measured]
+        given = _conditions(table, one.conditions, scene, key)
+        scene = commanded(scene, t, {which: points.same(v, which) for which, v in given.items()}, table.file, key)
+    readings = [
+        reading
+        for k, of in enumerate(one.readings, len(one.measured) - len(one.readings))
+        for reading in points.readings(of, f"measured[{k}]" if k >= 0 else "xy"[k])
+    ]
+    there = np.isfinite([np.asarray(reading.values) for reading in readings]).all(axis=0)
+    if not (there & inside).any():
+        raise InputError("at every instant a cell that is read is empty", file=table.file)
+    inside &= there
+    earlier = [_of(reading, there & (t < t[inside][0])) for reading in readings]
+    found = [_of(reading, inside) for reading in readings]
     try:
         known = None if one.start_prior is None else (one.start_prior.bend, one.start_prior.rate)
-        return TipPath(t[inside], x, y, one.at, one.sigma, fitted, scene, name, further, one.start, earlier, known)
+        return [
+            TipPath(
+                t[inside],
+                fitted=fitted,
+                scene=scene,
+                name=name,
+                measured=found,
+                start=one.start,
+                before=earlier,
+                start_sigma=known,
+            )
+        ]
     except InputError as error:
         raise InputError(error.message, file=table.file) from None
 
 
 def _of(reading: Reading, rows: NDArray[np.bool_]) -> Reading:
-    return replace(reading, values=np.asarray(reading.values)[rows])
+    offset = np.asarray(reading.offset)[rows] if np.ndim(reading.offset) else reading.offset
+    return replace(reading, values=np.asarray(reading.values)[rows], offset=offset)
 
 
-def _readings(measured: Sequence[ReadingColumn], table: Table, scene: Scene, key: str) -> list[Reading]:
-    length, readings = scene.finger.rod.length, []
-    for k, m in enumerate(measured):
-        for name, at in (("at", m.at), ("since", m.since)):
-            if at is not None and at > length * (1 + 1e-9):
-                message = f"{at:g} m is beyond the finger's length of {length:g} m"
-                raise InputError(message, key=f"{key}.measured[{k}].{name}")
-        readings.append(Reading(m.quantity, _column(table, m, UNIT_OF[m.quantity]), m.at, m.sigma, m.since, m.of))
-    return readings
+class _Points:
+    """Readings of a table whose rows are poses or instants, or points of these: groups of rows (R,) each.
+
+    ``heading`` is that of the column that rows of a group share.
+    """
+
+    def __init__(
+        self,
+        one: StaticPoses | TipTrajectory,
+        table: Table,
+        scene: Scene,
+        key: str,
+        groups: Sequence[NDArray[np.intp]],
+        heading: str | None,
+    ) -> None:
+        self._one, self._table, self._scene, self._key, self._groups = one, table, scene, key, groups
+        self._heading = heading
+        self.rows, self.first = len(groups), np.array([rows[0] for rows in groups])
+
+    def same(self, values: Array, name: str) -> Array:
+        """Values (R,) of the groups, all of whose rows must have the same."""
+        for rows in self._groups:
+            other = rows[values[rows] != values[rows[0]]]
+            if other.size:
+                message = f"{name} differs from the first row with the same {self._heading}"
+                raise self._table.error(message, 0, int(other[0]))
+        return np.asarray(values[self.first])
+
+    def readings(self, m: ReadingColumn, key: str) -> Iterator[Reading]:
+        """Readings of a column, one for each place that it has, NaN where a group has none."""
+        table, one, length = self._table, self._one, self._scene.finger.rod.length
+        quantity, sign = m.quantity, 1.0
+        if quantity in ("x", "y"):
+            axis = one.axes["xy".index(quantity)]
+            quantity, sign = ("x" if axis[-1] == "x" else "y"), -1.0 if axis[0] == "-" else 1.0
+        elif quantity in KIND_OF and one.axes != ("x", "y"):
+            raise InputError(f"axes are those of x and y: give {quantity} by scale", key=f"{self._key}.axes")
+        origin = one.origin["xy".index(quantity)] if quantity in ("x", "y") else 0.0
+        values = sign * _column(table, m, UNIT_OF[quantity], gaps=True) + origin
+        offset = _column(table, m.offset, "m", gaps=True) if isinstance(m.offset, Column) else m.offset
+        places = _column(table, m.at, "m") if isinstance(m.at, Column) else None
+        for at in [m.place] if places is None else np.unique(places).tolist():
+            here = np.full(self.rows, -1)
+            for k, rows in enumerate(self._groups):
+                mine = rows if places is None else rows[places[rows] == at]
+                if len(mine) > 1:
+                    hint = "say which place each has: at: {column: ...}" if places is None else "expected one"
+                    raise table.error(f"{len(mine)} rows of one {self._heading} at one place; {hint}", 0, int(mine[1]))
+                here[k] = mine[0] if len(mine) else -1
+            for word, where in (("at", at), ("since", m.since)):
+                if where is not None and where > length * (1 + 1e-9):
+                    message = f"{where:g} m is beyond the finger's length of {length:g} m"
+                    if word == "at" and places is not None:
+                        raise table.error(message, table.index(as_column(cast(Column, m.at)).column), int(here.max()))
+                    raise InputError(message, key=f"{self._key}.{key}.{word}")
+            found = np.where(here < 0, np.nan, values[here])
+            own = np.nan_to_num(np.broadcast_to(offset, values.shape))[here]
+            beside = np.where(here < 0, own.max(initial=0.0) if np.ptp(own[here >= 0]) == 0.0 else 0.0, own)
+            same = float(beside[0]) if np.ptp(beside) == 0.0 else beside
+            yield Reading(quantity, found, at, m.sigma, m.since, m.of, same)
+
+    def patterns(self, measured: Sequence[ReadingColumn]) -> Iterator[tuple[list[Reading], NDArray[np.bool_]]]:
+        """Readings that groups have, and which groups have just these; in the order of their first group."""
+        readings = [reading for k, m in enumerate(measured) for reading in self.readings(m, f"measured[{k}]")]
+        there = np.isfinite([np.asarray(reading.values) for reading in readings]).T
+        for k, row in enumerate(there):
+            if not row.any():
+                raise self._table.empty(self._table.index(measured[0].column), int(self.first[k]))
+        for pattern in dict.fromkeys(map(tuple, there)):
+            have = [reading for reading, yes in zip(readings, pattern, strict=True) if yes]
+            yield have, (there == pattern).all(axis=1)
 
 
 def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, key: str) -> Scene:
@@ -242,12 +380,74 @@ def unit_of_entry(name: str, scene: Scene, key: str) -> str:
     return units[name]
 
 
-def _column(table: Table, column: ColumnLike, si: str) -> Array:
-    one = Column(column=column) if isinstance(column, str) else column
-    values = table.in_si(one.column, si, one.unit, one.zero)
+def _column(table: Table, column: ColumnLike, si: str, *, gaps: bool = False) -> Array:
+    one = as_column(column)
+    values = table.in_si(one.column, si, one.unit, one.zero, gaps=gaps)
     if one.minus is not None:
-        values = values - table.in_si(one.minus, si, one.unit)
+        values = values - table.in_si(one.minus, si, one.unit, gaps=gaps)
     return one.scale * values
+
+
+_TIMES, _SUFFIX = ("t", "time"), re.compile(r"(.+?)_(mm|cm|m|deg|rad|s|ms|N|mN|g|Hz|Nm)")
+
+
+def _by_headings(file: Path, scene: Scene) -> list[Data]:
+    """Measurements of a table whose headings say what they are, with their units in brackets or behind an underscore.
+
+    Raises
+    ------
+    InputError
+        If they do not.
+    """
+    table, columns = read_table(file), dict[str, Column]()
+    for heading, unit in zip(table.headings, table.units, strict=True):
+        found = _SUFFIX.fullmatch(heading) if unit is None else None
+        own = {"Nm": "N m"}.get(found[2], found[2]) if found else None
+        columns[found[1] if found else heading] = Column(column=heading, unit=own)
+    time = next((columns.pop(name) for name in _TIMES if name in columns), None)
+    at = columns.pop("at", None)
+    pose = columns.pop("pose", None)
+    quantities: tuple[tuple[str, Quantity], ...] = (
+        *(("x", "x"), ("tip_x", "x"), ("y", "y"), ("tip_y", "y")),
+        *(("angle", "angle"), ("bend", "bend")),
+    )
+    measured = tuple(
+        ReadingColumn(quantity=quantity, at=at, **columns.pop(name).model_dump(exclude_unset=True))
+        for name, quantity in quantities
+        if name in columns
+    )
+    # Of the log of a controller the commands: what it measured of the drives has the names of inputs.
+    commands = {one.removeprefix(COMMANDED): of for one, of in columns.items() if one.startswith(COMMANDED)}
+    known = _entries_of(scene)
+    entries = {one: column for one, column in (commands or columns).items() if one in known}
+    conditions = tuple(Condition(name=one, **column.model_dump(exclude_unset=True)) for one, column in entries.items())
+    one: DataSet | None = None
+    if "frequency" in columns:
+        mode, decay = columns.get("mode"), columns.get("decay_rate")
+        one = FrequencyTable(
+            kind="frequencies",
+            frequency=columns["frequency"],
+            mode=1 if mode is None else mode.column,
+            decay_rate=decay,
+            conditions=conditions,
+        )
+    elif measured and time is not None:
+        one = TipTrajectory(kind="trajectory", t=time, x=None, y=None, measured=measured, conditions=conditions)
+    elif measured:
+        named = None if pose is None else pose.column
+        one = StaticPoses(kind="static", measured=measured, pose=named, conditions=conditions)
+    if one is None:
+        expected = "t, x, y, angle, bend, at, pose, frequency, mode, decay_rate, tension_1, load_1_y, ..."
+        message = f"the headings do not say what was measured: expected some of {expected}, or data: in a configuration"
+        raise InputError(message, file=str(file), line=table.header_line)
+    return _read(one, table, plain_scene(scene), file.stem, "data")
+
+
+def _entries_of(scene: Scene) -> set[str]:
+    """Names of inputs and forces of the model."""
+    plain = scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"tolerance": None})})
+    model = FingerModel(plain, input_rates=False)
+    return {split_unit(label)[0] for label in (*model.u_names, *model.w_names)}
 
 
 VARIABLE = "CONTINUUM_GRASP_DATA"

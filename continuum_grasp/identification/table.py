@@ -25,6 +25,9 @@ MAX_BYTES = 200_000_000
 _LARGEST = 1e15
 """Greatest number in a file [its unit]: larger ones were never measured, and its square may overflow."""
 _HEADING = re.compile(r"^(.*?)\s*(?:\[([^\]]*)\])?$")
+_COMMA, _POINT = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?"), re.compile(r"[-+]?\d*\.\d*(?:[eE][-+]?\d+)?")
+_SURE = 0.6
+"""Likelihood from which a point of DeepLabCut is one [1]: the default of its own plots (``pcutoff``)."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +53,9 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
     header_line: int
+    separator: str = ","
+    comma: bool = False
+    """Whether numbers have decimal commas."""
 
     def index(self, heading: str) -> int:
         """Number of a column, from 0, by its heading with or without the unit."""
@@ -69,6 +75,15 @@ class Table:
             found = ", ".join(list(dict.fromkeys(row[at] for row in self.rows))[:8])
             raise InputError(f"no row in which {heading} is {' or '.join(texts)}; it is {found}", file=self.file)
         return replace(self, rows=tuple(self.rows[k] for k in keep), lines=tuple(self.lines[k] for k in keep))
+
+    def groups(self, heading: str | None) -> list[NDArray[np.intp]]:
+        """Rows that have the same text in a column, in the order of the first of each; None: each row by itself."""
+        if heading is None:
+            return [np.array([k]) for k in range(len(self.rows))]
+        at, found = self.index(heading), dict[str, list[int]]()
+        for k, row in enumerate(self.rows):
+            found.setdefault(row[at], []).append(k)
+        return [np.array(rows) for rows in found.values()]
 
     def numbers(self, heading: str, *, gaps: bool = False) -> Array:
         """A column as finite numbers (rows,), as they stand in the file; with gaps, empty cells are NaN."""
@@ -97,15 +112,19 @@ class Table:
         column = 1 + sum(len(cell) + 1 for cell in cells[:at])
         return InputError(message, file=self.file, line=line, column=column)
 
+    def empty(self, at: int, row: int) -> InputError:
+        """An error at an empty cell."""
+        return self.error(f"column {self.headings[at]}: the cell is empty; expected a number", at, row)
+
     def _number(self, row: int, at: int, gaps: bool) -> float:
         text = self.rows[row][at]
         if not text and gaps:
             return math.nan
         if not text:
-            raise self.error(f"column {self.headings[at]}: the cell is empty; expected a number", at, row)
-        value = _number_in(text)
+            raise self.empty(at, row)
+        value = _number_in(text.replace(",", ".") if self.comma else text)
         if value is None:
-            hint = " (write a decimal point, not a comma)" if re.fullmatch(r"[-+]?\d+,\d+", text) else ""
+            hint = " (write a decimal point, not a comma)" if _COMMA.fullmatch(text) else ""
             raise self.error(f"column {self.headings[at]}: expected a number, got {text[:40]!r}{hint}", at, row)
         if not abs(value) <= _LARGEST:  # NaN too
             wanted = f"a number up to {_LARGEST:g}" if math.isfinite(value) else "a finite number"
@@ -115,7 +134,10 @@ class Table:
 
 @check_arguments
 def read_table(path: str | Path) -> Table:
-    r"""Read a CSV file: UTF-8, commas, one line of headings; empty lines and lines that begin with # are skipped.
+    r"""Read a table: UTF-8, a line of headings; empty lines and lines that begin with # are skipped.
+
+    Commas, semicolons or tabs separate columns; numbers have decimal points, or commas where these separate nothing.
+    Tables of DeepLabCut (headings in three lines) and Tracker (a line of tracks above the headings) are read as well.
 
     Parameters
     ----------
@@ -154,12 +176,13 @@ def read_table(path: str | Path) -> Table:
     numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
     if len(numbered) < 2:
         raise InputError("expected a line of headings and rows of numbers", file=name)
-    (header_line, header), *body = numbered
-    cells = _cells(header)
-    if len(cells) == 1 and (";" in header or "\t" in header):
-        raise InputError("expected columns that are separated by commas", file=name, line=header_line)
-    parts = [_HEADING.fullmatch(cell) for cell in cells]
-    headings = tuple(part[1] if part else cell for part, cell in zip(parts, cells, strict=True))
+    lines, (separator, cells) = [line for _, line in numbered], _separated([line for _, line in numbered])
+    top, names = _headings(cells)
+    header_line, rows = numbered[top - 1][0], tuple(cells[top:])
+    if not rows:
+        raise InputError("expected rows of numbers below the headings", file=name, line=header_line)
+    parts = [_HEADING.fullmatch(cell) for cell in names]
+    headings = tuple(part[1] if part else cell for part, cell in zip(parts, names, strict=True))
     units = tuple(part[2] if part else None for part in parts)
     for k, heading in enumerate(headings):
         if not heading:
@@ -168,15 +191,59 @@ def read_table(path: str | Path) -> Table:
             raise InputError(f"two columns are called {heading!r}", file=name, line=header_line)
         if _number_in(heading) is not None:
             raise InputError(f"expected headings, got the number {heading}", file=name, line=header_line)
-    rows = tuple(_cells(line) for _, line in body)
-    for (line, _), row in zip(body, rows, strict=True):
+    for (line, _), row in zip(numbered[top:], rows, strict=True):
         if len(row) != len(headings):
             raise InputError(f"expected {len(headings)} cells, got {len(row)}", file=name, line=line)
-    return Table(name, headings, units, rows, tuple(line for line, _ in body), header_line)
+    every = [cell for row in rows for cell in row]
+    comma = separator != "," and not any(map(_POINT.fullmatch, every)) and any(map(_COMMA.fullmatch, every))
+    table = Table(name, headings, units, rows, tuple(k for k, _ in numbered[top:]), header_line, separator, comma)
+    return table if lines[0].partition(separator)[0].strip() != "scorer" else _sure(table)
 
 
-def _cells(line: str) -> tuple[str, ...]:
-    return tuple(cell.strip() for cell in next(csv.reader([line])))
+def _separated(lines: Sequence[str]) -> tuple[str, list[tuple[str, ...]]]:
+    """Character between cells, and cells: of semicolon, tab and comma the first that separates the last line."""
+    separator = next((one for one in ";\t" if one in lines[-1]), ",")
+    return separator, [tuple(cell.strip() for cell in next(csv.reader([line], delimiter=separator))) for line in lines]
+
+
+def _headings(rows: Sequence[Sequence[str]]) -> tuple[int, Sequence[str]]:
+    """Number of lines above the numbers, and a heading per column.
+
+    DeepLabCut has lines of scorer, individuals, bodyparts and coords: a column is called BODYPART_x. Tracker has a line
+    of its tracks above t, x, y: a column is called TRACK_x where there are several tracks, x of one.
+    """
+    if rows[0][0] == "scorer":
+        top = next((k for k, row in enumerate(rows) if row[0] == "coords"), 2) + 1
+        columns = list(zip(*rows[1:top], strict=True))[1:]
+        return top, ["frame", *("_".join(dict.fromkeys(part for part in one if part)) for one in columns)]
+    first, second = rows[0], rows[1]
+    if (
+        (len(first) != len(second) or not all(first))
+        and "t" in second
+        and all(_number_in(one) is None for one in second)
+    ):
+        tracks = [one for one in first if one]
+        if len(tracks) < 2:
+            return 2, second
+        names, last = list[str](), ""
+        for k, one in enumerate(second):
+            last = first[k] if k < len(first) and first[k] else last
+            names.append(one if one == "t" else f"{last}_{one}")
+        return 2, names
+    return 1, first
+
+
+def _sure(table: Table) -> Table:
+    """The table of DeepLabCut with points that are hardly likely as empty cells."""
+    rows = [list(row) for row in table.rows]
+    for at, heading in enumerate(table.headings):
+        if heading.endswith("_likelihood"):
+            point = [k for k, one in enumerate(table.headings) if one.rpartition("_")[0] == heading.rpartition("_")[0]]
+            for row, value in zip(rows, table.numbers(heading, gaps=True), strict=True):
+                if not value >= _SURE:
+                    for k in point:
+                        row[k] = row[k] if k == at else ""
+    return replace(table, rows=tuple(map(tuple, rows)))
 
 
 def _number_in(text: str) -> float | None:

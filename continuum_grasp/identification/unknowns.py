@@ -27,11 +27,20 @@ DEADBAND = "tension_deadband"
 """The difference of tensions that friction takes before the finger feels any."""
 LAG, DELAY = "drive_time_constant", "drive_delay"
 """Time constant of the lag of the drives, and the time before a command reaches them."""
+ADDED = {"clamp_angle": "base_angle", "base_x": "base_position_x", "base_y": "base_position_y"}
+"""Parameters of the model to whose values in the scene unknowns are added, by the names of these."""
 OF_DRIVE = (DEADBAND, DELAY)
 """Unknowns of the drive that the model does not have."""
 START = "start"
 """Target of coordinates and rates of a start that is estimated with the parameters."""
-_OWN = {"youngs_modulus": ("Pa", POSITIVE), "clamp_angle": ("rad", -math.inf), DEADBAND: ("N", 0.0), DELAY: ("s", 0.0)}
+_OWN = {
+    "youngs_modulus": ("Pa", POSITIVE),
+    "clamp_angle": ("rad", -math.inf),
+    "base_x": ("m", -math.inf),
+    "base_y": ("m", -math.inf),
+    DEADBAND: ("N", 0.0),
+    DELAY: ("s", 0.0),
+}
 """Unit of each unknown that the model does not have, and its least value, as in ``Number``."""
 
 
@@ -92,7 +101,7 @@ def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unk
         if not isinstance(asked, Estimate):
             raise InputError(f"expected a name or an Estimate, got {asked!r:.60}", key=f"estimate[{k}]")
     if not chosen:
-        raise InputError("expected the names of the parameters to estimate", key="estimate")
+        raise InputError("expected names of parameters to estimate; compare estimates nothing", key="estimate")
     found = [_unknown(scene, one, f"estimate[{k}]") for k, one in enumerate(chosen)]
     targets = [one.target for one in found]
     for k, one in enumerate(found):
@@ -113,8 +122,8 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
         target = "bending_stiffness"
         nominal = cast(float, rod.youngs_modulus)
         factor = (1.0 if rod.graded else rod.stiffness) / nominal
-    elif name == "clamp_angle":
-        target = "base_angle"
+    elif name in ADDED:
+        target = ADDED[name]
     elif name in OF_DRIVE:
         pass
     elif name == LAG and not finger.winches:
@@ -136,7 +145,7 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
         raise InputError(f"{start:g} is outside {lower:g} to {upper:g}", key=f"{key}.start")
     typical = max(typical, abs(start)) if nominal == 0.0 else typical
     sigma = math.inf if asked.sigma is None else asked.sigma
-    added, per_set = name == "clamp_angle", asked.per == "set"
+    added, per_set = name in ADDED, asked.per == "set"
     return Unknown(name, unit, target, factor, added, start, lower, upper, typical, per_set, sigma)
 
 
@@ -176,6 +185,8 @@ def _typical(scene: Scene, name: str) -> float:
     sizes = {
         "base_angle": 0.1,
         "clamp_angle": 0.1,
+        "base_x": length,
+        "base_y": length,
         "rest_curvature": 0.1 / length,
         "material_damping": 0.02 * stiffness * slow,
         "per_arc_damping": 0.02 * stiffness / length * slow,

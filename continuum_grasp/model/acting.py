@@ -8,7 +8,6 @@ from itertools import islice
 
 from continuum_grasp.model.actuation import Drive
 from continuum_grasp.model.laws.section import STATEFUL, SectionForces
-from continuum_grasp.model.learned_residual import distance, features_at, residual_force
 from continuum_grasp.model.memory import Instant
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.structure import Structure
@@ -74,18 +73,6 @@ class Acting:
         if self._made.has_law(*STATEFUL):
             acting.append([[-1.0 * f for f in own] for own in self.sections.on_elements(*STATEFUL)])
         return [[sum(forces) for forces in zip(*parts, strict=True)] for parts in zip(*acting, strict=True)]
-
-    @property
-    def on_unknowns(self) -> list[list[Scalar]]:
-        """Generalized forces on the unknowns themselves, of each law that depends on all of them."""
-        return [residual_force(one, features_at(one, self._at)) for one in self._made.residuals]
-
-    @property
-    def distance_from_logs(self) -> Scalar:
-        """Square of the distance of the state from the logs of learned forces, per that up to which they are trusted
-        [1]; zero without.
-        """
-        return sum((distance(one, features_at(one, self._at)) for one in self._made.residuals), 0.0)
 
     @property
     def travel(self) -> list[Scalar]:

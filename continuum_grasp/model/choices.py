@@ -13,7 +13,6 @@ from continuum_grasp.arguments import choice, real_array, shown
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.learned_residual import LearnedResidual
 from continuum_grasp.scene.loads import ForceLoad, MomentLoad
 from continuum_grasp.scene.simulate import Scene
 
@@ -31,12 +30,11 @@ class ModelOptions(TypedDict, total=False):
     loads: Sequence[ForceLoad | MomentLoad] | None
     tip_force: bool | None
     input_rates: bool | None
-    residual: LearnedResidual | None
 
 
 _IN_SCENE = {
     **{name: name for name in ("contacts", "gravity", "parameters", "loads")},
-    **{name: f"fidelity.{name}" for name in ("family", "elements", "bending_range", "accuracy", "residual")},
+    **{name: f"fidelity.{name}" for name in ("family", "elements", "bending_range", "accuracy")},
 }
 """Path in a scene of what is also an option."""
 

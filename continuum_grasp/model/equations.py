@@ -501,10 +501,7 @@ class Equations:
     def _forces(self, acting: Acting, rates: Sequence[Scalar] | None, driven: bool = True) -> list[Scalar]:
         """M qdd under what acts but damping and the inertia of what is known; ``rates`` of None: nothing moves."""
         motion = self.chain.motion_forces(rates, self.gravity_vector, self.loads)
-        found = [f - b for f, b in zip(motion, self._bending_force(acting, driven=driven), strict=False)]
-        for own in acting.on_unknowns:
-            found = [f + g for f, g in zip(found, own, strict=True)]
-        return found
+        return [f - b for f, b in zip(motion, self._bending_force(acting, driven=driven), strict=False)]
 
     @cached_property
     def state_rate(self) -> list[Scalar]:

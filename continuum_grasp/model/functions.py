@@ -138,11 +138,6 @@ class Functions(Remade, Summarized):
         return self._function("drive_rates", "x u p", lagging=self._equations.drive_rates)
 
     @property
-    def residual_distance(self) -> ca.Function:
-        """(x, u) -> square of the distance from the logs of a learned residual, per that from which on it fades [1]."""
-        return self._function("residual_distance", "x u", share=self._equations.moving.distance_from_logs)
-
-    @property
     def sweeps(self) -> bool:
         """Whether sweeps along the chain give the accelerations, at a cost that grows with the number of elements."""
         return self._equations.pattern is not None

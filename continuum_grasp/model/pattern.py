@@ -70,9 +70,8 @@ def one_link_serves(made: Structure) -> bool:
     runtime = made.parameters.is_runtime
     return (
         len(made.lengths) >= FEWEST_ELEMENTS
-        # Contact forces and learned ones depend on the motion of all elements.
+        # Contact forces depend on the motion of all elements.
         and made.around is None
-        and not made.residuals
         and not runtime("element_lengths")
         # A known moment that ends inside an element is a coordinate of that element alone.
         and len({len(made.family.local(k)) for k in range(len(made.lengths))}) == 1

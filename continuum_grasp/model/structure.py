@@ -19,14 +19,12 @@ from continuum_grasp.model.family import Array, Mesh, family_class
 from continuum_grasp.model.laws import laws_of
 from continuum_grasp.model.laws.section import Kind
 from continuum_grasp.model.layout import element_lengths, element_ranges, open_lengths, place_at, with_breaks
-from continuum_grasp.model.learned_residual import check_residual
 from continuum_grasp.model.parameters import Parameters, at_tip
 from continuum_grasp.model.tendon_friction import CellSet, tendon_sets
 from continuum_grasp.model.winches import Motor, winches_of
 from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.families import FAMILIES, default_family
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.learned_residual import LearnedResidual
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad, Samples
 from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.scene.simulate import Initial, Scene
@@ -104,10 +102,6 @@ class Structure:
         self.laws = laws_of(self.finger, self.family, self.parameters)
         self.n = self.family.size - len(self.family.known)
         self._name_entries()
-        self.residuals: list[LearnedResidual] = [one for one in (choices["residual"],) if one is not None]
-        for one in self.residuals:
-            driven = list(dict.fromkeys((*self.x_names[2 * self.n :], *self.u_names)))
-            check_residual(one, self.family_name, self.lengths, self.q_names, driven)
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
         if self.parameters.is_runtime("element_lengths"):
             shapes = [(source.shape, "tendons or couples that end inside") for source in self.sources]

@@ -8,17 +8,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.errors import InputError
-from continuum_grasp.labels import name_of, unit_of
-from continuum_grasp.plotting.drawing.axes import head, label, new_axes, new_figure, quiet
-from continuum_grasp.plotting.drawing.style import BLUE, GRAY, ORANGE
+from continuum_grasp.labels import SHOWN_IN, name_of, unit_of
+from continuum_grasp.plotting.drawing.axes import bend_box, head, label, new_axes, new_figure, quiet, show_box
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection
 
+    from continuum_grasp.identification.comparison import Predicted
     from continuum_grasp.identification.excitation import ExcitationPlan
     from continuum_grasp.identification.fit import Fit
-    from continuum_grasp.identification.residual import ResidualFit
+
+_PANELS = 6
+"""Panels of a new figure [1]: two rows of three; more are not read at a glance."""
+_DENSE = 200
+"""Numbers from which on points are drawn small [1]: larger ones overlap."""
 
 
 def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
@@ -28,7 +33,12 @@ def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
     # 95 % of normal residuals are within two deviations
     ax.axhspan(-2.0, 2.0, color=BLUE, alpha=0.08, linewidth=0)
     ax.axhline(0.0, color=GRAY, linewidth=0.8)
-    _draw_points(ax, fit, np.ones(scaled.size, dtype=bool), np.arange(1, scaled.size + 1), scaled)
+    number, inside = np.arange(1, scaled.size + 1), fit.fitted
+    size = 22.0 if scaled.size <= _DENSE else 7.0
+    ax.scatter(number[inside], scaled[inside], s=size, color=BLUE, linewidth=0, label="fitted", zorder=3)
+    if not inside.all():
+        look: dict[str, Any] = {"facecolor": "none", "edgecolor": ORANGE, "label": "hold-out", "zorder": 3}
+        ax.scatter(number[~inside], scaled[~inside], s=size, **look)
     for end in np.cumsum([count for _, count in fit.blocks[:-1]]):
         ax.axvline(end + 0.5, color=GRAY, linewidth=0.6, linestyle=":")
     reach = 1.15 * max(3.0, float(np.abs(scaled).max(initial=0.0)))
@@ -39,73 +49,119 @@ def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def plot_one_step_errors(fit: ResidualFit, *, ax: Axes | None = None) -> Axes:
-    """Draw by how much the tip's velocity is mispredicted over a period, without and with a learned residual."""
-    ax = new_axes(ax, 7.2, 4.0)
-    for rows, color, what in ((fit.without, GRAY, "model alone"), (fit.with_residual, BLUE, "with residual")):
-        size = 1e3 * np.hypot(rows[:, 2], rows[:, 3])
-        ax.plot(np.arange(1, len(size) + 1), size, color=color, linewidth=0.8, label=what)
-    for end in np.cumsum([one.steps for one in fit.errors[:-1]]):
-        ax.axvline(end + 0.5, color=GRAY, linewidth=0.6, linestyle=":")
-    label(ax, "period (dotted: next log)", "error of the tip's velocity [mm/s]")
-    ax.set_ylim(bottom=0.0)
-    ax.legend(frameon=False)
-    head(ax, "One-step prediction errors")
-    return ax
+def plot_shapes(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
+    """Draw predicted fingers, and measured points over them with lines to where they are predicted; a panel per set.
 
-
-def plot_predictions(fit: Fit, group: str, *, ax: Axes | None = None) -> Axes:
-    """Draw predictions of one group of entries over measurements; on the line they agree.
-
-    Raises
-    ------
-    InputError
-        If there is no such group.
+    Of many rows or instants some are drawn, evenly spread; paths of points over time are drawn whole, the predicted
+    ones as lines. What was not fitted is orange.
     """
-    members = np.array([entry.group == group for entry in fit.entries], dtype=bool)
-    if not members.any():
-        known = ", ".join(dict.fromkeys(entry.group for entry in fit.entries))
-        raise InputError(f"expected one of {known}, got {group!r}", key="group")
-    unit = next(entry.unit for entry in fit.entries if entry.group == group)
-    ax = new_axes(ax, 4.8, 4.6)
-    numbers = np.concatenate([fit.measured[members], fit.predictions[members]])
-    # Three deviations show how well a single point is met; its own range would be nothing.
-    margin = max(0.05 * float(np.ptp(numbers)), 3.0 * float(fit.sigma[members].max()))
-    ends = [float(numbers.min()) - margin, float(numbers.max()) + margin]
-    ax.plot(ends, ends, color=GRAY, linewidth=0.9, zorder=1)
-    _draw_points(ax, fit, members, fit.measured, fit.predictions, linewidth=0.8)
-    ax.set_xlim(*ends)
-    ax.set_ylim(*ends)
-    ax.set_box_aspect(1.0)
-    ax.locator_params(nbins=5)
-    ax.ticklabel_format(useOffset=False)  # an offset at the axis would lie on the legend
-    label(ax, f"measured [{unit}]", f"predicted [{unit}]")
-    head(ax, group[:1].upper() + group[1:])
-    return ax
+    from continuum_grasp.plotting.drawing import bodies
+
+    finger, sets = found.scene.finger, dict[str, list[tuple[float, float, int, int]]]()
+    for (name, at, place), (x, y) in found.points.items():
+        sets.setdefault(name, []).append((at, place, x, y))
+    drawn = dict(zip((name for name, _ in found.blocks), found.drawn, strict=True))
+    names = [name for name in sets if len(drawn[name].at)][:_PANELS]
+    panels = _panels(len(names), ax, 5.6, 4.4)
+    for one, name in zip(panels, names, strict=False):
+        rows, lines = np.array(sets[name]), drawn[name]
+        index = rows[:, 2:].astype(int)
+        measured, predicted = found.measured[index], found.predictions[index]
+        over_time = lines.over_time
+        shown = np.isin(rows[:, 0], lines.at)
+        box = bend_box([lines.backbones, measured, predicted], 0.06 * finger.rod.length)
+        show_box(one, box)
+        label(one, "x [m]", "y [m]")
+        for backbone in lines.backbones:
+            one.plot(*backbone.T, color=BLUE, alpha=0.35 if over_time else 0.7, linewidth=1.6, zorder=2)
+        bodies.draw_clamp(one, lines.backbones[0], finger)
+        for place in np.unique(rows[:, 1]) if over_time else ():
+            own = rows[:, 1] == place
+            one.plot(*predicted[own].T, color=INK, linewidth=0.9, zorder=3)
+            one.scatter(measured[own, 0], measured[own, 1], s=3, color=GRAY, linewidth=0, zorder=3)
+        one.add_collection(_links(measured[shown], predicted[shown]))
+        inside = found.fitted[index[:, 0]]
+        for chosen, color, what in ((shown & inside, INK, "measured"), (shown & ~inside, ORANGE, "measured, hold-out")):
+            if chosen.any():
+                one.scatter(
+                    measured[chosen, 0], measured[chosen, 1], s=20, color=color, linewidth=0, zorder=5, label=what
+                )
+        count, every = len(lines.at), len(np.unique(rows[:, 0]))
+        some = f" ({count} of {every})" if count < every else ""
+        one.plot([], [], color=BLUE, linewidth=1.6, label=f"simulated{some}")
+        off = 1e3 * np.linalg.norm(measured - predicted, axis=1)
+        head(one, f"{name}: {off.mean():.3g} mm off, {off.max():.3g} mm at most", 3)
+    return panels
 
 
-def _draw_points(
-    ax: Axes, fit: Fit, members: NDArray[np.bool_], x: NDArray[Any], y: NDArray[Any], **ring: float
-) -> None:
-    """Draw some of the entries: filled where they were fitted, as open rings where not."""
-    size = 22.0 if members.sum() <= 200 else 7.0  # more would overlap
-    inside, outside = members & fit.fitted, members & ~fit.fitted
-    ax.scatter(x[inside], y[inside], s=size, color=BLUE, linewidth=0, label="fitted", zorder=3)
-    if outside.any():
-        look: dict[str, Any] = {"facecolor": "none", "edgecolor": ORANGE, "label": "hold-out", "zorder": 3, **ring}
-        ax.scatter(x[outside], y[outside], s=size, **look)
+def plot_series(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
+    """Draw measured and predicted numbers over rows or time, and below each the prediction less the measurement.
+
+    Hold-outs are orange. A new figure has six quantities at most, those that are missed by most, per the widest range
+    of their unit.
+    """
+    ranges = dict[str, float]()
+    for rows in found.series.values():
+        unit, span = found.entries[rows[0]].unit, max(float(np.ptp(found.measured[rows])), 1e-12)
+        ranges[unit] = max(ranges.get(unit, 0.0), span)
+
+    def missed(rows: NDArray[np.intp]) -> float:
+        return float(np.sqrt(np.mean(found.residuals[rows] ** 2))) / ranges[found.entries[rows[0]].unit]
+
+    series = sorted(found.series.items(), key=lambda one: -missed(one[1]))[:_PANELS]
+    panels = _panels(len(series), ax, 4.6, 4.4, ratios=(2.0, 1.0))
+    for ((name, what), rows), above, below in zip(series, panels[0::2], panels[1::2], strict=False):
+        entry = found.entries[rows[0]]
+        factor, unit = SHOWN_IN.get(entry.unit, (1.0, entry.unit))
+        at, inside = np.array([found.entries[row].at for row in rows]), found.fitted[rows]
+        measured, predicted = factor * found.measured[rows], factor * found.predictions[rows]
+        dense = len(rows) > _DENSE
+        above.plot(
+            at,
+            predicted,
+            color=BLUE,
+            linewidth=1.2,
+            marker=None if name in found.paths else "_",
+            label="simulated",
+            zorder=2,
+        )
+        for chosen, color, text in ((inside, INK, "measured"), (~inside, ORANGE, "measured, hold-out")):
+            if chosen.any():
+                above.scatter(at[chosen], measured[chosen], s=4 if dense else 18, color=color, linewidth=0, label=text)
+                below.vlines(at[chosen], 0.0, (predicted - measured)[chosen], color=color, linewidth=1.0)
+        below.axhline(0.0, color=GRAY, linewidth=0.8)
+        if name not in found.paths:
+            below.set_xlim(at.min() - 0.5, at.max() + 0.5)
+            above.set_xlim(below.get_xlim())
+            for one in (above, below):
+                one.locator_params(axis="x", integer=True)
+        label(above, "", f"{what} [{unit}]")
+        label(below, "time [s]" if name in found.paths else "row", f"error [{unit}]")
+        head(above, name, 3)
+    return panels
 
 
-def plot_all_predictions(fit: Fit, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
-    """Draw predictions over measurements, one picture per group, of which a new figure holds six at most."""
-    groups = list(dict.fromkeys(entry.group for entry in fit.entries))
-    if ax is None:
-        groups = groups[:6]  # two rows of three; more are not read at a glance
-        columns = min(3, len(groups))
-        rows = -(-len(groups) // columns)
-        figure = new_figure(4.6 * columns, 5.3 * rows)
-        ax = [quiet(figure.add_subplot(rows, columns, k + 1)) for k in range(len(groups))]
-    return [plot_predictions(fit, group, ax=one) for group, one in zip(groups, ax, strict=False)]
+def _links(a: NDArray[Any], b: NDArray[Any]) -> LineCollection:
+    """Lines from points (P, 2) to others."""
+    from matplotlib.collections import LineCollection
+
+    return LineCollection(list(np.stack([a, b], axis=1)), colors=INK, linewidths=0.8, zorder=4)
+
+
+def _panels(
+    count: int, ax: Sequence[Axes] | None, width: float, height: float, ratios: tuple[float, ...] = (1.0,)
+) -> list[Axes]:
+    """Axes given, or those of a new figure in rows of three; each as several, one below the other."""
+    if ax is not None:
+        return list(ax)
+    columns = min(3, max(count, 1))
+    figure = new_figure(width * columns, height * -(-count // columns))
+    grid = figure.add_gridspec(max(-(-count // columns), 1), columns)
+    found = []
+    for k in range(count):
+        inner = grid[k // columns, k % columns].subgridspec(len(ratios), 1, height_ratios=ratios)
+        found += [quiet(figure.add_subplot(inner[i])) for i in range(len(ratios))]
+    return found
 
 
 def plot_excitation(plan: ExcitationPlan, *, ax: Axes | None = None) -> Axes:

@@ -52,7 +52,7 @@ def kind_of(data: Any) -> str:
         # A simulation with an object has a contact law, a grasp never.
         if "object" in data and "contact_law" not in data:
             return "grasp"
-        if "estimate" in data:
+        if "estimate" in data or "data" in data:
             return "identify"
         if "rod" in data and "finger" not in data:
             return "finger"
@@ -96,7 +96,7 @@ def _apply(document: Document, changes: Iterable[Change], main: Path) -> None:
 
 
 def _put_in_files(document: Document, main: Path) -> None:
-    """Put in place what stands in other files: the grasp of a mission or plan, fingers, its own too, and residuals."""
+    """Put in place what stands in other files: the grasp of a mission or plan, and fingers, its own too."""
     target = document.value.get("grasp")
     if isinstance(target, str):
         inner = assembled(named_file(document.place(("grasp",)), target, main, "grasp file", ("grasp",)), ())
@@ -107,12 +107,6 @@ def _put_in_files(document: Document, main: Path) -> None:
     for path in ((), ("grasp",)):
         if path == () or isinstance(document.value.get("grasp"), dict):
             _put_in_fingers(document, path, main)
-    for where in (("fidelity", "residual"), ("plant", "fidelity", "residual")):
-        if document.has(where) and isinstance(document.get(where), str):
-            file = named_file(document.place(where), document.get(where), main, "file of a learned residual", where)
-            document.put(
-                where, _part_of(file, "a learned residual (family, elements, features, weights, ...)", "weights")
-            )
 
 
 def _outline() -> Any:

@@ -54,7 +54,6 @@ _OF_FINGERS = {
     "tendons.conduit_bend": "must be zero here: tensions of a grasp are those that enter the finger",
 }
 _OF_FIDELITY = {
-    "fidelity.residual": "is not for grasps, whose elements are sought",
     "fidelity.frequencies": "is not for grasps, which do not move",
 }
 _DRY = "its path knows no dry friction in bending: leave one of both out"

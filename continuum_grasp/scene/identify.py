@@ -17,6 +17,8 @@ Estimated = Annotated[float, Field(ge=-1e15, le=1e15), Unit("SI unit of the para
 _READ, _DRIVES = "data.measured", f"goes with {', '.join(_OF_DRIVE)}"
 _PRIOR = "goes with start: estimated"
 _Window = Annotated[Interval, Unit("s")]
+_Place = Annotated[float, Field(ge=0.0, le=1e4), Unit("m")]
+_Axis = Literal["x", "-x", "y", "-y"]
 
 
 class Column(Value):
@@ -38,6 +40,11 @@ class Column(Value):
 ColumnLike = str | Column
 
 
+def as_column(given: ColumnLike) -> Column:
+    """A column that is given by its heading alone, or as such."""
+    return Column(column=given) if isinstance(given, str) else given
+
+
 class Condition(Column):
     """A column that says under which load, input or parameter a row was measured."""
 
@@ -57,7 +64,7 @@ class ReadingColumn(Column):
     REFUSALS = (
         OF_BENDS,
         beside("identify by sections", lambda one: one.quantity not in _OF_DRIVE, "of", _DRIVES, _READ),
-        beside("identify by drives", lambda one: one.quantity in _OF_DRIVE, "at", "goes with sections", _READ),
+        beside("identify by drives", lambda one: one.quantity in _OF_DRIVE, "at offset", "goes with sections", _READ),
     )
 
     quantity: Quantity
@@ -66,12 +73,20 @@ class ReadingColumn(Column):
     [N m], current [A]: of a motor."""
     of: Annotated[int, Field(ge=1, le=16)] | None = None
     """Number of the tendon or of the drive, from 1; None: the first."""
-    at: Annotated[float, Field(ge=0.0, le=1e4), Unit("m")] | None = None
-    """Position along the finger [m]; None: the tip."""
+    at: _Place | Column | None = None
+    """Position along the finger [m], or the column that has it, in a table with a row per point; None: the tip."""
+    offset: Annotated[Real, Unit("m")] | Column = 0.0
+    """Distance of a marker from the backbone [m], positive along the section's X axis, to the right seen from base to
+    tip, or the column that has it."""
     since: Length | None = None
     """Position from which a bend counts [m], such as the near side of a joint; None: the base."""
     sigma: Annotated[Positive, Field(examples=[1e-3]), Unit("unit of the quantity")] | None = None
     """Standard deviation [unit of the quantity], where known: weights unlike quantities; None: from the residuals."""
+
+    @property
+    def place(self) -> float | None:
+        """The position along the finger [m] where it is a number; None: the tip, or that of a column."""
+        return self.at if isinstance(self.at, float) else None
 
 
 class RowsEqual(Value):
@@ -87,13 +102,22 @@ class _Data(Value):
     name: str | None = None
     """Name of this set in reports; the file's name where not given."""
     file: str | None = None
-    """Name of the file with wildcards, torque_*.csv; None: every file that is given."""
+    """Name of the file with wildcards, torque_*.csv, with its folder where names are not enough; None: every file that
+    is given."""
     where: Annotated[tuple[RowsEqual, ...], Field(strict=False)] = ()
     """Rows to read; all of them must hold."""
     set: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Changes of the scene for this set, as ``key.path=value``."""
     use: Literal["fit", "holdout"] = "fit"
     """holdout: predicted and compared, not fitted."""
+    axes: Annotated[tuple[_Axis, _Axis], Field(strict=False)] = ("x", "y")
+    """World axes along which the file's x and y count; [x, -y]: y down, as in images."""
+    origin: Annotated[tuple[Real, Real], Field(strict=False), Unit("m")] = (0.0, 0.0)
+    """World position of the origin of the file's x and y [m]."""
+
+    def _check_axes(self) -> None:
+        if self.axes[0][-1] == self.axes[1][-1]:
+            raise ValueError(f"axes: both are along {self.axes[0][-1]}: expected x and y, such as [x, -y]")
 
 
 class _Rows(_Data):
@@ -110,9 +134,15 @@ class StaticPoses(_Rows):
     """Shapes at rest."""
     measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False, min_length=1)]
     """Columns with what was measured."""
+    pose: str | None = None
+    """Heading of the column that is the same in all rows of a pose, in a table with a row per point; None: every row is
+    a pose."""
     sequence: bool = False
     """Whether the rows follow one another, so that the friction of each comes from those before it; the first is
     reached as ``initial.reached_by`` says. False: each row is reached by itself."""
+
+    def _check(self) -> None:
+        self._check_axes()
 
 
 class StartPrior(Value):
@@ -142,10 +172,11 @@ class TipTrajectory(_Data):
     """Column of the world position x [m]; None: not measured."""
     y: ColumnLike | None = "y"
     """Column of the world position y [m]; None: not measured."""
-    at: Length | None = None
-    """Position along the finger [m]; None: the tip."""
+    at: _Place | Column | None = None
+    """Position along the finger [m], or the column that has it, in a table with a row per point; None: the tip."""
     measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False)] = ()
-    """Columns with what was measured at further sections at the same instants."""
+    """Columns with what was measured at further sections at the same instants. Instants at which one of the cells is
+    empty are left out."""
     start: Literal["scene", "measured", "estimated"] = "scene"
     """Start of the motion. scene: at time zero as ``initial`` says; measured: at the first sample, in the smoothest
     shape and rates through what is measured there; estimated: so, but both are estimated with the parameters."""
@@ -157,7 +188,19 @@ class TipTrajectory(_Data):
     sigma: Annotated[Positive, Unit("m")] | None = None
     """Standard deviation of x and y [m], where known."""
 
+    @property
+    def readings(self) -> tuple[ReadingColumn, ...]:
+        """All columns that are read but instants and commands: x and y first."""
+        given: tuple[tuple[Quantity, ColumnLike | None], ...] = (("x", self.x), ("y", self.y))
+        own = ((axis, as_column(column)) for axis, column in given if column is not None)
+        point = (
+            ReadingColumn(quantity=axis, at=self.at, sigma=self.sigma, **one.model_dump(exclude_unset=True))
+            for axis, one in own
+        )
+        return (*point, *self.measured)
+
     def _check(self) -> None:
+        self._check_axes()
         if self.x is None and self.y is None and not self.measured:
             raise ValueError("x and y are both null: give one of them at least, or measured")
 
@@ -198,12 +241,12 @@ class Estimate(Value):
 
     name: str
     """youngs_modulus, bending_stiffness, linear_density, material_damping, per_arc_damping, quadratic_damping,
-    rest_curvature, tip_mass, mass_0 (of masses[0]), tip_body_mass, _inertia, _along or _across, clamp_angle (added
-    to the base angle), softening_curvature, softening_ratio, tendon_offset, tendon_friction, tendon_presliding,
-    tendon_axial_stiffness, tendon_series_stiffness, dry_friction_1_stiffness or _moment (of damping.dry_friction[0]),
-    relaxation_1_share or _time (of damping.relaxation[0]), chamber_area,
-    tension_deadband, drive_time_constant, drive_delay, drive_pretension, drive_slack, drive_inertia,
-    drive_viscous_friction or drive_coulomb_friction."""
+    rest_curvature, tip_mass, mass_0 (of masses[0]), tip_body_mass, _inertia, _along or _across, clamp_angle, base_x,
+    base_y (added to angle and position of the base: a frame that is turned or shifted), softening_curvature,
+    softening_ratio, tendon_offset, tendon_friction, tendon_presliding, tendon_axial_stiffness,
+    tendon_series_stiffness, dry_friction_1_stiffness or _moment (of damping.dry_friction[0]), relaxation_1_share or
+    _time (of damping.relaxation[0]), chamber_area, tension_deadband, drive_time_constant, drive_delay,
+    drive_pretension, drive_slack, drive_inertia, drive_viscous_friction or drive_coulomb_friction."""
     start: Annotated[Estimated | None, Field(examples=[0.7])] = None
     """Start of the search [SI unit of the parameter]; None: the scene's value."""
     min: Annotated[Estimated | None, Field(examples=[0.0])] = None
@@ -254,8 +297,8 @@ class IdentifyScene(Scene):
 
     REFUSALS = (_FIT,)
 
-    estimate: Annotated[tuple[Estimate, ...], Field(strict=False, min_length=1)]
-    """Parameters that are to be found."""
+    estimate: Annotated[tuple[Estimate, ...], Field(strict=False)] = ()
+    """Parameters that are to be found; none: the scene is compared with the data as it is."""
     data: Annotated[tuple[DataSet, ...], Field(strict=False)] = ()
     """Formats of the files that are given beside this one."""
     excitation: Excitation = Excitation()
@@ -268,5 +311,5 @@ class IdentifyScene(Scene):
         for k, name in enumerate(names):
             if name in names[:k]:
                 raise ValueError(f"estimate[{k}].name: {name} is estimated twice")
-        if self.data and all(one.use == "holdout" for one in self.data):
+        if self.estimate and self.data and all(one.use == "holdout" for one in self.data):
             raise ValueError("data: every set is a hold-out; one at least must be fitted")

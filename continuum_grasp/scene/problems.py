@@ -32,7 +32,11 @@ _KINDS = {
     "none_required": "nothing",
 }
 _STRANGE = {"extra_forbidden", "missing"}
-_RENAMED = {"q_above_rest": "q", "second_moment": "thickness and width of finger.rod"}
+_RENAMED = {
+    "q_above_rest": "q",
+    "second_moment": "thickness and width of finger.rod",
+    "residual": "finger.tendons.friction, finger.damping.dry_friction or finger.softening",
+}
 """Keys that are said by another one."""
 _LIMITS = {
     "greater_than": ("gt", "greater than"),

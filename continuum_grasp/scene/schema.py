@@ -14,7 +14,6 @@ _Node = dict[str, Any]
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _SUFFIX = "Changes"
 _VERSION = {"const": 1, "description": "Format of this file."}
-_RESIDUAL = {"type": "string", "description": "Path of a learned residual, relative to this file."}
 _GRASP = {"type": "string", "description": "Path of a grasp file, relative to this file."}
 
 
@@ -44,9 +43,6 @@ def json_schema(kind: str) -> _Node:
             grasp["anyOf"] = [_GRASP, *(grasp.get("anyOf") or [{"$ref": grasp.pop("$ref")}])]
         if "finger" in schema["properties"]:
             _take_files(schema, "GraspFinger" if kind == "grasp" else "Finger", definitions)
-    if "Fidelity" in definitions:
-        residual = definitions["Fidelity"]["properties"]["residual"]
-        residual["anyOf"] = [_RESIDUAL, *residual["anyOf"]]
     # Of files alone: values that are made in Python need none.
     schema["properties"]["schema_version"] = _VERSION
     schema["required"].insert(0, "schema_version")

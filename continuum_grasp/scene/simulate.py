@@ -13,7 +13,6 @@ from continuum_grasp.scene.drives import COMMANDS, MotorDrive, of_drives
 from continuum_grasp.scene.families import FamilyName
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import SIMULATION_METHODS
-from continuum_grasp.scene.learned_residual import LearnedResidual
 from continuum_grasp.scene.loads import Actuation, Load, Samples
 from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.surroundings import Surroundings
@@ -38,7 +37,6 @@ else:
 _BEYOND_THE_ROD = {
     # Of what is at rest, quadratic damping and relaxation are no part.
     **unknown_to("the exact rod", "finger.stops", "finger.damping.quadratic", "finger.damping.relaxation"),
-    "fidelity.residual": "belongs to one model: give its family and elements, and no tolerance",
     "initial.reached_by=state": "the exact rod has no friction cells: expected pulling or releasing",
 }
 EXACT_ROD = Consumer(
@@ -85,9 +83,6 @@ class Fidelity(Value):
     accuracy: Annotated[float, Field(ge=1e-16, le=1e-2, examples=[1e-6]), Unit("1")] | None = None
     """Relative accuracy to which the chosen family is evaluated over the bending range (Horner terms, quadrature
     nodes) [1]; None: rounding for arcs, and for clothoids about as small as their discretization error."""
-    residual: LearnedResidual | None = None
-    """Forces that this model misses, learned from logs by ``continuum-grasp identify``; they belong to one family and
-    its elements. In a file also the path of the file that it wrote."""
 
 
 class Initial(Value):

@@ -222,13 +222,6 @@ def test_a_payload_stiffness_and_lag_are_learned_from_the_motion():
 
 
 @pytest.mark.deep
-def test_a_learned_residual_brings_the_tip_nearer_on_tendons_with_friction():
-    scene = load((FOLDER / "learned_friction").with_suffix(".yaml"), ["duration=1.5"])
-    learned, plain = (checked(run_closed_loop(one)) for one in (scene, scene.changed({"fidelity.residual": None})))
-    assert rms(learned.tracked[:, :2] - learned.r[:, :2]) < 0.95 * rms(plain.tracked[:, :2] - plain.r[:, :2])
-
-
-@pytest.mark.deep
 def test_a_bar_is_turned_by_30_degrees_and_left_alone():
     found = checked(run("turn_bar", 5.5))
     angle = np.degrees(found.object_pose[:, 2])

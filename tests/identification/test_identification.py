@@ -250,7 +250,7 @@ def test_a_mode_that_does_not_ring_is_an_error():
 @pytest.mark.parametrize(
     ("names", "words"),
     [
-        ([], "expected the names"),
+        ([], "expected names of parameters"),
         ("bending_stiffness", "parameters: expected a list of Estimate or text"),
         ([3], "parameters: expected a list of Estimate or text"),
         (["youngs_modulus"], "given by its shape"),
@@ -289,9 +289,9 @@ def test_wrong_data_are_named(make, words):
         (Poses([Reading("x", [0.3])], {"load_2_y": [0.1]}), "load_2_y"),
         (Poses([Reading("x", [0.3])], {"bending_stiffness": [0.1]}), "is to be estimated, and given"),
         (Poses([Reading("x", [0.3], at=2.0 * LENGTH)]), "not on the finger"),
-        ([], "expected measurements"),
+        ([], "expected files with measurements"),
         (3, "data: expected a path or a Poses"),
-        ("tip_drop.csv", "give arrays for a scene"),
+        ("tip_drop.csv", "no such file"),
         (Poses([Reading("x", [0.3])], fitted=[False]), "no row is to be fitted"),
     ],
 )

@@ -150,6 +150,14 @@ def test_foam_rod_gives_its_weight_over_stiffness_and_the_slope_of_its_clamp():
     assert 0.012 < fit.holdout_errors[0].largest < 0.02  # the foam creeps
 
 
+@pytest.mark.deep
+def test_silicone_tentacle_has_the_modulus_that_an_independent_code_found():
+    fit = identified("silicone_tentacle", "silicone_tentacle_static/poses_wide.csv")
+    # 306 +- 7 kPa, and 8.8 mm mean distance of the markers (README of the data).
+    assert fit["youngs_modulus"] == pytest.approx(306e3, abs=14e3)
+    assert np.mean([one.mean for one in fit.channels if "distance" in one.name]) < 10e-3
+
+
 def test_foam_rod_does_not_tell_its_weight():
     fit = identified("foam_rod", "pool_noodle_static/poses.csv", parameters=["bending_stiffness", "linear_density"])
     assert any("only a combination of bending_stiffness and linear_density" in one for one in fit.warnings)

@@ -22,6 +22,7 @@ from continuum_grasp.design import DesignResult
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.values import Status
+from continuum_grasp.identification.comparison import Comparison
 from continuum_grasp.identification.excitation import ExcitationPlan
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.mission.outcomes import TrialsResult
@@ -40,6 +41,7 @@ RESULTS = (
     DesignResult,
     Equilibrium,
     ExcitationPlan,
+    Comparison,
     Fit,
     GraspResult,
     MissionRun,

@@ -30,7 +30,7 @@ from tests.features import FEATURES, VERBS, declared, scene_of
 from tests.scene_keys import NOT_ALONE, Place, bases, is_part, keys, others, places
 from tests.scene_products import WALKS, Walk, parts
 
-FROM_OUTSIDE = {"Freedom", "LearnedResidual", "ResidualTraining", "OutlineFile"}
+FROM_OUTSIDE = {"Freedom", "OutlineFile"}
 """Classes of values that scenes of simulation refuse, that belong to one model, or that a polygon replaces at load."""
 
 

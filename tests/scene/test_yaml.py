@@ -170,6 +170,7 @@ def test_byte_order_mark_is_not_part_of_the_first_key(write):
     [
         ("contcts: [0.3]", "scene.yaml:5:1: contcts: unknown key; did you mean 'contacts'?"),
         ("initial: {q_above_rest: [0]}", "scene.yaml:5:11: initial.q_above_rest: unknown key; write 'q'"),
+        ("fidelity: {residual: a.yaml}", "fidelity.residual: unknown key; write 'finger.tendons.friction, finger"),
         (
             "contacts: [true]",
             "scene.yaml:5:12: contacts[0]: wrong type: expected a length [m] such as 0.012 or 12 mm, got true",

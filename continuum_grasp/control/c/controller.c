@@ -119,18 +119,6 @@ static uint32_t controller_sensor_anomalies(const controller_output *out)
   return seen;
 }
 
-#ifdef CONTROLLER_LEARNS
-/* Whether the state is among those from which the residual was learned; one that is not finite is not. */
-static int controller_familiar(const controller_state *state, const controller_output *out)
-{
-  real share = 0;
-  const real *arg[] = {out->x, state->u};
-  real *res[] = {&share};
-  residual_distance(arg, res);
-  return share <= 1;
-}
-#endif
-
 /* ---- a new plan ---- */
 
 /* Settings of a call: the weight of the command's rate is raised fourfold per rung. Each fourfold buys about one period
@@ -339,9 +327,6 @@ int controller_step(controller_state *state, controller_work *work, const contro
     if (cg_is_nan(y[j]) && !cg_is_nan(input->measurement[j])) output->verdict[j] = CG_FROZEN;
   output->anomalies |= controller_sensor_anomalies(output);
   if (state->blind > patience) output->anomalies |= CONTROLLER_BLIND;
-#ifdef CONTROLLER_LEARNS
-  if (!controller_familiar(state, output)) output->anomalies |= CONTROLLER_UNFAMILIAR;
-#endif
   for (int j = 0; j < RTI_NX - CONTROLLER_ND; ++j) output->x[CONTROLLER_ND + j] = state->u[j];
   state->age += settings->period / settings->rti.stage;
   const int trusted = controller_supervise(state, settings, input, y, output);

@@ -47,15 +47,12 @@
  * 8192 CONTROLLER_RATE_LIMITED         the planned input was further from the last one than its rate allows in a stage
  * 16384 CONTROLLER_FROZEN      a reading does not move: it counts as missing until it does
  * 32768 CONTROLLER_BEYOND_LIMIT        a limit was moved past the last input; the command approaches it at its rate
- * 65536 CONTROLLER_UNFAMILIAR  the state is beyond the logs of the learned residual, which fades to zero
  * 131072 CONTROLLER_PLAN_GAPS  the plan was no motion of the model: replaced, or integrated anew
  *
  * Dimensions: those of rti.h, and CONTROLLER_ND (states that are estimated or measured; the others of RTI_NX are the
  * last input), CONTROLLER_ESTIMATES, CONTROLLER_NM (measurements), CONTROLLER_NS (sensors); with an estimator those of
  * ekf.h, and the generated function estimated_parameters; CONTROLLER_TOUCHES: whether there is a contact detector, with
- * the dimensions of contact_detector.h; CONTROLLER_LEARNS: whether the model has a learned residual, with the generated
- * function residual_distance. CONTROLLER_TICKS() may be a clock (uint32_t) that times the
- * phases.
+ * the dimensions of contact_detector.h. CONTROLLER_TICKS() may be a clock (uint32_t) that times the phases.
  */
 #ifndef CONTROLLER_H
 #define CONTROLLER_H
@@ -93,7 +90,6 @@ enum {
   CONTROLLER_RATE_LIMITED = 8192,
   CONTROLLER_FROZEN = 16384,
   CONTROLLER_BEYOND_LIMIT = 32768,
-  CONTROLLER_UNFAMILIAR = 65536,
   CONTROLLER_PLAN_GAPS = 131072
 };
 

@@ -48,7 +48,6 @@ class FreeFinger:
             elements=scene.fidelity.elements,
             bending_range=scene.fidelity.bending_range,
             accuracy=scene.fidelity.accuracy,
-            residual=scene.fidelity.residual,
             gravity=scene.gravity,
             parameters=parameters,
             loads=[],

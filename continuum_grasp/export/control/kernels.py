@@ -24,7 +24,6 @@ _TEXTS = {
     "expanded": "Cost with gradient and Hessian; bounded rows with their Jacobian.",
     "outputs": "What is compared with measurements, with its derivative.",
     "parameters": "Parameters with the disturbances.",
-    "distance": "Squared distance from the logs of the learned residual, per that from which on it fades.",
     "measured": "What winches have wound up, and what pulls them.",
     "begin": "State and lengths of winches, as a step takes them.",
     "tension": "What the tendons of a finger that touches nothing pull winches with.",

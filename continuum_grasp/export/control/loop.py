@@ -97,8 +97,6 @@ class Loop:
     """Command that is approached when there is no plan."""
     estimated: tuple[str, ...]
     """Names and units of what the plan starts from: states, then disturbances."""
-    distance: ca.Function | None = None
-    """Whether a state is among those from which a residual was learned; None without one."""
 
     @staticmethod
     def of(scene: ControlScene, real: Real, parts: Sequence[str]) -> Loop:
@@ -133,7 +131,6 @@ class Loop:
             kicks=kicks,
             safe="the least tensions" if scene.finger.tendons is not None else "no moment",
             estimated=model.x_names if estimation is None else estimation.z_names,
-            distance=model.residual_distance,
         )
 
     @staticmethod
@@ -300,7 +297,6 @@ class Loop:
         """Functions of stages and estimator that the C of ``control/c`` calls."""
         s, e, controls = self.stages, self.estimation, "mpc" in self.parts
         found = [s.step, s.cost, s.terminal] if controls else []
-        found += [self.distance] if controls and self.distance is not None else []
         if e is not None:
             found += [e.step, e.outputs, *([e.parameters] if controls else []), *([e.flow] if self.periods else [])]
         if self.contact is not None:

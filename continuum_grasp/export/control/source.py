@@ -60,8 +60,6 @@ class _Writer:
             found += [line for line in dimensions(s, self.real.name).splitlines() if line.startswith("#define")]
             sizes = {"ND": s.nd, "NM": len(loop.measurement_names), "ESTIMATES": int(self.filter)}
             sizes["TOUCHES"] = int(loop.contact is not None)
-            if loop.distance is not None:
-                found.append("#define CONTROLLER_LEARNS 1")
             sizes["NS"] = 0 if e is None else len(e.sensor_names)
             # Plain C has no vectors: one lane.
             found += ["#define RTI_LANES 1", *(f"#define CONTROLLER_{name} {size}" for name, size in sizes.items())]

@@ -1,0 +1,53 @@
+"""``continuum-grasp compare``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from continuum_grasp.cli.options import verb
+from continuum_grasp.cli.output import Output
+
+if TYPE_CHECKING:
+    from continuum_grasp.identification.comparison import Predicted
+    from continuum_grasp.scene.simulate import Scene
+
+
+@verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
+def compare(
+    output: Output,
+    data: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[DATA...]", help="Tables of measurements, or folders; none: those that CONFIG names."),
+    ] = None,
+) -> None:
+    """Compare a simulation with measurements: shapes, paths, frequencies, forces; nothing is estimated."""
+    from continuum_grasp.scene.simulate import Scene
+
+    compared(output.scene(Scene), data, output)
+
+
+def compared(scene: Scene, data: list[Path] | None, output: Output) -> None:
+    """Compare a scene with measurements, and save that."""
+    output.check_folder()
+
+    from continuum_grasp.identification import compare as run
+    from continuum_grasp.identification.read import located
+
+    given = list(data or located(scene, output.config.parent))
+    with output.busy("comparing") as report:
+        found = run(scene, given, progress=report)
+    files = output.save(found)
+    show_channels(found, output)
+    output.warn(found.warnings)
+    output.pairs(output.saved_in(files))
+    output.conclude(found, files, **found.details())
+
+
+def show_channels(found: Predicted, output: Output) -> None:
+    """Print the errors of each channel."""
+    from continuum_grasp.identification.comparison import HEADINGS
+
+    output.table(HEADINGS, *(one.texts for one in found.channels))

@@ -1,0 +1,256 @@
+"""Measurements beside what a model predicts of them: errors by channel, and what pictures of both need."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.identification.blocks import Drawn, Entry
+from continuum_grasp.labels import SHOWN_IN
+from continuum_grasp.results.declared import Dimension, Picture, Stored
+from continuum_grasp.results.result import Result
+from continuum_grasp.scene.simulate import Scene
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Error:
+    """Prediction errors of a group of measurements: r.m.s., the largest, and how many.
+
+    Attributes
+    ----------
+    group, unit : str
+    rms, largest : float
+    count : int
+    """
+
+    group: str
+    unit: str
+    rms: float
+    largest: float
+    count: int
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Prediction errors of one quantity at one place of one set; of x and y of a point also the distance.
+
+    Attributes
+    ----------
+    name, unit : str
+    fitted : bool
+        False: a hold-out.
+    rms, largest, mean : float
+        Root mean square, largest size, and mean with its sign.
+    share : float or None
+        R.m.s. of a position per length of the finger [1]; None for other quantities.
+    count : int
+    """
+
+    name: str
+    unit: str
+    fitted: bool
+    rms: float
+    largest: float
+    mean: float
+    share: float | None
+    count: int
+
+    @property
+    def texts(self) -> tuple[str, ...]:
+        """Name and errors as a table shows them: lengths in mm, angles in degrees."""
+        factor, unit = SHOWN_IN.get(self.unit, (1.0, self.unit))
+        errors = (f"{factor * value:.3g}" for value in (self.rms, self.largest, self.mean))
+        share = "" if self.share is None else f"{100.0 * self.share:.2g} %"
+        return (f"{self.name}{'' if self.fitted else ' (hold-out)'}", *errors, unit, share, str(self.count))
+
+
+HEADINGS = ("channel", "r.m.s.", "at most", "mean", "unit", "of the length", "numbers")
+"""Of a table of `Channel.texts`."""
+
+
+@dataclass(frozen=True)
+class Predicted(Result):
+    """Measured numbers with their predictions, set by set; what comparisons and fits share.
+
+    Attributes
+    ----------
+    entries : tuple of Entry
+        The m measured numbers: label, group, unit, value, whether fitted.
+    blocks : tuple of (str, int)
+        Name of each set of measurements and how many entries it has.
+    drawn : tuple of Drawn
+        Predicted backbones of each set in some rows or at some instants.
+    scene : Scene
+    """
+
+    stored: ClassVar[tuple[Stored, ...]] = (
+        Stored("measured", "(measurement,)", "", "measured numbers"),
+        Stored("predictions", "(measurement,)", "", "predictions of the model"),
+        Stored("residuals", "(measurement,)", "", "predictions less measurements"),
+        Stored("fitted", "(measurement,)", "1", "whether it was fitted"),
+        Stored("labels", "(measurement,)", "text", "name of each measured number"),
+    )
+    dimensions: ClassVar[tuple[Dimension, ...]] = (
+        Dimension("measurement", "measured numbers, set by set", "measurement_names"),
+    )
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("shapes", "plotting.identification:plot_shapes", needs="has_shapes", panels=True),
+        Picture("series", "plotting.identification:plot_series", panels=True),
+    )
+
+    entries: tuple[Entry, ...]
+    predictions: Array
+    blocks: tuple[tuple[str, int], ...]
+    drawn: tuple[Drawn, ...]
+    scene: Scene
+
+    @property
+    def has_shapes(self) -> bool | None:
+        """True where both coordinates of a point of the finger were measured."""
+        return bool(self.points) or None
+
+    @property
+    def measurement_names(self) -> tuple[str, ...]:
+        """Name and unit of each measured number."""
+        return tuple(f"{entry.label} [{entry.unit}]" for entry in self.entries)
+
+    @cached_property
+    def measured(self) -> Array:
+        """Measured values (m,)."""
+        return np.array([entry.value for entry in self.entries])
+
+    @cached_property
+    def fitted(self) -> NDArray[np.bool_]:
+        """Mask of the entries that were fitted (m,)."""
+        return np.array([entry.fitted for entry in self.entries], dtype=bool)
+
+    @property
+    def residuals(self) -> Array:
+        """Predictions less measurements (m,), in the units of the entries."""
+        return self.predictions - self.measured
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Name of each entry."""
+        return tuple(entry.label for entry in self.entries)
+
+    @property
+    def errors(self) -> tuple[Error, ...]:
+        """Errors of what was fitted, by group."""
+        return self._errors(self.fitted)
+
+    @property
+    def holdout_errors(self) -> tuple[Error, ...]:
+        """Errors of what was predicted and not fitted, by group."""
+        return self._errors(~self.fitted)
+
+    def _errors(self, chosen: NDArray[np.bool_]) -> tuple[Error, ...]:
+        found = []
+        for group, unit in {entry.group: entry.unit for entry in self.entries}.items():
+            size = np.abs(self.residuals[chosen & np.array([entry.group == group for entry in self.entries])])
+            if size.size:
+                rms = float(np.sqrt(np.mean(size**2)))
+                found.append(Error(group, unit, rms, float(size.max()), int(size.size)))
+        return tuple(found)
+
+    @property
+    def series(self) -> dict[tuple[str, str], NDArray[np.intp]]:
+        """Entries (R,) of each set's name and quantity at a place, in their order."""
+        found: dict[tuple[str, str], list[int]] = {}
+        for row, (name, entry) in enumerate(zip(self.set_of, self.entries, strict=True)):
+            found.setdefault((name, entry.series), []).append(row)
+        return {key: np.array(rows) for key, rows in found.items()}
+
+    @property
+    def points(self) -> dict[tuple[str, float, float], tuple[int, int]]:
+        """Entries of x and y of each measured point, by set, row or instant, and position along the finger [m]."""
+        found: dict[tuple[str, float, float], dict[str, int]] = {}
+        for row, (name, entry) in enumerate(zip(self.set_of, self.entries, strict=True)):
+            if entry.quantity in ("x", "y") and entry.place is not None:
+                found.setdefault((name, entry.at, entry.place), {})[entry.quantity] = row
+        return {key: (of["x"], of["y"]) for key, of in found.items() if len(of) == 2}
+
+    @property
+    def paths(self) -> set[str]:
+        """Names of the sets whose entries are along a motion."""
+        return {name for (name, _), lines in zip(self.blocks, self.drawn, strict=True) if lines.over_time}
+
+    @property
+    def set_of(self) -> list[str]:
+        """Name of the set of each entry."""
+        return [name for name, count in self.blocks for _ in range(count)]
+
+    @property
+    def channels(self) -> tuple[Channel, ...]:
+        """Errors of each quantity at each place of each set, hold-outs apart, and of the distances of points."""
+        kinds = [
+            (f"{name}: {what}", self.entries[rows[0]].unit, rows, self.residuals[rows])
+            for (name, what), rows in self.series.items()
+        ]
+        places = dict[tuple[str, float], list[tuple[int, int]]]()
+        for (name, _, place), pair in self.points.items():
+            places.setdefault((name, place), []).append(pair)
+        for (name, place), pairs in places.items():
+            x, y = np.array(pairs).T
+            kinds.append((f"{name}: distance at {place:g} m", "m", x, np.hypot(self.residuals[x], self.residuals[y])))
+        found, length = [], self.scene.finger.rod.length
+        for what, unit, rows, missed in kinds:
+            for fitted in (True, False):
+                own = missed[self.fitted[rows] == fitted]
+                if own.size:
+                    rms, share = float(np.sqrt(np.mean(own**2))), None
+                    if unit == "m" and self.entries[rows[0]].quantity in ("x", "y"):
+                        share = rms / length
+                    numbers = rms, float(np.abs(own).max()), float(own.mean()), share, int(own.size)
+                    found.append(Channel(what, unit, fitted, *numbers))
+        return tuple(found)
+
+
+@dataclass(frozen=True)
+class Comparison(Predicted):
+    """Measurements beside the simulation of a scene as it is: nothing was estimated.
+
+    Attributes
+    ----------
+    status : {"compared"}
+    warnings : tuple of str
+    statistics : mapping
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> found = cg.compare("configs/identify/own_finger.yaml")
+    >>> found.channels[0].name, found.status
+    ('own_finger_weights: x at tip', 'compared')
+    """
+
+    kind: ClassVar[str] = "compare"
+
+    status: str = "compared"
+    warnings: tuple[str, ...] = ()
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    def pairs(self) -> dict[str, str]:
+        """Errors of the first channels."""
+        return {one.name: f"{one.texts[1]} {one.texts[4]} r.m.s. {one.texts[5]}".strip() for one in self.channels[:6]}
+
+    def details(self) -> dict[str, Any]:
+        """Errors of each channel, as plain data."""
+        return {"channels": channel_rows(self.channels), "blocks": block_rows(self.blocks)}
+
+
+def channel_rows(channels: Sequence[Channel]) -> list[dict[str, Any]]:
+    """Channels as plain data."""
+    return [dict(vars(one)) for one in channels]
+
+
+def block_rows(blocks: Sequence[tuple[str, int]]) -> list[dict[str, Any]]:
+    """Sets of measurements as plain data."""
+    return [{"name": name, "entries": count} for name, count in blocks]

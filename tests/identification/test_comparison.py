@@ -1,0 +1,252 @@
+"""Comparisons with measurements written by hand: circles, an arc with a mass by scipy, foreign tables."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
+
+import continuum_grasp as cg
+from continuum_grasp.cli import app
+from continuum_grasp.errors import InputError
+from continuum_grasp.identification import Poses, Reading, read_data, read_table
+from continuum_grasp.scene.identify import IdentifyScene
+
+LENGTH, STIFFNESS = 0.2, 0.005
+ROD = {
+    "finger": {
+        "rod": {"length": LENGTH, "linear_density": 0.03, "bending_stiffness": STIFFNESS},
+        "base": {"angle": -math.pi / 2},
+    },
+    "gravity": (0.0, 0.0),
+    "actuation": {"tip_moment": 0.0},
+}
+TEXT = """schema_version: 1
+finger:
+  rod: {length: 0.2, linear_density: 0.03, bending_stiffness: 0.005}
+  base: {angle: -90 deg}
+gravity: [0.0, 0.0]
+actuation: {tip_moment: 0.0}
+"""
+MOMENTS, PLACES = (0.005, 0.01, 0.02), (0.08, 0.14, 0.2)
+
+
+def on_arc(moment: float, s: float, offset: float = 0.0) -> tuple[float, float]:
+    """Point of a rod that lies along x and is bent by a moment at its tip, M = E I kappa; ``offset`` to its right."""
+    kappa = moment / STIFFNESS
+    normal = offset * math.sin(kappa * s), -offset * math.cos(kappa * s)
+    return math.sin(kappa * s) / kappa + normal[0], (1.0 - math.cos(kappa * s)) / kappa + normal[1]
+
+
+def table(tmp_path, text: str, name: str = "points.csv"):
+    file = tmp_path / name
+    file.write_text(text)
+    return file
+
+
+def long_table(tmp_path, write):
+    rows = [write(k, m, s) for k, m in enumerate(MOMENTS) for s in PLACES]
+    return "\n".join(rows) + "\n"
+
+
+def described(*data) -> IdentifyScene:
+    return IdentifyScene(**ROD, data=data)
+
+
+LONG = {
+    "kind": "static",
+    "pose": "pose",
+    "conditions": [{"name": "tip_moment", "column": "M"}],
+    "measured": [{"quantity": axis, "column": axis, "at": {"column": "s"}} for axis in ("x", "y")],
+}
+
+
+def test_a_table_with_units_semicolons_and_commas_needs_no_configuration(tmp_path):
+    def write(k, moment, s):
+        x, y = on_arc(moment, s)
+        return f"p{k};{1e3 * moment:.3f};{1e3 * s:.0f};{1e3 * x:.5f};{1e3 * y:.5f}".replace(".", ",")
+
+    text = "pose;tip_moment [N mm];at [mm];x [mm];y [mm]\n" + long_table(tmp_path, write)
+    found = cg.compare(cg.Scene(**ROD), table(tmp_path, text))
+    assert len(found.entries) == 18
+    assert np.abs(found.residuals).max() < 1e-7
+    assert {one.count for one in found.channels} == {3}
+    assert sorted(one.name.split(": ")[1] for one in found.channels if "distance" in one.name) == [
+        f"distance at {s:g} m" for s in PLACES
+    ]
+
+
+def test_errors_are_those_of_the_shift_that_was_written(tmp_path):
+    rows = "".join(f"{m},{on_arc(m, LENGTH)[0] + 0.003},{on_arc(m, LENGTH)[1] - 0.004}\n" for m in MOMENTS)
+    found = cg.compare(cg.Scene(**ROD), table(tmp_path, "tip_moment,x,y\n" + rows))
+    x, y, distance = found.channels
+    assert (x.mean, y.mean) == pytest.approx((-0.003, 0.004), abs=1e-7)
+    assert (distance.rms, distance.largest) == pytest.approx((0.005, 0.005), abs=1e-7)
+    assert distance.share == pytest.approx(0.025, abs=1e-6)
+    assert distance.texts[1:6] == ("5", "5", "5", "mm", "2.5 %")
+
+
+def test_image_coordinates_a_shifted_origin_and_markers_beside_the_backbone(tmp_path):
+    def write(k, moment, s):
+        x, y = on_arc(moment, s, 0.01 * (k + 1))
+        return f"p{k},{moment},{s},{x - 0.05},{0.3 - y},{0.01 * (k + 1)}"
+
+    file = table(tmp_path, "pose,M,s,x,y,beside\n" + long_table(tmp_path, write))
+    measured = [{**one, "offset": {"column": "beside"}} for one in LONG["measured"]]
+    scene = described({**LONG, "measured": measured, "axes": ["x", "-y"], "origin": (0.05, 0.3)})
+    assert np.abs(cg.compare(scene, file).residuals).max() < 1e-7
+    bare = described({**LONG, "axes": ["x", "-y"], "origin": (0.05, 0.3)})
+    assert np.abs(cg.compare(bare, file).residuals).max() > 0.02
+
+
+def test_a_frame_that_is_shifted_and_turned_is_estimated(tmp_path):
+    turn, shift = 0.07, np.array([0.012, -0.008])
+    c, s = math.cos(turn), math.sin(turn)
+
+    def write(k, moment, place):
+        x, y = np.array([[c, -s], [s, c]]) @ on_arc(moment, place) + shift
+        return f"p{k},{moment},{place},{x},{y}"
+
+    file = table(tmp_path, "pose,M,s,x,y\n" + long_table(tmp_path, write))
+    fit = cg.identify(described(LONG), file, parameters=["bending_stiffness", "base_x", "base_y", "clamp_angle"])
+    assert [fit[name] for name in fit.names] == pytest.approx([STIFFNESS, *shift, turn], abs=1e-6)
+    base = fit.apply().finger.base
+    assert (*base.position, base.angle) == pytest.approx((*shift, turn - math.pi / 2), abs=1e-6)
+
+
+def test_poses_that_lack_points_are_read_by_what_they_have(tmp_path):
+    def write(k, moment, s):
+        x, y = on_arc(moment, s)
+        return f"p{k},{moment},{s},{x},{'' if k == 1 and s < 0.1 else y}"
+
+    file = table(tmp_path, "pose,M,s,x,y\n" + long_table(tmp_path, write))
+    first, second = read_data(described(LONG), [file])
+    assert (first.rows, len(first.measured), second.rows, len(second.measured)) == (2, 6, 1, 5)
+    assert np.abs(cg.compare(described(LONG), file).residuals).max() < 1e-7
+
+
+def test_a_track_with_gaps_is_that_of_one_arc_with_a_mass(tmp_path):
+    """Truth: m g(a) a'' + m g'(a) a'^2 / 2 = -E I a / L for the bend a of a light arc, g = |dr / da|^2."""
+    mass, start = 0.1, 0.4
+
+    def tip(a):
+        return np.array([-LENGTH * (1.0 - np.cos(a)) / a, LENGTH * np.sin(a) / a])
+
+    def inertia(a, step=1e-4):
+        return mass * np.sum((tip(a + step) - tip(a - step)) ** 2) / (2 * step) ** 2
+
+    def rate(_, z):
+        slope = (inertia(z[0] + 1e-3) - inertia(z[0] - 1e-3)) / 2e-3
+        return [z[1], (-STIFFNESS / LENGTH * z[0] - 0.5 * slope * z[1] ** 2) / inertia(z[0])]
+
+    t = np.linspace(0.0, 0.3, 31)
+    bends = solve_ivp(rate, (0.0, 0.3), [start, 0.0], t_eval=t, rtol=1e-10, atol=1e-12).y[0]
+    lines = [f"{at:.4f},{x:.8f},{y:.8f}" for at, (x, y) in zip(t, (tip(a) for a in bends), strict=True)]
+    lines[5], lines[9] = f"{t[5]},,0.1", f"{t[9]},,"
+    scene = cg.Scene(
+        finger={
+            "rod": {"length": LENGTH, "linear_density": 1e-6, "bending_stiffness": STIFFNESS},
+            "masses": [{"at": LENGTH, "mass": mass}],
+        },
+        gravity=(0.0, 0.0),
+        fidelity={"family": "arc", "elements": 1},
+        initial={"q": [start]},
+    )
+    found = cg.compare(scene, table(tmp_path, "t,x,y\n" + "\n".join(lines)))
+    assert len(found.entries) == 2 * 29
+    assert found.paths == {"points"}
+    assert np.abs(found.residuals).max() < 1e-5
+
+
+DEEPLABCUT = """scorer,net,net,net,net,net,net
+bodyparts,mid,mid,mid,tip,tip,tip
+coords,x,y,likelihood,x,y,likelihood
+0,1.5,2.5,0.99,3.5,4.5,0.98
+1,1.6,2.6,0.10,3.6,4.6,0.97
+"""
+
+
+def test_tables_of_deeplabcut_and_tracker(tmp_path):
+    one = read_table(table(tmp_path, DEEPLABCUT))
+    assert one.headings == ("frame", "mid_x", "mid_y", "mid_likelihood", "tip_x", "tip_y", "tip_likelihood")
+    assert one.numbers("tip_y").tolist() == [4.5, 4.6]
+    assert np.isnan(one.numbers("mid_x", gaps=True)).tolist() == [False, True]
+    assert one.lines == (4, 5)
+    two = read_table(table(tmp_path, "\tmass A\t\tmass B\t\nt\tx\ty\tx\ty\n0,0\t1,5\t2\t3\t4E-1\n"))
+    assert two.headings == ("t", "mass A_x", "mass A_y", "mass B_x", "mass B_y")
+    assert [two.numbers(name)[0] for name in two.headings] == [0.0, 1.5, 2.0, 3.0, 0.4]
+    single = read_table(table(tmp_path, "mass A\nt,x,y\n0.0,1.5,2\n"))
+    assert (single.headings, single.numbers("x")[0]) == (("t", "x", "y"), 1.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "pose,M,s,x,y\np0,0.01,0.1,0.1,0\np0,0.02,0.2,0.2,0\n",
+            "points.csv:3:1: tip_moment differs from the first row",
+        ),
+        ("pose,M,s,x,y\np0,0.01,0.1,0.1,0\np0,0.01,0.1,0.2,0\n", "points.csv:3:1: 2 rows of one pose at one place"),
+        ("pose,M,s,x,y\np0,0.01,0.1,0.1,0\np0,0.01,0.3,0.2,0\n", "0.3 m is beyond the finger's length of 0.2 m"),
+        ("pose,M,s,x,y\np0,0.01,0.1,,\n", "points.csv:2:13: column x: the cell is empty"),
+        (
+            "pose;M;s;x;y\np0;0.01;0.1;0,1;0\n",
+            "column x: expected a number, got '0,1' (write a decimal point, not a comma)",
+        ),
+    ],
+)
+def test_tables_that_contradict_themselves_are_refused_by_place(tmp_path, text, message):
+    with pytest.raises(InputError) as refused:
+        cg.compare(described(LONG), table(tmp_path, text))
+    assert message in str(refused.value)
+
+
+def test_headings_that_say_nothing_and_axes_along_one_line_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"points.csv:1: the headings do not say what was measured"):
+        cg.compare(cg.Scene(**ROD), table(tmp_path, "a,b\n1,2\n"))
+    with pytest.raises(InputError, match="both are along x"):
+        described({**LONG, "axes": ["x", "-x"]})
+
+
+def test_a_comparison_is_drawn_with_points_on_the_finger():
+    from continuum_grasp.plotting.identification import plot_series, plot_shapes
+
+    tip = np.array([on_arc(m, LENGTH) for m in MOMENTS]).T
+    poses = Poses([Reading("x", tip[0]), Reading("y", tip[1] + 0.01)], {"tip_moment": MOMENTS}, [True, True, False])
+    found = cg.compare(cg.Scene(**ROD), poses)
+    (ax,) = plot_shapes(found)
+    dots = [one.get_offsets() for one in ax.collections if one.get_label() in ("measured", "measured, hold-out")]
+    assert np.array(np.vstack(dots)) == pytest.approx(tip.T + np.array([0.0, 0.01]), abs=1e-9)
+    ends = [line.get_xydata()[-1] for line in ax.lines if len(line.get_xydata()) > 2]
+    assert np.array(ends[:3]) == pytest.approx(tip.T, abs=1e-7)
+    above, below = plot_series(found)[:2]
+    assert (above.get_ylabel(), below.get_ylabel()) == ("y at tip [mm]", "error [mm]")
+
+
+def test_the_command_compares_and_identify_without_parameters_does_the_same(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rod.yaml").write_text(TEXT)
+    rows = "".join(f"{m},{on_arc(m, LENGTH)[0]},{on_arc(m, LENGTH)[1]}\n" for m in MOMENTS)
+    table(tmp_path, "tip_moment,x,y\n" + rows)
+    shown = CliRunner().invoke(app, ["compare", "rod.yaml", "points.csv", "--no-pictures"]).stdout
+    assert "points: distance at 0.2 m" in shown
+    data = "data: [{kind: static, file: points.csv, conditions: [{name: tip_moment, column: tip_moment}], measured: "
+    data += "[{quantity: x, column: x}, {quantity: y, column: y}]}]\n"
+    (tmp_path / "same.yaml").write_text(TEXT + "estimate: []\n" + data)
+    same = CliRunner().invoke(app, ["identify", "same.yaml", "--no-pictures"]).stdout
+    assert same.partition("saved in")[0] == shown.partition("saved in")[0]
+    assert (tmp_path / "runs/compare/same/result.npz").is_file()
+
+
+def test_the_log_of_a_controller_is_replayed_by_its_commands(tmp_path):
+    finger = {**ROD["finger"], "tendons": {"offset": 0.01, "max_tension": 10.0, "time_constant": 0.02}}
+    scene = cg.Scene(
+        finger=finger, gravity=(0.0, 0.0), fidelity={"family": "arc", "elements": 1}, initial={"pose": "rest"}
+    )
+    head = "t [s],commanded_tension_1 [N],commanded_tension_2 [N],tip_x [m],tip_y [m],tension_1 [N],tension_2 [N]\n"
+    found = cg.compare(scene, table(tmp_path, head + "".join(f"{0.01 * k:.2f},1,1,0.2,0.0,7,8\n" for k in range(4))))
+    assert np.abs(found.residuals).max() < 1e-12
+    assert len(found.entries) == 8
