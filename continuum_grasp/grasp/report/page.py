@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from continuum_grasp.grasp.report.html import (
-    badge,
     cards,
     details,
     escaped,
@@ -91,7 +90,6 @@ def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: Arr
         section("Resisted disturbances", _resistance(resisted, beside), _disturbances(result)),
         section(robust_head(result)[0], table(robust_head(result)[1], robust_rows(result))),
         _certificate(result.certificate) if result.solved and result.certificate is not None else "",
-        _closing(result),
         section("The same grasp in a fine model", table((), fine_rows(result))),
         section("The search", folded("Statistics", searched)),
         section("The scene", folded("Configuration, as it was read", given, exact=True)),
@@ -224,22 +222,6 @@ def _resistance(resisted: ArrayLike | None, beside: Mapping[str, Axes]) -> str:
 def _disturbances(result: GraspResult) -> str:
     head = ("Disturbance: force x, y, moment", "Multiple that is resisted", "What stops it then")
     return table(head, disturbance_rows(result), (1,))
-
-
-def _closing(result: GraspResult) -> str:
-    """The way in, where it was asked for."""
-    from continuum_grasp.plotting.grasp.closing import plot_closing
-
-    path = result.closing
-    if path is None:
-        return ""
-    caption = (
-        "Central lines of the fingers while all tensions grow from none to those of the grasp, light to dark; dots "
-        "press on the object; dashed: the grasp."
-    )
-    lead = f"<p>{badge(path.status.value, path.reached)} {escaped(path.message)}</p>"
-    drawing = _svg(plot_closing(result), "closing", "fingers on their way into the grasp")
-    return section("The way in", lead, figure("closing", drawing, caption))
 
 
 def _certificate(certificate: Certificate) -> str:
