@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.modes import with_elements
-from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.result import GraspResult, flawed
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.values import start_from
-from continuum_grasp.grasp.values import Change, tension_of
-from continuum_grasp.grasp.verdict import REFUTED, flawed
+from continuum_grasp.grasp.values import REFUTED, Change, tension_of
 from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import GraspScene

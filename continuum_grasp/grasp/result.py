@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -330,3 +330,11 @@ class GraspResult(Result):
             Save the indices of quality too, which take some tenths of a second.
         """
         return self._save(folder, quality=quality)
+
+
+def flawed(result: GraspResult, flaw: str) -> GraspResult:
+    """A verified grasp with a flaw that was found afterwards."""
+    message = result.message.replace("held with ", f"held but {flaw}: ", 1)
+    if message == result.message:  # it has flaws already
+        message = message.replace(": ", f" and {flaw}: ", 1)
+    return replace(result, status=Status.FEASIBLE, message=message)

@@ -17,7 +17,7 @@ from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.words import out_of_reach
-from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.result import GraspResult, flawed
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.sensitivity import sensitivities
 from continuum_grasp.grasp.stations import (
@@ -27,8 +27,7 @@ from continuum_grasp.grasp.stations import (
     without_stations,
 )
 from continuum_grasp.grasp.steady import stabilize
-from continuum_grasp.grasp.values import Reason, Status, force_text
-from continuum_grasp.grasp.verdict import REFUTED, STEADIER, flawed, verdict
+from continuum_grasp.grasp.values import REFUTED, STEADIER, Reason, Status, force_text, verdict
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene

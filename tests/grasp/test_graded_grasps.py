@@ -15,8 +15,7 @@ from continuum_grasp.grasp.problem.blocks import Columns
 from continuum_grasp.grasp.problem.curves import CurvesSpec, curve_numbers
 from continuum_grasp.grasp.problem.structure import FingerSpec
 from continuum_grasp.grasp.problem.unit_finger import PRESLIDING, UnitFinger
-from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.grasp.skin import skin
+from continuum_grasp.grasp.shape import FingerShape, skin
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.profile import Curve

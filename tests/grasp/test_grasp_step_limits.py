@@ -21,7 +21,7 @@ from continuum_grasp.grasp.reasons.elastic import Repair, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, Starts
 from continuum_grasp.grasp.reasons.words import is_clear, is_rare, ordered
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.grasp.robust import joint, states
+from continuum_grasp.grasp.robust import joint
 from continuum_grasp.grasp.robust import response as responses
 from continuum_grasp.grasp.robust import search as exchange
 from continuum_grasp.grasp.robust import solve as robust
@@ -188,9 +188,9 @@ def goes_on(worse):
     """Whether friction states count that lower the reserve by so much."""
     responder = Some(scene=Some(state_columns=True), to=lambda error: Some(error=error, reserve=-worse))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(states, "worst_vertex", lambda last: last.error)
-        patch.setattr(states, "state_cells", lambda _: np.eye(2, dtype=bool))
-        return len(list(states.descended(responder, [Some(error=np.ones(8), reserve=0.0)]))) > 2
+        patch.setattr(exchange, "worst_vertex", lambda last: last.error)
+        patch.setattr(exchange, "state_cells", lambda _: np.eye(2, dtype=bool))
+        return len(list(exchange.descended(responder, [Some(error=np.ones(8), reserve=0.0)]))) > 2
 
 
 def effort_in_error():
