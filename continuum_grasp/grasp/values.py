@@ -132,8 +132,6 @@ class Reason:
         The same as a sentence.
     repair : str
         What to do about it.
-    confirmed : float, optional
-        What it would have to be at the posture found, by linear programming; None where that gives no answer.
     also : tuple of Reason
         Other limits that must be changed with it; ``text`` and ``repair`` are then about all of them.
     """
@@ -145,7 +143,6 @@ class Reason:
     needed: float
     text: str
     repair: str
-    confirmed: float | None = None
     also: tuple[Reason, ...] = ()
 
     @property

@@ -90,17 +90,6 @@ def in_place(part):
     return tried == [(mass,)]
 
 
-def stays_without_programming(part):
-    """Whether the amount of the solver stays where linear programming gives a limit that is less by a part."""
-    amount, found = 10.0, TENSION.value(SCENE, 10.0)
-    repairs = Repairs(SCENE, searching(attempt=lambda *_, **__: None))
-    repairs.holds = lambda *_: True
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(words, "least_amount", lambda *_: Some(amount=amount - part * found, arrays={}))
-        one = words.part_of(repairs, TENSION, Repair({TENSION: amount / TENSION.start(SCENE)}, {}, None), confirm=True)
-        return one.needed == pytest.approx(found, rel=1e-9)
-
-
 def tied(size):
     """Whether a second limit that is off by less, by the logarithm of a factor, comes after the first."""
     reasons = [reason("mass", 1.0, 2.0), reason("tension", 1.0, 2.0 * math.exp(size))]
@@ -264,7 +253,6 @@ LIMITS = [
     ("part of several limits that is none", 1e-3, lambda x: not repaired(0.5, other=x)),
     ("part of a limit that another is in place of", 1e-3, in_place),
     ("factors that are equal", 1e-3, tied),
-    ("what linear programming improves", 1e-3, stays_without_programming),
     ("depth between guarded places", 1.0, lambda x: rounds(deepest=x) == 1),
     ("change by new guarded places", 1e-5, lambda x: rounds(change=x) == 1),
     ("objectives of unstable grasps that are one", 1.01, lambda x: unstable(1.0, x) == 1),
