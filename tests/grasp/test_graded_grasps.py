@@ -9,7 +9,7 @@ import pytest
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.grasp.certificate.friction import friction_of
-from continuum_grasp.grasp.fine import FIRST
+from continuum_grasp.grasp.changes import FIRST
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.blocks import Columns
 from continuum_grasp.grasp.problem.curves import CurvesSpec, curve_numbers

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp import nlp
-from continuum_grasp.grasp import fine, stations, steady
+from continuum_grasp.grasp import changes, stations, steady
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import solver_run
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
@@ -50,7 +50,7 @@ class Some(SimpleNamespace):
 
 
 def reason(name="tension", limit=1.0, needed=1.0):
-    return Reason(name, "", "", limit, needed, "", "", None)
+    return Reason(name, "", "", limit, needed, "", "")
 
 
 def searching(scene=SCENE, **more):
@@ -463,9 +463,9 @@ def within_tolerance():
         return Some(arrays={})
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fine, "_solve_again", solve)
-        patch.setattr(fine, "_change", lambda *_: Some(size=1.0))
-        fine.resolve_elements(SCENE, Some(scene=SCENE), 0.1, Budget())
+        patch.setattr(changes, "_solve_again", solve)
+        patch.setattr(changes, "_change", lambda *_: Some(size=1.0))
+        changes.resolve_elements(SCENE, Some(scene=SCENE), 0.1, Budget())
     return np.divide(elements, len(SCENE.setups[0].middles) + 1).tolist()
 
 

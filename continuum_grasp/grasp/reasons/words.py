@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
-from continuum_grasp.grasp.reasons.elastic import Elastic, Repair
+from continuum_grasp.grasp.reasons.elastic import NONE, Elastic, Repair
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import greatest_shift
@@ -17,8 +17,6 @@ CLEAR = 0.03
 of a scan are off by less."""
 RARE = 1.0
 """Friction coefficient that few surfaces have: reasons that ask for more come after the other limits."""
-TIED = 1e-3
-"""Difference of the logarithms of two factors up to which they are equal: images of a scene differ by less."""
 _ROUNDING = 1e-9
 """Part of its reach by which a straight finger may end short of the object."""
 
@@ -34,12 +32,14 @@ def rank(reason: Reason) -> tuple[int, bool, bool, float]:
 
 
 def ordered(reasons: Iterable[Reason]) -> list[Reason]:
-    """Reasons by rank; those that are off by equal factors in the order of the limits."""
+    """Reasons by rank; those that are off by equal factors in the order of the limits, as images of a scene differ by
+    less.
+    """
     names = [relaxation.name for relaxation in RELAXATIONS]
     result: list[Reason] = []
     tied: list[Reason] = []
     for reason in sorted(reasons, key=rank):
-        if tied and (rank(reason)[:3] != rank(tied[0])[:3] or rank(reason)[3] - rank(tied[0])[3] > TIED):
+        if tied and (rank(reason)[:3] != rank(tied[0])[:3] or rank(reason)[3] - rank(tied[0])[3] > NONE):
             result, tied = result + tied, []
         tied = sorted([*tied, reason], key=lambda one: [names.index(part.name) for part in (one, *one.also)])
     return result + tied
