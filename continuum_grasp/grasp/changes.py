@@ -1,11 +1,11 @@
-"""How much a grasp changes: with other elements, by solving again, so that the model satisfies a tolerance; and with
+"""Changes of a grasp: with other elements, by solving again, so that the model satisfies a tolerance; and with
 friction, mass and pose, from the multipliers of the solution, without solving again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,7 @@ from continuum_grasp.grasp.problem.values import Units, problem_values, tension_
 from continuum_grasp.grasp.result import GraspResult, flawed
 from continuum_grasp.grasp.search import Search, Tried
 from continuum_grasp.grasp.starts.values import start_from
-from continuum_grasp.grasp.values import REFUTED, Change, tension_of
+from continuum_grasp.grasp.values import REFUTED, Change, Sensitivity, tension_of
 from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import GraspScene
@@ -107,17 +107,6 @@ def _change(scene: GraspScene, here: Mapping[str, Array], there: Mapping[str, Ar
     elements = {setup.name: int(there[f"{setup.name}.lengths"].size) for setup in scene.setups}
     length = min(setup.finger.rod.length for setup in scene.setups)
     return Change(elements, two, two / one - 1.0 if one else 0.0, moved, length)
-
-
-@dataclass(frozen=True)
-class Sensitivity:
-    """By how much what is sought changes with one number of the scene, to first order."""
-
-    name: str
-    derivative: float
-    """Derivative of the sum of tensions [N] where that is the objective, else of the objective as minimized, per
-    ``unit``."""
-    unit: str  # of the number that changes
 
 
 def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:

@@ -16,7 +16,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
-from continuum_grasp.grasp.values import Change, Contact, FingerPosture, Reason, Status, force_text
+from continuum_grasp.grasp.values import Change, Contact, FingerPosture, Reason, Sensitivity, Status, force_text
 from continuum_grasp.model.family import family_class
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.result import Result
@@ -25,7 +25,6 @@ from continuum_grasp.scene.grasp import GraspScene
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.drives import DriveState
-    from continuum_grasp.grasp.changes import Sensitivity
     from continuum_grasp.grasp.exploration import Exploration
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.robust.result import Robustness

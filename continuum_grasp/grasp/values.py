@@ -174,6 +174,17 @@ class Change:
         )
 
 
+@dataclass(frozen=True)
+class Sensitivity:
+    """By how much what is sought changes with one number of the scene, to first order."""
+
+    name: str
+    derivative: float
+    """Derivative of the sum of tensions [N] where that is the objective, else of the objective as minimized, per
+    ``unit``."""
+    unit: str  # of the number that changes
+
+
 def verdict(forces: str, stable: bool, required: bool, notes: Sequence[str]) -> tuple[Status, str]:
     """Status and message of a verified grasp.
 

@@ -160,7 +160,7 @@ def _key_numbers(result: GraspResult) -> str:
 
 
 def _friction(beside: Mapping[str, Axes]) -> str:
-    """What the forces in the table of contacts are, and their picture."""
+    """Say what the forces in the table of contacts are, and draw those of friction."""
     note = (
         '<p class="quiet">Forces on what touches the object: along the object\'s outward normal, and friction along '
         "that normal turned by +90\N{DEGREE SIGN}. Lift acts on the object, out of the plane. The margin is what is "

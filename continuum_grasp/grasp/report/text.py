@@ -1,4 +1,4 @@
-"""What is said about a grasp, part by part; as text for people, and the summary as YAML."""
+"""Parts of what is said about a grasp; as text for people, and the summary as YAML."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Part:
 
 
 def parts(result: GraspResult, quality: bool = True) -> list[Part]:
-    """What is said about a grasp, or about the closest attempt; parts without rows are left out."""
+    """Say all about a grasp, or about the closest attempt; parts without rows are left out."""
     every = [_fingers(result), _contacts(result)] if result.arrays else []
     if result.solved:
         every += [_quality(result), _disturbances(result)] if quality else []
