@@ -73,9 +73,9 @@ def test_a_public_function_has_parameters_and_an_example(name):
 COSTLY = [
     f"continuum_grasp.{name}"
     for name in (
-        *("accuracy_report", "run_closed_loop", "plan", "mission.check_mission"),
+        *("accuracy_report", "run_closed_loop", "plan", "grasp.closing_path", "mission.check_mission"),
         *("identification.ResidualFit", "identification.learn_residual", "plotting.plot_accuracy"),
-        *("operators.TorchOperators", "plotting.plot_grasp", "plotting.plot_robustness"),
+        *("operators.TorchOperators", "plotting.plot_closing", "plotting.plot_grasp", "plotting.plot_robustness"),
     )
 ]
 

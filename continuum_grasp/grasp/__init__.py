@@ -9,6 +9,9 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate as Certificate
     from continuum_grasp.grasp.certificate.certificate import certify as certify
     from continuum_grasp.grasp.certificate.check import Check as Check
+    from continuum_grasp.grasp.closing.path import closing_path as closing_path
+    from continuum_grasp.grasp.closing.result import ClosingPath as ClosingPath
+    from continuum_grasp.grasp.closing.result import ClosingStatus as ClosingStatus
     from continuum_grasp.grasp.quality.quality import Quality as Quality
     from continuum_grasp.grasp.result import GraspResult as GraspResult
     from continuum_grasp.grasp.robust.result import Robustness as Robustness

@@ -14,6 +14,7 @@ from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
     from continuum_grasp.plotting.accuracy import plot_accuracy as plot_accuracy
+    from continuum_grasp.plotting.grasp.closing import plot_closing as plot_closing
     from continuum_grasp.plotting.grasp.friction import plot_friction as plot_friction
     from continuum_grasp.plotting.grasp.picture import plot_grasp as plot_grasp
     from continuum_grasp.plotting.grasp.resistance import plot_resistance as plot_resistance

@@ -32,12 +32,8 @@ _KINDS = {
     "none_required": "nothing",
 }
 _STRANGE = {"extra_forbidden", "missing"}
-_RENAMED = {
-    "q_above_rest": "q",
-    "second_moment": "thickness and width of finger.rod",
-    "closing": "a scene of simulate with the object, or a mission",
-}
-"""Keys that are said by another one, or by another scene."""
+_RENAMED = {"q_above_rest": "q", "second_moment": "thickness and width of finger.rod"}
+"""Keys that are said by another one."""
 _LIMITS = {
     "greater_than": ("gt", "greater than"),
     "greater_than_equal": ("ge", "at least"),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from numpy.typing import ArrayLike
 
 from continuum_grasp.grasp.report.html import (
+    badge,
     cards,
     details,
     escaped,
@@ -85,6 +86,7 @@ def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: Arr
         _picture(result, drawn),
         _key_numbers(result),
         *found,
+        _closing(result),
         section("The search", folded("Statistics", searched)),
         section("The scene", folded("Configuration, as it was read", given, exact=True)),
         solved=result.solved,
@@ -186,6 +188,22 @@ def _resistance(resisted: ArrayLike | None, beside: Mapping[str, Axes]) -> str:
         f"the dashed circle is what is resisted whichever way it acts. {words[0].upper() + words[1:]}."
     )
     return figure("polygon", _svg(beside["resisted"], "resisted", "resisted force by direction"), caption)
+
+
+def _closing(result: GraspResult) -> str:
+    """The way in, where it was asked for."""
+    from continuum_grasp.plotting.grasp.closing import plot_closing
+
+    path = result.closing
+    if path is None:
+        return ""
+    caption = (
+        "Central lines of the fingers while all tensions grow from none to those of the grasp, light to dark; dots "
+        "press on the object; dashed: the grasp."
+    )
+    lead = f"<p>{badge(path.status.value, path.reached)} {escaped(path.message)}</p>"
+    drawing = _svg(plot_closing(result), "closing", "fingers on their way into the grasp")
+    return section("The way in", lead, figure("closing", drawing, caption))
 
 
 def _amount(value: float, unit: str) -> str:

@@ -1,0 +1,1 @@
+"""Closing a grasp: the way from open fingers to it."""
