@@ -1,4 +1,4 @@
-"""The figures of real_rods.md: python docs/real_rods.py [belendez|ring_downs|foam|tendons|releases] [REPEATS]."""
+"""Figures of real_rods_measured.md: python docs/real_rods.py [belendez|ring_downs|foam|tendons|releases] [COUNT]."""
 
 from __future__ import annotations
 

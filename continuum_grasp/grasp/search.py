@@ -173,7 +173,9 @@ class Search:
         unscanned = [mode for mode in modes if not self._from_basins(mode)]
         self._sampled = len(unscanned)
         if not self.proven:
-            self._from_rough(modes if self._effort.always_rough else unscanned)
+            # Postures of a scan, which bend linearly, may miss those that more elements hold with.
+            every = self._effort.always_rough or (self.best is None and not self._tells)
+            self._from_rough(modes if every else unscanned)
         # What few elements cannot hold, many may; and violations may fall late.
         if self.best is None:
             nearest = sorted(self._missed, key=lambda one: one[0])[: 1 if self._coarse is None else NEAREST]

@@ -63,8 +63,8 @@ class Source(File):
 
 def destination(path: str, is_page: bool) -> str:
     """Where a file of the repository stands on the site."""
-    if path == "docs/README.md":
-        return "overview.html"  # the README of the project is the front page
+    if path == "README.md":
+        return "readme.html"  # the front page is docs/README.md
     path = path.removeprefix("docs/")
     if not is_page:
         return path

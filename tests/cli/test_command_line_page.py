@@ -52,3 +52,7 @@ def test_every_command_runs(tmp_path, monkeypatch):
 def test_the_table_has_every_verb():
     rows = re.findall(r"^\| `([a-z-]+)` \|(?: [^|]*\|){3}$", PAGE, re.MULTILINE)
     assert rows == list(get_command(app).commands)
+    home = (ROOT / "docs/README.md").read_text(encoding="utf-8").partition("## How the parts fit together")[2]
+    assert set(rows) - {"new", "schema", "validate", "doctor"} <= set(
+        re.findall(r"`([a-z-]+)`", home.partition("\n## ")[0])
+    )

@@ -14,7 +14,11 @@ from continuum_grasp.scene.schema import json_schema
 from docs.guides import ROOT, Run, blocks, page_text, pictures, run
 from docs.own_finger_data import FOLDER, TRUTH
 
-PAGES = ("first_finger", "simulate", "recipes", "chains", "fmu", "learning", "operators")
+BUILD = ("first_finger", "design_a_finger")
+GRASP = ("grasp_an_object", "grasp_with_errors", "close_the_fingers", "carry_out_a_grasp")
+CONTROL = ("close_a_loop", "estimate_unknowns", "run_your_own_loop", "controller_in_c")
+PATHS = (*BUILD, *GRASP, *CONTROL)
+PAGES = (*PATHS, "simulate", "recipes", "chains", "fmu", "learning", "operators")
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -65,6 +69,14 @@ def test_a_page_that_does_not_fit_is_noticed(tmp_path):
 def test_pages_have_their_pictures(page):
     for name in pictures(page_text(page)):
         assert (ROOT / "docs/pictures" / name).is_file()
+
+
+@pytest.mark.parametrize("page", PATHS)
+def test_pages_of_a_path_are_short_examples_from_an_empty_folder(page):
+    text = page_text(page)
+    assert len(text.split()) <= 1_500
+    assert "continuum-grasp new" in next(block.text for block in blocks(text) if block.kind == "sh")
+    assert pictures(text)
 
 
 PLACES = {

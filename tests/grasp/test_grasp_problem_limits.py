@@ -293,10 +293,10 @@ def test_places_of_greatest_depth_are_found_between_those_of_a_grid():
         return np.where(off > 0.0, -(np.abs(off) ** 1.5), -40.0 * off**2)
 
     even = np.tile(np.arange(surroundings.FINE + 1) / surroundings.FINE, (40, 1))
-    found = surroundings._refined(depth, surroundings._deepest(depth(even), 1))
+    found = surroundings._refined(depth, surroundings._deepest(depth(even), 1), np.zeros((40, 1)))
     assert np.abs(found - peaks).max() < 1e-4
     aside = peaks + rng.uniform(-0.95, 0.95, peaks.shape) / surroundings.FINE
-    assert np.abs(surroundings._refined(depth, aside) - peaks).max() < 1e-4
+    assert np.abs(surroundings._refined(depth, aside, np.zeros((40, 1))) - peaks).max() < 1e-4
 
 
 def test_lines_that_are_looked_at_are_arcs_to_a_part_in_ten_million():

@@ -149,6 +149,7 @@ def test_the_start_that_came_nearest_has_more_patience_where_there_is_no_grasp(m
     search.attempt = attempt
     starts = [start(estimate) for estimate in (1.0, 2.0, 3.0)]
     monkeypatch.setattr(search, "basins_of", lambda mode: starts)
+    monkeypatch.setattr(search, "rough_starts_of", lambda mode: [])
     monkeypatch.setattr(module, "contact_modes", lambda scene: [frozenset({"finger.tip"})])
     search.run()
     assert tried == [*((one, 7) for one in starts), (starts[1], None)]

@@ -91,7 +91,7 @@ class Surroundings:
         pose, at = pose.ravel(), self._problem.x.at
         allowed = [float(x[at[f"relaxed clearance at the {name}"]][0]) for name in ("supports", "object")]
         traced = [
-            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, units, allowed, sight, probes)
+            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, units, allowed, sight, numbers, probes)
             for k, setup in enumerate(scene.setups)
         ]
         for one, other in self._problem.spec.pairs:
@@ -113,6 +113,7 @@ class Surroundings:
         units: Units,
         allowed: list[float],
         sight: Sight,
+        numbers: Array,
         given: Mapping[str, Array] | None,
     ) -> _Traced:
         """Look along one finger; supports and object may be ``allowed`` deep in it."""
@@ -147,7 +148,8 @@ class Surroundings:
         dense = along(even)
         if given is None:
             picks = _deepest(depth(dense), finger.spec.probes)
-            probes = _refined(lambda fractions: depth(along(fractions)), picks)
+            before = numbers[self._problem.numbers.at[f"{name}.probes"]].reshape(picks.shape)
+            probes = _refined(lambda fractions: depth(along(fractions)), picks, before)
         else:
             probes = given[name].reshape(finger.spec.elements, finger.spec.probes)
         at, owner, thick = along(probes)
@@ -311,8 +313,10 @@ def _deepest(depth: Array, count: int) -> Array:
     return np.sort(np.stack(picks, axis=1), axis=1)
 
 
-def _refined(depth: Callable[[Array], Array], picks: Array) -> Array:
-    """Fractions (N, count) near picks where it is deepest, by parabolas through closer places.
+def _refined(depth: Callable[[Array], Array], picks: Array, before: Array) -> Array:
+    """Fractions (N, count) near picks where it is deepest, by parabolas through closer places; those of ``before``
+    that are deeper: a finger that lies against an object at a guarded place sinks in there once the guard is gone, and
+    two such places beside each other would take turns.
 
     Beside a contact the depth is far from a parabola over the first spacing, and the limit there has a multiplier of
     thousands: a place that is off by 0.005 changes the derivatives of tensions by 1e-4 (mug).
@@ -325,7 +329,13 @@ def _refined(depth: Callable[[Array], Array], picks: Array) -> Array:
         pick = np.clip(seen.argmax(axis=1), 1, _AROUND.size - 2)
         picks = (places[rows, pick] + step * _peak(seen, rows, pick)).reshape(picks.shape)
         picks = np.clip(picks, 1.0 / FINE, 1.0 - 1.0 / FINE)
-    return np.sort(picks, axis=1)
+    # The deepest of all, apart from each other; zero is a place that no look has put there.
+    every = np.concatenate([picks, np.where(before > 0.0, before, picks)], axis=1)
+    seen, found = depth(every), np.empty_like(picks)
+    for k in range(picks.shape[1]):
+        found[:, k] = every[np.arange(len(every)), seen.argmax(axis=1)]
+        seen[np.abs(every - found[:, k : k + 1]) < 1.0 / FINE] = -np.inf
+    return np.sort(found, axis=1)
 
 
 def _peak(values: Array, rows: Array, pick: Array) -> Array:
