@@ -18,8 +18,7 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.values import moved_features
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.robust.joint import JointSolverRun
-from continuum_grasp.grasp.robust.search import Exchange
-from continuum_grasp.grasp.robust.states import with_postures
+from continuum_grasp.grasp.robust.search import Exchange, with_postures
 from continuum_grasp.grasp.solve import optimize_grasp
 from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from
 from continuum_grasp.grasp.values import Status

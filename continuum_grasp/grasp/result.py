@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -16,7 +16,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
-from continuum_grasp.grasp.values import Change, Contact, FingerPosture, Reason, Status, force_text
+from continuum_grasp.grasp.values import Change, Contact, FingerPosture, Reason, Sensitivity, Status, force_text
 from continuum_grasp.model.family import family_class
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.result import Result
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.robust.result import Robustness
     from continuum_grasp.grasp.robust.share import PlantShare
-    from continuum_grasp.grasp.sensitivity import Sensitivity
 
 Array = NDArray[Any]
 
@@ -344,3 +343,11 @@ class GraspResult(Result):
             Save the indices of quality too, which take some tenths of a second.
         """
         return self._save(folder, quality=quality)
+
+
+def flawed(result: GraspResult, flaw: str) -> GraspResult:
+    """A verified grasp with a flaw that was found afterwards."""
+    message = result.message.replace("held with ", f"held but {flaw}: ", 1)
+    if message == result.message:  # it has flaws already
+        message = message.replace(": ", f" and {flaw}: ", 1)
+    return replace(result, status=Status.FEASIBLE, message=message)

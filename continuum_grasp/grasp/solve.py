@@ -11,15 +11,21 @@ from typing import Any
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import Interrupted, SolverError
-from continuum_grasp.grasp.fine import FIRST, NONE, asked_tolerance, resolve_elements, with_fine
+from continuum_grasp.grasp.changes import (
+    FIRST,
+    NONE,
+    asked_tolerance,
+    resolve_elements,
+    sensitivities,
+    with_fine,
+)
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_bending_range
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.words import out_of_reach
-from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.result import GraspResult, flawed
 from continuum_grasp.grasp.search import Search, Tried
-from continuum_grasp.grasp.sensitivity import sensitivities
 from continuum_grasp.grasp.stations import (
     find_station_reasons,
     search_stations,
@@ -27,8 +33,7 @@ from continuum_grasp.grasp.stations import (
     without_stations,
 )
 from continuum_grasp.grasp.steady import stabilize
-from continuum_grasp.grasp.values import Reason, Status, force_text
-from continuum_grasp.grasp.verdict import REFUTED, STEADIER, flawed, verdict
+from continuum_grasp.grasp.values import REFUTED, STEADIER, Reason, Status, force_text, verdict
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene

@@ -1,9 +1,9 @@
-"""Parts of the answer to a scene: status, fingers, contacts, reasons, and notation of its forces."""
+"""Parts of the answer to a scene: status and its words, fingers, contacts, reasons, and notation of its forces."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -14,6 +14,13 @@ from numpy.typing import NDArray
 from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
+
+UNSTABLE = "unstable"
+REFUTED = "refuted by the fine model"
+STEADIER = (
+    "For a stable grasp: contacts nearer to the base, one more contact or support, or a stiffer finger. stability: "
+    "ignore, where the drives hold their position or something else steadies the object."
+)
 
 
 class Status(StrEnum):
@@ -125,8 +132,6 @@ class Reason:
         The same as a sentence.
     repair : str
         What to do about it.
-    confirmed : float, optional
-        What it would have to be at the posture found, by linear programming; None where that gives no answer.
     also : tuple of Reason
         Other limits that must be changed with it; ``text`` and ``repair`` are then about all of them.
     """
@@ -138,7 +143,6 @@ class Reason:
     needed: float
     text: str
     repair: str
-    confirmed: float | None = None
     also: tuple[Reason, ...] = ()
 
     @property
@@ -168,6 +172,41 @@ class Change:
             f"with {count} elements the tension changes by {self.tension_change:+.2%} to {self.tension:#.4g} N, "
             f"contacts by {1e3 * self.displacement:.2g} mm at most"
         )
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """By how much what is sought changes with one number of the scene, to first order."""
+
+    name: str
+    derivative: float
+    """Derivative of the sum of tensions [N] where that is the objective, else of the objective as minimized, per
+    ``unit``."""
+    unit: str  # of the number that changes
+
+
+def verdict(forces: str, stable: bool, required: bool, notes: Sequence[str]) -> tuple[Status, str]:
+    """Status and message of a verified grasp.
+
+    Parameters
+    ----------
+    forces : str
+        With what it is held.
+    stable, required : bool
+        Whether small motions raise its energy, and whether they must.
+    notes : sequence of str
+        Why something better may have been missed.
+
+    Returns
+    -------
+    Status
+        ``optimal`` where it is what the scene asks for and there are no notes.
+    str
+        One sentence.
+    """
+    flaw = UNSTABLE if required else f"{UNSTABLE} (as the scene allows)"
+    head = f"held with {forces}" if stable else f"held but {flaw}: {forces}"
+    return Status.FEASIBLE if notes or (required and not stable) else Status.OPTIMAL, "; ".join([head, *notes])
 
 
 def tension_of(scene: GraspScene, arrays: Mapping[str, Array]) -> float:

@@ -9,14 +9,13 @@ import pytest
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import certify, optimize_grasp
 from continuum_grasp.grasp.certificate.friction import friction_of
-from continuum_grasp.grasp.fine import FIRST
+from continuum_grasp.grasp.changes import FIRST
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.blocks import Columns
 from continuum_grasp.grasp.problem.curves import CurvesSpec, curve_numbers
 from continuum_grasp.grasp.problem.structure import FingerSpec
 from continuum_grasp.grasp.problem.unit_finger import PRESLIDING, UnitFinger
-from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.grasp.skin import skin
+from continuum_grasp.grasp.shape import FingerShape, skin
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.profile import Curve

@@ -29,7 +29,7 @@ def solved(solver=None, **changes):
 
 def numbers(result):
     """All of a result but the times."""
-    reasons = [(r.name, r.limit, r.needed, r.confirmed) for r in result.reasons]
+    reasons = [(r.name, r.limit, r.needed) for r in result.reasons]
     tried = [(a["outcome"], a["iterations"], a["objective"]) for a in result.statistics["attempts"]]
     return result.status, result.message, reasons, tried, {k: np.asarray(v).tobytes() for k, v in result.arrays.items()}
 

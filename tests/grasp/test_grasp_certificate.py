@@ -283,7 +283,6 @@ def test_certificate_shares_nothing_with_the_optimizer():
         "model_error",
         "recomputed",
         "shape",
-        "skin",
         "stability",
         "surfaces",
     }

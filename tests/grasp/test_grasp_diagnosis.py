@@ -279,3 +279,25 @@ def test_repairs_are_enough_for_all_friction_states():
     reason = optimize_grasp(scene.changed({"object.mass": 1.5}), raise_on_failure=False).reasons[0]
     assert reason.name == "mass"
     assert optimize_grasp(scene.changed({"object.mass": reason.needed})).solved
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(
+    ("config", "key", "factor"),
+    [
+        # Two fingers may press 3 N each: weight / (2 * 3 N), and the mass by the same balance.
+        ("slippery_bottle", "contacts.friction", 0.2 * 9.81 / 6.0 / 0.15),
+        ("slippery_bottle", "object.mass", 0.15 * 6.0 / 9.81 / 0.2),
+        ("heavy_bottle", "contacts.friction", None),
+        ("heavy_bottle", "object.mass", None),
+    ],
+)
+def test_numbers_of_reasons_are_enough_and_little_less_is_not(config, key, factor):
+    scene = load(CONFIGS / f"{config}.yaml")
+    reason = next(one for one in optimize_grasp(scene, raise_on_failure=False).reasons if one.key == key)
+    if factor is not None:
+        assert reason.needed / reason.limit == pytest.approx(factor, rel=1e-4)
+    way = 1.0 if reason.needed > reason.limit else -1.0
+    enough, less = (scene.changed({key: reason.needed * (1.0 + way * part)}) for part in (1e-4, -5e-3))
+    assert optimize_grasp(enough, raise_on_failure=False).solved
+    assert not optimize_grasp(less, raise_on_failure=False).solved

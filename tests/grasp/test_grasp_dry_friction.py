@@ -15,8 +15,8 @@ from continuum_grasp.grasp import Status, optimize_grasp
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.certificate.model_error import model_error
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
+from continuum_grasp.grasp.robust.errors import OBJECT
 from continuum_grasp.grasp.robust.response import Responder
-from continuum_grasp.grasp.robust.states import OBJECT
 from continuum_grasp.model import FingerModel
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene import Damping, Finger

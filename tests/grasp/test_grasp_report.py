@@ -83,7 +83,7 @@ def test_result_yaml_says_why_there_is_none():
 
 def test_what_a_fine_model_changes_is_reported():
     result = replace(held(), statistics={"fine_model": {"tension_change": 0.0125, "elements": 24}})
-    assert "fine model tension change: 0.0125" in result_text(result)
+    assert re.search(r"fine model tension change +0\.0125", result_text(result))
     assert yaml.safe_load(result_yaml(result))["fine_model"]["elements"] == 24
     assert "0.0125" in Page(result_page(result)).text
 
@@ -92,9 +92,9 @@ def test_what_a_fine_model_changes_is_reported():
 def test_text_tells_the_figures(name):
     result = held(name)
     text = result_text(result)
-    assert "left 12.25 N" in text
+    assert "12.25" in text
     assert all(contact.name in text for contact in result.contacts)
-    assert ("lift [N]" in text) is (result.scene.gravity.mode == "out_of_plane")
+    assert ("Lift [N]" in text) is (result.scene.gravity.mode == "out_of_plane")
     assert max(map(len, text.splitlines())) < 120
 
 

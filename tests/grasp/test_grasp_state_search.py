@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from continuum_grasp.grasp import Status, certify, optimize_grasp
+from continuum_grasp.grasp.robust.errors import OBJECT
 from continuum_grasp.grasp.robust.response import Responder
-from continuum_grasp.grasp.robust.states import OBJECT, tried_states
+from continuum_grasp.grasp.robust.search import tried_states
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.load import load
 from tests.grasp_scenes import CONFIGS

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp import nlp
-from continuum_grasp.grasp import fine, stations, steady
+from continuum_grasp.grasp import changes, stations, steady
 from continuum_grasp.grasp.closing.energy import Closing
 from continuum_grasp.grasp.closing.path import _Walk
 from continuum_grasp.grasp.closing.result import ClosingStatus
@@ -25,7 +25,7 @@ from continuum_grasp.grasp.reasons.elastic import Repair, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, Starts
 from continuum_grasp.grasp.reasons.words import is_clear, is_rare, ordered
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.grasp.robust import joint, states
+from continuum_grasp.grasp.robust import joint
 from continuum_grasp.grasp.robust import response as responses
 from continuum_grasp.grasp.robust import search as exchange
 from continuum_grasp.grasp.robust import solve as robust
@@ -54,7 +54,7 @@ class Some(SimpleNamespace):
 
 
 def reason(name="tension", limit=1.0, needed=1.0):
-    return Reason(name, "", "", limit, needed, "", "", None)
+    return Reason(name, "", "", limit, needed, "", "")
 
 
 def searching(scene=SCENE, **more):
@@ -92,17 +92,6 @@ def in_place(part):
     repairs.attempt = lambda limits, start, begin: tried.append(limits)
     repairs._in_place_of(Repair({TENSION: 1.0}, {}, Some(start=None)), [mass])
     return tried == [(mass,)]
-
-
-def stays_without_programming(part):
-    """Whether the amount of the solver stays where linear programming gives a limit that is less by a part."""
-    amount, found = 10.0, TENSION.value(SCENE, 10.0)
-    repairs = Repairs(SCENE, searching(attempt=lambda *_, **__: None))
-    repairs.holds = lambda *_: True
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(words, "least_amount", lambda *_: Some(amount=amount - part * found, arrays={}))
-        one = words.part_of(repairs, TENSION, Repair({TENSION: amount / TENSION.start(SCENE)}, {}, None), confirm=True)
-        return one.needed == pytest.approx(found, rel=1e-9)
 
 
 def tied(size):
@@ -254,9 +243,9 @@ def goes_on(worse):
     """Whether friction states count that lower the reserve by so much."""
     responder = Some(scene=Some(state_columns=True), to=lambda error: Some(error=error, reserve=-worse))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(states, "worst_vertex", lambda last: last.error)
-        patch.setattr(states, "state_cells", lambda _: np.eye(2, dtype=bool))
-        return len(list(states.descended(responder, [Some(error=np.ones(8), reserve=0.0)]))) > 2
+        patch.setattr(exchange, "worst_vertex", lambda last: last.error)
+        patch.setattr(exchange, "state_cells", lambda _: np.eye(2, dtype=bool))
+        return len(list(exchange.descended(responder, [Some(error=np.ones(8), reserve=0.0)]))) > 2
 
 
 def effort_in_error():
@@ -330,7 +319,6 @@ LIMITS = [
     ("part of several limits that is none", 1e-3, lambda x: not repaired(0.5, other=x)),
     ("part of a limit that another is in place of", 1e-3, in_place),
     ("factors that are equal", 1e-3, tied),
-    ("what linear programming improves", 1e-3, stays_without_programming),
     ("force of a place that touches", 1e-3, touches_nothing),
     ("movement of the object", 0.02, lambda x: status(moved=x) is not ClosingStatus.PUSHED),
     ("distance from the grasp", 0.03, lambda x: status(distance=x) is ClosingStatus.REACHED),
@@ -559,9 +547,9 @@ def within_tolerance():
         return Some(arrays={})
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fine, "_solve_again", solve)
-        patch.setattr(fine, "_change", lambda *_: Some(size=1.0))
-        fine.resolve_elements(SCENE, Some(scene=SCENE), 0.1, Budget())
+        patch.setattr(changes, "_solve_again", solve)
+        patch.setattr(changes, "_change", lambda *_: Some(size=1.0))
+        changes.resolve_elements(SCENE, Some(scene=SCENE), 0.1, Budget())
     return np.divide(elements, len(SCENE.setups[0].middles) + 1).tolist()
 
 

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.drives import WoundTendons
 from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
-from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.grasp.skin import skin
+from continuum_grasp.grasp.shape import FingerShape, skin
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspGravity, PlanarGravity

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp.problem.blocks import rotation
-from continuum_grasp.grasp.skin import skin
+from continuum_grasp.grasp.shape import skin
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces import surface_of

@@ -20,7 +20,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.skin import skin, steepest
+from continuum_grasp.grasp.shape import skin, steepest
 from continuum_grasp.model.family import family_class
 from continuum_grasp.rod.dense_rod import with_places
 from continuum_grasp.scene.grasp import FingerSetup

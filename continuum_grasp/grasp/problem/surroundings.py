@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.problem.layout import FingerLayout, Layout
 from continuum_grasp.grasp.problem.points import bending_arrays
 from continuum_grasp.grasp.problem.values import Units
-from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.grasp.skin import skin
+from continuum_grasp.grasp.shape import FingerShape, skin
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.scan.task import rough_distance
 from continuum_grasp.model.surfaces import surface_of

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.drives import WoundTendons
 from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.quality.contact_set import CORNER, ContactSet
-from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.grasp.skin import skin
+from continuum_grasp.grasp.shape import FingerShape, skin
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.grasp_options import PlanarGravity

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.check import GAP
 from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
 
-CORNER = 1e-6
+CORNER = GAP
 """Distance from a corner, as a part of the object's size, that counts as on it: the tolerance of stored contacts."""
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import Relaxation
+from continuum_grasp.grasp.reasons.elastic import NONE
 from continuum_grasp.grasp.search import BENT, Search, branch_of
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.scene.grasp import GraspScene
@@ -17,8 +18,8 @@ from continuum_grasp.scene.grasp import GraspScene
 BALANCED = 0.02
 """Imbalance up to which a posture may hold with the limit relaxed: those that do had 0.003 at most, others 0.02 and
 more with few exceptions (28 scenes)."""
-NEARER, EXACT = 0.95, 1e-3
-"""Imbalance per that without the limit relaxed from which on relaxing it does not help, and imbalance that is none."""
+NEARER = 0.95
+"""Imbalance per that without the limit relaxed from which on relaxing it does not help."""
 LARGER = (1.0, 4.0, 16.0)
 """Usual amounts by which a limit is relaxed in search of postures that are then nearly in balance."""
 WIDER = (1.0, 2.9)
@@ -106,7 +107,7 @@ class Starts:
                 return math.inf
             alike = (one.start for one in search.basins if one.start.contacts.keys() == start.contacts.keys())
             known = min((one.imbalance for one in alike), default=math.inf)
-            return min(most, max(NEARER * known, EXACT))
+            return min(most, max(NEARER * known, NONE))
 
         return [start for start in starts if start.imbalance < enough(start)]
 

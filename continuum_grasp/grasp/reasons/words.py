@@ -7,8 +7,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
-from continuum_grasp.grasp.reasons.confirm import least_amount
-from continuum_grasp.grasp.reasons.elastic import Elastic, Repair
+from continuum_grasp.grasp.reasons.elastic import NONE, Elastic, Repair
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import greatest_shift
@@ -18,10 +17,6 @@ CLEAR = 0.03
 of a scan are off by less."""
 RARE = 1.0
 """Friction coefficient that few surfaces have: reasons that ask for more come after the other limits."""
-BETTER = 1e-3
-"""By what part of a number linear programming must improve it for its own to be taken."""
-TIED = 1e-3
-"""Difference of the logarithms of two factors up to which they are equal: images of a scene differ by less."""
 _ROUNDING = 1e-9
 """Part of its reach by which a straight finger may end short of the object."""
 
@@ -37,12 +32,14 @@ def rank(reason: Reason) -> tuple[int, bool, bool, float]:
 
 
 def ordered(reasons: Iterable[Reason]) -> list[Reason]:
-    """Reasons by rank; those that are off by equal factors in the order of the limits."""
+    """Reasons by rank; those that are off by equal factors in the order of the limits, as images of a scene differ by
+    less.
+    """
     names = [relaxation.name for relaxation in RELAXATIONS]
     result: list[Reason] = []
     tied: list[Reason] = []
     for reason in sorted(reasons, key=rank):
-        if tied and (rank(reason)[:3] != rank(tied[0])[:3] or rank(reason)[3] - rank(tied[0])[3] > TIED):
+        if tied and (rank(reason)[:3] != rank(tied[0])[:3] or rank(reason)[3] - rank(tied[0])[3] > NONE):
             result, tied = result + tied, []
         tied = sorted([*tied, reason], key=lambda one: [names.index(part.name) for part in (one, *one.also)])
     return result + tied
@@ -63,7 +60,7 @@ def is_clear(reason: Reason, scene: GraspScene) -> bool:
 
 def in_words(elastic: Elastic, repair: Repair) -> Reason:
     """The reason that a repair is, its limits in the order of their ranks."""
-    first, *others = ordered(part_of(elastic, limit, repair, confirm=True) for limit in repair.parts)
+    first, *others = ordered(part_of(elastic, limit, repair) for limit in repair.parts)
     if not others:
         return first
     text = "; and ".join(each.text for each in (first, *others))
@@ -71,28 +68,16 @@ def in_words(elastic: Elastic, repair: Repair) -> Reason:
     return replace(first, text=f"two limits at once: {text}", repair=advice, also=tuple(others))
 
 
-def part_of(elastic: Elastic, limit: Relaxation, repair: Repair, confirm: bool = False) -> Reason:
-    """A limit of a repair; on demand confirmed by linear programming where that applies."""
+def part_of(elastic: Elastic, limit: Relaxation, repair: Repair) -> Reason:
+    """A limit of a repair, in the scene where the others are relaxed."""
     others = {other: part for other, part in repair.parts.items() if other is not limit}
-    scene, usual = elastic.relaxed(others, spare=1.0), limit.start(elastic.scene)
-    amount, confirmed = repair.parts[limit] * usual, None
-    # At one posture linear programming knows neither errors nor other friction states.
-    if confirm and not scene.is_robust:
-        least = least_amount(limit.name, scene, repair.arrays, amount)
-        if least is not None:
-            confirmed = limit.value(scene, least.amount)
-            gains = abs(confirmed - limit.value(scene, amount)) > BETTER * abs(limit.value(scene, amount))
-            less = {**repair.parts, limit: least.amount / usual}
-            if least.amount < amount and gains and elastic.holds(less, least.arrays):
-                amount = least.amount
+    scene, amount = elastic.relaxed(others, spare=1.0), repair.parts[limit] * limit.start(elastic.scene)
     given = 0.0 if limit.limit is None else limit.limit(scene)
     needed, unit = limit.value(scene, amount), "" if limit.unit == "1" else limit.unit
     text = limit.needed.format(limit=given, needed=needed)
-    if confirmed is not None:
-        text += f" ({confirmed:.4g} by linear programming at that posture)"
     advice = limit.repair.format(key=limit.key, needed=needed, unit=unit).strip()
     advice += limit.beside(scene, limit.relaxed(scene, amount))
-    return Reason(limit.name, limit.key, limit.unit, given, needed, text, advice, confirmed)
+    return Reason(limit.name, limit.key, limit.unit, given, needed, text, advice)
 
 
 def out_of_reach(scene: GraspScene) -> Reason | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
@@ -20,22 +20,12 @@ from continuum_grasp.grasp.report.html import (
     section,
     table,
 )
-from continuum_grasp.grasp.report.text import (
-    check_rows,
-    disturbance_rows,
-    failed_checks,
-    fine_rows,
-    further_advice,
-    quality_rows,
-    robust_head,
-    robust_rows,
-)
+from continuum_grasp.grasp.report.text import further_advice, parts
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from continuum_grasp.grasp.certificate.certificate import Certificate
     from continuum_grasp.grasp.result import GraspResult
 
 
@@ -69,30 +59,34 @@ def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: Arr
 
     drawn = drawn or plot_grasp(result, resisted=resisted)
     beside = {str(one.get_label()): one for one in drawn.figure.axes}
-    name = result.scene.name or "grasp"
     scene = result.scene
     # A scene that was made in Python may not have its version set, which a file needs.
     given = {"schema_version": scene.schema_version, **scene.model_dump(mode="json", exclude_unset=True)}
-    found = "\n".join((section("Fingers", _fingers(result)), section("Contacts", *_contacts(result, beside))))
+    extra = {"Contacts": _friction(beside), "Resisted disturbances": _resistance(resisted, beside)}
+    found = [
+        section(
+            part.title,
+            *([f'<p class="quiet">{escaped(part.lead)}. Recomputed from the stored numbers.</p>'] if part.lead else []),
+            table(part.head if any(part.head) else (), part.rows, part.numbers),
+            *(f"<p>{escaped(note)}.</p>" for note in part.notes),
+            extra.get(part.title, ""),
+        )
+        for part in parts(result)
+    ]
     if result.arrays and not result.solved:
         lead = '<p class="quiet">Where the search came closest: its forces are not in balance, or break limits.</p>'
-        found = details("Numbers of the closest attempt, which is no grasp", f"{lead}\n{found}")
+        found = [details("Numbers of the closest attempt, which is no grasp", "\n".join((lead, *found)))]
     searched = {k: v for k, v in result.statistics.items() if not k.startswith("fine")}
     return report(
-        name,
+        scene.name or "grasp",
         result.status.value,
         result.message,
         result.warnings,
         _why(result),
         _picture(result, drawn),
         _key_numbers(result),
-        found,
-        section("Quality", table(("Index", "Value", "What it means"), quality_rows(result), (1,))),
-        section("Resisted disturbances", _resistance(resisted, beside), _disturbances(result)),
-        section(robust_head(result)[0], table(robust_head(result)[1], robust_rows(result))),
-        _certificate(result.certificate) if result.solved and result.certificate is not None else "",
+        *found,
         _closing(result),
-        section("The same grasp in a fine model", table((), fine_rows(result))),
         section("The search", folded("Statistics", searched)),
         section("The scene", folded("Configuration, as it was read", given, exact=True)),
         solved=result.solved,
@@ -145,7 +139,7 @@ def _lifted(result: GraspResult) -> bool:
 
 
 def _key_numbers(result: GraspResult) -> str:
-    if result.plants is None:
+    if not result.solved:
         return ""
     contacts, certificate = result.contacts, result.certificate
     pairs = [("sum of tensions", f"{result.force_text(result.tension)} N")]
@@ -164,48 +158,23 @@ def _key_numbers(result: GraspResult) -> str:
             ("second-order test", "stable" if certificate.stability.stable else "unstable"),
             ("model error", f"{1e3 * error:.2f} mm" if math.isfinite(error) else "not computed"),
         ]
-    return f"{cards(pairs)}\n<p>{escaped(result.plants)}.</p>"
+    return cards(pairs)
 
 
-def _fingers(result: GraspResult) -> str:
-    """Tensions, base and contacts of each finger."""
-    rows, contacts = [], result.contacts
-    for setup in result.scene.setups if result.arrays else ():
-        posture = result.fingers[setup.name]
-        x, y, angle = posture.base
-        middles = ", ".join(f"{1e3 * c.station:.1f}" for c in contacts if c.name in setup.middle_names)
-        base = f"{1e3 * x:.1f}, {1e3 * y:.1f}; {math.degrees(angle):.1f}\N{DEGREE SIGN}"
-        left, right = (result.force_text(tension) for tension in posture.tensions)
-        most, length = f"{setup.max_tension:g}", f"{1e3 * setup.finger.rod.length:g}"
-        rows.append((setup.name, left, right, most, base, middles, length, posture.family))
-    head = ("Finger", "Left tendon [N]", "Right tendon [N]", "At most [N]", "Base x, y [mm]; angle")
-    return table((*head, "Middle contacts at [mm]", "Length [mm]", "Family"), rows, (1, 2, 3))
-
-
-def _contacts(result: GraspResult, beside: Mapping[str, Axes]) -> tuple[str, str, str]:
-    """Table of the contacts and their forces."""
-    lifted = _lifted(result)
-    rows: list[tuple[Any, ...]] = []
-    for c in result.contacts:
-        forces = (c.normal_force, c.friction_force, *([c.lift] if lifted else []))
-        place = (f"{1e3 * x + 0.0:.2f}" for x in c.position.round(6))  # no -0.00
-        words = (*place, *map(result.force_text, forces), result.margin_text(c))
-        rows.append((c.name, *words, f"{result.scene.friction(c.name):g}"))
-    lift = ["Lift [N]"] if lifted else []
-    head = ("Contact", "x [mm]", "y [mm]", "Normal [N]", "Friction [N]", *lift, "Margin", "Friction coefficient")
+def _friction(beside: Mapping[str, Axes]) -> str:
+    """Say what the forces in the table of contacts are, and draw those of friction."""
     note = (
         '<p class="quiet">Forces on what touches the object: along the object\'s outward normal, and friction along '
         "that normal turned by +90\N{DEGREE SIGN}. Lift acts on the object, out of the plane. The margin is what is "
         "left of the friction cone: 0&nbsp;% is about to slip.</p>"
     )
-    discs = ""
-    if "friction" in beside:
-        caption = (
-            "Friction at each contact: in the plane to the right, lift up. The rim is the friction coefficient times"
-            " the normal force; a dot on it is about to slip."
-        )
-        discs = figure("friction", _svg(beside["friction"], "friction", "friction by contact"), caption)
-    return table(head, rows, range(1, len(head))), note if rows else "", discs
+    if "friction" not in beside:
+        return note
+    caption = (
+        "Friction at each contact: in the plane to the right, lift up. The rim is the friction coefficient times"
+        " the normal force; a dot on it is about to slip."
+    )
+    return note + figure("friction", _svg(beside["friction"], "friction", "friction by contact"), caption)
 
 
 def _resistance(resisted: ArrayLike | None, beside: Mapping[str, Axes]) -> str:
@@ -219,11 +188,6 @@ def _resistance(resisted: ArrayLike | None, beside: Mapping[str, Axes]) -> str:
         f"the dashed circle is what is resisted whichever way it acts. {words[0].upper() + words[1:]}."
     )
     return figure("polygon", _svg(beside["resisted"], "resisted", "resisted force by direction"), caption)
-
-
-def _disturbances(result: GraspResult) -> str:
-    head = ("Disturbance: force x, y, moment", "Multiple that is resisted", "What stops it then")
-    return table(head, disturbance_rows(result), (1,))
 
 
 def _closing(result: GraspResult) -> str:
@@ -240,28 +204,6 @@ def _closing(result: GraspResult) -> str:
     lead = f"<p>{badge(path.status.value, path.reached)} {escaped(path.message)}</p>"
     drawing = _svg(plot_closing(result), "closing", "fingers on their way into the grasp")
     return section("The way in", lead, figure("closing", drawing, caption))
-
-
-def _certificate(certificate: Certificate) -> str:
-    stability = certificate.stability
-    word = "stable" if stability.stable else "unstable"
-    lead = (
-        "Recomputed from the stored numbers by code that shares nothing with the search. Of "
-        "several of a kind the worst is shown."
-    )
-    return section(
-        "Certificate",
-        f'<p class="quiet">{escaped(lead)}</p>',
-        table(("Check", "Found", "In terms of", "Limit", "Verdict"), check_rows(certificate), (1, 3)),
-        f"<p>Failed:</p>{items(failed_checks(certificate))}" if certificate.failed else "",
-        f"<p><b>Stability:</b> {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L "
-        f'<span class="quiet">({escaped(stability.assumptions)})</span>.</p>',
-        f"<p><b>Model error:</b> {escaped(str(certificate.model_error))}.</p>",
-        f"<p><b>Fingers overlap</b> by {1e3 * certificate.overlap:.2f} mm in the plane: they must lie at different "
-        "heights.</p>"
-        if certificate.overlap > 0
-        else "",
-    )
 
 
 def _amount(value: float, unit: str) -> str:

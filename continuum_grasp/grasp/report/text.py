@@ -1,10 +1,10 @@
-"""A grasp result as text, for people and as YAML, and the rows that the page shows too."""
+"""Parts of what is said about a grasp; as text for people, and the summary as YAML."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,156 +31,50 @@ _ROUNDING = 1e-6
 """Indices below this are nothing but rounding [1]."""
 
 
+@dataclass(frozen=True)
+class Part:
+    """A part of what is said about a grasp, as text and on the page: a table and sentences about it."""
+
+    title: str
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    numbers: Sequence[int] = ()  # columns that stand on the right
+    lead: str = ""
+    notes: Sequence[str] = ()
+
+
+def parts(result: GraspResult, quality: bool = True) -> list[Part]:
+    """Say all about a grasp, or about the closest attempt; parts without rows are left out."""
+    every = [_fingers(result), _contacts(result)] if result.arrays else []
+    if result.solved:
+        every += [_quality(result), _disturbances(result)] if quality else []
+        every += [] if result.certificate is None else [_certificate(result.certificate)]
+        every.append(_fine(result))
+    return [part for part in (*every, _trials(result)) if part.rows]
+
+
 def result_text(result: GraspResult) -> str:
     """The result as aligned text, for people."""
     lines = [f"{result.status.value}: {result.message}"]
-    if result.solved:
-        lines += ["", *_finger_lines(result), "", *_contact_lines(result)]
-        if result.lower_bound is not None:
-            lines += _wrapped(result.bound_words)
-        lines += ["", *_wrapped(str(result.plants))]
-        if result.certificate is not None:
-            lines += [*_quality_lines(result), "", *_certificate_lines(result.certificate)]
-        lines += [f"  {name}: {value}" for name, value in fine_rows(result)]
-    else:
+    if not result.solved:
         lines += _why_lines(result)
-    lines += _robust_lines(result)
+    for part in parts(result, quality=result.certificate is not None):
+        lines += ["", f"{part.title}. {part.lead}" if part.lead else part.title]
+        sides = ("<>"[k in part.numbers] for k in range(len(part.rows[0])))
+        lines += _aligned([part.head, *part.rows] if any(part.head) else part.rows, sides)
+        for note in part.notes:
+            lines += textwrap.wrap(note, 108, initial_indent="    ", subsequent_indent="    ", break_on_hyphens=False)
     advice = further_advice(result)
     if advice:
         lines += ["", *textwrap.wrap(advice, 112)]
     return "\n".join(lines)
 
 
-def _finger_lines(result: GraspResult) -> list[str]:
-    lines, width = [], max(len(setup.name) for setup in result.scene.setups)
-    if result.scene.object.free is not None:
-        x, y, angle = result.object_pose
-        lines.append(f"  object at ({1e3 * x:.2f}, {1e3 * y:.2f}) mm, turned by {angle:.4f} rad")
-    for setup in result.scene.setups:
-        name, finger, posture = setup.name, setup.finger, result.fingers[setup.name]
-        most = setup.max_tension
-        left, right = (result.force_text(tension) for tension in posture.tensions)
-        lines.append(f"  {name:<{width}}  tendons  left {left} N, right {right} N of {most:g} N")
-        pad = " " * (width + 4)
-        lines += [f"{pad}{text}" for text in drive_lines(result, name)]
-        if finger.base_free is not None:
-            x, y, angle = posture.base
-            lines.append(f"{pad}base at ({1e3 * x:.2f}, {1e3 * y:.2f}) mm, angle {angle:.4f} rad")
-        for contact in (c for c in result.contacts if c.name in setup.middle_names):
-            what = contact.name.removeprefix(f"{name}.").replace("_", " ").replace("middle", "middle contact")
-            lines.append(f"{pad}{what} at {1e3 * contact.station:.2f} mm of {1e3 * finger.rod.length:g} mm")
-        elements = ", ".join(f"{1e3 * h:.1f}" for h in posture.lengths)
-        lines.append(f"{pad}elements {elements} mm ({posture.family})")
-    return lines
-
-
-def drive_lines(result: GraspResult, finger: str) -> list[str]:
-    """States of the drives of a finger, in words; none where its tensions are commanded."""
-    lines = []
-    for drive, taut in zip(result.drives.get(finger, ()), _taut(result, finger), strict=False):
-        what = f"drive of {' and '.join(drive.tendons)}"
-        if np.isnan(drive.torque):
-            text = f"wound up by {1e3 * drive.position:.3f} mm"
-        else:
-            text = f"at {drive.position:.4f} rad, holds {1e3 * drive.torque:.4g} mN m, reached with "
-            text += f"{1e3 * drive.torque_to_reach:.4g} mN m"
-            text += "" if np.isnan(drive.current) else f", {drive.current:.4g} A"
-        lines.append(f"{what} {text}{taut}")
-    held = result.arrays.get(f"held.{finger}.tensions")
-    if held is not None and np.ptp(held, axis=0).max() > 1e-3:
-        ends = zip(("left", "right"), held.min(axis=0), held.max(axis=0), strict=True)
-        parts = (f"{side} {result.force_text(low)} to {result.force_text(high)} N" for side, low, high in ends)
-        lines.append(f"tensions by friction states: {', '.join(parts)}")
-    return lines
-
-
-def _taut(result: GraspResult, finger: str) -> list[str]:
-    """Words for slack tendons of a finger, per drive."""
-    slack = [side for side, pull in zip(("left", "right"), result.fingers[finger].tensions, strict=True) if pull < 1e-3]
-    each = [[s for s in drive.tendons if s in slack] for drive in result.drives.get(finger, ())]
-    return [f"; {' and '.join(own)} slack" if own else "" for own in each]
-
-
-def _contact_lines(result: GraspResult) -> list[str]:
-    lifted = isinstance(result.scene.gravity, OutOfPlaneGravity)
-    width = max(len("contact"), *(len(c.name) for c in result.contacts)) if result.contacts else 7
-    lift = f"{'lift [N]':>10}" if lifted else ""
-    lines = [f"  {'contact':<{width}}    x [mm]    y [mm]  normal [N]  friction [N]{lift}  margin"]
-    for c in result.contacts:
-        x, y = (round(1e3 * v, 3) + 0.0 for v in c.position)  # no -0.0
-        normal, friction, lift = (result.force_text(f) for f in (c.normal_force, c.friction_force, c.lift))
-        words = f"{normal:>12}{friction:>14}{f'{lift:>10}' if lifted else ''}{result.margin_text(c):>8}"
-        lines.append(f"  {c.name:<{width}}{x:10.2f}{y:10.2f}{words}")
-    return lines
-
-
-def _quality_lines(result: GraspResult) -> list[str]:
-    held = "Disturbances (force x, y, moment), the multiple that is resisted, and what stops it"
-    lines = []
-    for title, rows in (("Quality", quality_rows(result)), (held, disturbance_rows(result))):
-        lines += ["", title, *_aligned(rows, "<><")] if rows else []
-    return lines
-
-
-def _aligned(rows: Sequence[Sequence[str]], sides: str) -> list[str]:
+def _aligned(rows: Sequence[Sequence[str]], sides: Iterable[str]) -> list[str]:
     """Rows of a table, each column to its side, ``<`` or ``>``."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     formats = [f"{{:{side}{width}}}" for side, width in zip(sides, widths, strict=True)]
     return [f"  {'  '.join(f.format(cell) for f, cell in zip(formats, row, strict=True))}".rstrip() for row in rows]
-
-
-def _certificate_lines(certificate: Certificate) -> list[str]:
-    verdict = "all checks passed" if certificate.passed else f"{len(certificate.failed)} checks FAILED"
-    lines = [f"Verified independently: {verdict}"]
-    rows = [(a, b, c, f"limit {d}", e) for a, b, c, d, e in check_rows(certificate)]
-    lines += _aligned(rows, "<><<<")
-    lines += [f"  FAILED: {text}" for text in failed_checks(certificate)]
-    stability, error, overlap = certificate.stability, certificate.model_error, certificate.overlap
-    word = "stable" if stability.stable else "UNSTABLE"
-    mark = "ok" if error.small else "WARNING: raise fidelity.elements"
-    lines += [
-        f"  stability: {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L",
-        *_wrapped(f"({stability.assumptions})"),
-        f"  model error, limit {1e3 * error.limit:.2g} mm: {mark}",
-        *_wrapped(str(error)),
-        f"    (its bending moment by {error.moment:.1%} of the greatest, and the tension perhaps by as much)",
-    ]
-    if overlap > 0:
-        lines.append(f"  fingers overlap by {1e3 * overlap:.2f} mm in the plane: they must lie at different heights")
-    return lines
-
-
-def check_rows(certificate: Certificate) -> list[tuple[str, str, str, str, str]]:
-    """Per kind of check, whichever finger or contact it is of: name and count, worst value, of what, limit, verdict."""
-    kinds: dict[str, list[Check]] = {}
-    for check in certificate.checks:
-        kinds.setdefault(check.name.partition(", ")[0], []).append(check)
-    rows = []
-    for name, checks in kinds.items():
-        bad = [check for check in checks if not check.passed]
-        worst = bad[0] if bad else max(checks, key=lambda check: check.value - check.limit)
-        amount = "within" if worst.value <= 0 else f"{worst.value:.1e}"
-        count = f" ({len(checks)})" if len(checks) > 1 else ""
-        of = f"of {worst.relative_to}" if worst.relative_to else worst.unit.removeprefix("1")
-        rows.append((name + count, amount, of, f"{worst.limit:.0e}", "FAILED" if bad else "ok"))
-    return rows
-
-
-def failed_checks(certificate: Certificate) -> list[str]:
-    """The checks that did not pass, by how much."""
-    return [f"{check.name}, {check.value:.2e}, limit {check.limit:.0e}" for check in certificate.failed]
-
-
-def _robust_lines(result: GraspResult) -> list[str]:
-    rows = robust_rows(result)
-    if not rows:
-        return []
-    title, head = robust_head(result)
-    return ["", title, *_aligned([head, *rows], "<<<")]
-
-
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, 108, initial_indent="    ", subsequent_indent="    ", break_on_hyphens=False)
 
 
 def _why_lines(result: GraspResult) -> list[str]:
@@ -193,17 +87,10 @@ def _why_lines(result: GraspResult) -> list[str]:
     if result.violated:
         lines += ["", "Broken constraints at the closest attempt:", *(f"  {text}" for text in result.violated)]
     if result.arrays:
-        what = "The closest attempt, which is no grasp:"
-        if result.robustness is not None:
-            what = f"The grasp {result.robustness.names[1]}:"
-        lines += ["", what, *_finger_lines(result), "", *_contact_lines(result)]
+        robust = result.robustness
+        what = "The closest attempt, which is no grasp" if robust is None else f"The grasp {robust.names[1]}"
+        lines += ["", f"{what}:"]
     return lines
-
-
-def quality_rows(result: GraspResult) -> list[tuple[str, str, str]]:
-    """Indices of quality as (name, value, description); none where there is no grasp."""
-    rows = result.quality.rows() if result.solved else ()
-    return [(name.replace("_", " "), _short(value), description) for name, value, description in rows]
 
 
 def further_advice(result: GraspResult) -> str:
@@ -212,36 +99,131 @@ def further_advice(result: GraspResult) -> str:
     return result.advice.removeprefix(repairs).strip() if result.reasons else result.advice
 
 
-def disturbance_rows(result: GraspResult) -> list[tuple[str, str, str]]:
-    """The scene's disturbances as (force and moment, multiple that is resisted, what stops it then)."""
-    if not result.solved:
-        return []
+# -- parts -------------------------------------------------------------------------------------------------------
+
+
+def _fingers(result: GraspResult) -> Part:
+    """Tensions, base and contacts of each finger, and what its drives do."""
+    rows, notes = [], []
+    if result.scene.object.free is not None:
+        notes.append(f"object at {_mm(result.object_pose[:2])} mm, turned by {result.object_pose[2]:.4f} rad")
+    for setup in result.scene.setups:
+        posture = result.fingers[setup.name]
+        base = f"{_mm(posture.base[:2])}; {np.degrees(posture.base[2]):.1f}\N{DEGREE SIGN}"
+        middles = _mm([c.station for c in result.contacts if c.name in setup.middle_names])
+        tensions = (result.force_text(tension) for tension in posture.tensions)
+        rows.append(
+            (setup.name, *tensions, f"{setup.max_tension:g}", base, middles, f"{1e3 * posture.lengths.sum():g}")
+        )
+        notes.append(f"{setup.name}: elements of {_mm(posture.lengths)} mm ({posture.family})")
+        notes += [f"{setup.name}: {text}" for text in _drives(result, setup.name)]
+    head = ("Finger", "Left tendon [N]", "Right [N]", "At most [N]", "Base [mm]", "Middle at [mm]", "Length [mm]")
+    return Part("Fingers", head, rows, (1, 2, 3), notes=notes)
+
+
+def _drives(result: GraspResult, finger: str) -> list[str]:
+    """States of the drives of a finger, in words; none where its tensions are commanded."""
+    lines = []
+    slack = [side for side, pull in zip(("left", "right"), result.fingers[finger].tensions, strict=True) if pull < 1e-3]
+    for drive in result.drives.get(finger, ()):
+        text = f"drive of {' and '.join(drive.tendons)} "
+        if np.isnan(drive.torque):
+            text += f"wound up by {1e3 * drive.position:.3f} mm"
+        else:
+            text += f"at {drive.position:.4f} rad, holds {1e3 * drive.torque:.4g} mN m, reached with "
+            text += f"{1e3 * drive.torque_to_reach:.4g} mN m"
+            text += "" if np.isnan(drive.current) else f", {drive.current:.4g} A"
+        own = [side for side in drive.tendons if side in slack]
+        lines.append(text + (f"; {' and '.join(own)} slack" if own else ""))
+    held = result.arrays.get(f"held.{finger}.tensions")
+    if held is not None and np.ptp(held, axis=0).max() > 1e-3:
+        ends = zip(("left", "right"), held.min(axis=0), held.max(axis=0), strict=True)
+        each = (f"{side} {result.force_text(low)} to {result.force_text(high)} N" for side, low, high in ends)
+        lines.append(f"tensions by friction states: {', '.join(each)}")
+    return lines
+
+
+def _contacts(result: GraspResult) -> Part:
+    """Places of the contacts, and their forces."""
+    lifted = isinstance(result.scene.gravity, OutOfPlaneGravity)
+    rows = []
+    for c in result.contacts:
+        x, y = (round(1e3 * v, 3) + 0.0 for v in c.position)  # no -0.0
+        forces = (result.force_text(f) for f in (c.normal_force, c.friction_force, *([c.lift] if lifted else [])))
+        coefficient = f"{result.scene.friction(c.name):g}"
+        rows.append((c.name, f"{x:.2f}", f"{y:.2f}", *forces, result.margin_text(c), coefficient))
+    lift = ["Lift [N]"] if lifted else []
+    head = ("Contact", "x [mm]", "y [mm]", "Normal [N]", "Friction [N]", *lift, "Margin", "Friction coefficient")
+    notes = [text for text in (result.bound_words, str(result.plants or "")) if text]
+    return Part("Contacts", head, rows, range(1, len(head)), notes=notes)
+
+
+def _quality(result: GraspResult) -> Part:
+    """Indices of quality."""
+    rows = [(name.replace("_", " "), _short(value), description) for name, value, description in result.quality.rows()]
+    return Part("Quality", ("Index", "Value", "What it means"), rows, (1,))
+
+
+def _disturbances(result: GraspResult) -> Part:
+    """The scene's disturbances, as far as they are resisted."""
     held, rows = result.quality.resistance, []
     for (x, y, moment), factor, limiting in zip(held.wrenches, held.factors, held.limiting, strict=True):
         what = f"{x:.3g} N, {y:.3g} N, {moment:.3g} N m"
         rows.append((what, "no limit" if np.isinf(factor) else _short(factor), ", ".join(limiting)))
-    return rows
+    head = ("Disturbance: force x, y, moment", "Multiple that is resisted", "What stops it then")
+    return Part("Resisted disturbances", head, rows, (1,))
 
 
-def robust_head(result: GraspResult) -> tuple[str, tuple[str, str, str]]:
-    """Title and head of the table of trials."""
-    title, nominal, robust = ("", "", "") if result.robustness is None else result.robustness.names
-    return title, ("", f"best {nominal}", robust)
+def _certificate(certificate: Certificate) -> Part:
+    """Per kind of check, whichever finger or contact it is of, the worst value; stability and error of the model."""
+    kinds: dict[str, list[Check]] = {}
+    for check in certificate.checks:
+        kinds.setdefault(check.name.partition(", ")[0], []).append(check)
+    rows = []
+    for name, checks in kinds.items():
+        bad = [check for check in checks if not check.passed]
+        worst = bad[0] if bad else max(checks, key=lambda check: check.value - check.limit)
+        amount = "within" if worst.value <= 0 else f"{worst.value:.1e}"
+        count = f" ({len(checks)})" if len(checks) > 1 else ""
+        of = f"of {worst.relative_to}" if worst.relative_to else worst.unit.removeprefix("1")
+        rows.append((name + count, amount, of, f"{worst.limit:.0e}", "FAILED" if bad else "ok"))
+    verdict = "all checks passed" if certificate.passed else f"{len(certificate.failed)} checks FAILED"
+    stability, error, overlap = certificate.stability, certificate.model_error, certificate.overlap
+    word, mark = "stable" if stability.stable else "UNSTABLE", "" if error.small else " (raise fidelity.elements)"
+    notes = [
+        *(f"FAILED: {one.name}, {one.value:.2e}, limit {one.limit:.0e}" for one in certificate.failed),
+        f"stability: {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L ({stability.assumptions})",
+        str(error),
+        f"model error, limit {1e3 * error.limit:.2g} mm{mark}: its bending moment is off by {error.moment:.1%} of the "
+        "greatest, and the tension perhaps by as much",
+    ]
+    if overlap > 0:
+        notes.append(f"fingers overlap by {1e3 * overlap:.2f} mm in the plane: they must lie at different heights")
+    head = ("Check", "Found", "In terms of", "Limit", "Verdict")
+    return Part("Certificate", head, rows, (1, 3), f"Verified independently: {verdict}", notes)
 
 
-def robust_rows(result: GraspResult) -> list[tuple[str, str, str]]:
-    """The nominal grasp and that for all errors side by side, as (name, nominal, robust)."""
-    return [] if result.robustness is None else result.robustness.rows()
-
-
-def fine_rows(result: GraspResult) -> list[tuple[str, str]]:
-    """Statistics about the grasp in a fine model, as (name, value)."""
+def _fine(result: GraspResult) -> Part:
+    """Statistics about the grasp in a fine model."""
     found = []
     for key, value in result.statistics.items():
         if key.startswith("fine") and value is not None:
-            parts = value.items() if isinstance(value, Mapping) else [("", value)]
-            found += [(" ".join(part for part in (key, name) if part).replace("_", " "), v) for name, v in parts]
-    return [(name, _short(v) if isinstance(v, float) else str(v)) for name, v in found]
+            each = value.items() if isinstance(value, Mapping) else [("", value)]
+            found += [(" ".join(part for part in (key, name) if part).replace("_", " "), v) for name, v in each]
+    rows = [(name, _short(v) if isinstance(v, float) else str(v)) for name, v in found]
+    return Part("The same grasp in a fine model", ("", ""), rows)
+
+
+def _trials(result: GraspResult) -> Part:
+    """The nominal grasp and that for all errors side by side."""
+    if result.robustness is None:
+        return Part("", (), ())
+    title, nominal, robust = result.robustness.names
+    return Part(title, ("", f"best {nominal}", robust), result.robustness.rows())
+
+
+def _mm(lengths: Iterable[float]) -> str:
+    return ", ".join(f"{1e3 * length + 0.0:.1f}" for length in lengths)
 
 
 def _short(value: float) -> str:

@@ -1,8 +1,21 @@
 """A scene whose object is not quite where and what it should be.
 
 Errors are rows (x [m], y [m], angle [rad], size, friction, mass [1]): offsets of the pose, and parts of the lengths of
-the shape, of the friction coefficients and of the mass. Where the friction states of tendons must not matter, these
-follow (`continuum_grasp.grasp.robust.states`).
+the shape, of the friction coefficients and of the mass. Where friction states must not matter, these follow.
+
+At given tensions at the base, what a tendon with friction exerts depends on its history. By the capstan law the tension
+may change across each friction cell by anything between exp(-friction turn) and exp(friction turn): a state z in
+[-1, 1] per cell, +1 where the tendon on the -X side was pulled last. Dry friction in bending resists in each cell by
+anything between -M and M per branch: a state z in [-1, 1] again, which is +1 where the cell was bent towards the left
+last. The bending moment at every section falls with every z of the tendons before it and with that of its own cell, so
+that fingers pulled all along and released all along give the least and the greatest moment everywhere. Forces of
+contacts are no such sums: contacts at several places, or weight, make them grow with some z and fall with others. To
+first order, in a posture that stays, the greatest reserve of the cones is the optimum of a linear problem with z on its
+right-hand side, so concave: least at a vertex of the box, which need be neither of the two.
+
+So a grasp is tried with both, of several fingers also with some pulled and others released, which push the object
+aside; then with the vertex that the slope of its reserve points to, from there again; from the worst of these by
+turning one cell at a time; and last with states drawn at random from the whole box.
 """
 
 from __future__ import annotations
@@ -16,8 +29,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.certificate.friction import pulled_states
 from continuum_grasp.grasp.certificate.held import YIELDS
 from continuum_grasp.grasp.robust.result import ERRORS
+from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.starts.supports import object_outlines, pinned_by, settle, support_contacts
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.scene.grasp import GraspScene
@@ -27,6 +42,8 @@ from continuum_grasp.scene.shape import Shape
 
 Array = NDArray[Any]
 
+OBJECT = len(ERRORS)
+"""Columns of errors of the object, before the friction states."""
 _SHAPE = Shape(GraspScene)
 
 
@@ -51,6 +68,32 @@ def alone(bounds: Robust) -> dict[str, Array]:
 def drawn(bounds: Robust, seed: int) -> Array:
     """Errors drawn evenly within the bounds (draws, 6)."""
     return np.random.default_rng(seed).uniform(-1.0, 1.0, (bounds.draws, 6)) * bounds.bounds
+
+
+def extremes(scene: GraspScene, arrays: Mapping[str, Any]) -> Array:
+    """States (S, K) of fingers that were pulled all along, and released, then of some pulled and others released;
+    (1, 0) where none matter.
+    """
+    setups = [setup for setup in scene.setups if setup.name in scene.state_columns]
+    if not setups:
+        return np.zeros((1, 0))
+    slid = [pulled_states(setup, FingerShape(setup, arrays)) for setup in setups]
+    pulled = [np.where(own < 0.0, -1.0, 1.0) for own in slid]
+    ways = [way for way in product((1.0, -1.0), repeat=len(setups)) if len(set(way)) > 1]
+    alike = [(sign,) * len(setups) for sign in (1.0, -1.0)]
+    return np.array([np.concatenate([w * own for w, own in zip(way, pulled, strict=True)]) for way in (*alike, *ways)])
+
+
+def with_states(errors: Array, states: Array) -> Array:
+    """Each error (E, 6) of the object with each of the states (S, K): (E S, 6 + K)."""
+    return np.concatenate([np.repeat(errors, len(states), axis=0), np.tile(states, (len(errors), 1))], axis=1)
+
+
+def with_drawn_states(scene: GraspScene, errors: Array) -> Array:
+    """Each error (E, 6) with states drawn at random (E, 6 + K): a half of all, evenly, at the bounds."""
+    size = max((columns.stop for columns in scene.state_columns.values()), default=0)
+    states = np.random.default_rng(scene.solver.random_seed).uniform(-2.0, 2.0, (len(errors), size))
+    return np.concatenate([errors, np.clip(states, -1.0, 1.0)], axis=1)
 
 
 class InError:
@@ -125,9 +168,9 @@ class InError:
         contacts |= support_contacts(scene, scene.object.pose, self.on)
         contacts = {name: contacts[name] for name in start.contacts}
         states = dict(start.friction_states)
-        if error.size > len(ERRORS):
+        if error.size > OBJECT:
             columns = scene.state_columns.items()
-            states = {name: tuple(error[len(ERRORS) :][part].tolist()) for name, part in columns}
+            states = {name: tuple(error[OBJECT:][part].tolist()) for name, part in columns}
         return scene, replace(start, object_pose=scene.object.pose, contacts=contacts, friction_states=states)
 
     def scene_with(self, error: Array) -> GraspScene:

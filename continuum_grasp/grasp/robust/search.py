@@ -6,7 +6,7 @@ doi:10.1007/BF00934096. It begins with a grasp of the scene as it is.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
+from continuum_grasp.grasp.certificate.friction import state_cells
 from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.values import contact_features
-from continuum_grasp.grasp.robust.errors import InError, corners
+from continuum_grasp.grasp.robust.errors import OBJECT, InError, corners, extremes, with_states
 from continuum_grasp.grasp.robust.joint import JointSolverRun
 from continuum_grasp.grasp.robust.response import Responder, Response
-from continuum_grasp.grasp.robust.states import descended, extremes, with_states
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
@@ -32,6 +32,8 @@ MOST = 4
 """Corners that enter the problem at once."""
 EXCHANGES = 6
 """Number of times that corners that fail enter the problem."""
+SAME = 1e-6
+"""Reserve by which friction states must be worse than those known, per force reference: rounding is less."""
 
 
 def tried_errors(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any]) -> Array:
@@ -164,3 +166,94 @@ def _solved(
     if not attempt.converged or not np.isfinite(attempt.x).all():
         return attempt, None
     return attempt, run.arrays(scene, attempt)
+
+
+def worst_vertex(response: Response) -> Array:
+    """An error with the states (6 + K,) at which the reserve is least, to first order; itself without slope."""
+    error, attempt, solver = response.error.copy(), response.attempt, response.solver
+    if not attempt.converged:
+        return error
+    # What is minimized is the reserve turned around.
+    slope = np.asarray(solver.nlp.slope(attempt.x, attempt.numbers, 1.0, attempt.multipliers.constraints)).ravel()
+    for name, columns in response.scene.state_columns.items():
+        own = slope[solver.problem.numbers.at[f"{name}.friction_history"]][:-1]
+        states = error[OBJECT:][columns]
+        error[OBJECT:][columns] = np.where(own > 0.0, 1.0, np.where(own < 0.0, -1.0, states))
+    return error
+
+
+def descended(responder: Responder, responses: Sequence[Response]) -> Iterator[Response]:
+    """From each response on to the friction states that lower its reserve, until none does; last from the worst of all
+    by turning one cell at a time, since a concave function has several such vertices. All that were turned are given:
+    the certificate asks for those beside the worst.
+    """
+    if not responder.scene.state_columns:
+        return
+    known = {response.error.tobytes() for response in responses}
+    found = list(responses)
+
+    def down(last: Response) -> Iterator[Response]:
+        while (error := worst_vertex(last)).tobytes() not in known:
+            known.add(error.tobytes())
+            new = responder.to(error)
+            found.append(new)
+            yield new
+            if new.reserve >= last.reserve:
+                break
+            last = new
+
+    for response in responses:
+        yield from down(response)
+    cells = [np.append(np.zeros(OBJECT, dtype=bool), cell) for cell in state_cells(responder.scene)]
+    while True:
+        worst = min(found, key=lambda response: response.reserve)
+        errors = [np.where(cell, -worst.error, worst.error) for cell in cells] if np.isfinite(worst.reserve) else []
+        turned = [responder.to(error) for error in errors if error.tobytes() not in known]
+        known |= {response.error.tobytes() for response in turned}
+        found += turned
+        yield from turned
+        new = min(turned, key=lambda response: response.reserve, default=worst)
+        if not new.reserve < worst.reserve - SAME:
+            break
+        yield from down(new)
+
+
+def tried_states(scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> list[Response]:
+    """Responses of a grasp to the friction states of `extremes`, and to the worst ones from there."""
+    responder = Responder(scene, arrays, budget)
+    found = [responder.to(error) for error in with_states(np.zeros((1, OBJECT)), extremes(scene, arrays))]
+    return found + list(descended(responder, found))
+
+
+def with_postures(
+    scene: GraspScene, arrays: Mapping[str, Array], responses: Sequence[Response], budget: Budget
+) -> dict[str, Array]:
+    """The arrays of a grasp, and of its postures with the friction states of its ``responses`` for the certificate to
+    verify: arrays of a grasp with the states as first axis, ``held.`` before their names.
+
+    Each contact has one row in all of them, those of the grasp before others; where one is clear, its name is empty and
+    its numbers are NaN.
+    """
+    if not scene.state_columns:
+        return dict(arrays)
+    if scene.robust:  # whose responses are to errors of the object, too
+        responses = tried_states(scene, arrays, budget)
+    each = [response.arrays for response in responses]
+    names = list(dict.fromkeys(str(name) for one in (arrays, *each) for name in one["contact_names"]))
+    each = [_with_all(one, names) for one in each]
+    same = {f"{name}.family" for name in scene.named_fingers}
+    return {**arrays, **{f"held.{key}": np.stack([one[key] for one in each]) for key in each[0] if key not in same}}
+
+
+def _with_all(arrays: Mapping[str, Array], names: Sequence[str]) -> dict[str, Array]:
+    """The arrays of a posture with a place for each of these contacts."""
+    own = [str(name) for name in arrays["contact_names"]]
+    rows = [names.index(name) for name in own]
+    found = dict(arrays)
+    for key in ("contact_positions", "contact_normals", "contact_forces", "contact_stations"):
+        found[key] = np.full((len(names), *arrays[key].shape[1:]), np.nan)
+        found[key][rows] = arrays[key]
+    found["contact_names"] = np.array([name if name in own else "" for name in names])
+    found["contact_parts"] = np.zeros(len(names), dtype=int)
+    found["contact_parts"][rows] = arrays["contact_parts"]
+    return found

@@ -13,22 +13,21 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.problem.solver_run import solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
-from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.grasp.robust.errors import alone, drawn
-from continuum_grasp.grasp.robust.response import Responder, Response
-from continuum_grasp.grasp.robust.result import Robustness, Trials
-from continuum_grasp.grasp.robust.search import Found, find_robust
-from continuum_grasp.grasp.robust.states import (
+from continuum_grasp.grasp.result import GraspResult, flawed
+from continuum_grasp.grasp.robust.errors import (
     OBJECT,
+    alone,
+    drawn,
     extremes,
     with_drawn_states,
-    with_postures,
     with_states,
 )
+from continuum_grasp.grasp.robust.response import Responder, Response
+from continuum_grasp.grasp.robust.result import Robustness, Trials
+from continuum_grasp.grasp.robust.search import Found, find_robust, with_postures
 from continuum_grasp.grasp.search import NEAR, Search, Tried
 from continuum_grasp.grasp.starts.values import start_from
-from continuum_grasp.grasp.values import Reason, Status, tension_of
-from continuum_grasp.grasp.verdict import UNSTABLE, flawed
+from continuum_grasp.grasp.values import UNSTABLE, Reason, Status, tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, Robust

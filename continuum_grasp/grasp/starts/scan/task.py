@@ -15,7 +15,7 @@ from typing import Any, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.skin import skin
+from continuum_grasp.grasp.shape import skin
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import bends, sample
 from continuum_grasp.model.family import family_class
