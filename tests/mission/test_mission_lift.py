@@ -31,7 +31,10 @@ def fingers(*names):
         SimpleNamespace(name=f"{n}.tip", normal_force=CERTIFIED, friction_force=0.0, lift=0.0, part=0) for n in names
     ]
     grasp = SimpleNamespace(contacts=contacts, scene=SimpleNamespace(friction=lambda name: 0.5))
-    finger = SimpleNamespace(input_keys=["tensions"], tendon_list=[SimpleNamespace(max_tension=75.0)] * 2, winches=())
+    tendons = [SimpleNamespace(max_tension=75.0)] * 2
+    finger = SimpleNamespace(
+        input_keys=["tensions"], tendon_list=tendons, winches=(), inputs=[SimpleNamespace(label="")] * 2
+    )
     control = SimpleNamespace(
         contact_names=("finger.tip",), contacts=(), finger=finger, controller=SimpleNamespace(step=STEP)
     )
@@ -44,10 +47,13 @@ def fingers(*names):
             mission=mission,
             middles=(),
             pulls=np.ones((2, 3)),
+            **dict.fromkeys(("rest", "before"), np.zeros(2)),
+            **dict.fromkeys(("bends", "posture"), np.zeros(0)),
             held=np.array([60.0, 1.5]),
             holding=(np.array([51.0, -math.inf]), np.array([math.inf, 4.0])),
             contact="finger.tip",
             force=CERTIFIED,
+            forces={"finger.tip": CERTIFIED},
             own_name=lambda own, name=name: own.replace("finger", name),
         )
         for name in names
@@ -65,7 +71,7 @@ def carried_out(forces, *, tension=60.0, names=("lower", "upper")):
         change=lambda u_min, u_max, **_: limits.update({plans[0].phase.name: (*u_min, *u_max)})
     )
     for plan in plans:
-        plan.enter(0.0, controller, None)
+        plan.enter(0.0, controller, SimpleNamespace(command=np.zeros(2)))
     for k in range(1, 1000):
         t, going = k * STEP, []
         for plan, force in zip(plans, forces(k * STEP), strict=True):
