@@ -29,8 +29,11 @@ _DUE, _BY_FORCES, _RELEASE, _ABORT = -1, -2, -3, -4
 """Calls of ``c/mission_python.c``."""
 _BEGINS = {
     **dict.fromkeys(("approach", "release", "leave last"), ("posture", _NOMINAL)),
-    **{"settle": ("force", _NOMINAL), "confirm": ("force", _SQUEEZES), "lift": ("force", _HOLDS)},
-    **{"touch": ("gap", _NOMINAL), "leave": ("gap", _NOMINAL), "turn": ("angle", _NOMINAL)},
+    "settle": ("force", _NOMINAL),
+    "confirm": ("force", _SQUEEZES),
+    "lift": ("force", _HOLDS),
+    **dict.fromkeys(("touch", "leave"), ("gap", _NOMINAL)),
+    "turn": ("angle", _NOMINAL),
 }
 """What is followed from a phase on, and within which limits; others leave that as it is."""
 

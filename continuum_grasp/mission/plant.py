@@ -149,7 +149,7 @@ class Span:
 
 
 class Moves(NamedTuple):
-    """Setpoints (nr) at first, and smooth moves: when each begins and how long it lasts (M) [s], by how much (M, nr)."""
+    """Setpoints (nr) at first, and smooth moves: begin and duration of each (M) [s], and by how much (M, nr)."""
 
     first: Array
     at: Array
@@ -251,7 +251,7 @@ class Timetable:
             for k in self.strokes:
                 moves += [(f"touch {k}", 1.0, "touched", 1.0), (f"turn {k}", MOVES, "turned", 1.0 / turn.strokes)]
                 moves += [(f"leave {k}", 1.0, "touched", -1.0)]
-            # After a turn the object stands as in the grasp, and the finger leaves it from about where it touches there.
+            # After a turn the object stands as in the grasp: the finger leaves it from about where it touches there.
             moves += [(f"leave {self.strokes[-1]}", 1.0, "begun", -1.0)]
             first = {name: first.get(name, 0.0) + by["begun"].get(name, 0.0) for name in {**first, **by["begun"]}}
         moves += [("approach", 1.0, "begun", 1.0), ("squeeze", 1.0, "closed", share)]
