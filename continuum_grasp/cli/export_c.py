@@ -36,8 +36,8 @@ def export_c(
             "--what",
             metavar="PART,...",
             help="Some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, "
-            "contact, metadata; of a closed loop also estimator and mpc, of a mission mpc and mission (default: of loops "
-            "and missions those two, else dynamics, step, kinematics and statics).",
+            "contact, metadata; of a closed loop also estimator and mpc, of a mission mpc and mission (default: of "
+            "loops and missions those two, else dynamics, step, kinematics and statics).",
         ),
     ] = None,
     prefix: Annotated[str, typer.Option("--prefix", metavar="NAME", help="Of all names in C.")] = "finger",
