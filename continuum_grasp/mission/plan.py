@@ -163,7 +163,9 @@ class Plan(Schedule):
         found = c.output.copy()
         phase, changed, decision, bears = (int(number) for number in found[:4])
         passed = range(self.current + 1, phase + 1) if what < 0 else [phase]
-        cut = range(self._confirm + 1, self._release) if decision == Decision.LETS_GO or what <= _RELEASE else ()
+        if what <= _RELEASE:
+            passed = passed[-1:]
+        cut = range(self._confirm + 1, self._release) if decision == Decision.LETS_GO else ()
         self.events += [(t, self.phases[k].name) for k in passed if k not in cut]
         if phase != self.current or what >= 0:
             self.current, self.start = phase, t

@@ -20,8 +20,8 @@ from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Timetable
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.scene.load import load
-from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, run, shared_library
 from tests.export.test_export_targets import ELSEWHERE, MACHINES
+from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, run, shared_library
 
 pytestmark = pytest.mark.deep
 
@@ -117,3 +117,33 @@ def test_a_mission_lets_go_when_told(package, tmp_path):
         assert passed[last] == number[then]
         assert passed[last - 1] < number["LOWER"]
         assert passed[-1] == number["END"]
+
+
+@needs("cc")
+def test_fingers_lift_together_and_let_go_together(carried, tmp_path):
+    """A package each; the first decides by what the other told a period before, as in Python."""
+    mission, libraries = carried("pinch"), []
+    with pytest.raises(InputError, match="one of lower, upper, which have a package each"):
+        export_c(mission, tmp_path / "none")
+    for of in mission.assignments:
+        export_c(mission, tmp_path / of.name, finger=of.name)
+        libraries.append(shared_library(tmp_path / of.name, tmp_path / of.name))
+    names, off = [phase.name for phase in Timetable(mission.assignments[0]).phases()], 0.0
+    for lacks in (False, True):
+        fingers = [finger.Mission(library) for finger, library in libraries]
+        for k, measured in enumerate(zip(*(done.y for done in mission.runs), strict=True)):
+            told = 2 if lacks else fingers[1].forces()
+            if told:
+                (fingers[0].others_bear if told == 1 else fingers[0].others_lack)()
+            for j, (one, y) in enumerate(zip(fingers, measured, strict=True)):
+                if j and fingers[0].decision():
+                    (one.lift if fingers[0].decision() == 1 else one.let_go)()
+                found = one.step(libraries[j][0].Measurement(*y))
+                if not lacks:
+                    u = np.array([found.tension_1, found.tension_2])
+                    off = max(off, np.abs(u - mission.runs[j].u[k]).max())
+                    assert names[one.phase()] == phases_of(mission.runs[j], mission.runs[j].t[k : k + 1])[0]
+            assert len({one.phase() for one in fingers}) == 1
+        assert {one.decision() for one in fingers} == {2 if lacks else 1}
+        assert names[fingers[0].phase()] == "end"
+    assert off < 1e-6
