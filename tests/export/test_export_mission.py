@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,6 +23,7 @@ from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.scene.load import load
 from tests.export.test_export_targets import ELSEWHERE, MACHINES
 from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, run, shared_library
+from tests.rods import ROOT
 
 pytestmark = pytest.mark.deep
 
@@ -147,3 +149,12 @@ def test_fingers_lift_together_and_let_go_together(carried, tmp_path):
         assert {one.decision() for one in fingers} == {2 if lacks else 1}
         assert names[fingers[0].phase()] == "end"
     assert off < 1e-6
+
+
+@needs("cc")
+def test_the_example_holds_the_mug_over_a_pipe(package, tmp_path):
+    sources = [*(package / "src").glob("*.c"), package / "examples/mission_loop.c"]
+    run("cc", *STRICT, "-O1", f"-I{package / 'include'}", *sources, "-o", tmp_path / "loop")
+    said = run(sys.executable, ROOT / "examples/mission_pipe/plant.py", tmp_path / "loop", *QUICK)
+    assert re.search(r"1\.00 s  lift\n.*2\.82 s  lower\n.*3\.02 s  release\n", said, re.DOTALL)
+    assert float(re.search(r"sank by (\S+) mm", said)[1]) < 1.0
