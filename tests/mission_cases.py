@@ -13,7 +13,7 @@ def planned(table, names, t):
     """Setpoints by names at instants of the plan."""
     count, limits = len(names), np.ones(len(table.of.held))
     stages = SimpleNamespace(r_names=tuple(names), weights=np.ones(count), u_min=-limits, u_max=limits)
-    return Plan(table, stages, np.zeros(0)).planned(np.asarray(t))
+    return Plan(table, stages, np.zeros(0)).rows(np.asarray(t), of_plan=True)
 
 
 def begun(table, stages, plant):

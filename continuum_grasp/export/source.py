@@ -138,7 +138,12 @@ def _of_loop(scene: ControlScene, real: Real) -> Source:
     return Source(model, *names_of(scene), None, scene.model_dump(mode="json"), scene, scene)
 
 
-_ONE_FINGER = Consumer("export-c of no mission", {"finger": "is for a mission of several fingers"})
+_REPORTED = {
+    True: (("others_bear", "BEARS"), ("others_lack", "LACKS")),
+    False: (("lift", "LIFTS"), ("let_go", "LETS_GO")),
+}
+"""What the finger that decides hears from others, and they from it, with the words in ``control/c/mission.h``."""
+_ONE_FINGER = Consumer("export-c of one finger", {"finger": "is for a mission of several fingers"})
 
 
 def _of_mission(given: MissionScene | MissionRun, real: Real, finger: str | None) -> Source:
@@ -149,22 +154,17 @@ def _of_mission(given: MissionScene | MissionRun, real: Real, finger: str | None
         assignments = assign(given)
         admit(assignments, [one.text for one in exceeded(assignments, Variation())])
     by_name = {one.name: one for one in assignments}
-    if finger not in (by_name if len(by_name) > 1 else {**by_name, None: None}):
+    if finger not in by_name and (finger is not None or len(by_name) > 1):
         expected = f"one of {', '.join(by_name)}, which have a package each"
         raise InputError(f"expected {expected}, got {finger!r:.60}", key="finger")
     of = assignments[0] if finger is None else by_name[finger]
-    leads, told = of is assignments[0], list[tuple[str, str]]()
-    if len(by_name) > 1:
-        told = (
-            [("others_bear", "BEARS"), ("others_lack", "LACKS")]
-            if leads
-            else [("lift", "LIFTS"), ("let_go", "LETS_GO")]
-        )
+    leads = of is assignments[0]
+    reported = () if len(by_name) == 1 else _REPORTED[leads]
 
     def phases(stages: Stages) -> Phases:
         table = Timetable(of)
         sizes, fields = mission_fields(table, stages, needed_forces(assignments, of), leads=leads)
-        return Phases(sizes, tuple(fields), tuple(span.name for span in table.phases()), tuple(told))
+        return Phases(sizes, tuple(fields), tuple(span.name for span in table.phases()), reported)
 
     return replace(_of_loop(of.control, real), configuration=of.mission.model_dump(mode="json"), phases=phases)
 

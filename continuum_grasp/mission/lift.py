@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.certified import certified_contact
-from continuum_grasp.mission.plan import Bears, Decision, Plan, needed_forces
+from continuum_grasp.mission.plan import BEARS, LETS_GO, UNKNOWN, WAITS, Plan, needed_forces
 from continuum_grasp.mission.plant import Timetable
 
 Array = NDArray[np.float64]
@@ -125,8 +125,8 @@ class LiftCheck:
     def schedule(self, finger: int, stages: Stages) -> Plan:
         """The phases of a finger, by number, which ask before the lift."""
         needed, leads = needed_forces(self._of, self._of[finger]), finger == 0
-        told, waits = self._others if leads else self._decision, partial(self._waited, finger)
-        self._plans.append(Plan(self._tables[finger], stages, needed, leads=leads, told=told, waits=waits))
+        reported, waits = self._others if leads else self._decision, partial(self._waited, finger)
+        self._plans.append(Plan(self._tables[finger], stages, needed, leads=leads, reported=reported, waits=waits))
         return self._plans[-1]
 
     def _decision(self) -> int:
@@ -135,7 +135,7 @@ class LiftCheck:
     def _others(self) -> int:
         """What the first finger, which decides for all, knows of the others: what they estimated a period before."""
         others = [plan.bears for plan in self._plans[1:]]
-        return Bears.UNKNOWN if Bears.UNKNOWN in others else max(others, default=Bears.ENOUGH)
+        return UNKNOWN if UNKNOWN in others else max(others, default=BEARS)
 
     def _waited(self, finger: int, t: float, command: Any) -> None:
         """Note what was decided, and for which forces."""
@@ -143,11 +143,11 @@ class LiftCheck:
             return
         self._seen[finger] = command
         decision = self._plans[0].decision
-        self._over = decision != Decision.WAITS and finger == 0
-        if self._over and decision == Decision.LETS_GO:
+        self._over = decision != WAITS and finger == 0
+        if self._over and decision == LETS_GO:
             self.refused = NotLifted(t, self._lacking(), self._cause())
         for table in self._tables:
-            lifts = decision != Decision.LETS_GO
+            lifts = decision != LETS_GO
             table.resume(t if self._over else table.latest, "lift" if lifts else "release")
 
     def _lacking(self) -> tuple[Shortfall, ...]:

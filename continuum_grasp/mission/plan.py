@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,10 @@ _FOLLOWED = {"posture": ("bending_",), "force": ("contact_force",), "gap": ("gap
 """Quantities that the controller may follow in a phase, and how the names of their setpoints begin."""
 _NOMINAL, _SQUEEZES, _HOLDS = range(3)
 """Limits of the command in a phase, as in ``c/mission.h``."""
+WAITS, LIFTS, LETS_GO = range(3)
+"""Decisions before the lift, as in ``c/mission.h``."""
+UNKNOWN, BEARS, LACKS = range(3)
+"""What is known of the forces at the contacts of a finger, by the estimate."""
 _DUE, _BY_FORCES, _RELEASE, _ABORT = -1, -2, -3, -4
 """Calls of ``c/mission_python.c``."""
 _BEGINS = {
@@ -36,22 +39,6 @@ _BEGINS = {
     "turn": ("angle", _NOMINAL),
 }
 """What is followed from a phase on, and within which limits; others leave that as it is."""
-
-
-class Decision(IntEnum):
-    """Decision before the lift."""
-
-    WAITS = 0
-    LIFTS = 1
-    LETS_GO = 2
-
-
-class Bears(IntEnum):
-    """Whether the contacts of a finger bear what is needed to lift, by the estimate."""
-
-    UNKNOWN = 0
-    ENOUGH = 1
-    LACKS = 2
 
 
 def needed_forces(assignments: Sequence[Assignment], of: Assignment) -> Array:
@@ -90,28 +77,25 @@ def mission_fields(
         *[Field(name, names.index(name), whole=True) for name in ("confirm", "lower", "release")],
         Field("leads", int(leads), whole=True),
         Field("patience", patience),
-        *([Field("needed", needed)] if needed.size else []),
-        *([Field("weights", weights)] if stages.weights.size else []),
+        Field("needed", needed),
+        Field("weights", weights),
         Field("u_min", stages.u_min),
         Field("u_max", stages.u_max),
         Field("low", [stages.u_min, tighter, low]),
         Field("high", [stages.u_max, high, high]),
         Field("follows_command", int(bool(of.control.finger.winches)), whole=True),
         Field("held", of.held),
-        *([Field("first", moves.first)] if moves.first.size else []),
-        Field("moves_at", moves.at),
-        Field("moves_for", moves.lasting),
-        *([Field("moves_by", moves.by)] if moves.first.size else []),
+        *map(Field, ("first", "moves_at", "moves_for", "moves_by"), moves),
     ]
-    sizes = {"PHASES": len(phases), "MOVES": len(moves.at), "NR": len(stages.r_names)}
+    sizes = {"PHASES": len(phases), "MOVES": len(moves[1]), "NR": len(stages.r_names)}
     return sizes | {"NU": len(stages.u_min), "NC": needed.size}, fields
 
 
 class Plan(Schedule):
     """Phases of one finger's mission for a closed loop.
 
-    ``told`` gives what a finger needs to know of others before the lift: the first one, whether they bear enough, the
-    others, its decision; ``waits`` is called with instant and command at each period in which that is asked.
+    ``reported`` gives what a finger needs to know of others before the lift: the first one, whether they bear enough,
+    the others, its decision; ``waits`` is called with instant and command at each period in which that is asked.
     """
 
     def __init__(
@@ -121,21 +105,20 @@ class Plan(Schedule):
         needed: Array,
         *,
         leads: bool = True,
-        told: Callable[[], int] = lambda: Bears.ENOUGH,
+        reported: Callable[[], int] = lambda: BEARS,
         waits: Callable[[float, Any], None] = lambda t, command: None,
     ) -> None:
         sizes, fields = mission_fields(table, stages, needed, leads=leads)
-        named = {field.member: field for field in fields}
-        lengths = np.asarray(named["length"].values).tolist()
-        rows = lambda since: self.rows(self.start + since)  # noqa: E731
-        super().__init__([Phase(s.name, rows, length) for s, length in zip(table.phases(), lengths, strict=True)])
-        self._confirm, self._release = (int(named[name].values) for name in ("confirm", "release"))  # type: ignore[arg-type]
-        self._told, self._waits, self._nu, self._nr = told, waits, sizes["NU"], sizes["NR"]
-        given = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "told": 1}
+        names = [span.name for span in table.phases()]
+        lengths = np.ravel(next(field.values for field in fields if field.member == "length")).tolist()
+        super().__init__([Phase(name, self.rows, length) for name, length in zip(names, lengths, strict=True)])
+        self._confirm, self._release = names.index("confirm"), names.index("release")
+        self._reported, self._waits, self._nr = reported, waits, sizes["NR"]
+        given = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1}
         parts = {"phase": 1, "changed": 1, "decision": 1, "bears": 1, "weights": sizes["NR"]}
         parts |= {"u_min": sizes["NU"], "u_max": sizes["NU"]}
         self._c = Compiled(mission_source(sizes, fields), fields, given, parts, "the mission")
-        self.decision, self.bears = Decision.WAITS, Bears.UNKNOWN
+        self.decision, self.bears = WAITS, UNKNOWN
 
     def enter(self, t: float, controller: Any, plant: Any, phase: int = 0) -> None:
         """Begin a phase, at first the first one."""
@@ -145,7 +128,9 @@ class Plan(Schedule):
         """Begin what is due at an instant [s], by the last command; False after the last phase."""
         goes_on = self._step(t, controller, plant.command, _DUE)
         if self.current == self._confirm:  # alone in asking for forces, which take longest
-            goes_on = self._step(t, controller, plant.command, _BY_FORCES, command.contact_forces.force, self._told())
+            goes_on = self._step(
+                t, controller, plant.command, _BY_FORCES, command.contact_forces.force, self._reported()
+            )
             self._waits(t, command)
         return goes_on
 
@@ -154,10 +139,10 @@ class Plan(Schedule):
         self._step(t, controller, plant.command, _ABORT if at_once else _RELEASE)
 
     def _step(
-        self, t: float, controller: Any, before: Array, what: int, forces: ArrayLike = 0.0, told: int = 0
+        self, t: float, controller: Any, before: Array, what: int, forces: ArrayLike = 0.0, reported: int = 0
     ) -> bool:
         now, u, felt, word = self._c.given
-        now[0], u[:], felt[:], word[0] = t, before, forces, told
+        now[0], u[:], felt[:], word[0] = t, before, forces, reported
         c = self._c
         goes_on = bool(c.library.cg_step(c.address, c.input_address, what, c.output_address))
         found = c.output.copy()
@@ -165,32 +150,22 @@ class Plan(Schedule):
         passed = range(self.current + 1, phase + 1) if what < 0 else [phase]
         if what <= _RELEASE:
             passed = passed[-1:]
-        cut = range(self._confirm + 1, self._release) if decision == Decision.LETS_GO else ()
+        cut = range(self._confirm + 1, self._release) if decision == LETS_GO else ()
         self.events += [(t, self.phases[k].name) for k in passed if k not in cut]
         if phase != self.current or what >= 0:
             self.current, self.start = phase, t
-        self.decision, self.bears = Decision(decision), Bears(bears)
+        self.decision, self.bears = decision, bears
         if changed:
-            weights, low, high = (found[self.parts[name]] for name in ("weights", "u_min", "u_max"))
+            weights, low, high = (found[c.parts[name]] for name in ("weights", "u_min", "u_max"))
             controller.change(weights=weights, u_min=low, u_max=high)
         return goes_on
 
-    @property
-    def parts(self) -> dict[str, slice]:
-        """Places of what the C writes."""
-        return self._c.parts
-
-    def rows(self, t: Array) -> Array:
-        """Setpoints (T, nr) as they are foreseen now at instants (T,) [s]."""
-        return self._rows(t, 0)
-
-    def planned(self, t: Array) -> Array:
-        """Setpoints (T, nr) at instants (T,) of the plan [s], in which nothing is waited for."""
-        return self._rows(t, 1)
-
-    def _rows(self, t: Array, of_plan: int) -> Array:
+    def rows(self, t: Array, *, of_plan: bool = False) -> Array:
+        """Setpoints (T, nr) as they are foreseen now at instants (T,) [s]; at those ``of_plan`` nothing is waited
+        for.
+        """
         at = np.ascontiguousarray(t, dtype=float)
         rows = np.zeros((at.size, self._nr))
         given, found = (ctypes.c_void_p(array.ctypes.data) for array in (at, rows))
-        self._c.library.cg_rows(self._c.address, given, at.size, of_plan, found)
+        self._c.library.cg_rows(self._c.address, given, at.size, int(of_plan), found)
         return rows

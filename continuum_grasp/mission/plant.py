@@ -6,7 +6,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,15 +147,6 @@ class Span:
     end: float
 
 
-class Moves(NamedTuple):
-    """Setpoints (nr) at first, and smooth moves: begin and duration of each (M) [s], and by how much (M, nr)."""
-
-    first: Array
-    at: Array
-    lasting: Array
-    by: Array
-
-
 class Timetable:
     """Phases of a mission: of each stroke of a turn ``touch 1``, ``turn 1``, ``leave 1`` and so on, then approach,
     squeeze, settle if asked for, lift, hold, then ``pull 1`` and so on with a ``rest`` after each, lower, release, end.
@@ -231,8 +221,10 @@ class Timetable:
 
     # -- the controller's -------------------------------------------------------------------------------------------
 
-    def moves(self, names: Sequence[str]) -> Moves:
-        """Setpoints, in the order of ``Stages.r_names``, as sums of smooth moves."""
+    def moves(self, names: Sequence[str]) -> tuple[Array, Array, Array, Array]:
+        """Setpoints (nr), in the order of ``Stages.r_names``, at first, and smooth moves of them: begin and duration of
+        each (M) [s], and by how much it moves them (M, nr).
+        """
         of, turn, finger = self.of, self.of.mission.turn, self.of.control.finger
         inputs, bends = [one.label for one in finger.inputs], [f"bending_{k + 1} [rad]" for k in range(len(of.bends))]
         forces = {f"contact_force_{name} [N]": force for name, force in of.forces.items()}
@@ -259,13 +251,11 @@ class Timetable:
             moves += [("settle", 1.0, "closed", 1.0 - share)]
         moves += [("release", 1.0, "closed", -1.0), ("release", 1.0, "begun", -1.0)]
         spans = [self._plan(name) for name, *_ in moves]
-        return Moves(
-            first=np.array([first.get(name, 0.0) for name in names]),
-            at=np.array([span.start for span in spans]),
-            lasting=np.array(
-                [part * (span.end - span.start) for span, (_, part, *_) in zip(spans, moves, strict=True)]
-            ),
-            by=np.array([[much * by[what].get(name, 0.0) for name in names] for *_, what, much in moves]),
+        return (
+            np.array([first.get(name, 0.0) for name in names]),
+            np.array([span.start for span in spans]),
+            np.array([part * (span.end - span.start) for span, (_, part, *_) in zip(spans, moves, strict=True)]),
+            np.array([[much * by[what].get(name, 0.0) for name in names] for *_, what, much in moves]),
         )
 
     def phases(self) -> list[Span]:

@@ -500,7 +500,11 @@ int main(void)
 
 @pytest.mark.parametrize(
     ("name", "what", "message"),
-    [("arcs", ["mpc"], "what: needs a closed loop"), ("given", ["estimator"], "has no estimator")],
+    [
+        ("arcs", ["mpc"], "what: needs a closed loop"),
+        ("given", ["estimator"], "has no estimator"),
+        ("given", ["mission"], "needs a mission"),
+    ],
 )
 def test_parts_that_a_scene_does_not_have_are_refused(name, what, message, tmp_path):
     with pytest.raises(InputError, match=message):

@@ -64,12 +64,16 @@ def test_a_mission_of_python_is_replayed(carried, package, tmp_path):
     done, period = mission.runs[0], mission.runs[0].period
     finger, library = shared_library(package, tmp_path)
     other, stages = finger.Mission(library), Controller(of.control).stages
-    plan, told, ahead = Plan(Timetable(of), stages, np.zeros(0)), SimpleNamespace(change=lambda **_: None), stages.stage
+    plan, reported, ahead = (
+        Plan(Timetable(of), stages, np.zeros(0)),
+        SimpleNamespace(change=lambda **_: None),
+        stages.stage,
+    )
     names, off = [phase.name for phase in plan.phases], []
     for k, y in enumerate(done.y):
         command = SimpleNamespace(contact_forces=SimpleNamespace(force=np.zeros(0)))
         plant = SimpleNamespace(command=done.u[k - 1] if k else of.rest)
-        plan.advance(k * period, told, plant, command) if k else plan.enter(0.0, told, plant)
+        plan.advance(k * period, reported, plant, command) if k else plan.enter(0.0, reported, plant)
         found = other.step(finger.Measurement(*y))
         off.append(np.array([found.tension_1, found.tension_2]) - done.u[k])
         wanted = plan.rows(k * period + ahead * np.arange(stages.stages + 1))
@@ -100,7 +104,7 @@ def test_a_mission_to_the_bit_without_a_warning_and_any_bits_under_sanitizers(co
 
 
 @needs("cc")
-def test_a_mission_lets_go_when_told(package, tmp_path):
+def test_a_mission_lets_go_when_asked(package, tmp_path):
     """Lowered first where it was lifted; aborted at once; tensions at rest in the end, within the rate all the way."""
     finger, library = shared_library(package, tmp_path)
     header = (package / "include/finger.h").read_text()
@@ -123,7 +127,7 @@ def test_a_mission_lets_go_when_told(package, tmp_path):
 
 @needs("cc")
 def test_fingers_lift_together_and_let_go_together(carried, tmp_path):
-    """A package each; the first decides by what the other told a period before, as in Python."""
+    """A package each; the first decides by what the other reported a period before, as in Python."""
     mission, libraries = carried("pinch"), []
     with pytest.raises(InputError, match="one of lower, upper, which have a package each"):
         export_c(mission, tmp_path / "none")
@@ -134,9 +138,9 @@ def test_fingers_lift_together_and_let_go_together(carried, tmp_path):
     for lacks in (False, True):
         fingers = [finger.Mission(library) for finger, library in libraries]
         for k, measured in enumerate(zip(*(done.y for done in mission.runs), strict=True)):
-            told = 2 if lacks else fingers[1].forces()
-            if told:
-                (fingers[0].others_bear if told == 1 else fingers[0].others_lack)()
+            reported = 2 if lacks else fingers[1].forces()
+            if reported:
+                (fingers[0].others_bear if reported == 1 else fingers[0].others_lack)()
             for j, (one, y) in enumerate(zip(fingers, measured, strict=True)):
                 if j and fingers[0].decision():
                     (one.lift if fingers[0].decision() == 1 else one.let_go)()

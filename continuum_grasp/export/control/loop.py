@@ -79,7 +79,7 @@ class Phases(NamedTuple):
     sizes: dict[str, int]
     members: tuple[Member, ...]
     names: tuple[str, ...]
-    told: tuple[tuple[str, str], ...]
+    reported: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True)

@@ -266,10 +266,10 @@ def _mission_vectors(contents: Contents, loop: Loop, host: _Host, function: Stat
         opens = round((lifted if asked == 1 else squeezed) / loop.period) + 10
         for k in range(math.ceil(ends / loop.period)):
             flags = (k == 0, asked == 1 and k == opens, asked == 2 and k == opens, 1 if k == 0 else 0)
-            y, told = finger.measured(u), 1 + (k % 7 == 3 if asked else 0)
+            y, reported = finger.measured(u), 1 + (k % 7 == 3 if asked else 0)
             if k % 53 == 20:
                 y[rng.integers(len(y))] = np.nan
-            code, out = record.call(flags, y, [told if loop.phases and loop.phases.told else 0])
+            code, out = record.call(flags, y, [reported if loop.phases and loop.phases.reported else 0])
             u = out[:nu].astype(float) if code >= 0 else u
             finger.advance(u)
     return record.vectors((), close=nu)

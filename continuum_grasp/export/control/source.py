@@ -201,10 +201,10 @@ class _Writer:
             return {}
         return {
             "phases": [*enumerate(name.upper() for name in identifiers(phases.names))],
-            "several": phases.told,
-            "alone": not phases.told,
-            "leads": "others_bear" in dict(phases.told),
-            "words_told": phases.told,
+            "several": phases.reported,
+            "alone": not phases.reported,
+            "leads": "others_bear" in dict(phases.reported),
+            "words_reported": phases.reported,
             "u_min": 2 * s.nr,  # behind the weights; see CHANGEABLE
             "u_max": 2 * s.nr + s.nu,
             "indent_mission": " " * len(f"int {self.prefix}_mission_step("),

@@ -77,11 +77,11 @@ def mpc(subject: Subject) -> Part:
 def mission(subject: Subject) -> Part:
     """Commands from approach to release, by the phases of a mission."""
     loop = cast(Loop, subject.loop)  # without it packages have none of these parts
-    told = () if loop.phases is None else loop.phases.told
+    reported = () if loop.phases is None else loop.phases.reported
     function = Stateful(
         "mission_step",
         "The command for a measurement, by the phase of the mission.",
-        _runner(subject, loop, "mission", told_at=1),
+        _runner(subject, loop, "mission", reported_at=1),
         ("mission", "mission_work"),
         ("measurement",),
         "command",
@@ -92,7 +92,7 @@ def mission(subject: Subject) -> Part:
             Method("phase", "Number of the phase.", counts=True),
             Method("decision", "Decision before the lift: 0 none, 1 lift, 2 let go.", counts=True),
             Method("forces", "Forces at the contacts: 0 unknown, 1 enough to lift, 2 too little.", counts=True),
-            *(Method(name, "Before the next call: what is known of other fingers.") for name, _ in told),
+            *(Method(name, "Before the next call: what is known of other fingers.") for name, _ in reported),
         ),
     )
     return _part(subject, "mission", [loop.measurement, loop.command, loop.start], (), function)
@@ -133,6 +133,6 @@ def _runner(subject: Subject, loop: Loop, name: str, **between: int) -> str:
     places = dict(zip(sizes, itertools.accumulate(sizes.values(), initial=ROW_FLAGS), strict=False))
     # Settings begin with the weights of the setpoints, running and terminal; see CHANGEABLE.
     words = {"loop": loop, "low": ROW_FLAGS + 2 * loop.stages.nr, "behind": loop.command.size + loop.start.size}
-    told = () if loop.phases is None else loop.phases.told
-    words["told"] = [(k + 1, own) for k, (own, _) in enumerate(told)]
+    reported = () if loop.phases is None else loop.phases.reported
+    words["reported"] = [(k + 1, own) for k, (own, _) in enumerate(reported)]
     return fill(f"tests/run_{name}.c", {"p": subject.prefix, **places, **words})

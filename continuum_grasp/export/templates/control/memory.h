@@ -21,6 +21,6 @@ typedef struct {
 typedef struct {
   <<p>>_phases_state state;
   uint32_t calls;
-  int told; /* by other fingers */
+  int reported; /* by other fingers */
 } <<p>>_mission_memory;<<end>>
 #endif

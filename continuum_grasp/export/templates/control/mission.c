@@ -66,7 +66,7 @@ int <<p>>_mission_step(<<p>>_mission *mission, <<p>>_mission_work *work, const <
     <<p>>_phases_advance(&next, &phase_settings, now, 0, before, 0);
     if (next.phase == <<P>>_PHASE_CONFIRM) {
       estimated_forces(&mission->controller, forces);
-      <<p>>_phases_advance(&next, &phase_settings, now, forces, before, <<if alone>><<P>>_PHASES_BEARS<<else>>mission->memory.told<<end>>);
+      <<p>>_phases_advance(&next, &phase_settings, now, forces, before, <<if alone>><<P>>_PHASES_BEARS<<else>>mission->memory.reported<<end>>);
     }
   }
   for (k = 0; k < <<P>>_NODES; ++k) {
@@ -115,11 +115,11 @@ int <<p>>_mission_forces(const <<p>>_mission *mission)
   const int ready = mission_ready(mission);
   return ready < 0 ? ready : mission->memory.state.bears;
 }
-<<for name, word in words_told>>
+<<for name, word in words_reported>>
 int <<p>>_mission_<<name>>(<<p>>_mission *mission)
 {
   const int ready = mission_ready(mission);
-  if (ready >= 0) mission->memory.told = <<P>>_PHASES_<<word>>;
+  if (ready >= 0) mission->memory.reported = <<P>>_PHASES_<<word>>;
   return ready;
 }
 <<end>>

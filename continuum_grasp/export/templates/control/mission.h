@@ -9,7 +9,7 @@ enum { <<P>>_DECISION_NONE = 0, <<P>>_DECISION_LIFT = 1, <<P>>_DECISION_LET_GO =
 enum { <<P>>_FORCES_UNKNOWN = 0, <<P>>_FORCES_ENOUGH = 1, <<P>>_FORCES_LACK = 2 };
 
 /* A mission. The caller owns it, <<p>>_mission_init makes it ready. Its controller may be asked for estimate and diagnosis,
-   rearmed, and told what was applied, that a command was late, and the time between calls; its settings are the mission's. */
+   rearmed, and informed of what was applied, that a command was late, and the time between calls; its settings are the mission's. */
 typedef struct {
   uint32_t abi; /* set by <<p>>_mission_init, read by every function */
   <<p>>_controller controller;
