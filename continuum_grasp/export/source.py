@@ -86,19 +86,19 @@ def source_of(given: Given, real: Real, finger: str | None = None) -> Source:
     In single precision the series of arcs are cut where rounding would hide what is left, unless the scene says
     otherwise. SolverError if no model keeps the scene's tolerance.
     """
-    if isinstance(given, FingerModel):
-        return Source(_of_precision(given, real), "a continuum finger", "a FingerModel", None, None)
     if isinstance(given, (str, os.PathLike)):
         given = load(given)  # type: ignore[assignment, arg-type]
+    if isinstance(given, (MissionScene, MissionRun)):
+        return _of_mission(given, real, finger)
+    _ONE_FINGER.check(None, of={"finger": finger is not None})
+    if isinstance(given, FingerModel):
+        return Source(_of_precision(given, real), "a continuum finger", "a FingerModel", None, None)
     if isinstance(given, RtiSolver):
         title = " ".join(_MEANT.sub(" ", given.problem.name).split())
         of = f"the problem '{title}'" if title else "a problem without a name"
         return Source(None, title or "a predictive controller", of, None, None, given)
     if isinstance(given, (Controller, Estimator)):
         given = given.scene
-    if isinstance(given, (MissionScene, MissionRun)):
-        return _of_mission(given, real, finger)
-    _ONE_FINGER.check(None, of={"finger": finger is not None})
     if isinstance(given, ControlScene):
         return _of_loop(given, real)
     if not isinstance(given, Scene):

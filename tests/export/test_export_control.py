@@ -507,6 +507,8 @@ int main(void)
     ],
 )
 def test_parts_that_a_scene_does_not_have_are_refused(name, what, message, tmp_path):
+    with pytest.raises(InputError, match="finger: is for a mission of several fingers"):
+        export_c(scene(name), tmp_path, finger="left")
     with pytest.raises(InputError, match=message):
         export_c(scene(name), tmp_path / "out", what=what)
     assert not (tmp_path / "out").exists()

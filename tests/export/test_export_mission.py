@@ -64,7 +64,7 @@ def test_a_mission_of_python_is_replayed(carried, package, tmp_path):
     done, period = mission.runs[0], mission.runs[0].period
     finger, library = shared_library(package, tmp_path)
     other, stages = finger.Mission(library), Controller(of.control).stages
-    plan, reported, ahead = (
+    plan, controller, ahead = (
         Plan(Timetable(of), stages, np.zeros(0)),
         SimpleNamespace(change=lambda **_: None),
         stages.stage,
@@ -73,7 +73,7 @@ def test_a_mission_of_python_is_replayed(carried, package, tmp_path):
     for k, y in enumerate(done.y):
         command = SimpleNamespace(contact_forces=SimpleNamespace(force=np.zeros(0)))
         plant = SimpleNamespace(command=done.u[k - 1] if k else of.rest)
-        plan.advance(k * period, reported, plant, command) if k else plan.enter(0.0, reported, plant)
+        plan.advance(k * period, controller, plant, command) if k else plan.enter(0.0, controller, plant)
         found = other.step(finger.Measurement(*y))
         off.append(np.array([found.tension_1, found.tension_2]) - done.u[k])
         wanted = plan.rows(k * period + ahead * np.arange(stages.stages + 1))

@@ -53,18 +53,21 @@ void mission_start(mission_state *state, const mission_settings *o, real t, cons
 }
 
 /* Decide before the lift, or take what was decided; whether there is a decision. */
-static int mission_decide(mission_state *state, const mission_settings *o, real since, const real *forces, int reported)
+static int mission_decide(mission_state *state, const mission_settings *o, real since, const real *forces,
+                          int reported)
 {
   int bears = 1;
   for (int c = 0; c < MISSION_NC; ++c) bears &= forces[c] >= o->needed[c];      /* not those that are no numbers */
   state->bears = bears ? MISSION_BEARS : MISSION_LACKS;
   if (!o->leads) state->decision = reported;
   else if (bears && reported == MISSION_BEARS) state->decision = MISSION_LIFTS;
-  else if (since > o->patience - (real)1e-3 * o->period && reported != MISSION_UNKNOWN) state->decision = MISSION_LETS_GO;
+  else if (since > o->patience - (real)1e-3 * o->period && reported != MISSION_UNKNOWN)
+    state->decision = MISSION_LETS_GO;
   return state->decision != MISSION_WAITS;
 }
 
-int mission_advance(mission_state *state, const mission_settings *o, real t, const real *forces, const real *u, int reported)
+int mission_advance(mission_state *state, const mission_settings *o, real t, const real *forces, const real *u,
+                    int reported)
 {
   state->changed = 0;
   for (;;) {

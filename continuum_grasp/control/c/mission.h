@@ -6,11 +6,11 @@
  *      `patience` at most, and then let go.
  *   2. mission_setpoints gives the setpoints over the horizon, and the state the weights and limits of the phase.
  *
- * Of several fingers each has a mission; the first one leads. It is given whether all others bear enough (MISSION_BEARS),
- * the others what it decided; what is reported may be a period old.
+ * Of several fingers each has a mission; the first one leads. To it is reported whether all others bear enough
+ * (MISSION_BEARS), to the others what it decided; what is reported may be a period old.
  *
- * Setpoints are smooth functions of the instant of a plan in which nothing is waited for: those at first, and moves, each
- * by a row, from its begin over its length. What ends by a decision is foreseen to go on.
+ * Setpoints are smooth functions of the instant of a plan in which nothing is waited for: those at first, and moves,
+ * each by a row, from its begin over its length. What ends by a decision is foreseen to go on.
  *
  * Dimensions: MISSION_PHASES, MISSION_MOVES, MISSION_NR (setpoints), MISSION_NU, MISSION_NC (contacts); and `real`.
  */
@@ -56,8 +56,8 @@ typedef struct {
 void mission_enter(mission_state *state, const mission_settings *settings, int phase, real t, const real *u);
 /* Begin the first phase at an instant t, with the command u before. */
 void mission_start(mission_state *state, const mission_settings *settings, real t, const real *u);
-/* Begin what is due at t by the command u before, the estimated forces (which count in the phase `confirm` alone; null: not
- * yet known) and what is reported; whether the mission goes on. */
+/* Begin what is due at t by the command u before, the estimated forces (which count in the phase `confirm` alone; null:
+ * not yet known) and what is reported; whether the mission goes on. */
 int mission_advance(mission_state *state, const mission_settings *settings, real t, const real *forces, const real *u,
                     int reported);
 /* Let the object go at t: lowered first where it may hang, or at once. */

@@ -17,7 +17,8 @@ static void cg_state(const cg_object *o, double *out)
   cg_write(out, o->state.u_max, MISSION_NU);
 }
 
-/* in: t, command, forces, what is reported; what: a phase that begins, or -1: what is due, -2: by forces, -3: release, -4: abort */
+/* in: t, command, forces, what is reported; what: a phase that begins, or -1: what is due, -2: by forces, -3: release,
+ * -4: abort */
 int cg_step(cg_object *o, const double *in, int what, double *out)
 {
   const double t = *in++;
