@@ -1,6 +1,6 @@
 """The plant of a mission of one finger, at the other end of a pipe from the controller in C.
 
-python examples/mission_pipe/plant.py PROGRAM [key=value ...]: the mission is configs/mission/mug.yaml, with the changes
+python -m benchmarks.mission_pipe PROGRAM [key=value ...]: the mission is configs/mission/mug.yaml, with the changes
 that its package was exported with too.
 """
 
@@ -18,7 +18,7 @@ from continuum_grasp.mission.assignment import assign
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
 from continuum_grasp.scene.load import load
 
-MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
+MUG = Path(__file__).parents[1] / "configs/mission/mug.yaml"
 
 
 def main(program: str, *changes: str) -> int:
@@ -49,7 +49,7 @@ def main(program: str, *changes: str) -> int:
     if "lift" not in poses:
         print("not lifted")
         return 1
-    sunk = float(poses["lower"][3])  # m, out of the plane
+    sunk = float(poses["lift"][3] - poses["lower"][3])  # m, out of the plane
     print(f"while the table was away, the object sank by {1e3 * abs(sunk):.2f} mm")
     return 0 if abs(sunk) < 0.005 else 1
 
