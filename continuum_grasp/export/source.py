@@ -142,7 +142,7 @@ _REPORTED = {
     True: (("others_bear", "BEARS"), ("others_lack", "LACKS")),
     False: (("lift", "LIFTS"), ("let_go", "LETS_GO")),
 }
-"""What the finger that decides hears from others, and they from it, with the words in ``control/c/mission.h``."""
+"""Reports that the finger that decides takes from others, and they from it, with the words in ``c/mission.h``."""
 _ONE_FINGER = Consumer("export-c of one finger", {"finger": "is for a mission of several fingers"})
 
 

@@ -27,7 +27,7 @@ _NOMINAL, _SQUEEZES, _HOLDS = range(3)
 WAITS, LIFTS, LETS_GO = range(3)
 """Decisions before the lift, as in ``c/mission.h``."""
 UNKNOWN, BEARS, LACKS = range(3)
-"""What is known of the forces at the contacts of a finger, by the estimate."""
+"""Forces at the contacts of a finger, by the estimate."""
 _DUE, _BY_FORCES, _RELEASE, _ABORT = -1, -2, -3, -4
 """Calls of ``c/mission_python.c``."""
 _BEGINS = {
@@ -38,7 +38,7 @@ _BEGINS = {
     **dict.fromkeys(("touch", "leave"), ("gap", _NOMINAL)),
     "turn": ("angle", _NOMINAL),
 }
-"""What is followed from a phase on, and within which limits; others leave that as it is."""
+"""Quantity that is followed from a phase on, and limits of the command; other phases leave both as they are."""
 
 
 def needed_forces(assignments: Sequence[Assignment], of: Assignment) -> Array:
