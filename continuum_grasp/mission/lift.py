@@ -133,7 +133,7 @@ class LiftCheck:
         return self._plans[0].decision
 
     def _others(self) -> int:
-        """What the first finger, which decides for all, knows of the others: what they estimated a period before."""
+        """Report of the others to the first finger, which decides for all: what they estimated a period before."""
         others = [plan.bears for plan in self._plans[1:]]
         return UNKNOWN if UNKNOWN in others else max(others, default=BEARS)
 

@@ -112,7 +112,7 @@ class Loop:
     estimated: tuple[str, ...]
     """Names and units of what the plan starts from: states, then disturbances."""
     phases: Phases | None = None
-    """Those of a mission; None of a controller alone."""
+    """Phases of a mission; None of a controller alone."""
     distance: ca.Function | None = None
     """Whether a state is among those from which a residual was learned; None without one."""
 
