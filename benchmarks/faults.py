@@ -386,6 +386,17 @@ FAULTS: tuple[Fault, ...] = (
         ),
         tests="mission",
     ),
+    *_in(
+        "mission/plan.py",
+        ("np.where(low > -ABSENT, of.held, low)", "np.where(low < -ABSENT, of.held, low)"),
+        tests="mission/test_mission_lift.py",
+    ),
+    *_in(
+        "control/c/mission.c",
+        ("bears && reported == MISSION_BEARS", "bears || reported == MISSION_BEARS"),
+        ("row[j] - state->left[j]", "row[j] + state->left[j]"),
+        tests="mission/test_mission_lift.py",
+    ),
     # identification
     *_in(
         "identification/read.py",

@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.plant_model import plant_scene
-from continuum_grasp.closed_loop.schedule import Schedule
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import OBJECT_POSE
 from continuum_grasp.control.estimation.noise import measurement_std
@@ -34,6 +33,7 @@ from continuum_grasp.export.mjcf.write import export_mjcf
 from continuum_grasp.mission.assignment import Assignment, assign
 from continuum_grasp.mission.certified import plant_mass
 from continuum_grasp.mission.drop import FALLEN
+from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.trials import variations
 from continuum_grasp.scene.load import load
@@ -198,7 +198,7 @@ def carry_out(of: Assignment, control: Controller, peer: Peer, variation: Variat
     known = {"weight": weight, "friction": of_table.friction, "stiffness": mission.contact_law.stiffness}
     known |= {"friction_radius": of_table.friction_radius}
     reading = peer.ask(xml=with_pads(chain.text, scene), table=known)
-    plan, outside = Schedule(table.phases(control.stages)), table.outside()
+    plan, outside = Plan(table, control.stages, np.zeros(0)), table.outside()
     names = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
     rng = np.random.default_rng(variation.seed)
     sensors = _Sensors(of, chain.text, scene)

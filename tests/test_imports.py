@@ -66,6 +66,7 @@ ALLOWED = {
     },
     "export": {
         "export",
+        "mission",
         "closed_loop",
         "control",
         "accuracy",

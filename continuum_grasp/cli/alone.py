@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from continuum_grasp.scene.consumer import Consumer
 
-_OF_PACKAGES = "--real --what --range --step --substeps --error --target --sections --measure"
+_OF_PACKAGES = "--real --what --range --step --substeps --error --target --sections --measure --finger"
 PLAIN_FUNCTIONS = Consumer(
     "export-c --casadi",
     dict.fromkeys(_OF_PACKAGES.split(), "cannot be combined with --casadi: plain functions have none of these"),

@@ -36,8 +36,8 @@ def export_c(
             "--what",
             metavar="PART,...",
             help="Some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, "
-            "contact, metadata; of a closed loop also estimator and mpc (default: of a closed loop those two, else "
-            "dynamics, step, kinematics and statics).",
+            "contact, metadata; of a closed loop also estimator and mpc, of a mission mpc and mission (default: of "
+            "loops and missions those two, else dynamics, step, kinematics and statics).",
         ),
     ] = None,
     prefix: Annotated[str, typer.Option("--prefix", metavar="NAME", help="Of all names in C.")] = "finger",
@@ -58,6 +58,9 @@ def export_c(
     measure: Annotated[
         bool, typer.Option("--measure", help="Run the package on the emulated target; put sizes and counts into it.")
     ] = False,
+    finger: Annotated[
+        str | None, typer.Option("--finger", metavar="NAME", help="Finger of a mission of several: one package each.")
+    ] = None,
     casadi: Annotated[
         str | None,
         typer.Option(
@@ -74,6 +77,7 @@ def export_c(
         "--target": target != "host",
         "--sections": sections != 25,
         "--measure": measure,
+        "--finger": finger,
     }
     from continuum_grasp.cli.alone import PLAIN_FUNCTIONS
 
@@ -81,11 +85,13 @@ def export_c(
         PLAIN_FUNCTIONS.check(None, of={option: bool(value) for option, value in given.items()})
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.load import load
+    from continuum_grasp.scene.mission import MissionScene
 
     loaded = load(output.config, output.changes or ())
     folder = output.folder
     output.check_folder()
-    scene = loaded if isinstance(loaded, ControlScene) else simulation_scene(output)[0]
+    alone = (ControlScene,) if casadi is not None else (ControlScene, MissionScene)
+    scene = loaded if isinstance(loaded, alone) else simulation_scene(output)[0]
 
     if casadi is not None:
         from continuum_grasp.export import export_casadi
@@ -113,6 +119,7 @@ def export_c(
             sections=sections,
             error=error,
             measured=measure,
+            finger=finger,
         )
     made = package.manifest
     errors = [f["relative_error"] for f in made["functions"].values() if "relative_error" in f]

@@ -80,6 +80,21 @@ def detector_source(model: ContactModel, real: str) -> str:
     )
 
 
+def mission_source(sizes: dict[str, int], fields: Sequence[Field]) -> str:
+    """Write the C of the phases of a mission for Python: the functions of ``c/mission_python.c``."""
+    # Setpoints to the bit as in exported C: products and sums are not fused.
+    unfused = '#ifdef __clang__\n#pragma STDC FP_CONTRACT OFF\n#else\n#pragma GCC optimize("fp-contract=off")\n#endif'
+    return "\n".join(
+        [
+            f"{unfused}\n#include <stddef.h>\ntypedef double real;",
+            *[f"#define MISSION_{name} {size}" for name, size in sizes.items()],
+            _templates("checks.h", "mission.h", "mission.c"),
+            _setter("mission_settings", fields),
+            _templates("doubles.h", "mission_python.c"),
+        ]
+    )
+
+
 def _detector(model: ContactModel, real: str) -> list[str]:
     """Write dimensions, generated functions and templates of a contact detector."""
     return [

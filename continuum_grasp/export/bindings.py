@@ -73,6 +73,8 @@ def _beginnings(contents: Contents) -> dict[str, dict[str, object]]:
 
 def _members(subject: Subject, function: Stateful) -> list[str]:
     """Members of a function's memory that may be changed, in order."""
+    if function.types[0] == "mission":
+        return []
     known = ["known"] if subject.loop is not None and subject.loop.known is not None else []
     return (["settings"] if function.types[0] == "controller" else []) + known
 

@@ -95,13 +95,15 @@ def export_c(
     sections: int = 25,
     error: float | None = None,
     measured: bool = False,
+    finger: str | None = None,
 ) -> Package:
     """Write the functions of a finger, or a solver, as a self-contained C99 package.
 
     Parameters
     ----------
-    given : FingerModel, Scene, ControlScene, Controller, Estimator, RtiSolver or path of a configuration
-        What to export; of a solver (``rti``), which takes any finite number, the part mpc alone. Parameters that it
+    given : FingerModel, Scene, ControlScene, MissionScene, MissionRun, Controller, Estimator, RtiSolver or path
+        What to export, or the path of its configuration. The grasp of a mission is optimized first, that of a run is
+        taken as it is; of a solver (``rti``), which takes any finite number, the part mpc alone. Parameters that it
         names stay fields of a struct.
     folder : path-like
         Where to. An earlier package there is replaced; files that are none of its own, or were changed, are not.
@@ -109,8 +111,9 @@ def export_c(
         What to compute in; that of the target by default.
     what : sequence of str
         Parts: dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, contact, of a
-        closed loop estimator and mpc, and metadata; by default estimator and mpc of a closed loop, else dynamics, step,
-        kinematics and statics. They may be mixed: the model is that of the controller's prediction.
+        closed loop estimator and mpc, of a mission also mission, and metadata; by default estimator and mpc of a closed
+        loop, mpc and mission of a mission, else dynamics, step, kinematics and statics. They may be mixed: the model is
+        that of the controller's prediction.
     prefix : str
         Of all names, a C identifier.
     target : {"host", "cortex-m4f", "cortex-m7", "wasm"}
@@ -127,6 +130,8 @@ def export_c(
         Greatest relative error of the functions within the bending range; 1e-2 in float by default.
     measured : bool
         Run the package on the emulated target and put sizes, stack and instruction counts into README and manifest.
+    finger : str, optional
+        Name of the finger whose package it is, of a mission of several.
 
     Returns
     -------
@@ -153,7 +158,7 @@ def export_c(
     ['src/finger.c', 'src/finger_internal.h', 'src/finger_kernels.c']
     """
     check_package(Path(folder))
-    asked = Asked(real, what, prefix, target, ranges, step, substeps, sections, error, measured)
+    asked = Asked(real, what, prefix, target, ranges, step, substeps, sections, error, measured, finger)
     files, values = package_files(given, asked)
     write_package(Path(folder), files)
     return Package(Path(folder), tuple(sorted(files)), values)
@@ -172,6 +177,7 @@ class Asked(NamedTuple):
     sections: int = 25
     error: float | None = None
     measured: bool = False
+    finger: str | None = None
 
 
 def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[dict[str, str], dict[str, Any]]:
@@ -179,7 +185,7 @@ def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[d
     limit = _ASKED_ERROR if asked.error is None else positive("error", asked.error)
     target, computed_in = target_of(asked.target, asked.real)
     kind = REALS[computed_in]
-    source = source_of(given, kind)
+    source = source_of(given, kind, asked.finger)
     names = parts_of(asked.what, source)
     longest = source.step if asked.step is None else positive("step", asked.step)
     if "step" not in names:  # a scene that is too stiff to step may still be asked for the rest
@@ -260,7 +266,8 @@ def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked, lon
     subject = Subject.of(source.finger, prefix, kind, ranges, around, longest=longest, count=count)
     if source.loop is None:
         return subject
-    return replace(subject, loop=Loop.of(source.loop, kind, [name for name in names if name in OF_LOOPS]))
+    own = [name for name in names if name in OF_LOOPS]
+    return replace(subject, loop=Loop.of(source.loop, kind, own, source.phases))
 
 
 def _further_files(contents: Contents, target: str, vectors: Sequence[Vectors]) -> dict[str, str]:

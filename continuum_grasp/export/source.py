@@ -5,23 +5,31 @@ from __future__ import annotations
 import keyword
 import os
 import re
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from continuum_grasp.accuracy.choose import resolve_fidelity
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.estimator import Estimator
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.rti_solver import RtiSolver
 from continuum_grasp.errors import InputError
+from continuum_grasp.export.control.loop import Phases
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
+from continuum_grasp.mission.assignment import Assignment, assign
+from continuum_grasp.mission.plan import mission_fields, needed_forces
+from continuum_grasp.mission.plant import Timetable, Variation
+from continuum_grasp.mission.precheck import admit, exceeded
+from continuum_grasp.mission.result import MissionRun
 from continuum_grasp.model import FingerModel, ModelOptions
 from continuum_grasp.model.stumpff import ROUNDING
-from continuum_grasp.scene.consumer import beside
+from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
+from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
 
@@ -31,7 +39,18 @@ _MEANT = re.compile(r"[^\w .,:;()+=%'/-]")
 _CUT = 0.25
 """Share of the rounding below which the terms of an arc's series are left out in single precision."""
 
-Given = FingerModel | Scene | ControlScene | Controller | Estimator | RtiSolver | str | os.PathLike[str]
+Given = (
+    FingerModel
+    | Scene
+    | ControlScene
+    | MissionScene
+    | MissionRun
+    | Controller
+    | Estimator
+    | RtiSolver
+    | str
+    | os.PathLike[str]
+)
 
 
 @dataclass(frozen=True)
@@ -50,6 +69,8 @@ class Source:
     """The closed loop, where it is one, or a solver."""
     surroundings: Surroundings | None = None
     """Surroundings that the finger may touch."""
+    phases: Callable[[Stages], Phases] | None = None
+    """Phases of a mission, by the problem of its controller; None of what is no mission."""
 
     @property
     def finger(self) -> FingerModel:
@@ -59,16 +80,19 @@ class Source:
         return self.model
 
 
-def source_of(given: Given, real: Real) -> Source:
-    """The model to export.
+def source_of(given: Given, real: Real, finger: str | None = None) -> Source:
+    """The model to export; ``finger`` names one of a mission of several.
 
     In single precision the series of arcs are cut where rounding would hide what is left, unless the scene says
     otherwise. SolverError if no model keeps the scene's tolerance.
     """
-    if isinstance(given, FingerModel):
-        return Source(_of_precision(given, real), "a continuum finger", "a FingerModel", None, None)
     if isinstance(given, (str, os.PathLike)):
         given = load(given)  # type: ignore[assignment, arg-type]
+    if isinstance(given, (MissionScene, MissionRun)):
+        return _of_mission(given, real, finger)
+    _ONE_FINGER.check(None, of={"finger": finger is not None})
+    if isinstance(given, FingerModel):
+        return Source(_of_precision(given, real), "a continuum finger", "a FingerModel", None, None)
     if isinstance(given, RtiSolver):
         title = " ".join(_MEANT.sub(" ", given.problem.name).split())
         of = f"the problem '{title}'" if title else "a problem without a name"
@@ -79,7 +103,8 @@ def source_of(given: Given, real: Real) -> Source:
         return _of_loop(given, real)
     if not isinstance(given, Scene):
         raise InputError(
-            f"expected a FingerModel, a Scene, a closed loop, a solver or the path of its file, got {given!r:.80}"
+            "expected a FingerModel, a Scene, a closed loop, a mission, a solver or the path of its file, got "
+            f"{given!r:.80}"
         )
     scene, _ = resolve_fidelity(given)
     model = _of_precision(FingerModel(scene), real)
@@ -111,6 +136,37 @@ def _of_loop(scene: ControlScene, real: Real) -> Source:
         scene = scene.model_copy(update={"fidelity": fidelity})
         model = Prediction(scene).system.finger_model
     return Source(model, *names_of(scene), None, scene.model_dump(mode="json"), scene, scene)
+
+
+_REPORTED = {
+    True: (("others_bear", "BEARS"), ("others_lack", "LACKS")),
+    False: (("lift", "LIFTS"), ("let_go", "LETS_GO")),
+}
+"""Reports that the finger that decides takes from others, and they from it, with the words in ``c/mission.h``."""
+_ONE_FINGER = Consumer("export-c of one finger", {"finger": "is for a mission of several fingers"})
+
+
+def _of_mission(given: MissionScene | MissionRun, real: Real, finger: str | None) -> Source:
+    """The controller of a finger with the phases of its mission, whose grasp is optimized where that has not run."""
+    if isinstance(given, MissionRun):
+        assignments: Sequence[Assignment] = given.assignments
+    else:
+        assignments = assign(given)
+        admit(assignments, [one.text for one in exceeded(assignments, Variation())])
+    by_name = {one.name: one for one in assignments}
+    if finger not in by_name and (finger is not None or len(by_name) > 1):
+        expected = f"one of {', '.join(by_name)}, which have a package each"
+        raise InputError(f"expected {expected}, got {finger!r:.60}", key="finger")
+    of = assignments[0] if finger is None else by_name[finger]
+    leads = of is assignments[0]
+    reported = () if len(by_name) == 1 else _REPORTED[leads]
+
+    def phases(stages: Stages) -> Phases:
+        table = Timetable(of)
+        sizes, fields = mission_fields(table, stages, needed_forces(assignments, of), leads=leads)
+        return Phases(sizes, tuple(fields), tuple(span.name for span in table.phases()), reported)
+
+    return replace(_of_loop(of.control, real), configuration=of.mission.model_dump(mode="json"), phases=phases)
 
 
 def names_of(scene: Scene | ControlScene) -> tuple[str, str]:
@@ -148,7 +204,9 @@ def prefix_of(given: Any) -> str:
 _NO_LOOP = "needs a closed loop (finger, controller, ...)"
 _UNSEEN = "this scene has no estimator: leave the part out"
 _ALONE = "contact needs an object and its contact_law in the scene: leave the part out"
+_NO_MISSION = "needs a mission (grasp, contact_law, phases, ...)"
 _PARTS = (
+    beside("export-c of no mission", lambda s: s.phases is None, "what=mission", _NO_MISSION),
     beside("export-c of no closed loop", lambda s: s.loop is None, "what=estimator what=mpc", _NO_LOOP),
     beside("export-c of no estimator", lambda s: not getattr(s.loop, "estimator", None), "what=estimator", _UNSEEN),
     beside("export-c of no contact", lambda s: not (s.surroundings and s.surroundings.object), "what=contact", _ALONE),
@@ -158,14 +216,16 @@ _PARTS = (
 def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
     """Names of the parts of a package, in their order; by default those that suit what is exported."""
     if what is None:
-        without = (*ASKED_FOR, *(() if getattr(source.loop, "estimator", None) else ("estimator",)))
+        # The controller of a mission has its estimator within.
+        estimates = getattr(source.loop, "estimator", None) and source.phases is None
+        without = (*ASKED_FOR, *(() if estimates else ("estimator",)), *(("mission",) if source.phases is None else ()))
         what = [name for name in PARTS if (name in OF_LOOPS) == (source.loop is not None) and name not in without]
     names = chosen([what] if isinstance(what, str) else what, PARTS, "part", "what")
     for one in _PARTS:
         one.check(source, of={f"what={name}": "what" for name in names})
     if names == ["metadata"]:
         raise InputError("metadata describes the structs of other parts: ask for one of them too", key="what")
-    return [name for name in PARTS if name in names]
+    return [name for name in PARTS if name in names or (name == "mpc" and "mission" in names)]
 
 
 def chosen(given: Sequence[str], known: Collection[str], kind: str, key: str) -> list[str]:

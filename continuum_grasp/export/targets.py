@@ -107,6 +107,7 @@ def example_files(contents: Contents, target: str) -> dict[str, str]:
         sources = {f"examples/ros2_control/{name}": f"examples/ros2/{name}" for name in _NODE}
         sources["examples/ros2_control/src/node.cpp"] = "examples/control/node.cpp"
         sources["examples/control_loop.c"] = "examples/control/loop.c"
+        sources |= {"examples/mission_loop.c": "examples/control/mission.c"} if "mission" in names else {}
         sources[f"examples/simulink/sfun_{prefix}_control.c"] = "examples/control/sfun.c"
         found |= {path: contents.fill(name, **words) for path, name in sources.items()}
     return found

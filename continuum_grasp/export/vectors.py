@@ -226,7 +226,8 @@ def _table(vectors: Vectors, real: Real) -> dict[str, object]:
         "name": vectors.name,
         **{name: [map(real.hexadecimal, row) for row in rows] for name, rows in numbers.items()},
         "codes": vectors.codes,
-        "bad": [(b.row, b.entry, _bits(b.value, real), int(b.code)) for b in vectors.bad],
+        # One at least, as C has no empty array.
+        "bad": [(b.row, b.entry, _bits(b.value, real), int(b.code)) for b in vectors.bad] or [(-1, 0, 0, 0)],
         "spoilt": [*spoilt, (-1, 0, _bits(0.0, real), 0)],
     }
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.closed_loop.schedule import Moment, Schedule
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.certified import certified_contact
+from continuum_grasp.mission.plan import BEARS, LETS_GO, UNKNOWN, WAITS, Plan, needed_forces
 from continuum_grasp.mission.plant import Timetable
 
 Array = NDArray[np.float64]
@@ -62,7 +63,7 @@ def shortfalls(
     share, found = assignments[0].mission.phases.lift_share, []
     for k, name in enumerate(names):
         own = certified_contact(assignments, name)
-        if own is not None and forces[k] < share * own.normal_force:
+        if own is not None and not forces[k] >= share * own.normal_force:
             std = 0.0 if stds is None else float(stds[k])
             found.append(Shortfall(name, float(forces[k]), std, own.normal_force, share * own.normal_force))
     return tuple(found)
@@ -116,43 +117,43 @@ class LiftCheck:
 
     def __init__(self, assignments: Sequence[Assignment], timetables: Sequence[Timetable]) -> None:
         self._of, self._tables = tuple(assignments), tuple(timetables)
-        self._plans: list[Schedule] = []
-        self._seen: dict[int, Moment] = {}
+        self._plans: list[Plan] = []
+        self._seen: dict[int, Any] = {}
         self._over = False
         self.refused: NotLifted | None = None
 
-    def schedule(self, finger: int, stages: Stages) -> Schedule:
+    def schedule(self, finger: int, stages: Stages) -> Plan:
         """The phases of a finger, by number, which ask before the lift."""
-        self._plans.append(Schedule(self._tables[finger].phases(stages, partial(self._asked, finger))))
+        needed, leads = needed_forces(self._of, self._of[finger]), finger == 0
+        reported, waits = self._others if leads else self._decision, partial(self._waited, finger)
+        self._plans.append(Plan(self._tables[finger], stages, needed, leads=leads, reported=reported, waits=waits))
         return self._plans[-1]
 
-    def _asked(self, finger: int, moment: Moment) -> bool:
-        """Whether the finger need not wait any longer."""
-        self._seen[finger] = moment
-        # The first finger decides for all, of several with what the others estimated a period before.
-        if finger == 0:
-            self._over = len(self._seen) == len(self._of) and self._decided(moment)
-            if not self._over:
-                for table in self._tables:
-                    table.resume(table.latest, "lift")
-        return self._over
+    def _decision(self) -> int:
+        return self._plans[0].decision
 
-    def _decided(self, moment: Moment) -> bool:
-        lacking, t = self._lacking(), float(moment.plant.t)
-        if lacking and moment.t < self._of[0].mission.phases.squeeze * (1.0 - 1e-9):
-            return False
-        for table, plan in zip(self._tables, self._plans, strict=True):
-            table.resume(t, "release" if lacking else "lift")
-            if lacking:
-                names = [phase.name for phase in plan.phases]
-                plan.phases = [*plan.phases[: plan.current + 1], *plan.phases[names.index("release") :]]
-        self.refused = NotLifted(t, lacking, self._cause()) if lacking else None
-        return True
+    def _others(self) -> int:
+        """Report of the others to the first finger, which decides for all: what they estimated a period before."""
+        others = [plan.bears for plan in self._plans[1:]]
+        return UNKNOWN if UNKNOWN in others else max(others, default=BEARS)
+
+    def _waited(self, finger: int, t: float, command: Any) -> None:
+        """Note what was decided, and for which forces."""
+        if self._over:
+            return
+        self._seen[finger] = command
+        decision = self._plans[0].decision
+        self._over = decision != WAITS and finger == 0
+        if self._over and decision == LETS_GO:
+            self.refused = NotLifted(t, self._lacking(), self._cause())
+        for table in self._tables:
+            lifts = decision != LETS_GO
+            table.resume(t if self._over else table.latest, "lift" if lifts else "release")
 
     def _lacking(self) -> tuple[Shortfall, ...]:
         found = list[Shortfall]()
         for k, one in enumerate(self._of):
-            forces, names = self._seen[k].command.contact_forces, one.control.contact_names
+            forces, names = self._seen[k].contact_forces, one.control.contact_names
             found += shortfalls(self._of, [one.own_name(name) for name in names], forces.force, forces.std)
         return tuple(found)
 
@@ -160,7 +161,7 @@ class LiftCheck:
         """Cause that keeps the fingers from squeezing harder."""
         reached = []
         for k, one in enumerate(self._of):
-            command, names = self._seen[k].command, one.control.contact_names
+            command, names = self._seen[k], one.control.contact_names
             if "tensions" in one.control.finger.input_keys:
                 most = np.array([tendon.max_tension for tendon in one.control.finger.tendon_list])
                 if (command.u >= _AT_LIMIT * most).any():

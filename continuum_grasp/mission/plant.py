@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
-from continuum_grasp.closed_loop.schedule import Phase
 from continuum_grasp.closed_loop.shared_object import WRENCH
-from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.mission.assignment import Assignment, object_of
 from continuum_grasp.scene.mission import MissionScene
@@ -34,8 +31,6 @@ _PROJECTIONS = 200
 the other had, of a groove of 60 degrees a quarter."""
 _CLEAR = 1e-9
 """Depth in a support that is none [m]: 20 uN at 20 kN/m."""
-_FOLLOWED = {"posture": ("bending_",), "force": ("contact_force",), "gap": ("gap_",), "angle": ("gap_", "object_angle")}
-"""Quantities that the controller may follow in a phase, and how the names of their setpoints begin."""
 MOVES = 0.75
 """Share of a stroke in which the setpoint of the angle moves, and of a squeeze in which inputs grow; in the rest object
 and fingers come to rest."""
@@ -161,7 +156,7 @@ class Timetable:
     """
 
     def __init__(self, assignment: Assignment) -> None:
-        self._of = assignment
+        self.of = assignment
         asked = assignment.mission.phases
         turn = assignment.mission.turn
         self.strokes = tuple(str(k + 1) for k in range(0 if turn is None else turn.strokes))
@@ -187,7 +182,7 @@ class Timetable:
     @property
     def latest(self) -> float:
         """Latest time at which the mission goes on [s]."""
-        return self._waits + self._of.mission.phases.squeeze
+        return self._waits + self.of.mission.phases.squeeze
 
     def resume(self, t: float, name: str) -> None:
         """Go on at an instant [s] with a phase, after what came before the lift; those between are left out."""
@@ -219,102 +214,54 @@ class Timetable:
         """Duration of all phases [s]."""
         return self.spans[-1].end
 
-    def _risen(self, t: Array, name: str, share: float = 1.0) -> Array:
-        """From 0 before a phase to 1 after it, or after a share of it, with continuous rate and acceleration, at
-        instants of the plan.
-        """
+    def _risen(self, t: Array, name: str) -> Array:
+        """From 0 before a phase to 1 after it, with continuous rate and acceleration, at instants of the plan."""
         span = self._plan(name)
-        return _smooth((t - span.start) / (share * (span.end - span.start)))
+        return _smooth((t - span.start) / (span.end - span.start))
 
     # -- the controller's -------------------------------------------------------------------------------------------
 
-    def rows(self, t: Array, names: tuple[str, ...]) -> Array:
-        """Setpoints (T, nr) at instants (T,) of the plan [s], in the order of ``Stages.r_names``."""
-        of = self._of
+    def moves(self, names: Sequence[str]) -> tuple[Array, Array, Array, Array]:
+        """Setpoints (nr), in the order of ``Stages.r_names``, at first, and smooth moves of them: begin and duration of
+        each (M) [s], and by how much it moves them (M, nr).
+        """
+        of, turn, finger = self.of, self.of.mission.turn, self.of.control.finger
+        inputs, bends = [one.label for one in finger.inputs], [f"bending_{k + 1} [rad]" for k in range(len(of.bends))]
+        forces = {f"contact_force_{name} [N]": force for name, force in of.forces.items()}
+        first = dict(zip(inputs, of.rest, strict=True))
+        by = {
+            "begun": dict(zip((*inputs, *bends), (*of.before - of.rest, *of.bends), strict=True)),
+            "closed": dict(zip((*inputs, *bends), (*of.held - of.before, *of.posture - of.bends), strict=True))
+            | forces,
+        }
         # The posture goes from straight to touching, and from there to the grasp, the last share of it while the force
-        # is followed; release undoes all at once. After a turn the object stands as in the grasp, and the finger leaves
-        # it from about where it touches there.
-        share = of.mission.phases.squeeze_share
-        closed = share * self._risen(t, "squeeze") - self._risen(t, "release")
-        if share < 1.0:
-            closed += (1.0 - share) * self._risen(t, "settle")
-        begun = self._risen(t, "approach") - self._risen(t, "release")
-        if self.strokes:
-            begun = begun + 1.0 - self._risen(t, f"leave {self.strokes[-1]}")
-        inputs = of.rest + np.outer(begun, of.before - of.rest) + np.outer(closed, of.held - of.before)
-        bends = np.outer(begun, of.bends) + np.outer(closed, of.posture - of.bends)
-        columns: dict[str, Array] = {f"contact_force_{name} [N]": closed * force for name, force in of.forces.items()}
-        columns |= {f"bending_{k + 1} [rad]": column for k, column in enumerate(bends.T)}
-        columns |= {one.label: column for one, column in zip(of.control.finger.inputs, inputs.T, strict=True)}
-        if (turn := of.mission.turn) is not None:
-            touched, turned = np.zeros_like(t), np.zeros_like(t)
+        # is followed; release undoes all at once.
+        share, moves = of.mission.phases.squeeze_share, list[tuple[str, float, str, float]]()
+        if turn is not None:
+            first |= {"gap_finger.tip [m]": turn.clearance, "object_angle [rad]": of.object_pose[2] - turn.angle}
+            by |= {"touched": {"gap_finger.tip [m]": -turn.clearance}, "turned": {"object_angle [rad]": turn.angle}}
             for k in self.strokes:
-                touched += self._risen(t, f"touch {k}") - self._risen(t, f"leave {k}")
-                turned += self._risen(t, f"turn {k}", MOVES) / turn.strokes
-            columns["gap_finger.tip [m]"] = turn.clearance * (1.0 - touched)
-            columns["object_angle [rad]"] = of.object_pose[2] - turn.angle * (1.0 - turned)
-        return np.stack([columns.get(name, np.zeros_like(t)) for name in names], axis=1)
+                moves += [(f"touch {k}", 1.0, "touched", 1.0), (f"turn {k}", MOVES, "turned", 1.0 / turn.strokes)]
+                moves += [(f"leave {k}", 1.0, "touched", -1.0)]
+            # After a turn the object stands as in the grasp: the finger leaves it from about where it touches there.
+            moves += [(f"leave {self.strokes[-1]}", 1.0, "begun", -1.0)]
+            first = {name: first.get(name, 0.0) + by["begun"].get(name, 0.0) for name in {**first, **by["begun"]}}
+        moves += [("approach", 1.0, "begun", 1.0), ("squeeze", 1.0, "closed", share)]
+        if share < 1.0:
+            moves += [("settle", 1.0, "closed", 1.0 - share)]
+        moves += [("release", 1.0, "closed", -1.0), ("release", 1.0, "begun", -1.0)]
+        spans = [self._plan(name) for name, *_ in moves]
+        return (
+            np.array([first.get(name, 0.0) for name in names]),
+            np.array([span.start for span in spans]),
+            np.array([part * (span.end - span.start) for span, (_, part, *_) in zip(spans, moves, strict=True)]),
+            np.array([[much * by[what].get(name, 0.0) for name in names] for *_, what, much in moves]),
+        )
 
-    def phases(self, stages: Stages, until: Callable[[Any], bool] | None = None) -> list[Phase]:
-        """The phases for a closed loop; contact forces are followed once there are any, the posture until then.
-
-        ``until``, if given, is asked before the lift, as that of a ``Phase``, and may change the timetable.
-        """
-        begin = {name: self._weighing(stages) for name in ("approach", "release")}
-        limits = {"settle": None, "confirm": self._squeezing, "lift": self._holding}
-        begin |= {name: self._weighing(stages, "force", within) for name, within in limits.items()}
-        if self.strokes:
-            begin |= {f"{name} {k}": self._weighing(stages, "gap") for k in self.strokes for name in ("touch", "leave")}
-            begin |= {f"turn {k}": self._weighing(stages, "angle") for k in self.strokes}
-            begin[f"leave {self.strokes[-1]}"] = self._weighing(stages)
-        found = []
-        for span in self.spans:
-            if until is not None and span.name == "lift":
-                # ``until`` is asked once more at the latest instant.
-                longest = self.latest - self._waits + self._of.control.controller.step
-                rows = partial(self._rows_since, self._waits, 0.0, stages.r_names)
-                found.append(Phase("confirm", rows, longest, until, begin=begin["confirm"]))
-            rows = partial(self._rows_since, float(self.planned(np.array(span.start))), 1.0, stages.r_names)
-            found.append(Phase(span.name, rows, span.end - span.start, begin=begin.get(span.name)))
-        return found
-
-    def _rows_since(self, start: float, goes: float, names: tuple[str, ...], since: Array) -> Array:
-        return self.rows(start + goes * since, names)
-
-    def _holding(self, command: Array) -> tuple[Array, Array]:
-        """Limits of the inputs (nu) while the object is held: it is not let go to correct a force."""
-        # Positions hold where they are by now: friction and soft contacts move those of the grasp.
-        away = command - self._of.held if self._of.control.finger.winches else 0.0
-        return self._of.holding[0] + away, self._of.holding[1] + away
-
-    def _squeezing(self, command: Array) -> tuple[Array, Array]:
-        """Limits of the inputs (nu) with which fingers squeeze on: those that close them as in the grasp or tighter.
-
-        A controller, to which contacts are smooth and the object stays, may expect less force of more tension up to
-        some way short of the grasp, and settles there, or lets the other tendon pull against the one that closes.
-        """
-        low, high = self._of.holding
-        return np.where(np.isfinite(low), self._of.held, low), high
-
-    def _weighing(
-        self, stages: Stages, followed: str = "posture", within: Callable[[Array], tuple[Array, Array]] | None = None
-    ) -> Callable[[Any, Any], None]:
-        """Gives the controller the weights and limits of a phase, in which the posture is ``followed``, a force, the
-        distance from the object, or this and its angle; ``within`` are limits of its own, by the command before.
-        """
-        # One drive follows one of them. Rates stay weighted, since they damp all.
-        every = tuple(prefix for prefixes in _FOLLOWED.values() for prefix in prefixes)
-        off = tuple(prefix for prefix in every if prefix not in _FOLLOWED[followed])
-        keep = [not name.startswith(off) or "rate" in name for name in stages.r_names]
-        weights = np.where(keep, stages.weights, 0.0)
-
-        def begin(controller: Any, plant: Any) -> None:
-            low, high = stages.u_min, stages.u_max
-            if within is not None:
-                low, high = (np.clip(limit, low, high) for limit in within(plant.command))
-            controller.change(weights=weights, u_min=low, u_max=high)
-
-        return begin
+    def phases(self) -> list[Span]:
+        """The planned phases, with a ``confirm`` of no length before the lift."""
+        k = [span.name for span in self._planned].index("lift")
+        return [*self._planned[:k], Span("confirm", self._waits, self._waits), *self._planned[k:]]
 
     # -- the plant's ------------------------------------------------------------------------------------------------
 
@@ -328,7 +275,7 @@ class Timetable:
 
     def _pull(self, axis: int, t: Array) -> Array:
         t, total = self.planned(t), np.zeros_like(t)
-        for k, wrench in enumerate(self._of.pulls):
+        for k, wrench in enumerate(self.of.pulls):
             span = self._plan(f"pull {k + 1}")
             quarter = 0.25 * (span.end - span.start)  # to grow, and to fade; half of it stays
             total += wrench[axis] * _smooth((t - span.start) / quarter)
@@ -337,6 +284,6 @@ class Timetable:
 
 
 def _smooth(share: Array) -> Array:
-    """The quintic from 0 to 1 with neither rate nor acceleration at both ends: setpoints that a drive can follow."""
+    """The quintic of ``control/c/mission.c``, by which the table and pulls move."""
     s = np.clip(share, 0.0, 1.0)
     return np.asarray(s**3 * (10.0 - 15.0 * s + 6.0 * s * s))

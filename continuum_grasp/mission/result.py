@@ -16,6 +16,7 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.errors import InputError
 from continuum_grasp.mission.assignment import Assignment, object_of, present
 from continuum_grasp.mission.certified import plant_friction
+from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.mission.precheck import Exceeded
 from continuum_grasp.mission.verdict import Verdict, force_estimate
@@ -203,16 +204,18 @@ class MissionRun(MotionResult):
         ``weights`` of setpoints and limits ``low`` and ``high`` of the input.
         """
         run, found = self.runs[0], list[dict[str, Any]]()
-        for span, phase in zip(self.spans, self.timetable.phases(stages), strict=True):
-            if phase.begin is None:
-                continue
+        plan = Plan(self.timetable, stages, np.zeros(0))
+        names = [phase.name for phase in plan.phases]
+        for span in self.spans:
 
             def note(*, weights: Array, u_min: Array, u_max: Array, start: float = span.start) -> None:
                 found.append({"t": start, "weights": weights, "low": u_min, "high": u_max})
 
             # The command before the phase, by which limits are moved.
             before = run.u[min(max(int(np.searchsorted(run.t, span.start)) - 1, 0), len(run.u) - 1)]
-            phase.begin(SimpleNamespace(change=note), SimpleNamespace(command=before))
+            plan.enter(
+                span.start, SimpleNamespace(change=note), SimpleNamespace(command=before), names.index(span.name)
+            )
         return found
 
     @property

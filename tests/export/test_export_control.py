@@ -500,9 +500,15 @@ int main(void)
 
 @pytest.mark.parametrize(
     ("name", "what", "message"),
-    [("arcs", ["mpc"], "what: needs a closed loop"), ("given", ["estimator"], "has no estimator")],
+    [
+        ("arcs", ["mpc"], "what: needs a closed loop"),
+        ("given", ["estimator"], "has no estimator"),
+        ("given", ["mission"], "needs a mission"),
+    ],
 )
 def test_parts_that_a_scene_does_not_have_are_refused(name, what, message, tmp_path):
+    with pytest.raises(InputError, match="finger: is for a mission of several fingers"):
+        export_c(scene(name), tmp_path, finger="left")
     with pytest.raises(InputError, match=message):
         export_c(scene(name), tmp_path / "out", what=what)
     assert not (tmp_path / "out").exists()

@@ -33,6 +33,7 @@ from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Trials
 from tests.declared import assert_declared
+from tests.mission_cases import begun, planned
 
 MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
 SHORT = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
@@ -112,13 +113,13 @@ def test_the_finger_that_is_about_to_touch_is_near_the_object(assignment):
 def test_setpoints_are_smooth(table, assignment):
     names = ("contact_force_finger.1 [N]", "tension_1 [N]", "tension_2 [N]", "bending_1 [rad]", "something [1]")
     t = np.arange(0.0, table.duration, 1e-3)
-    rows = table.rows(t, names)
+    rows = planned(table, names, t)
     most = np.abs(rows).max(axis=0) + 1e-12
     assert np.all(np.abs(np.diff(rows, axis=0)).max(axis=0) / most < 1e-3 * 2.0 / 0.4)
     assert np.all(np.abs(np.diff(rows, 2, axis=0)).max(axis=0) / most < 1e-6 * 6.0 / 0.4**2)
-    hold = table.rows(np.array([table.span("hold").start]), names)[0]
+    hold = planned(table, names, [table.span("hold").start])[0]
     assert hold == pytest.approx([assignment.force, *assignment.tensions, assignment.posture[0], 0.0])
-    ends = table.rows(np.array([0.0, table.duration]), names)
+    ends = planned(table, names, [0.0, table.duration])
     assert ends == pytest.approx(np.tile([0.0, *assignment.rest, 0.0, 0.0], (2, 1)), abs=1e-9)
 
 
@@ -130,7 +131,7 @@ def test_the_last_share_of_the_force_rises_while_it_is_followed(grasp):
     squeezed, settled, lift = table.span("squeeze"), table.span("settle"), table.span("lift")
     assert (squeezed.end, settled.end) == pytest.approx((settled.start, lift.start))
     t = np.linspace(0.0, lift.end, 1001)
-    force, bend = table.rows(t, ("contact_force_finger.1 [N]", "bending_1 [rad]")).T
+    force, bend = planned(table, ("contact_force_finger.1 [N]", "bending_1 [rad]"), t).T
     assert np.all(np.diff(force) >= -1e-12)
     of = {at: np.interp(at, t, force) / assigned.force for at in (squeezed.end, 0.5 * (squeezed.end + settled.end))}
     assert list(of.values()) == pytest.approx([0.8, 0.9], abs=1e-3)
@@ -156,11 +157,8 @@ def test_positions_that_are_retained_whole_let_nothing_out(grasp, assignment):
         scene = load(MUG, [*QUICK, *own, f"controller.retained={share}", "estimator.measured.length=5e-5"])
         assigned = assign(scene, grasp)[0]
         stages = SimpleNamespace(r_names=(), weights=np.ones(0), u_min=np.full(1, -0.025), u_max=np.full(1, 0.025))
-        lift = next(one for one in Timetable(assigned).phases(stages) if one.name == "lift")
         plant = SimpleNamespace(command=assigned.held + 5e-4)
-        lift.begin(
-            SimpleNamespace(change=lambda share=share, **new: least.update({share: float(new["u_min"][0])})), plant
-        )
+        least[share] = float(begun(Timetable(assigned), stages, plant)["lift"]["u_min"][0])
     assert least[1.0] == pytest.approx(float(plant.command[0]))
     assert least[0.85] < least[1.0] - 1e-4
 
@@ -185,13 +183,10 @@ def test_the_table_sinks_and_every_pull_is_whole(table, assignment):
 @pytest.mark.parametrize("most", [60.0, 40.0])
 def test_what_is_held_is_held_with_most_of_the_grasps_tension(most, table, assignment):
     """As far as the drive has it; before and after all limits are those of the drive."""
-    said, plant = {}, SimpleNamespace(command=np.full(2, 1.0))
     stages = SimpleNamespace(
         r_names=("tension_1 [N]",), weights=np.ones(1), stage=0.01, u_min=np.full(2, 1.0), u_max=np.full(2, most)
     )
-    for phase in table.phases(stages):
-        if phase.begin is not None:
-            phase.begin(SimpleNamespace(change=lambda name=phase.name, **new: said.update({name: new})), plant)
+    said = begun(table, stages, SimpleNamespace(command=np.full(2, 1.0)))
     pulling = int(np.argmax(assignment.tensions))
     least = min(0.85 * assignment.tensions[pulling], most)
     assert said["lift"]["u_min"][pulling] == pytest.approx(least)

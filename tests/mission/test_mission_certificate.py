@@ -24,6 +24,7 @@ from continuum_grasp.mission.precheck import exceeded, exceeded_by_trials
 from continuum_grasp.mission.trials import variations
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Trials
+from tests.mission_cases import planned
 
 MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
 GRAVITY = 9.81  # m/s2
@@ -154,7 +155,7 @@ def test_all_contacts_of_the_grasp_are_the_controllers_and_can_be_held(grasp):
     assert both.control.reference.contact_force == tuple(both.forces.values())
     names = tuple(f"contact_force_{name} [N]" for name in both.forces)
     hold = Timetable(both).span("hold").start
-    assert Timetable(both).rows(np.array([hold]), names)[0] == pytest.approx(list(both.forces.values()))
+    assert planned(Timetable(both), names, [hold])[0] == pytest.approx(list(both.forces.values()))
     assert certified_contact([both], "finger.2").normal_force == 1.0
     assert certified_contact([both], "finger.1").normal_force == middle.normal_force
     (extra,) = assign(load(MUG, ["more_contacts=[0.03]"]), grasp)

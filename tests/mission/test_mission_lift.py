@@ -14,6 +14,7 @@ from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import check_mission, on_pads
 from continuum_grasp.mission.assignment import assign
 from continuum_grasp.mission.lift import LiftCheck, shortfalls
+from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Timetable
 from continuum_grasp.mission.run import run_mission
 from continuum_grasp.mission.trials import run_trials
@@ -31,7 +32,10 @@ def fingers(*names):
         SimpleNamespace(name=f"{n}.tip", normal_force=CERTIFIED, friction_force=0.0, lift=0.0, part=0) for n in names
     ]
     grasp = SimpleNamespace(contacts=contacts, scene=SimpleNamespace(friction=lambda name: 0.5))
-    finger = SimpleNamespace(input_keys=["tensions"], tendon_list=[SimpleNamespace(max_tension=75.0)] * 2, winches=())
+    tendons = [SimpleNamespace(max_tension=75.0)] * 2
+    finger = SimpleNamespace(
+        input_keys=["tensions"], tendon_list=tendons, winches=(), inputs=[SimpleNamespace(label="")] * 2
+    )
     control = SimpleNamespace(
         contact_names=("finger.tip",), contacts=(), finger=finger, controller=SimpleNamespace(step=STEP)
     )
@@ -44,10 +48,13 @@ def fingers(*names):
             mission=mission,
             middles=(),
             pulls=np.ones((2, 3)),
+            **dict.fromkeys(("rest", "before"), np.zeros(2)),
+            **dict.fromkeys(("bends", "posture"), np.zeros(0)),
             held=np.array([60.0, 1.5]),
             holding=(np.array([51.0, -math.inf]), np.array([math.inf, 4.0])),
             contact="finger.tip",
             force=CERTIFIED,
+            forces={"finger.tip": CERTIFIED},
             own_name=lambda own, name=name: own.replace("finger", name),
         )
         for name in names
@@ -65,7 +72,7 @@ def carried_out(forces, *, tension=60.0, names=("lower", "upper")):
         change=lambda u_min, u_max, **_: limits.update({plans[0].phase.name: (*u_min, *u_max)})
     )
     for plan in plans:
-        plan.enter(0.0, controller, None)
+        plan.enter(0.0, controller, SimpleNamespace(command=np.zeros(2)))
     for k in range(1, 1000):
         t, going = k * STEP, []
         for plan, force in zip(plans, forces(k * STEP), strict=True):
@@ -120,6 +127,33 @@ def test_a_drive_at_its_limit_is_the_cause(share):
     """Commands count as at the limit from 99.9 % of it on."""
     _, _, refused = carried_out(lambda t: [0.0], names=("finger",), tension=share * 0.999 * 75.0)
     assert ("at its limit of 75 N" in refused.cause) == (share > 1.0)
+
+
+@pytest.mark.parametrize(
+    ("k", "at_once", "phase"), [(50, False, "release"), (250, False, "lower"), (250, True, "release")]
+)
+def test_an_object_is_let_go_when_asked_without_a_jump(k, at_once, phase):
+    """Setpoints go on from where they are; what was lifted is lowered first."""
+    (of,) = fingers("finger")
+    limits = np.zeros(2), np.full(2, 75.0)
+    names = ("contact_force_finger.tip [N]",)
+    stages = SimpleNamespace(r_names=names, weights=np.ones(1), u_min=limits[0], u_max=limits[1])
+    plan, plant = Plan(Timetable(of), stages, np.zeros(1)), SimpleNamespace(command=np.zeros(2))
+    command = SimpleNamespace(contact_forces=SimpleNamespace(force=np.full(1, CERTIFIED)))
+    controller, rows = SimpleNamespace(change=lambda **_: None), []
+    plan.enter(0.0, controller, plant)
+    for step in range(1, 800):
+        if not plan.advance(step * STEP, controller, plant, command):
+            break
+        if step == k:
+            plan.release(step * STEP, controller, plant, at_once=at_once)
+            assert plan.phase.name == phase
+        rows.append(plan.rows(np.array([step * STEP]))[0, 0])
+    assert plan.phase.name == "end"
+    assert np.abs(np.diff(rows)).max() < 2.0 * CERTIFIED * STEP / 0.8
+    assert rows[-1] == pytest.approx(0.0, abs=1e-12)
+    events = [name for _, name in plan.events]
+    assert events[events.index(phase) :] == ["lower", "release", "end"][phase == "release" :]
 
 
 def test_what_follows_a_lift_that_is_late_is_late():

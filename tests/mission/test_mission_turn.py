@@ -23,6 +23,7 @@ from continuum_grasp.results import read_run
 from continuum_grasp.scene.load import load
 from tests.declared import assert_declared
 from tests.marks import few
+from tests.mission_cases import begun, planned
 
 BLOCK = Path(__file__).parents[2] / "configs/mission/turn_block.yaml"
 SHORT = (
@@ -81,32 +82,29 @@ def test_setpoints_lead_to_the_object_turn_it_and_leave_it(table, assignment):
     starts = {span.name: span.start for span in table.spans}
     assert list(starts)[:7] == ["touch 1", "turn 1", "leave 1", "touch 2", "turn 2", "leave 2", "approach"]
     at = [starts[name] for name in ("touch 1", "turn 1", "leave 1", "touch 2", "turn 2", "leave 2", "approach")]
-    gap, angle, bend = table.rows(np.array(at), names).T
+    gap, angle, bend = planned(table, names, at).T
     assert gap == pytest.approx([0.02, 0.0, 0.0, 0.02, 0.0, 0.0, 0.02])
     assert np.degrees(angle) == pytest.approx([-30.0, -30.0, -15.0, -15.0, -15.0, 0.0, 0.0], abs=1e-9)
     # The last stroke is left from about where the grasp touches, the finger is straight before the approach.
     assert bend[-2:] == pytest.approx([assignment.bends[0], 0.0])
     t = np.arange(0.0, table.duration, 1e-3)
-    rows = table.rows(t, names)
+    rows = planned(table, names, t)
     assert np.abs(np.diff(rows, 2, axis=0)).max() < 1e-6 * 6.0 * np.abs(rows).max() / 0.4**2
 
 
 @pytest.mark.deep
 def test_what_is_followed_changes_with_the_phase(table):
     names = ("bending_1 [rad]", "contact_force_finger.tip [N]", "gap_finger.tip [m]", "object_angle [rad]")
-    said, plant = {}, SimpleNamespace(command=np.full(2, 1.0))
     stages = SimpleNamespace(
         r_names=names, weights=np.ones(4), stage=0.01, u_min=np.full(2, 1.0), u_max=np.full(2, 95.0)
     )
-    for phase in table.phases(stages):
-        if phase.begin is not None:
-            phase.begin(SimpleNamespace(change=lambda name=phase.name, **new: said.update({name: new})), plant)
+    said = begun(table, stages, SimpleNamespace(command=np.full(2, 1.0)))
     followed = {name: {names[k].split("_")[0] for k in np.flatnonzero(new["weights"])} for name, new in said.items()}
     expected = {
         ("touch 1", "leave 1", "touch 2"): {"gap"},
         ("turn 1", "turn 2"): {"gap", "object"},
         ("leave 2", "approach", "release"): {"bending"},
-        ("settle", "lift"): {"contact"},
+        ("settle", "confirm", "lift"): {"contact"},
     }
     assert followed == {name: of for phases, of in expected.items() for name in phases}
 

@@ -28,6 +28,7 @@ _TEXTS = {
     "begin": "State and lengths of winches, as a step takes them.",
     "tension": "What the tendons of a finger that touches nothing pull winches with.",
     "gain": "Tension per force across the finger.",
+    "forces": "Normal forces at the contacts.",
 }
 """Descriptions of kernels, by the last word of their names."""
 

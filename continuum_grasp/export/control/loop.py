@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -68,6 +69,19 @@ _NAMES = {
 }
 
 
+class Phases(NamedTuple):
+    """Phases of a finger's mission.
+
+    Dimensions and settings of ``control/c/mission.h``, names of the phases, and what other fingers may tell this one by
+    the names of functions, with the words for it; none where it is alone.
+    """
+
+    sizes: dict[str, int]
+    members: tuple[Member, ...]
+    names: tuple[str, ...]
+    reported: tuple[tuple[str, str], ...]
+
+
 @dataclass(frozen=True)
 class Loop:
     """A closed loop as its parts see it."""
@@ -97,10 +111,14 @@ class Loop:
     """Command that is approached when there is no plan."""
     estimated: tuple[str, ...]
     """Names and units of what the plan starts from: states, then disturbances."""
+    phases: Phases | None = None
+    """Phases of a mission; None of a controller alone."""
 
     @staticmethod
-    def of(scene: ControlScene, real: Real, parts: Sequence[str]) -> Loop:
-        """A scene's loop for a package that computes in a type."""
+    def of(
+        scene: ControlScene, real: Real, parts: Sequence[str], phases: Callable[[Stages], Phases] | None = None
+    ) -> Loop:
+        """A scene's loop for a package that computes in a type, with the ``phases`` of a mission."""
         model = Prediction(scene)
         stages = stages_of(scene, model)
         # A plan is followed within its first stage; equal up to the rounding of a duration over a count.
@@ -131,6 +149,7 @@ class Loop:
             kicks=kicks,
             safe="the least tensions" if scene.finger.tendons is not None else "no moment",
             estimated=model.x_names if estimation is None else estimation.z_names,
+            phases=phases(stages) if phases is not None and "mission" in parts else None,
         )
 
     @staticmethod
@@ -301,6 +320,9 @@ class Loop:
             found += [e.step, e.outputs, *([e.parameters] if controls else []), *([e.flow] if self.periods else [])]
         if self.contact is not None:
             found += self.contact.functions
+        if e is not None and e.contact_forces is not None and self.phases is not None:
+            given = [ca.SX.sym(name, e.contact_forces.size1_in(k)) for k, name in enumerate("zup")]
+            found.append(ca.Function("estimator_forces", given, [e.contact_forces(*given)[0]], [*"zup"], ["f"]))
         return tuple(found)
 
 

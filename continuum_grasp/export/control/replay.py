@@ -93,7 +93,15 @@ class _Record:
         rows, outs, codes = (np.array(column) for column in zip(*self._calls, strict=True))
         function = self._function
         return Vectors(
-            function.name, function.runner, rows, outs, codes, tuple(bad), pointers=5, close=close, stateful=True
+            function.name,
+            function.runner,
+            rows,
+            outs,
+            codes,
+            tuple(bad),
+            pointers=len(function.types) + len(function.inputs) + 1,
+            close=close,
+            stateful=True,
         )
 
 
@@ -245,7 +253,29 @@ def _estimator_vectors(contents: Contents, loop: Loop, host: _Host, function: St
     return record.vectors(bad, close=nz)
 
 
-_VECTORS = {"mpc": _controller_vectors, "estimator_step": _estimator_vectors}
+def _mission_vectors(contents: Contents, loop: Loop, host: _Host, function: Stateful) -> Vectors:
+    """All phases in turn, then a mission that lets go after the lift, and one that is aborted in the squeeze."""
+    rng, real, nu = np.random.default_rng(2), contents.subject.real, loop.command.size
+    record = _Record(host, function, nu + loop.start.size + 3, real.dtype)
+    phases = [] if loop.phases is None else [*loop.phases.names]
+    numbers = {} if loop.phases is None else {member.member: member.values for member in loop.phases.members}
+    begins, last = np.asarray(numbers["begin"]), float(np.sum(numbers["length"]))
+    lifted, squeezed = (begins[phases.index(name)] for name in ("hold", "squeeze"))
+    for ends, asked in ((last, 0), (lifted + 0.5 * last, 1), (squeezed + 0.5 * last, 2)):
+        finger, u = Finger(loop, rng), loop.before.copy()
+        opens = round((lifted if asked == 1 else squeezed) / loop.period) + 10
+        for k in range(math.ceil(ends / loop.period)):
+            flags = (k == 0, asked == 1 and k == opens, asked == 2 and k == opens, 1 if k == 0 else 0)
+            y, reported = finger.measured(u), 1 + (k % 7 == 3 if asked else 0)
+            if k % 53 == 20:
+                y[rng.integers(len(y))] = np.nan
+            code, out = record.call(flags, y, [reported if loop.phases and loop.phases.reported else 0])
+            u = out[:nu].astype(float) if code >= 0 else u
+            finger.advance(u)
+    return record.vectors((), close=nu)
+
+
+_VECTORS = {"mpc": _controller_vectors, "estimator_step": _estimator_vectors, "mission_step": _mission_vectors}
 
 
 def stateful_vectors(

@@ -16,13 +16,20 @@ from continuum_grasp.control.rti.source import dimensions, iteration_bodies, tem
 from continuum_grasp.control.status import ANOMALY_TEXTS, MEASUREMENT_TEXTS, Anomaly, Verdict
 from continuum_grasp.core.calls import calls_source, straight_functions
 from continuum_grasp.export.control.kernels import adapters_of
-from continuum_grasp.export.control.loop import DIAGNOSIS, Loop
+from continuum_grasp.export.control.loop import DIAGNOSIS, Loop, identifiers
 from continuum_grasp.export.control.tokens import renamed, without, without_prototypes
 from continuum_grasp.export.fields import Real, each_once
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.template import fill
 
-SIZES = ("estimator_bytes", "estimator_work_bytes", "controller_bytes", "controller_work_bytes")
+SIZES = (
+    "estimator_bytes",
+    "estimator_work_bytes",
+    "controller_bytes",
+    "controller_work_bytes",
+    "mission_bytes",
+    "mission_work_bytes",
+)
 """Places of the header for what is known once it was compiled."""
 UNKNOWN = "0x7fffffff"
 """Placeholder of a size: more than any memory, so that the checks of the sizes in the C hold."""
@@ -68,6 +75,8 @@ class _Writer:
             found += [f"#define EKF_{name} {size}" for name, size in sizes.items()]
         if loop.contact is not None:
             found += [f"#define CONTACT_{name} {size}" for name, size in loop.contact.sizes.items()]
+        if loop.phases is not None:
+            found += [f"#define MISSION_{name} {size}" for name, size in loop.phases.sizes.items()]
         if self.real.name == "float":
             found.append("#define CG_SINGLE")
         return self.renamed("\n".join(dict.fromkeys(found)))
@@ -83,7 +92,8 @@ class _Writer:
         found = ["rti.h"] if self.mpc else []
         found += ["ekf.h"] if self.filter else []
         found += ["contact_detector.h"] if self.loop.contact is not None else []
-        return [*found, "supervisor.h", "controller.h"] if self.mpc else found
+        found += ["supervisor.h", "controller.h"] if self.mpc else []
+        return [*found, "mission.h"] if self.loop.phases is not None else found
 
     def memory(self, words: dict[str, object]) -> str:
         types = self.renamed(self.settled("\n".join(without_prototypes(template(name))[0] for name in self.headers())))
@@ -92,6 +102,7 @@ class _Writer:
             "types": types,
             "mpc": self.mpc,
             "estimator": "estimator" in self.loop.parts,
+            "mission": self.loop.phases is not None,
         }
         return fill("control/memory.h", {**words, **more})
 
@@ -112,6 +123,7 @@ class _Writer:
         texts += [template("ekf.c")] if self.filter else []
         texts += [template("contact_detector.c")] if self.loop.contact is not None else []
         texts += [template("supervisor.c"), template("controller.c")] if self.mpc else []
+        texts += [template("mission.c")] if self.loop.phases is not None else []
         return self.renamed(without("EKF_VECTOR", without("RTI_VECTOR", self.settled("\n".join(texts)))))
 
     def numbers(self) -> str:
@@ -128,6 +140,9 @@ class _Writer:
             texts.append(f"static const {p}_loop_settings loop_settings = {self.initializer(loop.members)};")
         else:
             texts += [self.own_settings("ekf"), *([self.own_settings("contact")] if loop.contact is not None else [])]
+        if loop.phases is not None:
+            own = self.initializer(loop.phases.members)
+            texts.append(f"static const {p}_phases_settings phase_settings = {own};")
         if "estimator" in loop.parts:
             names = ("MISSING", "ABSURD", "OUTLIER", "REOPENED")
             bits = ", ".join(["0", *(f"{p.upper()}_ANOMALY_{name}" for name in names), "0"])
@@ -173,8 +188,24 @@ class _Writer:
             "estimator_settings": "loop_settings.ekf" if self.mpc else "ekf_settings",
             "contact_settings": "loop_settings.contact" if self.mpc else "contact_settings",
             "known": known,
+            **self.of_mission(),
             **{name: f"<<{name}>>" for name in SIZES},
             "anomalies": [(n, 2**k, "," if k < last else " ", text) for k, (n, text) in enumerate(ANOMALIES.items())],
+        }
+
+    def of_mission(self) -> dict[str, object]:
+        phases, s = self.loop.phases, self.loop.stages
+        if phases is None:
+            return {}
+        return {
+            "phases": [*enumerate(name.upper() for name in identifiers(phases.names))],
+            "several": phases.reported,
+            "alone": not phases.reported,
+            "leads": "others_bear" in dict(phases.reported),
+            "words_reported": phases.reported,
+            "u_min": 2 * s.nr,  # behind the weights; see CHANGEABLE
+            "u_max": 2 * s.nr + s.nu,
+            "indent_mission": " " * len(f"int {self.prefix}_mission_step("),
         }
 
     def source(self, words: dict[str, object]) -> str:
@@ -187,6 +218,7 @@ class _Writer:
             *(["contact"] if loop.contact is not None else []),
             *(["estimator"] if "estimator" in loop.parts else []),
             *(["controller"] if self.mpc else []),
+            *(["mission"] if loop.phases is not None else []),
         ]
         more = {
             "sqrt": c_source({"sqrt"}, self.real, p),
@@ -209,7 +241,7 @@ def control_sources(loop: Loop, prefix: str, real: Real) -> tuple[dict[str, str]
     writer = _Writer(loop, prefix, real)
     words = writer.words({"p": prefix, "version": __version__})
     files = {f"include/{prefix}_memory.h": writer.memory(words), f"src/{prefix}_control.c": writer.source(words)}
-    headers = {"estimator": "estimator", "mpc": "controller"}
+    headers = {"estimator": "estimator", "mpc": "controller", "mission": "mission"}
     declared = {name: fill(f"control/{headers[name]}.h", words) for name in loop.parts}
     # The first part declares what both take.
     first = f'#include "{prefix}_memory.h"\n\n' + fill("control/anomalies.h", words) + fill("control/given.h", words)

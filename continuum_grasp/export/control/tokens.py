@@ -13,11 +13,12 @@ _MODULES = {
     "contact": "contact",
     "controller": "loop",
     "supervisor": "supervisor",
+    "mission": "phases",
     "cg": "checks",
 }
 """Beginnings of names in ``control/c``, and behind the prefix of a package."""
 _NAME = re.compile(rf"\b(?:{'|'.join(_MODULES)})_\w+|\b(?:{'|'.join(module.upper() for module in _MODULES)})_\w+")
-_HEADER = re.compile(r"\b(?:rti|ekf|contact_detector|supervisor|controller|checks)\.h\b")
+_HEADER = re.compile(r"\b(?:rti|ekf|contact_detector|supervisor|controller|mission|checks)\.h\b")
 _INCLUDE = re.compile(r'^#include "\w+\.h"\n', re.MULTILINE)
 _PROTOTYPE = re.compile(
     r"^(?:/\*(?:(?!\*/).)*\*/\n)?(?:int|void) \w+\([^;{}]*\);\n",

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 from continuum_grasp.export.part import Part
-from continuum_grasp.export.parts.control import estimator, mpc
+from continuum_grasp.export.parts.control import estimator, mission, mpc
 from continuum_grasp.export.parts.implicit import implicit_step
 from continuum_grasp.export.parts.model import dynamics, kinematics, linearization, statics, step
 from continuum_grasp.export.parts.seen import contact, metadata, sections
@@ -26,10 +26,11 @@ PARTS: dict[str, Callable[[Subject], Part]] = {
     "contact": contact,
     "estimator": estimator,
     "mpc": mpc,
+    "mission": mission,
     "metadata": metadata,
 }
 """Makers of the parts of a subject."""
 ASKED_FOR = ("implicit_step", "linearization", "shape", "velocities", "contact", "metadata")
 """Parts that no package has by default."""
-OF_LOOPS = ("estimator", "mpc")
+OF_LOOPS = ("estimator", "mpc", "mission")
 """Parts that need a closed loop."""

@@ -74,6 +74,30 @@ def mpc(subject: Subject) -> Part:
     return _part(subject, "mpc", structs, codes, function)
 
 
+def mission(subject: Subject) -> Part:
+    """Commands from approach to release, by the phases of a mission."""
+    loop = cast(Loop, subject.loop)  # without it packages have none of these parts
+    reported = () if loop.phases is None else loop.phases.reported
+    function = Stateful(
+        "mission_step",
+        "The command for a measurement, by the phase of the mission.",
+        _runner(subject, loop, "mission", reported_at=1),
+        ("mission", "mission_work"),
+        ("measurement",),
+        "command",
+        (
+            Method("start", "Begin the first phase at a state.", (loop.start.name, "command")),
+            Method("release", "Before the next call: let the object go, lowered first where it was lifted."),
+            Method("abort", "Before the next call: open at once, wherever the object is."),
+            Method("phase", "Number of the phase.", counts=True),
+            Method("decision", "Decision before the lift: 0 none, 1 lift, 2 let go.", counts=True),
+            Method("forces", "Forces at the contacts: 0 unknown, 1 enough to lift, 2 too little.", counts=True),
+            *(Method(name, "Before the next call: what is known of other fingers.") for name, _ in reported),
+        ),
+    )
+    return _part(subject, "mission", [loop.measurement, loop.command, loop.start], (), function)
+
+
 def _contact(loop: Loop) -> list[Method]:
     """Method that gives the contact of the last call, where there is a detector."""
     return [] if loop.touch is None else [Method("contact", "What the drives felt in the last call.", (), "contact")]
@@ -104,9 +128,11 @@ def _runner(subject: Subject, loop: Loop, name: str, **between: int) -> str:
     sizes, what was applied.
     """
     settings = loop.settings.size if name == "controller" else 0
-    sizes = {"settings": settings, "known": loop.known.size if loop.known is not None else 0}
+    sizes = {"settings": settings, "known": loop.known.size if loop.known is not None and name != "mission" else 0}
     sizes |= {"measurement": loop.measurement.size, **between, "applied": loop.command.size}
     places = dict(zip(sizes, itertools.accumulate(sizes.values(), initial=ROW_FLAGS), strict=False))
     # Settings begin with the weights of the setpoints, running and terminal; see CHANGEABLE.
     words = {"loop": loop, "low": ROW_FLAGS + 2 * loop.stages.nr, "behind": loop.command.size + loop.start.size}
+    reported = () if loop.phases is None else loop.phases.reported
+    words["reported"] = [(k + 1, own) for k, (own, _) in enumerate(reported)]
     return fill(f"tests/run_{name}.c", {"p": subject.prefix, **places, **words})

@@ -17,5 +17,10 @@ typedef struct {
   <<p>>_loop_output last;
   int late;
   <<p>>_real elapsed;
-} <<p>>_controller_memory;<<end>>
+} <<p>>_controller_memory;<<end>><<if mission>>
+typedef struct {
+  <<p>>_phases_state state;
+  uint32_t calls;
+  int reported; /* by other fingers */
+} <<p>>_mission_memory;<<end>>
 #endif

@@ -1,0 +1,99 @@
+/* Phases, limits and setpoints of a mission. See mission.h. */
+
+/* The quintic from 0 to 1 with neither rate nor acceleration at both ends: setpoints that a drive can follow. */
+static real mission_smooth(real share)
+{
+  cg_limit(&share, 0, 1);
+  return share * share * share * (10 - 15 * share + 6 * share * share);
+}
+
+/* Setpoints at an instant of the plan. */
+static void mission_planned(const mission_settings *o, real t, real *row)
+{
+  for (int j = 0; j < MISSION_NR; ++j) row[j] = o->first[j];
+  for (int k = 0; k < MISSION_MOVES; ++k) {
+    const real risen = mission_smooth((t - o->moves_at[k]) / o->moves_for[k]);
+    for (int j = 0; risen > 0 && j < MISSION_NR; ++j) row[j] += risen * o->moves_by[k][j];
+  }
+}
+
+void mission_setpoints(const mission_state *state, const mission_settings *o, real t, real *row)
+{
+  real at = o->begin[state->phase] + (t - state->start);
+  if (state->phase <= o->confirm && at > o->begin[o->confirm]) at = o->begin[o->confirm];
+  mission_planned(o, at, row);
+  if (state->left_at < 0) return;
+  const real left = 1 - mission_smooth((t - state->left_at) / o->length[o->release]);
+  for (int j = 0; j < MISSION_NR; ++j) row[j] += left * state->left[j];
+}
+
+void mission_enter(mission_state *state, const mission_settings *o, int phase, real t, const real *u)
+{
+  state->phase = phase;
+  state->start = t;
+  if (o->follows[phase] < 0) return;
+  const int kind = o->limits[phase];
+  state->follows = o->follows[phase];
+  state->changed = 1;
+  for (int j = 0; j < MISSION_NU; ++j) {
+    /* Positions hold where they are by now: friction and soft contacts move those of the grasp. */
+    const real moved = kind == MISSION_HOLDS && o->follows_command ? u[j] - o->held[j] : 0;
+    state->u_min[j] = o->low[kind][j] + moved;
+    state->u_max[j] = o->high[kind][j] + moved;
+    cg_limit(&state->u_min[j], o->u_min[j], o->u_max[j]);
+    cg_limit(&state->u_max[j], o->u_min[j], o->u_max[j]);
+  }
+}
+
+void mission_start(mission_state *state, const mission_settings *o, real t, const real *u)
+{
+  memset(state, 0, sizeof *state);
+  state->left_at = -1;
+  mission_enter(state, o, 0, t, u);
+}
+
+/* Decide before the lift, or take what was decided; whether there is a decision. */
+static int mission_decide(mission_state *state, const mission_settings *o, real since, const real *forces,
+                          int reported)
+{
+  int bears = 1;
+  for (int c = 0; c < MISSION_NC; ++c) bears &= forces[c] >= o->needed[c];      /* not those that are no numbers */
+  state->bears = bears ? MISSION_BEARS : MISSION_LACKS;
+  if (!o->leads) state->decision = reported;
+  else if (bears && reported == MISSION_BEARS) state->decision = MISSION_LIFTS;
+  else if (since > o->patience - (real)1e-3 * o->period && reported != MISSION_UNKNOWN)
+    state->decision = MISSION_LETS_GO;
+  return state->decision != MISSION_WAITS;
+}
+
+int mission_advance(mission_state *state, const mission_settings *o, real t, const real *forces, const real *u,
+                    int reported)
+{
+  state->changed = 0;
+  for (;;) {
+    const real since = t - state->start;
+    int next = state->phase + 1;
+    /* 1e-3 periods: instants are sums of rounded ones */
+    int over = since > o->length[state->phase] - (real)1e-3 * o->period;
+    if (state->phase == o->confirm) {
+      if (over) state->decision = MISSION_LETS_GO;      /* who decides was not heard of */
+      else over = forces && mission_decide(state, o, since, forces, reported);
+      if (state->decision == MISSION_LETS_GO) next = o->release;
+    }
+    if (!over) return 1;
+    if (next == MISSION_PHASES) return 0;
+    mission_enter(state, o, next, t, u);
+  }
+}
+
+void mission_release(mission_state *state, const mission_settings *o, real t, const real *u, int at_once)
+{
+  const int next = at_once || state->phase <= o->confirm ? o->release : o->lower;
+  real row[MISSION_SIZE(MISSION_NR)];
+  if (state->phase >= next) return;
+  mission_setpoints(state, o, t, row);
+  mission_planned(o, o->begin[next], state->left);
+  for (int j = 0; j < MISSION_NR; ++j) state->left[j] = row[j] - state->left[j];
+  state->left_at = t;
+  mission_enter(state, o, next, t, u);
+}

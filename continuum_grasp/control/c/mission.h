@@ -1,0 +1,67 @@
+/* A mission: the phases in which a finger closes on an object, holds it and lets it go. Once per period, before the
+ * controller's step:
+ *
+ *   1. mission_advance begins the next phase where the present one is over. Before the lift the normal forces that are
+ *      estimated are compared with those that are needed: while a contact bears too little, the fingers squeeze on, for
+ *      `patience` at most, and then let go.
+ *   2. mission_setpoints gives the setpoints over the horizon, and the state the weights and limits of the phase.
+ *
+ * Of several fingers each has a mission; the first one leads. To it is reported whether all others bear enough
+ * (MISSION_BEARS), to the others what it decided; what is reported may be a period old.
+ *
+ * Setpoints are smooth functions of the instant of a plan in which nothing is waited for: those at first, and moves,
+ * each by a row, from its begin over its length. What ends by a decision is foreseen to go on.
+ *
+ * Dimensions: MISSION_PHASES, MISSION_MOVES, MISSION_NR (setpoints), MISSION_NU, MISSION_NC (contacts); and `real`.
+ */
+#ifndef MISSION_H
+#define MISSION_H
+#include "checks.h"
+
+#define MISSION_SIZE(n) ((n) > 0 ? (n) : 1)
+
+enum { MISSION_WAITS = 0, MISSION_LIFTS = 1, MISSION_LETS_GO = 2 };     /* decision before the lift */
+enum { MISSION_UNKNOWN = 0, MISSION_BEARS = 1, MISSION_LACKS = 2 };     /* forces at the contacts, when they count */
+enum { MISSION_NOMINAL = 0, MISSION_SQUEEZES = 1, MISSION_HOLDS = 2 };  /* limits of the command */
+enum { MISSION_FOLLOWED = 4 };                                          /* what phases may follow: rows of weights */
+
+typedef struct {
+  real period;
+  real begin[MISSION_PHASES], length[MISSION_PHASES];   /* of each phase, in the plan; the longest wait of `confirm` */
+  int follows[MISSION_PHASES];  /* row of weights from its begin on; -1: weights and limits stay */
+  int limits[MISSION_PHASES];
+  int confirm, lower, release;  /* numbers of phases */
+  int leads;                    /* whether this finger decides */
+  real patience;                /* longest wait for forces [s] */
+  real needed[MISSION_SIZE(MISSION_NC)];        /* least normal force at each contact [N] */
+  real weights[MISSION_FOLLOWED][MISSION_SIZE(MISSION_NR)];
+  real u_min[MISSION_NU], u_max[MISSION_NU];
+  real low[3][MISSION_NU], high[3][MISSION_NU]; /* by the kind of limits, within u_min and u_max */
+  int follows_command;          /* whether those of MISSION_HOLDS move with the command before, from `held` */
+  real held[MISSION_NU];
+  real first[MISSION_SIZE(MISSION_NR)];
+  real moves_at[MISSION_MOVES], moves_for[MISSION_MOVES], moves_by[MISSION_MOVES][MISSION_SIZE(MISSION_NR)];
+} mission_settings;
+
+typedef struct {
+  int phase, changed;           /* changed: whether weights or limits did in the last call */
+  int decision, bears;
+  int follows;                  /* row of weights */
+  real start;                   /* of the phase [s] */
+  real u_min[MISSION_NU], u_max[MISSION_NU];
+  real left[MISSION_SIZE(MISSION_NR)];  /* of setpoints before a release or an abort; fades from `left_at` on */
+  real left_at;
+} mission_state;
+
+void mission_enter(mission_state *state, const mission_settings *settings, int phase, real t, const real *u);
+/* Begin the first phase at an instant t, with the command u before. */
+void mission_start(mission_state *state, const mission_settings *settings, real t, const real *u);
+/* Begin what is due at t by the command u before, the estimated forces (which count in the phase `confirm` alone; null:
+ * not yet known) and what is reported; whether the mission goes on. */
+int mission_advance(mission_state *state, const mission_settings *settings, real t, const real *forces, const real *u,
+                    int reported);
+/* Let the object go at t: lowered first where it may hang, or at once. */
+void mission_release(mission_state *state, const mission_settings *settings, real t, const real *u, int at_once);
+/* Setpoints at an instant, as they are foreseen now. */
+void mission_setpoints(const mission_state *state, const mission_settings *settings, real t, real *row);
+#endif

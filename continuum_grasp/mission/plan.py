@@ -1,0 +1,171 @@
+"""Phases of a mission, its limits and setpoints: the C of ``control/c/mission.c``, called once per period."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.closed_loop.schedule import Phase, Schedule
+from continuum_grasp.control.compiled import Compiled, mission_source
+from continuum_grasp.control.field import Field
+from continuum_grasp.control.ocp.bounds import ABSENT
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.certified import certified_contact
+from continuum_grasp.mission.plant import Timetable
+
+Array = NDArray[np.float64]
+
+_FOLLOWED = {"posture": ("bending_",), "force": ("contact_force",), "gap": ("gap_",), "angle": ("gap_", "object_angle")}
+"""Quantities that the controller may follow in a phase, and how the names of their setpoints begin."""
+_NOMINAL, _SQUEEZES, _HOLDS = range(3)
+"""Limits of the command in a phase, as in ``c/mission.h``."""
+WAITS, LIFTS, LETS_GO = range(3)
+"""Decisions before the lift, as in ``c/mission.h``."""
+UNKNOWN, BEARS, LACKS = range(3)
+"""Forces at the contacts of a finger, by the estimate."""
+_DUE, _BY_FORCES, _RELEASE, _ABORT = -1, -2, -3, -4
+"""Calls of ``c/mission_python.c``."""
+_BEGINS = {
+    **dict.fromkeys(("approach", "release", "leave last"), ("posture", _NOMINAL)),
+    "settle": ("force", _NOMINAL),
+    "confirm": ("force", _SQUEEZES),
+    "lift": ("force", _HOLDS),
+    **dict.fromkeys(("touch", "leave"), ("gap", _NOMINAL)),
+    "turn": ("angle", _NOMINAL),
+}
+"""Quantity that is followed from a phase on, and limits of the command; other phases leave both as they are."""
+
+
+def needed_forces(assignments: Sequence[Assignment], of: Assignment) -> Array:
+    """Least normal force (C,) [N] of each contact of a finger's controller before the lift; of others none."""
+    share = of.mission.phases.lift_share
+    found = [certified_contact(assignments, of.own_name(name)) for name in of.control.contact_names]
+    return np.array([-ABSENT if one is None else share * one.normal_force for one in found])
+
+
+def mission_fields(
+    table: Timetable, stages: Stages, needed: Array, *, leads: bool = True
+) -> tuple[dict[str, int], list[Field]]:
+    """Dimensions of the C of a finger's phases, and the members of ``mission_settings``."""
+    of, moves, phases = table.of, table.moves(stages.r_names), table.phases()
+    names, period, patience = [span.name for span in phases], of.control.controller.step, of.mission.phases.squeeze
+    last = f"leave {table.strokes[-1]}" if table.strokes else ""
+    begins = [_BEGINS.get("leave last" if name == last else name.partition(" ")[0]) for name in names]
+    follows = list(_FOLLOWED)
+    # One drive follows one of them. Rates stay weighted, since they damp all.
+    every, weights = tuple(prefix for own in _FOLLOWED.values() for prefix in own), []
+    for own in _FOLLOWED.values():
+        off = tuple(prefix for prefix in every if prefix not in own)
+        weights.append(np.where([not n.startswith(off) or "rate" in n for n in stages.r_names], stages.weights, 0.0))
+    low, high = (np.clip(limit, -ABSENT, ABSENT) for limit in of.holding)
+    # A controller, to which contacts are smooth and the object stays, may expect less force of more tension up to some
+    # way short of the grasp, and settles there, or lets the other tendon pull against the one that closes: fingers that
+    # squeeze on close as in the grasp or tighter.
+    tighter = np.where(low > -ABSENT, of.held, low)
+    fields = [
+        Field("period", period),
+        Field("begin", [span.start for span in phases]),
+        # Asked once more at the latest instant.
+        Field("length", [patience + period if s.name == "confirm" else s.end - s.start for s in phases]),
+        Field("follows", [-1 if b is None else follows.index(b[0]) for b in begins], whole=True),
+        Field("limits", [_NOMINAL if b is None else b[1] for b in begins], whole=True),
+        *[Field(name, names.index(name), whole=True) for name in ("confirm", "lower", "release")],
+        Field("leads", int(leads), whole=True),
+        Field("patience", patience),
+        Field("needed", needed),
+        Field("weights", weights),
+        Field("u_min", stages.u_min),
+        Field("u_max", stages.u_max),
+        Field("low", [stages.u_min, tighter, low]),
+        Field("high", [stages.u_max, high, high]),
+        Field("follows_command", int(bool(of.control.finger.winches)), whole=True),
+        Field("held", of.held),
+        *map(Field, ("first", "moves_at", "moves_for", "moves_by"), moves),
+    ]
+    sizes = {"PHASES": len(phases), "MOVES": len(moves[1]), "NR": len(stages.r_names)}
+    return sizes | {"NU": len(stages.u_min), "NC": needed.size}, fields
+
+
+class Plan(Schedule):
+    """Phases of one finger's mission for a closed loop.
+
+    ``reported`` gives what a finger needs to know of others before the lift: the first one, whether they bear enough,
+    the others, its decision; ``waits`` is called with instant and command at each period in which that is asked.
+    """
+
+    def __init__(
+        self,
+        table: Timetable,
+        stages: Stages,
+        needed: Array,
+        *,
+        leads: bool = True,
+        reported: Callable[[], int] = lambda: BEARS,
+        waits: Callable[[float, Any], None] = lambda t, command: None,
+    ) -> None:
+        sizes, fields = mission_fields(table, stages, needed, leads=leads)
+        names = [span.name for span in table.phases()]
+        lengths = np.ravel(next(field.values for field in fields if field.member == "length")).tolist()
+        super().__init__([Phase(name, self.rows, length) for name, length in zip(names, lengths, strict=True)])
+        self._confirm, self._release = names.index("confirm"), names.index("release")
+        self._reported, self._waits, self._nr = reported, waits, sizes["NR"]
+        given = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1}
+        parts = {"phase": 1, "changed": 1, "decision": 1, "bears": 1, "weights": sizes["NR"]}
+        parts |= {"u_min": sizes["NU"], "u_max": sizes["NU"]}
+        self._c = Compiled(mission_source(sizes, fields), fields, given, parts, "the mission")
+        self.decision, self.bears = WAITS, UNKNOWN
+
+    def enter(self, t: float, controller: Any, plant: Any, phase: int = 0) -> None:
+        """Begin a phase, at first the first one."""
+        self._step(t, controller, plant.command, phase)
+
+    def advance(self, t: float, controller: Any, plant: Any, command: Any) -> bool:
+        """Begin what is due at an instant [s], by the last command; False after the last phase."""
+        goes_on = self._step(t, controller, plant.command, _DUE)
+        if self.current == self._confirm:  # alone in asking for forces, which take longest
+            goes_on = self._step(
+                t, controller, plant.command, _BY_FORCES, command.contact_forces.force, self._reported()
+            )
+            self._waits(t, command)
+        return goes_on
+
+    def release(self, t: float, controller: Any, plant: Any, *, at_once: bool = False) -> None:
+        """Let the object go: lowered first where it may hang, or ``at_once``."""
+        self._step(t, controller, plant.command, _ABORT if at_once else _RELEASE)
+
+    def _step(
+        self, t: float, controller: Any, before: Array, what: int, forces: ArrayLike = 0.0, reported: int = 0
+    ) -> bool:
+        now, u, felt, word = self._c.given
+        now[0], u[:], felt[:], word[0] = t, before, forces, reported
+        c = self._c
+        goes_on = bool(c.library.cg_step(c.address, c.input_address, what, c.output_address))
+        found = c.output.copy()
+        phase, changed, decision, bears = (int(number) for number in found[:4])
+        passed = range(self.current + 1, phase + 1) if what < 0 else [phase]
+        if what <= _RELEASE:
+            passed = passed[-1:]
+        cut = range(self._confirm + 1, self._release) if decision == LETS_GO else ()
+        self.events += [(t, self.phases[k].name) for k in passed if k not in cut]
+        if phase != self.current or what >= 0:
+            self.current, self.start = phase, t
+        self.decision, self.bears = decision, bears
+        if changed:
+            weights, low, high = (found[c.parts[name]] for name in ("weights", "u_min", "u_max"))
+            controller.change(weights=weights, u_min=low, u_max=high)
+        return goes_on
+
+    def rows(self, t: Array, *, of_plan: bool = False) -> Array:
+        """Setpoints (T, nr) as they are foreseen now at instants (T,) [s]; at those ``of_plan`` nothing is waited
+        for.
+        """
+        at = np.ascontiguousarray(t, dtype=float)
+        rows = np.zeros((at.size, self._nr))
+        given, found = (ctypes.c_void_p(array.ctypes.data) for array in (at, rows))
+        self._c.library.cg_rows(self._c.address, given, at.size, int(of_plan), found)
+        return rows
