@@ -55,7 +55,7 @@ COARSE = 4
 iterations in the median, and none was worse than from a scan of postures."""
 NEAREST = 3
 """Starts tried with all elements where none led to a grasp with few, those with the least violation there."""
-PATIENCE, IMPATIENT = 5, 4
+PATIENCE, IMPATIENT = 7, 4
 """Iterations that bring a start no nearer to its constraints, after which its run ends, and where there is a grasp of
 one finger. Of 176 scenes (one finger, two, parts) none loses its best grasp, which one does with 4 before any grasp,
 and another with 3 thereafter, or with 4 for two fingers; a violation that must halve within 10 iterations, whatever it

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.certified import certified_contact
-from continuum_grasp.mission.plan import BEARS, LETS_GO, UNKNOWN, WAITS, Plan, needed_forces
+from continuum_grasp.mission.plan import BEARS, LETS_GO, UNKNOWN, WAITS, Plan, blindness, needed_forces
 from continuum_grasp.mission.plant import Timetable
 
 Array = NDArray[np.float64]
@@ -90,11 +90,14 @@ class NotLifted:
     @property
     def text(self) -> str:
         """Time, contacts with both forces, cause, and advice."""
-        return (
-            f"not lifted at {self.time:.2f} s: {'; '.join(one.text for one in self.shortfalls)}; {self.cause}. Try "
-            "stiffer pads (contact_law.stiffness), more tension (drive_tension), more time (phases.settle), or a grasp "
-            "with its object, base or contacts elsewhere"
+        advice = (
+            "Try stiffer pads (contact_law.stiffness), more tension (drive_tension), more time (phases.settle), or a "
+            "grasp with its object, base or contacts elsewhere"
         )
+        if not self.shortfalls:
+            advice = "Look at the sensors and at the controller's health"
+        why = "; ".join([*(one.text for one in self.shortfalls), self.cause])
+        return f"not lifted at {self.time:.2f} s: {why}. {advice}"
 
 
 class LiftCheck:
@@ -162,6 +165,8 @@ class LiftCheck:
         reached = []
         for k, one in enumerate(self._of):
             command, names = self._seen[k], one.control.contact_names
+            if blind := blindness(command):
+                return f"{blind}, and what {one.name} bears is not known"
             if "tensions" in one.control.finger.input_keys:
                 most = np.array([tendon.max_tension for tendon in one.control.finger.tendon_list])
                 if (command.u >= _AT_LIMIT * most).any():

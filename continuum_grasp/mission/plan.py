@@ -14,6 +14,7 @@ from continuum_grasp.control.compiled import Compiled, mission_source
 from continuum_grasp.control.field import Field
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.status import Anomaly
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.certified import certified_contact
 from continuum_grasp.mission.plant import Timetable
@@ -46,6 +47,13 @@ def needed_forces(assignments: Sequence[Assignment], of: Assignment) -> Array:
     share = of.mission.phases.lift_share
     found = [certified_contact(assignments, of.own_name(name)) for name in of.control.contact_names]
     return np.array([-ABSENT if one is None else share * one.normal_force for one in found])
+
+
+def blindness(command: Any) -> str:
+    """Why the forces that a controller estimates count for none, in words; empty where they count."""
+    if Anomaly.BLIND in command.anomaly:
+        return "nothing was measured"
+    return f"the controller is tripped ({command.trip.name.lower()})" if command.trip else ""
 
 
 def mission_fields(
@@ -114,7 +122,7 @@ class Plan(Schedule):
         super().__init__([Phase(name, self.rows, length) for name, length in zip(names, lengths, strict=True)])
         self._confirm, self._release = names.index("confirm"), names.index("release")
         self._reported, self._waits, self._nr = reported, waits, sizes["NR"]
-        given = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1}
+        given = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1, "blind": 1}
         parts = {"phase": 1, "changed": 1, "decision": 1, "bears": 1, "weights": sizes["NR"]}
         parts |= {"u_min": sizes["NU"], "u_max": sizes["NU"]}
         self._c = Compiled(mission_source(sizes, fields), fields, given, parts, "the mission")
@@ -128,9 +136,8 @@ class Plan(Schedule):
         """Begin what is due at an instant [s], by the last command; False after the last phase."""
         goes_on = self._step(t, controller, plant.command, _DUE)
         if self.current == self._confirm:  # alone in asking for forces, which take longest
-            goes_on = self._step(
-                t, controller, plant.command, _BY_FORCES, command.contact_forces.force, self._reported()
-            )
+            felt, blind = command.contact_forces.force, bool(blindness(command))
+            goes_on = self._step(t, controller, plant.command, _BY_FORCES, felt, self._reported(), blind)
             self._waits(t, command)
         return goes_on
 
@@ -139,10 +146,17 @@ class Plan(Schedule):
         self._step(t, controller, plant.command, _ABORT if at_once else _RELEASE)
 
     def _step(
-        self, t: float, controller: Any, before: Array, what: int, forces: ArrayLike = 0.0, reported: int = 0
+        self,
+        t: float,
+        controller: Any,
+        before: Array,
+        what: int,
+        forces: ArrayLike = 0.0,
+        reported: int = 0,
+        blind: bool = False,
     ) -> bool:
-        now, u, felt, word = self._c.given
-        now[0], u[:], felt[:], word[0] = t, before, forces, reported
+        now, u, felt, word, unseen = self._c.given
+        now[0], u[:], felt[:], word[0], unseen[0] = t, before, forces, reported, blind
         c = self._c
         goes_on = bool(c.library.cg_step(c.address, c.input_address, what, c.output_address))
         found = c.output.copy()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 from functools import lru_cache
@@ -13,6 +14,7 @@ import numpy as np
 import pytest
 
 from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.status import Anomaly
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c
 from continuum_grasp.grasp import optimize_grasp
@@ -71,7 +73,7 @@ def test_a_mission_of_python_is_replayed(carried, package, tmp_path):
     )
     names, off = [phase.name for phase in plan.phases], []
     for k, y in enumerate(done.y):
-        command = SimpleNamespace(contact_forces=SimpleNamespace(force=np.zeros(0)))
+        command = SimpleNamespace(contact_forces=SimpleNamespace(force=np.zeros(0)), trip=0, anomaly=Anomaly(0))
         plant = SimpleNamespace(command=done.u[k - 1] if k else of.rest)
         plan.advance(k * period, controller, plant, command) if k else plan.enter(0.0, controller, plant)
         found = other.step(finger.Measurement(*y))
@@ -123,6 +125,20 @@ def test_a_mission_lets_go_when_asked(carried, package, tmp_path):
         assert passed[last] == number[then]
         assert passed[last - 1] < number["LOWER"]
         assert passed[-1] == number["END"]
+
+
+@needs("cc")
+def test_a_mission_that_measures_nothing_lifts_nothing(package, tmp_path):
+    finger, library = shared_library(package, tmp_path)
+    header = (package / "include/finger.h").read_text()
+    number = {name: int(k) for name, k in re.findall(r"FINGER_PHASE_(\w+) = (\d+)", header)}
+    mission, passed = finger.Mission(library), set()
+    for _ in range(1000):
+        mission.step(finger.Measurement(*[math.nan] * len(finger.Measurement._fields_)))
+        passed.add(mission.phase())
+    assert number["CONFIRM"] in passed
+    assert number["LIFT"] not in passed
+    assert max(passed) == number["END"]
 
 
 @needs("cc")

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from continuum_grasp.control.status import Anomaly, Trip
 from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import check_mission, on_pads
@@ -23,6 +24,7 @@ from continuum_grasp.scene.mission import Phases
 
 MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
 STAGES = SimpleNamespace(r_names=(), weights=np.zeros(0), u_min=np.zeros(2), u_max=np.full(2, 75.0))
+NOTHING = Anomaly(0)
 CERTIFIED, STEP = 4.0, 0.01  # N at each tip, s
 
 
@@ -61,7 +63,7 @@ def fingers(*names):
     ]
 
 
-def carried_out(forces, *, tension=60.0, names=("lower", "upper")):
+def carried_out(forces, *, tension=60.0, names=("lower", "upper"), trip=Trip.NONE, anomaly=NOTHING):
     """Schedules that are run with estimates ``forces(t)`` of all tips: timetable, phases by instant, the check."""
     of = fingers(*names)
     tables = [Timetable(one) for one in of]
@@ -77,7 +79,8 @@ def carried_out(forces, *, tension=60.0, names=("lower", "upper")):
         t, going = k * STEP, []
         for plan, force in zip(plans, forces(k * STEP), strict=True):
             estimated = SimpleNamespace(force=np.array([force]), std=np.array([0.02]))
-            command = SimpleNamespace(contact_forces=estimated, u=np.array([tension, 1.0]))
+            seen = {"trip": trip, "anomaly": anomaly}
+            command = SimpleNamespace(contact_forces=estimated, u=np.array([tension, 1.0]), **seen)
             going.append(plan.advance(t, controller, SimpleNamespace(t=t, command=command.u), command))
         assert len(set(going)) == 1
         if not going[0]:
@@ -122,6 +125,21 @@ def test_one_that_bears_too_little_is_waited_for_then_all_let_go(low):
         assert said in refused.text
 
 
+@pytest.mark.parametrize(
+    ("seen", "why"),
+    [
+        ({"anomaly": Anomaly.BLIND}, "nothing was measured"),
+        ({"trip": Trip.UNSEEN}, "the controller is tripped (unseen)"),
+        ({"anomaly": Anomaly.OUTLIER}, ""),
+    ],
+)
+def test_forces_that_no_measurement_shows_lift_nothing(seen, why):
+    _, passed, refused = carried_out(lambda t: [4.0, 4.0], **seen)
+    assert ("lift" in [name for _, name in passed]) is (not why)
+    assert (refused is None) is (not why)
+    assert refused is None or (why in refused.text and "Look at the sensors" in refused.text)
+
+
 @pytest.mark.parametrize("share", [0.999, 1.001])
 def test_a_drive_at_its_limit_is_the_cause(share):
     """Commands count as at the limit from 99.9 % of it on."""
@@ -139,7 +157,8 @@ def test_an_object_is_let_go_when_asked_without_a_jump(k, at_once, phase):
     names = ("contact_force_finger.tip [N]",)
     stages = SimpleNamespace(r_names=names, weights=np.ones(1), u_min=limits[0], u_max=limits[1])
     plan, plant = Plan(Timetable(of), stages, np.zeros(1)), SimpleNamespace(command=np.zeros(2))
-    command = SimpleNamespace(contact_forces=SimpleNamespace(force=np.full(1, CERTIFIED)))
+    forces = SimpleNamespace(force=np.full(1, CERTIFIED))
+    command = SimpleNamespace(contact_forces=forces, trip=Trip.NONE, anomaly=NOTHING)
     controller, rows = SimpleNamespace(change=lambda **_: None), []
     plan.enter(0.0, controller, plant)
     for step in range(1, 800):

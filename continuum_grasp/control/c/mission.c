@@ -56,7 +56,7 @@ void mission_start(mission_state *state, const mission_settings *o, real t, cons
 static int mission_decide(mission_state *state, const mission_settings *o, real since, const real *forces,
                           int reported)
 {
-  int bears = 1;
+  int bears = !state->blind;
   for (int c = 0; c < MISSION_NC; ++c) bears &= forces[c] >= o->needed[c];      /* not those that are no numbers */
   state->bears = bears ? MISSION_BEARS : MISSION_LACKS;
   if (!o->leads) state->decision = reported;

@@ -3,7 +3,7 @@
  *
  *   1. mission_advance begins the next phase where the present one is over. Before the lift the normal forces that are
  *      estimated are compared with those that are needed: while a contact bears too little, the fingers squeeze on, for
- *      `patience` at most, and then let go.
+ *      `patience` at most, and then let go; so they do where they are `blind`, which the caller says.
  *   2. mission_setpoints gives the setpoints over the horizon, and the state the weights and limits of the phase.
  *
  * Of several fingers each has a mission; the first one leads. To it is reported whether all others bear enough
@@ -46,6 +46,7 @@ typedef struct {
 typedef struct {
   int phase, changed;           /* changed: whether weights or limits did in the last call */
   int decision, bears;
+  int blind;                    /* whether nothing is seen or the controller is tripped: estimated forces count for none */
   int follows;                  /* row of weights */
   real start;                   /* of the phase [s] */
   real u_min[MISSION_NU], u_max[MISSION_NU];

@@ -17,7 +17,7 @@ static void cg_state(const cg_object *o, double *out)
   cg_write(out, o->state.u_max, MISSION_NU);
 }
 
-/* in: t, command, forces, what is reported; what: a phase that begins, or -1: what is due, -2: by forces, -3: release,
+/* in: t, command, forces, what is reported, whether it is blind; what: a phase that begins, or -1: what is due, -2: by forces, -3: release,
  * -4: abort */
 int cg_step(cg_object *o, const double *in, int what, double *out)
 {
@@ -26,6 +26,7 @@ int cg_step(cg_object *o, const double *in, int what, double *out)
   in = cg_read(forces, cg_read(u, in, MISSION_NU), MISSION_NC);
   int goes_on = 1;
   o->state.changed = 0;
+  o->state.blind = (int)in[1];
   if (what == 0) mission_start(&o->state, &o->settings, t, u);
   else if (what > 0) mission_enter(&o->state, &o->settings, what, t, u);
   else if (what >= -2) goes_on = mission_advance(&o->state, &o->settings, t, what == -2 ? forces : 0, u, (int)*in);

@@ -65,6 +65,7 @@ int <<p>>_mission_step(<<p>>_mission *mission, <<p>>_mission_work *work, const <
     const <<p>>_real *before = mission->controller.memory.state.u;
     <<p>>_phases_advance(&next, &phase_settings, now, 0, before, 0);
     if (next.phase == <<P>>_PHASE_CONFIRM) {
+      next.blind = mission->controller.memory.last.supervisor.reason || (mission->controller.memory.last.anomalies & <<P>>_ANOMALY_BLIND);
       estimated_forces(&mission->controller, forces);
       <<p>>_phases_advance(&next, &phase_settings, now, forces, before, <<if alone>><<P>>_PHASES_BEARS<<else>>mission->memory.reported<<end>>);
     }
