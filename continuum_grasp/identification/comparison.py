@@ -72,7 +72,7 @@ class Channel:
 
 
 HEADINGS = ("channel", "r.m.s.", "at most", "mean", "unit", "of the length", "numbers")
-"""Of a table of `Channel.texts`."""
+"""Headings of a table of `Channel.texts`."""
 
 
 @dataclass(frozen=True)

@@ -152,10 +152,10 @@ def test_the_start_that_came_nearest_has_more_patience_where_there_is_no_grasp(m
     monkeypatch.setattr(search, "rough_starts_of", lambda mode: [])
     monkeypatch.setattr(module, "contact_modes", lambda scene: [frozenset({"finger.tip"})])
     search.run()
-    assert tried == [*((one, 5) for one in starts), (starts[1], None)]
+    assert tried == [*((one, 7) for one in starts), (starts[1], None)]
 
 
-@pytest.mark.parametrize(("grasps", "patience", "iterations"), [(0, 5, None), (1, 4, 40)])
+@pytest.mark.parametrize(("grasps", "patience", "iterations"), [(0, 7, None), (1, 4, 40)])
 def test_with_a_grasp_a_scanned_start_has_less_patience_and_few_iterations(grasps, patience, iterations):
     search, _ = searching(*[grasp() for _ in range(grasps)], elements=4)
     search.attempt = lambda start, **options: asked.update(options)
