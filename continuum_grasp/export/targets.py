@@ -62,7 +62,13 @@ def measure(files: Mapping[str, str], target: str) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as work:
         write_files(Path(work), files)
         line = ["sh", f"{work}/examples/baremetal/run.sh", core]
-        done = subprocess.run(line, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
+        try:
+            done = subprocess.run(line, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
+        except subprocess.TimeoutExpired:
+            what = (
+                f"the package did not end on {core} within {_TIMEOUT:g} s, under an emulator that counts instructions"
+            )
+            raise SolverError(what, status="stopped", advice="measure the controller without its mission") from None
     said = done.stdout + done.stderr
     if done.returncode != 0:
         raise SolverError(f"the package failed on {core}", status="failed", advice=said[-2000:])

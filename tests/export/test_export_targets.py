@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
 
 import pytest
 
-from continuum_grasp.export import export_c
+from continuum_grasp.errors import SolverError
+from continuum_grasp.export import export_c, targets
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from tests.export_cases import STRICT, compile_programs, needs, packages, run, scene, two_arcs  # noqa: F401
@@ -241,3 +243,13 @@ console.log(JSON.stringify({ tip, rate, refused, unknown, missing, parameters: f
     assert "out of its range (-3)" in said["refused"]
     assert "there is no theta1" in said["unknown"]
     assert said["missing"] == "input: tension_2 missing"
+
+
+def test_a_measurement_that_does_not_end_says_so(monkeypatch):
+    def hangs(line, **_):
+        raise subprocess.TimeoutExpired(line, 600.0)
+
+    monkeypatch.setattr(targets, "check_tools", lambda *_: None)
+    monkeypatch.setattr(subprocess, "run", hangs)
+    with pytest.raises(SolverError, match="did not end on cortex-m7 within 600 s"):
+        targets.measure({}, "cortex-m7")
