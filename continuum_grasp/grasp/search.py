@@ -240,7 +240,7 @@ class Search:
             return
         if self._tells and basin.start.imbalance > UNBALANCED and len(self.tried) >= CLOSEST:
             return
-        found = self._continued(basin.start, 0, ITERATION_CAP if self.best else None)
+        found = self._continued(basin.start, 0)
         basin.tried = True
         basin.solved = found is not None and found.attempt.converged and self._keeps_promise(found, basin)
 

@@ -131,9 +131,9 @@ def test_no_design_holds_the_object():
 
 @pytest.mark.deep
 def test_three_variables_are_at_least_as_good_as_a_sweep():
-    """With at most 5 % of the grasps of 10 x 10 x 10 scenes; compared with every second of each here."""
+    """With at most 6 % of the grasps of 10 x 10 x 10 scenes; compared with every second of each here."""
     found = cg.optimize_design("configs/design/mug_finger.yaml")
-    assert found.statistics["full_searches"] + found.statistics["solver_runs"] <= 50
+    assert found.statistics["full_searches"] + found.statistics["solver_runs"] <= 60
     scene = cg.load(ARCS).changed({"solver.max_total_iterations": 400})
     costs = []
     for e, stiffness, y in product(

@@ -95,3 +95,18 @@ def test_grasps_of_random_outlines_hold_and_infeasible_ones_are_not_held_by_brut
     assert row["status"] != "error"
     assert row.get("residual", 0.0) < 1.0
     assert row.get("held") is None
+
+
+def test_an_oval_of_72_corners_is_held_as_the_ellipse_that_it_is_drawn_on():
+    """Within what its corners change."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 73)[:-1]
+    corners = np.column_stack([0.038 * np.cos(turn), 0.042 * np.sin(turn)]).tolist()
+    drawn_on = {"shape": "ellipse", "width": 0.076, "height": 0.084}
+    found = []
+    for shape in (drawn_on, {"shape": "polygon", "vertices": corners}):
+        body = shape | {"mass": 0.15, "position": [0.038, 0.0]}
+        scene = load("configs/grasp/mug.yaml", {"object": body, "contacts.reserve": 0.0, "friction_states": "pulled"})
+        search = Search(scene, Budget.of(scene.solver))
+        search.run()
+        found.append(search.best.attempt.objective)
+    assert found[1] == pytest.approx(found[0], rel=0.03)
