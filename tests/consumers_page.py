@@ -1,20 +1,22 @@
-"""The tables in docs/consumers.md, as consumers declare them; ``python -m tests.consumers_page`` writes them there."""
+"""The lists in docs/consumers.md, as consumers declare them; ``python -m tests.consumers_page`` writes them there."""
 
 from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from importlib import import_module
 from pathlib import Path
 
-from continuum_grasp.scene.consumer import CONSUMERS, Consumer
+from continuum_grasp.scene.consumer import CONSUMERS
 from tests.features import FEATURES, VERBS, declared
 from tests.results_page import table
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "consumers.md"
 BEGIN = "<!-- What follows is written by `python -m tests.consumers_page`. -->\n"
+SHARED = "several"
+"""Heading of the reasons that more than one verb has."""
 
 for path in sorted((ROOT / "continuum_grasp").rglob("*.py")):
     if "scene.consumer import " in path.read_text(encoding="utf-8"):
@@ -22,53 +24,62 @@ for path in sorted((ROOT / "continuum_grasp").rglob("*.py")):
 
 
 def tables() -> str:
-    """All features by verb, and the keys of all consumers, those of one verb together."""
-    of = defaultdict(list)
-    for name, one in sorted(CONSUMERS.items()):
-        of[re.split(r"[, ]", name)[0]].append(one)
-    return "\n".join([features(), *(section(whose, found) for whose, found in sorted(of.items()))])
+    """Features that verbs refuse, and the keys of all consumers, one line per reason."""
+    parts = [features()]
+    for heading, kind in (("Refused", "refused"), ("Taken otherwise", "otherwise"), ("Not needed", "unneeded")):
+        parts += [f"## {heading}", "", *reasons(kind)]
+    return "\n".join(parts)
 
 
 def features() -> str:
-    """Which verb takes which feature, and why not."""
-    reasons: dict[str, int] = {}
-
-    def entry(why: str | None) -> str:
-        return "–" if why is None else f"no ({reasons.setdefault(why, len(reasons) + 1)})" if why else "yes"
-
-    rows = [(one.name, *(entry(declared(one, verb)) for verb in VERBS)) for one in FEATURES]
-    entries = [text for row in rows for text in row[1:] if text != "–"]
-    refused = [text for text in entries if text != "yes"]
-    beside = sum(len(one.refused) for one in CONSUMERS.values())
+    """Features of scenes, by the verbs that refuse them."""
+    pairs = {(one.name, verb.name): declared(one, verb) for one in FEATURES for verb in VERBS}
+    tried = [why for why in pairs.values() if why is not None]
+    refused: defaultdict[tuple[str, ...], list[str]] = defaultdict(list)
+    for one in FEATURES:
+        refused[tuple(verb.name for verb in VERBS if pairs[one.name, verb.name])].append(one.name)
+    rows = [(", ".join(names), "; ".join(verbs)) for verbs, names in refused.items() if verbs]
     return "\n".join(
         [
-            "### Features and verbs",
+            "## Features that verbs refuse",
             "",
-            f"Of {len(entries)} pairs {len(refused)} are refused, for {len(reasons)} reasons. Declarations refuse "
-            f"{beside} keys, most of them beside or without another key of the same scene.",
+            f"Of {len(tried)} pairs of feature and verb, {sum(map(bool, tried))} are refused:",
             "",
-            *table(("", *(one.name for one in VERBS)), rows),
-            *(f"{number}. {why}" for why, number in reasons.items()),
+            *table(("feature", "refused by"), rows),
+            f"All verbs that have its key take {', '.join(refused[()])}.",
             "",
         ]
     )
 
 
-def section(whose: str, consumers: list[Consumer]) -> str:
-    """The keys of one verb."""
-    return "\n".join(
-        [f"### {whose}", "", *table(("scenes", "key", "it is", "why, or what becomes of it"), [*rows(consumers)])]
-    )
+def reasons(kind: str) -> Iterator[str]:
+    """Lines of the keys that consumers declare, by verb and reason; reasons of several verbs come first."""
+    found: defaultdict[str, tuple[dict[str, None], dict[str, None]]] = defaultdict(lambda: ({}, {}))
+    for name, one in sorted(CONSUMERS.items()):
+        for key, why in getattr(one, kind).items():
+            keys, verbs = found[why]
+            keys[f"`{key.replace('=', ': ')}`"] = verbs[re.split(r"[, ]", name)[0]] = None
+    lines: defaultdict[str, list[str]] = defaultdict(list)
+    for why, keys, verbs in merged(found):
+        behind = f" ({', '.join(verbs)})" if len(verbs) > 1 else ""
+        lines[SHARED if len(verbs) > 1 else verbs[0]].append(f"- {keys}: {why}{behind}")
+    for verb in sorted(lines, key=lambda verb: (verb != SHARED, verb)):
+        yield from (f"**{verb}**", "", *lines[verb], "")
 
 
-def rows(consumers: list[Consumer]) -> Iterator[tuple[str, ...]]:
-    """Keys with one reason together."""
-    for one in consumers:
-        for kind, given in (("refused", one.refused), ("otherwise", one.otherwise), ("not needed", one.unneeded)):
-            of = defaultdict(list)
-            for key, text in given.items():
-                of[text].append(f"`{key.replace('=', ': ')}`")
-            yield from ((one.name, ", ".join(keys), kind, text) for text, keys in of.items())
+def merged(found: dict[str, tuple[dict[str, None], dict[str, None]]]) -> Iterator[tuple[str, str, tuple[str, ...]]]:
+    """Reason, keys and verbs; reasons of the same keys and verbs that differ in their last word become one."""
+    groups: defaultdict[tuple[str, str, tuple[str, ...]], list[str]] = defaultdict(list)
+    for why, (keys, verbs) in found.items():
+        begin, _, end = why.rpartition(" ")
+        groups[begin, ", ".join(keys), tuple(verbs)].append(end)
+    for (begin, keys, verbs), ends in groups.items():
+        yield f"{begin} {listed(ends)}".strip(), keys, verbs
+
+
+def listed(words: Iterable[str]) -> str:
+    """Words as a list with commas."""
+    return ", ".join(words)
 
 
 if __name__ == "__main__":
