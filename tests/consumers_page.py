@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
@@ -15,9 +15,6 @@ from tests.results_page import table
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "consumers.md"
 BEGIN = "<!-- What follows is written by `python -m tests.consumers_page`. -->\n"
-SHARED = "several"
-"""Heading of the reasons that more than one verb has."""
-
 for path in sorted((ROOT / "continuum_grasp").rglob("*.py")):
     if "scene.consumer import " in path.read_text(encoding="utf-8"):
         import_module(".".join(path.relative_to(ROOT).with_suffix("").parts))
@@ -53,33 +50,37 @@ def features() -> str:
 
 
 def reasons(kind: str) -> Iterator[str]:
-    """Lines of the keys that consumers declare, by verb and reason; reasons of several verbs come first."""
+    """Lines of the keys that consumers declare, below the verbs that they are about."""
     found: defaultdict[str, tuple[dict[str, None], dict[str, None]]] = defaultdict(lambda: ({}, {}))
     for name, one in sorted(CONSUMERS.items()):
         for key, why in getattr(one, kind).items():
             keys, verbs = found[why]
-            keys[f"`{key.replace('=', ': ')}`"] = verbs[re.split(r"[, ]", name)[0]] = None
+            keys[key.replace("=", ": ")] = verbs[re.split(r"[, ]", name)[0]] = None
     lines: defaultdict[str, list[str]] = defaultdict(list)
-    for why, keys, verbs in merged(found):
-        behind = f" ({', '.join(verbs)})" if len(verbs) > 1 else ""
-        lines[SHARED if len(verbs) > 1 else verbs[0]].append(f"- {keys}: {why}{behind}")
-    for verb in sorted(lines, key=lambda verb: (verb != SHARED, verb)):
-        yield from (f"**{verb}**", "", *lines[verb], "")
+    for line, verbs in merged({why: (tuple(keys), ", ".join(verbs)) for why, (keys, verbs) in found.items()}):
+        lines[verbs].append(f"- {line}")
+    for verbs in sorted(lines):
+        yield from (f"**{verbs}**", "", *lines[verbs], "")
 
 
-def merged(found: dict[str, tuple[dict[str, None], dict[str, None]]]) -> Iterator[tuple[str, str, tuple[str, ...]]]:
-    """Reason, keys and verbs; reasons of the same keys and verbs that differ in their last word become one."""
-    groups: defaultdict[tuple[str, str, tuple[str, ...]], list[str]] = defaultdict(list)
+def merged(found: dict[str, tuple[tuple[str, ...], str]]) -> Iterator[tuple[str, str]]:
+    """Line and verbs of each reason; reasons of the same verbs that differ in one name become one line."""
+    groups: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
     for why, (keys, verbs) in found.items():
-        begin, _, end = why.rpartition(" ")
-        groups[begin, ", ".join(keys), tuple(verbs)].append(end)
-    for (begin, keys, verbs), ends in groups.items():
-        yield f"{begin} {listed(ends)}".strip(), keys, verbs
-
-
-def listed(words: Iterable[str]) -> str:
-    """Words as a list with commas."""
-    return ", ".join(words)
+        texts = [", ".join(f"`{key}`" for key in keys), why]
+        last = {key.rpartition(".")[2] for key in keys}
+        name = last.pop() if len(last) == 1 else ""
+        alike = re.search(rf"\b{re.escape(name)}(?: a weight)?$", why) if name else None
+        if alike is None:  # reasons with the same keys
+            name = why.rpartition(" ")[2]
+        pattern = rf"(?<![a-z_]){re.escape(name)}(?![a-z_])"
+        texts[0 if alike else 1 :] = [re.sub(pattern, "NAME", text) for text in texts[0 if alike else 1 :]]
+        groups[": ".join(texts), verbs].append(name)
+    for (line, verbs), names in groups.items():
+        if len(names) == 1:
+            yield line.replace("NAME", names[0]), verbs
+        else:
+            yield f"{line}, NAME being {', '.join(names)}", verbs
 
 
 if __name__ == "__main__":
