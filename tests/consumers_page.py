@@ -65,11 +65,21 @@ def reasons(kind: str) -> Iterator[str]:
         yield from (f"**{verbs}**", "", *lines[verbs], "")
 
 
+def joined(keys: tuple[str, ...]) -> Iterator[str]:
+    """Keys of one parent together, as shells write them: ``table.{point,stays}``."""
+    groups: defaultdict[str, list[str]] = defaultdict(list)
+    for key in keys:
+        parent = key[: key.rfind(": ") + 2] if ": " in key else key[: key.rfind(".") + 1]
+        groups[parent].append(key.removeprefix(parent))
+    for parent, names in groups.items():
+        yield from ([parent + names[0]] if len(names) == 1 else [f"{parent}{{{','.join(names)}}}"] if parent else names)
+
+
 def merged(found: dict[str, tuple[tuple[str, ...], str]]) -> Iterator[tuple[str, str]]:
     """Line and verbs of each reason; reasons of the same verbs that differ in one name become one line."""
     groups: defaultdict[tuple[str, str], list[str]] = defaultdict(list)
     for why, (keys, verbs) in found.items():
-        texts = [", ".join(f"`{key}`" for key in keys), why]
+        texts = [", ".join(f"`{key}`" for key in joined(keys)), why]
         last = {key.rpartition(".")[2] for key in keys}
         name = last.pop() if len(last) == 1 else ""
         alike = re.search(rf"\b{re.escape(name)}(?: a weight)?$", why) if name else None
