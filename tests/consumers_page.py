@@ -82,7 +82,7 @@ def merged(found: dict[str, tuple[tuple[str, ...], str]]) -> Iterator[tuple[str,
         texts = [", ".join(f"`{key}`" for key in joined(keys)), why]
         last = {key.rpartition(".")[2] for key in keys}
         name = last.pop() if len(last) == 1 else ""
-        alike = re.search(rf"\b{re.escape(name)}(?: a weight)?$", why) if name else None
+        alike = re.search(rf"\b{re.escape(name)}\b", why) if name else None
         if alike is None:  # reasons with the same keys
             name = why.rpartition(" ")[2]
         pattern = rf"(?<![a-z_]){re.escape(name)}(?![a-z_])"
