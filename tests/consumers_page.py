@@ -37,7 +37,7 @@ def features() -> str:
     refused: defaultdict[tuple[str, ...], list[str]] = defaultdict(list)
     for one in FEATURES:
         refused[tuple(verb.name for verb in VERBS if pairs[one.name, verb.name])].append(one.name)
-    rows = [(", ".join(names), "; ".join(verbs)) for verbs, names in refused.items() if verbs]
+    rows: list[tuple[str, ...]] = [(", ".join(names), "; ".join(verbs)) for verbs, names in refused.items() if verbs]
     return "\n".join(
         [
             "## Features that verbs refuse",
@@ -59,10 +59,10 @@ def reasons(kind: str) -> Iterator[str]:
             keys, verbs = found[ADVICE.sub("", why)]
             keys[key.replace("=", ": ")] = verbs[re.split(r"[, ]", name)[0]] = None
     lines: defaultdict[str, list[str]] = defaultdict(list)
-    for line, verbs in merged({why: (tuple(keys), ", ".join(verbs)) for why, (keys, verbs) in found.items()}):
-        lines[verbs].append(f"- {line}")
-    for verbs in sorted(lines):
-        yield from (f"**{verbs}**", "", *lines[verbs], "")
+    for line, heading in merged({why: (tuple(keys), ", ".join(verbs)) for why, (keys, verbs) in found.items()}):
+        lines[heading].append(f"- {line}")
+    for heading in sorted(lines):
+        yield from (f"**{heading}**", "", *lines[heading], "")
 
 
 def joined(keys: tuple[str, ...]) -> Iterator[str]:
@@ -72,7 +72,10 @@ def joined(keys: tuple[str, ...]) -> Iterator[str]:
         parent = key[: key.rfind(": ") + 2] if ": " in key else key[: key.rfind(".") + 1]
         groups[parent].append(key.removeprefix(parent))
     for parent, names in groups.items():
-        yield from ([parent + names[0]] if len(names) == 1 else [f"{parent}{{{','.join(names)}}}"] if parent else names)
+        if parent and len(names) > 1:
+            yield f"{parent}{{{','.join(names)}}}"
+        else:
+            yield from (parent + name for name in names)
 
 
 def merged(found: dict[str, tuple[tuple[str, ...], str]]) -> Iterator[tuple[str, str]]:
@@ -89,10 +92,7 @@ def merged(found: dict[str, tuple[tuple[str, ...], str]]) -> Iterator[tuple[str,
         texts[0 if alike else 1 :] = [re.sub(pattern, "NAME", text) for text in texts[0 if alike else 1 :]]
         groups[": ".join(texts), verbs].append(name)
     for (line, verbs), names in groups.items():
-        if len(names) == 1:
-            yield line.replace("NAME", names[0]), verbs
-        else:
-            yield f"{line}, NAME being {', '.join(names)}", verbs
+        yield (f"{line}, NAME being {', '.join(names)}" if len(names) > 1 else line.replace("NAME", names[0])), verbs
 
 
 if __name__ == "__main__":
