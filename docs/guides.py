@@ -5,6 +5,7 @@ A guide is run from its text, block by block, in a folder of its own:
 - ``sh``: commands, one a line; ``# status 1`` behind one names the exit status that it has, where that is not 0;
 - ``python``: code, in one namespace per page;
 - ``yaml`` that begins with ``# NAME.yaml``: that file is written; ``# in NAME.yaml``: an excerpt of a file there;
+- ``c`` that begins with ``/* NAME.c */``: that file is written;
 - ``diff`` that begins with ``--- NAME``: lines of that file are replaced;
 - ``text``: lines of what the block before it prints, in their order.
 
@@ -98,6 +99,8 @@ class Run:
             self.quoted.append(Quoted(block.line, lines, self._output))
         elif block.kind == "yaml":
             self._yaml(block, first, rest)
+        elif block.kind == "c" and (named := re.fullmatch(r"/\* (\w+\.c) \*/", first)):
+            Path(named[1]).write_text(block.text, encoding="utf-8")
         elif block.kind == "diff":
             self._change(Path(first.removeprefix("--- ")), rest)
         else:

@@ -208,10 +208,9 @@ def repeats(payload: int, where: Path) -> None:
 
 
 def pictures() -> None:
-    """The loops of the probe, and the commands and the fit of the finger on two winches."""
+    """The loops of the probe."""
     from matplotlib.figure import Figure
 
-    from continuum_grasp.identification import design_excitation
     from continuum_grasp.results.animation import save_picture
 
     target = Path(__file__).parent / "pictures"
@@ -228,8 +227,6 @@ def pictures() -> None:
         ax.legend(frameon=False)
     axes[0].set_ylabel("bend of the tip [deg]")
     save_picture(figure, target / "real_robots_loops.png")
-    scene = cg.load(CONFIGS / "winch_finger.yaml")
-    save_picture(design_excitation(scene).plot(), target / "identify_excitation.png")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Figures of real_rods_measured.md: python docs/real_rods.py [belendez|ring_downs|foam|tendons|releases] [COUNT]."""
+"""Figures of real_robots.md: python docs/real_rods.py [belendez|ring_downs|foam|tendons|releases] [COUNT]."""
 
 from __future__ import annotations
 

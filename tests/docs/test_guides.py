@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 
@@ -14,11 +15,13 @@ from continuum_grasp.scene.schema import json_schema
 from docs.guides import ROOT, Run, blocks, page_text, pictures, run
 from docs.own_finger_data import FOLDER, TRUTH
 
-BUILD = ("first_finger", "design_a_finger")
+BUILD = ("first_finger", "identified_fingers", "compare", "design_a_finger")
 GRASP = ("grasp_an_object", "grasp_with_errors", "close_the_fingers", "carry_out_a_grasp")
-CONTROL = ("close_a_loop", "estimate_unknowns", "run_your_own_loop", "controller_in_c")
+CONTROL = ("close_a_loop", "estimate_unknowns", "run_your_own_loop", "controller_in_c", "embedded")
 PATHS = (*BUILD, *GRASP, *CONTROL)
 PAGES = (*PATHS, "simulate", "recipes", "chains", "fmu", "learning", "operators")
+BOARD = ("cmake", "make", "arm-none-eabi-gcc", "qemu-system-arm")
+"""Programs that the page on a board runs."""
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d,]*(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
@@ -133,6 +136,8 @@ def test_every_command_of_a_page_runs(page, tmp_path):
     for package in ("pandas", "mujoco", "fmpy", "jax", "gymnasium"):
         if f"import {package}" in page_text(page):
             pytest.importorskip(package)
+    if page == "embedded" and not all(map(shutil.which, BOARD)):
+        pytest.skip(f"needs {', '.join(BOARD)}")
     done = run(page, tmp_path)
     assert len(done.quoted) == sum(block.kind == "text" for block in blocks(page_text(page))) > 0
     wrong = [(f"{page}.md:{one.line}", missing(one.lines, one.output), one.output) for one in done.quoted]

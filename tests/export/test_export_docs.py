@@ -1,4 +1,4 @@
-"""The commands of docs/embedded.md, as they are written there."""
+"""The commands of docs/c_packages.md, as they are written there; those of docs/embedded.md run as a guide."""
 
 from __future__ import annotations
 
@@ -10,23 +10,22 @@ import pytest
 
 from tests.export_cases import ROOT, needs, run
 
-PAGE = (ROOT / "docs/embedded.md").read_text()
+PAGE = (ROOT / "docs/c_packages.md").read_text()
 
 
 @pytest.fixture(scope="module")
 def after_all_commands(tmp_path_factory):
     """A copy of the configurations in which every command was run, and what they said."""
     place = tmp_path_factory.mktemp("reader")
-    for folder in ("configs/simulate", "configs/fingers", "configs/mpc"):
+    for folder in ("configs/simulate", "configs/fingers"):
         shutil.copytree(ROOT / folder, place / folder)
     said = {}
     for block in re.findall(r"```sh\n(.*?)```", PAGE, re.DOTALL):
-        for command in block.replace("\\\n", " ").strip().splitlines():
-            if not command.startswith("sudo"):
-                line = command.replace("continuum-grasp", f"{sys.executable} -m continuum_grasp")
-                said[f"{len(said)} {command.split(' --')[0]}"] = run(
-                    "env", f"PYTHONPATH={ROOT}", "sh", "-c", line, cwd=place
-                )
+        for command in block.strip().splitlines():
+            line = command.replace("continuum-grasp", f"{sys.executable} -m continuum_grasp")
+            said[f"{len(said)} {command.split(' --')[0]}"] = run(
+                "env", f"PYTHONPATH={ROOT}", "sh", "-c", line, cwd=place
+            )
     return place, said
 
 
@@ -35,10 +34,9 @@ def after_all_commands(tmp_path_factory):
 def test_every_command_runs(after_all_commands):
     place, said = after_all_commands
     assert (place / "build/finger/m4f/libfinger.a").exists()
-    for package, functions in (("finger", 5), ("control", 4)):
-        board = next(text for command, text in said.items() if f"{package}/examples/baremetal" in command)
-        assert "0 failures" in board
-        assert len(re.findall(r"^\w+( \d+){4}$", board, re.MULTILINE)) >= functions
+    board = next(text for command, text in said.items() if "finger/examples/baremetal" in command)
+    assert "0 failures" in board
+    assert len(re.findall(r"^\w+( \d+){4}$", board, re.MULTILINE)) >= 5
 
 
 @pytest.mark.deep
@@ -53,14 +51,12 @@ def test_every_command_runs(after_all_commands):
             "finger_model m; finger_state s = {0}; finger_input u = {0}; finger_init(&m); "
             "return !(tip_force(&m, &s, &u, 0.18, 0.04) > 0) || tip_force(&m, &s, &u, 0.4, 0.4) != 0;",
         ),
-        (3, "control", "return loop_start() < 0 || loop_tick(-0.02f, 0.177f) != 0;"),
     ],
 )
 def test_its_c_compiles_and_runs(k, name, main, after_all_commands, tmp_path):
     place, _ = after_all_commands
     code = re.findall(r"```c\n(.*?)```", PAGE, re.DOTALL)[k]
-    declared = "void control_start(void);\nint loop_start(void);\nint loop_tick(float tip_x, float tip_y);\n"
-    (tmp_path / "main.c").write_text(f"{declared}{code}\nint main(void) {{ {main} }}\n")
+    (tmp_path / "main.c").write_text(f"void control_start(void);\n{code}\nint main(void) {{ {main} }}\n")
     package = place / "build" / name
     flags = ("-std=c99", "-Wall", "-Wextra", "-Werror", f"-I{package / 'include'}")
     run("cc", *flags, tmp_path / "main.c", *(package / "src").glob("*.c"), "-o", tmp_path / "main")
