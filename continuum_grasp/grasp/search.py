@@ -153,8 +153,7 @@ class Search:
         self._rough: dict[frozenset[str], list[Start]] = {}
         self._solvers: dict[tuple[tuple[str, int], ...], GraspSolverRun] = {}  # by names and parts of contacts
         self.basins: list[Basin] = []
-        # Contacts and objectives of grasps with few elements; starts that led to none, with violations and rungs.
-        self._coarsely: list[tuple[Any, float]] = []
+        # Starts that led to no grasp, with violations and rungs.
         self._missed: list[tuple[float, Start, int]] = []
 
     @property
@@ -171,6 +170,22 @@ class Search:
         """Solve from the basins of all modes in order of their estimates, then from rough starts of modes that are not
         scanned (by the effort, of all), then on from the best grasp where its solver was stopped.
         """
+        if self._few is not None:
+            self._from_few(self._few)
+        else:
+            self._explore()
+        # What few elements cannot hold, many may; and violations may fall late.
+        if self.best is None:
+            nearest = sorted(self._missed, key=lambda one: one[0])[: 1 if self._few is None else NEAREST]
+            for _, start, rung in nearest:
+                self.attempt(start, rung=rung)
+        if not self.proven:
+            self._converge()
+
+    def _explore(self) -> None:
+        """Solve from the basins of all modes in order of their estimates, then from rough starts of modes that are not
+        scanned (by the effort, of all).
+        """
         # Modes come with the most contacts first: a branch that holds with all of them needs no try with fewer,
         # since a contact without force is as good as one that is off.
         modes = contact_modes(self.scene)
@@ -185,13 +200,6 @@ class Search:
             # Postures of a scan, which bend linearly, may miss those that more elements hold with.
             every = self._effort.always_rough or (self.best is None and not self._tells)
             self._from_rough(modes if every else unscanned)
-        # What few elements cannot hold, many may; and violations may fall late.
-        if self.best is None:
-            nearest = sorted(self._missed, key=lambda one: one[0])[: 1 if self._coarse is None else NEAREST]
-            for _, start, rung in nearest:
-                self.attempt(start, rung=rung)
-        if not self.proven:
-            self._converge()
 
     @property
     def unscanned(self) -> list[frozenset[str]]:
@@ -207,7 +215,7 @@ class Search:
         pruned["far from balance"] = self._unlikely
         pruned["like one that was solved before"] = self._alike
         pruned["after others that led to nothing better"] = self._vain
-        pruned[f"without a grasp of {COARSE} elements"] = len(self._missed) if self._coarse is not None else 0
+        pruned[f"without a grasp of {COARSE} elements"] = len(self._missed) if self._few is not None else 0
         return Exploration(
             modes=self._modes or len({frozenset(tried.attempt.start.contacts) for tried in self.tried}),
             sampled=self._sampled,
@@ -240,34 +248,48 @@ class Search:
             return
         if self._tells and basin.start.imbalance > UNBALANCED and len(self.tried) >= CLOSEST:
             return
-        found = self._continued(basin.start, 0)
+        found = self._from_start(basin.start, 0)
         basin.tried = True
         basin.solved = found is not None and found.attempt.converged and self._keeps_promise(found, basin)
 
-    def _continued(self, start: Start, rung: int, iterations: int | None = None) -> Tried | None:
-        """Solve from a start and verify; many elements from what it leads to with few, unless that is known."""
-        few, patience = self._coarse, IMPATIENT if self.best and len(self.scene.setups) == 1 else PATIENCE
-        if few is None:
-            found = self.attempt(start, rung=rung, iterations=iterations, patience=patience, enough=self._enough)
-            if found is not None and found.attempt.outcome == STALLED:
-                self._missed.append((found.attempt.badness, start, rung))
-            return found
-        solver = few.solver(start)
-        held = solver.run(few.scene, start, self.budget, rung=rung, iterations=iterations, patience=patience)
-        self.build_seconds, few.build_seconds = self.build_seconds + few.build_seconds, 0.0
-        found, known = None, (start.contacts.keys(), round(held.objective, 6))
-        if held.converged and known in self._coarsely:
-            self._alike += 1
-            return None
-        if held.converged:
-            self._coarsely.append(known)
-            found = self.attempt(start_from(few.scene, solver.arrays(few.scene, held)), rung=0)
-        if found is None or found not in self.good:
-            self._missed.append((held.badness, start, 0))
+    def _from_start(self, start: Start, rung: int, iterations: int | None = None) -> Tried | None:
+        """Solve from a start and verify; what lost patience may be tried again."""
+        patience = IMPATIENT if self.best and len(self.scene.setups) == 1 else PATIENCE
+        found = self.attempt(start, rung=rung, iterations=iterations, patience=patience, enough=self._enough)
+        if found is not None and found.attempt.outcome == STALLED:
+            self._missed.append((found.attempt.badness, start, rung))
         return found
 
+    def _from_few(self, few: Search) -> None:
+        """Start from where the search of a scene with few elements ended, its grasps first, each once."""
+        self.run_before(few)
+        self.basins, self._scans, self._rough = few.basins, few._scans, few._rough
+        self._modes, self._sampled, self._unlikely = few._modes, few._sampled, few._unlikely
+        self._alike, self._vain = few._alike, few._vain
+        ends = sorted(few.tried, key=lambda t: (t not in few.good, not t.attempt.converged, t.attempt.objective))
+        known: list[tuple[Any, float]] = []
+        for end in ends:
+            held, found = end.attempt, None
+            branch = held.start.contacts.keys(), round(held.objective, 6)
+            if not self._is_near(end) or self.budget.over:
+                self._vain += 1
+                continue
+            if branch in known:
+                self._alike += 1
+                continue
+            if held.converged:
+                known.append(branch)
+                found = self.attempt(start_from(few.scene, end.arrays), rung=0)
+            if found is None or found not in self.good:
+                self._missed.append((held.badness, held.start, 0))
+
+    def _is_near(self, end: Tried) -> bool:
+        """Whether a grasp with few elements may be the best with all of them."""
+        best = self.best
+        return best is None or end.attempt.objective <= PRUNE_FACTOR * best.attempt.objective + self._least_difference
+
     @cached_property
-    def _coarse(self) -> Search | None:
+    def _few(self) -> Search | None:
         """The search with few elements; None where the scene has no more."""
         if all(setup.elements <= COARSE for setup in self.scene.setups):
             return None
@@ -351,7 +373,7 @@ class Search:
                 basin = Basin(start, tried=True)
                 if not math.isnan(start.estimate):
                     self.basins.append(basin)
-                found = self._continued(start, len(RUNGS) - 1, ITERATION_CAP if best else FIRST_CAP)
+                found = self._from_start(start, len(RUNGS) - 1, ITERATION_CAP if best else FIRST_CAP)
                 vain[contacts] = 0 if self.best is not best else vain[contacts] + 1
                 if found is not None and found in self.good:
                     held.add(branch)
