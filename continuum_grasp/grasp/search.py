@@ -184,8 +184,10 @@ class Search:
             self._explore()
         # What few elements cannot hold, many may; and violations may fall late.
         if self.best is None:
-            nearest = sorted(self._missed, key=lambda one: one[0])[: 1 if self._few is None else NEAREST]
-            for _, start, rung in nearest:
+            nearest = dict[int, tuple[Start, int]]()
+            for _, start, rung in sorted(self._missed, key=lambda one: one[0]):
+                nearest.setdefault(id(start), (start, rung))
+            for start, rung in list(nearest.values())[: 1 if self._few is None else NEAREST]:
                 self.attempt(start, rung=rung)
         if not self.proven:
             self._converge()
@@ -212,7 +214,7 @@ class Search:
 
     def _exchange(self) -> None:
         """Start from the best grasp with one finger as another grasp has it, those that take the least tension there
-        first: the sum of the tensions is one of the fingers', and another balance may be near.
+        first: tensions add up over the fingers, and another balance may be near. Of two fingers it has led to nothing.
         """
         vain, tried = 0, set[tuple[int, int, str]]()
         while (
@@ -229,7 +231,7 @@ class Search:
                 if other is not best and other.start.contacts.keys() == best.start.contacts.keys()
             ]
             new = [each for each in others if (id(best), *each[1:3]) not in tried]
-            if len(best.start.fingers) == 1 or not new:
+            if not self._tries_all or not new:
                 return
             _, other, name, start = min(new, key=lambda each: each[0])
             tried.add((id(best), other, name))
