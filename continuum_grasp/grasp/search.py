@@ -33,8 +33,6 @@ Array = NDArray[Any]
 NEAR = 1e-3
 """Relative difference of the objective for which a converged attempt is preferred: an interrupted one has no
 sensitivities, and 0.1 % of tension is below the model's error."""
-EQUAL = 1e-7
-"""Relative difference of objectives that is none: solutions from several starts are guarded at slightly other places."""
 SECTOR = 0.8
 """Difference of a contact's direction from which on a start is of another branch [rad]: starts whose
 contacts face alike to within it end in the same grasp as a rule."""
@@ -587,16 +585,11 @@ def _exchanged(scene: GraspScene, start: Start, other: Start, name: str) -> Star
 
 
 def _least(tried: list[Tried]) -> Tried | None:
-    """The one with the least objective, of equal ones the first; one that converged, where that costs next to
-    nothing.
-    """
-
-    def within(some: list[Tried], part: float) -> list[Tried]:
-        least = min((t.attempt.objective for t in some), default=0.0)
-        return [t for t in some if t.attempt.objective <= least + part * max(1.0, abs(least))]
-
-    converged = [t for t in within(tried, NEAR) if t.attempt.optimal]
-    return next(iter(within(converged or tried, EQUAL)), None)
+    """The one with the least objective; one that converged, where that costs next to nothing."""
+    least = min((t.attempt.objective for t in tried), default=0.0)
+    near = least + NEAR * max(1.0, abs(least))
+    converged = [t for t in tried if t.attempt.optimal and t.attempt.objective <= near]
+    return min(converged or tried, key=lambda t: round(t.attempt.objective, 9), default=None)
 
 
 def branch_of(start: Start) -> tuple[Any, ...]:
