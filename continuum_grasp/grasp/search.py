@@ -39,10 +39,11 @@ contacts face alike to within it end in the same grasp as a rule."""
 HELD, HELD_STILL = 3, "held still"
 """Grasps from which another scene starts: of nearby branches another may be best for it; label of those starts where
 object and bases were held that may move."""
-ITERATION_CAP, FIRST_CAP = 40, 80
-"""Iterations of a rough start once there is a grasp, and before: from good starts IPOPT needs a median of 12 and 17 at
+EXCHANGE_CAP, ITERATION_CAP, FIRST_CAP = 25, 40, 80
+"""Iterations of an exchange of fingers, of a rough start once there is a grasp, and before: from good starts IPOPT needs a median of 12 and 17 at
 the 95th percentile (400 random scenes), at most 52 from the best of shipped scenes and 76 of 36 random ones of several
-fingers. Beyond 100 rounding decides where it ends, which then differs between a scene and its mirror image."""
+fingers. Beyond 100 rounding decides where it ends, which then differs between a scene and its mirror image; of an
+exchange beyond 25 (`three` 2 and 9 of 16 scenes)."""
 PRUNE_FACTOR = 1.5
 """Estimated tension, per that of the best grasp, up to which a start is worth trying: the estimates are no
 bounds, and those of rough starts are off by tens of percent."""
@@ -217,26 +218,27 @@ class Search:
         first: tensions add up over the fingers, and another balance may be near. Of two fingers it has led to nothing.
         """
         vain, tried = 0, set[tuple[int, int, str]]()
-        while (
-            (best := self.best) is not None
-            and vain < self._effort.exchanges
-            and not self.budget.over
-            and not self.proven
-        ):
+        while (best := self.best) is not None and vain < self._effort.exchanges and not self.budget.over:
             grasps = {round(t.attempt.objective, 6): t for t in reversed(self.good)}.values()
-            others = [
-                (sum(other.start.tensions[name]) - sum(best.start.tensions[name]), id(other), name, other.start)
+            choices = [
+                (self._saved(best.start, other.start, name), id(other), name, other.start)
                 for other in grasps
                 for name in best.start.fingers
-                if other is not best and other.start.contacts.keys() == best.start.contacts.keys()
+                if (id(best), id(other), name) not in tried
+                and other is not best
+                and other.start.contacts.keys() == best.start.contacts.keys()
             ]
-            new = [each for each in others if (id(best), *each[1:3]) not in tried]
-            if not self._tries_all or not new:
+            if not self._tries_all or self.proven or not choices:
                 return
-            _, other, name, start = min(new, key=lambda each: each[0])
+            # The first of those that save as much, so that images of a scene take the same.
+            _, other, name, start = max(choices, key=lambda choice: choice[0])
             tried.add((id(best), other, name))
-            self._from_start(_exchanged(self.scene, best.start, start, name), len(RUNGS) - 1, ITERATION_CAP)
+            self._from_start(_exchanged(self.scene, best.start, start, name), 0, EXCHANGE_CAP)
             vain = 0 if self.best is not best else vain + 1
+
+    def _saved(self, start: Start, other: Start, name: str) -> int:
+        """Tension that a finger, by name, takes less in another start, in units of a difference that matters."""
+        return round((sum(start.tensions[name]) - sum(other.tensions[name])) / self._least_difference)
 
     @property
     def unscanned(self) -> list[frozenset[str]]:

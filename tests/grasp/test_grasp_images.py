@@ -20,7 +20,7 @@ MORE = [
     *(("one", seed) for seed in range(50, 90)),
     *(("union", seed) for seed in (0, *range(50, 60))),
     *(("two", seed) for seed in (2, 8)),
-    *(("three", seed) for seed in (0, 2)),
+    *(("three", seed) for seed in (0, 2, 9)),
     *(("wrap", seed) for seed in (2, 7, 9)),
 ]
 NONE = 1e-6
@@ -118,12 +118,12 @@ def test_an_object_or_a_base_that_may_move_takes_no_more_than_one_that_is_fixed(
 @pytest.mark.parametrize(
     ("kind", "seed", "tension", "most"),
     [
-        ("one", 3, 8.0221747, 160), ("one", 4, 6.5668732, 140), ("union", 3, 72.270932, 80),
-        ("one", 69, 22.118219, 160), ("one", 74, 10.659581, 110), ("two", 5, 35.371361, 80),
+        ("one", 3, 8.0221747, 180), ("one", 4, 6.5668732, 200), ("union", 3, 72.270932, 140),
+        ("one", 69, 22.118219, 180), ("one", 74, 10.659581, 120), ("two", 5, 35.371361, 80),
     ],
 )  # fmt: skip
 def test_patience_saves_iterations_and_loses_no_grasp(kind, seed, tension, most):
-    """The tensions are those without it, which takes 300, 533 and 98 iterations of the first three."""
+    """The tensions are those without it, which takes 537, 599, 163, 640, 257 and 121 iterations."""
     scene = scene_of(drawn(kind, seed), 4)
     search = Search(scene, budget := Budget.of(scene.solver))
     search.run()
