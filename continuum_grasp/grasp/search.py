@@ -40,10 +40,10 @@ HELD, HELD_STILL = 3, "held still"
 """Grasps from which another scene starts: of nearby branches another may be best for it; label of those starts where
 object and bases were held that may move."""
 EXCHANGE_CAP, ITERATION_CAP, FIRST_CAP = 25, 40, 80
-"""Iterations of an exchange of fingers, of a rough start once there is a grasp, and before: from good starts IPOPT needs a median of 12 and 17 at
-the 95th percentile (400 random scenes), at most 52 from the best of shipped scenes and 76 of 36 random ones of several
-fingers. Beyond 100 rounding decides where it ends, which then differs between a scene and its mirror image; of an
-exchange beyond 25 (`three` 2 and 9 of 16 scenes)."""
+"""Iterations of an exchange of fingers, of a rough start once there is a grasp, and before: from good starts IPOPT
+needs a median of 12 and 17 at the 95th percentile (400 random scenes), at most 52 from the best of shipped scenes and
+76 of 36 random ones of several fingers. Beyond 100, of exchanges beyond 25, rounding decides where it ends, which then
+differs between a scene and its mirror image."""
 PRUNE_FACTOR = 1.5
 """Estimated tension, per that of the best grasp, up to which a start is worth trying: the estimates are no
 bounds, and those of rough starts are off by tens of percent."""

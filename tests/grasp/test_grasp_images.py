@@ -183,5 +183,5 @@ def test_fingers_are_exchanged_between_grasps_of_three(seed, tension):
 
 @pytest.mark.deep
 def test_more_elements_take_up_all_that_few_lead_to():
-    """With four elements 4.184 N hold, of the last of 28 starts; where each is continued at once, eight end with 28 N."""
+    """Four elements hold with 4.184 N, from the last of 28 starts; where each is continued at once, eight take 28 N."""
     assert least(scene_of(drawn("three", 8), 8)) == pytest.approx(4.184, rel=0.03)

@@ -254,8 +254,8 @@ def ended(objective, badness=0.0, *, converged=True):
 
 
 def with_few(monkeypatch, *ends):
-    """A search of many elements, which has tried what is in the list, after one of few that came to these ends, of which
-    those that converged are grasps.
+    """The starts that a search of many elements tries after one of few came to these ends, which are grasps where they
+    converged.
     """
     search, tried = searching(elements=8)
     few = search._few
