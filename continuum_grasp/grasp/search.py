@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
-from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.exploration import Basin, Exploration
 from continuum_grasp.grasp.modes import contact_modes, with_elements
-from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
+from continuum_grasp.grasp.problem.solver_run import RUNGS, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, held_still, make_starts, rebalanced_starts
 from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.tried import NEAR, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.nlp.solver import STALLED
@@ -30,12 +30,6 @@ from continuum_grasp.scene.grasp_options import Effort
 
 Array = NDArray[Any]
 
-NEAR = 1e-3
-"""Relative difference of the objective for which a converged attempt is preferred: an interrupted one has no
-sensitivities, and 0.1 % of tension is below the model's error."""
-SECTOR = 0.8
-"""Difference of a contact's direction from which on a start is of another branch [rad]: starts whose
-contacts face alike to within it end in the same grasp as a rule."""
 HELD, HELD_STILL = 3, "held still"
 """Grasps from which another scene starts: of nearby branches another may be best for it; label of those starts where
 object and bases were held that may move."""
@@ -77,8 +71,6 @@ BENT = 0.06
 it: a scene that a greater tension repairs had 0.031."""
 UNPROVEN = 6
 """Starts without a grasp after which a proof is tried that there is none: it takes as long as one or two of them."""
-HOPELESS = 1e-2
-"""Scaled violation of the problem's constraints from which on no certificate is computed: it allows at most 1e-4."""
 LEAST_DIFFERENCE = 1e-4
 """Tension that is none, per the greatest."""
 
@@ -107,42 +99,6 @@ _EFFORTS: dict[Effort, _Limits] = {
 """Limits of each effort. Of 1,000 scenes of one finger 95 % take less than 140 iterations."""
 
 
-@dataclass(frozen=True)
-class Tried:
-    """An attempt; its physical numbers and its verification when they are asked for."""
-
-    attempt: Attempt
-    solver: GraspSolverRun
-    scene: GraspScene
-
-    @cached_property
-    def arrays(self) -> dict[str, Array]:
-        """The physical numbers; see `continuum_grasp.grasp.GraspResult`."""
-        return self.solver.arrays(self.scene, self.attempt)
-
-    @cached_property
-    def certificate(self) -> Certificate:
-        """The verification of the grasp as it is reached."""
-        return certify_reached(self.scene, self.arrays)
-
-    @cached_property
-    def start(self) -> Start:
-        """The numbers as a start."""
-        return start_from(self.scene, self.arrays)
-
-    @property
-    def verified(self) -> bool:
-        """Whether the certificate confirms it, which is not computed where the solver's own constraints are violated by
-        far more than it allows.
-        """
-        return self.attempt.badness < HOPELESS and self.certificate.passed
-
-    @property
-    def acceptable(self) -> bool:
-        """Whether it is verified, and stable where the scene asks for that."""
-        return self.certificate.acceptable
-
-
 class Search:
     """Finds and verifies grasps of a scene within a budget."""
 
@@ -168,12 +124,12 @@ class Search:
     @property
     def best(self) -> Tried | None:
         """The acceptable attempt with the least objective; one that converged, where that costs next to nothing."""
-        return _least([t for t in self.good if t.acceptable])
+        return least_of([t for t in self.good if t.acceptable])
 
     @property
     def unstable(self) -> Tried | None:
         """The least of the verified grasps that are not acceptable."""
-        return _least([t for t in self.good if not t.acceptable])
+        return least_of([t for t in self.good if not t.acceptable])
 
     def run(self) -> None:
         """Solve from the basins of all modes in order of their estimates, then from rough starts of modes that are not
@@ -233,7 +189,7 @@ class Search:
             # The first of those that save as much, so that images of a scene take the same.
             _, other, name, start = max(choices, key=lambda choice: choice[0])
             tried.add((id(best), other, name))
-            self._from_start(_exchanged(self.scene, best.start, start, name), 0, EXCHANGE_CAP)
+            self._from_start(exchanged(self.scene, best.start, start, name), 0, EXCHANGE_CAP)
             vain = 0 if self.best is not best else vain + 1
 
     def _saved(self, start: Start, other: Start, name: str) -> int:
@@ -570,35 +526,3 @@ class Search:
 def _same(one: Start, two: Start) -> bool:
     """Whether two starts of basins are the same: equal contacts and nearly equal estimates."""
     return one.contacts.keys() == two.contacts.keys() and math.isclose(one.estimate, two.estimate, rel_tol=SAME_BASIN)
-
-
-def _exchanged(scene: GraspScene, start: Start, other: Start, name: str) -> Start:
-    """The start with a finger, by name, as another has it."""
-    (setup,) = (setup for setup in scene.setups if setup.name == name)
-    own = [contact for contact in setup.switches if contact in start.contacts]
-    return replace(
-        start,
-        label="exchanged",
-        fingers=start.fingers | {name: other.fingers[name]},
-        contacts=start.contacts | {contact: other.contacts[contact] for contact in own},
-        forces=start.forces | {contact: other.forces[contact] for contact in own},
-        tensions=start.tensions | {name: other.tensions[name]},
-    )
-
-
-def _least(tried: list[Tried]) -> Tried | None:
-    """The one with the least objective; one that converged, where that costs next to nothing."""
-    least = min((t.attempt.objective for t in tried), default=0.0)
-    near = least + NEAR * max(1.0, abs(least))
-    converged = [t for t in tried if t.attempt.optimal and t.attempt.objective <= near]
-    return min(converged or tried, key=lambda t: round(t.attempt.objective, 9), default=None)
-
-
-def branch_of(start: Start) -> tuple[Any, ...]:
-    """Branch of a start; starts of one branch most likely lead to the same grasp: contacts, sides, and where they
-    face.
-    """
-    sides = tuple(finger.sides for finger in start.fingers.values())
-    faces = tuple(round(contact.normal_angle / SECTOR) for contact in start.contacts.values())
-    places = tuple(contact.part for contact in start.contacts.values())
-    return frozenset(start.contacts), sides, faces, places
