@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
-from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.exploration import Basin, Exploration
 from continuum_grasp.grasp.modes import contact_modes, with_elements
-from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
+from continuum_grasp.grasp.problem.solver_run import RUNGS, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, held_still, make_starts, rebalanced_starts
 from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.tried import NEAR, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.nlp.solver import STALLED
@@ -30,19 +30,14 @@ from continuum_grasp.scene.grasp_options import Effort
 
 Array = NDArray[Any]
 
-NEAR = 1e-3
-"""Relative difference of the objective for which a converged attempt is preferred: an interrupted one has no
-sensitivities, and 0.1 % of tension is below the model's error."""
-SECTOR = 0.8
-"""Difference of a contact's direction from which on a start is of another branch [rad]: starts whose
-contacts face alike to within it end in the same grasp as a rule."""
 HELD, HELD_STILL = 3, "held still"
 """Grasps from which another scene starts: of nearby branches another may be best for it; label of those starts where
 object and bases were held that may move."""
-ITERATION_CAP, FIRST_CAP = 40, 80
-"""Iterations of a rough start once there is a grasp, and before: from good starts IPOPT needs a median of 12 and 17 at
-the 95th percentile (400 random scenes), at most 52 from the best of shipped scenes and 76 of 36 random ones of several
-fingers. Beyond 100 rounding decides where it ends, which then differs between a scene and its mirror image."""
+EXCHANGE_CAP, ITERATION_CAP, FIRST_CAP = 25, 40, 80
+"""Iterations of an exchange of fingers, of a rough start once there is a grasp, and before: from good starts IPOPT
+needs a median of 12 and 17 at the 95th percentile (400 random scenes), at most 52 from the best of shipped scenes and
+76 of 36 random ones of several fingers. Beyond 100, of exchanges beyond 25, rounding decides where it ends, which then
+differs between a scene and its mirror image."""
 PRUNE_FACTOR = 1.5
 """Estimated tension, per that of the best grasp, up to which a start is worth trying: the estimates are no
 bounds, and those of rough starts are off by tens of percent."""
@@ -76,8 +71,6 @@ BENT = 0.06
 it: a scene that a greater tension repairs had 0.031."""
 UNPROVEN = 6
 """Starts without a grasp after which a proof is tried that there is none: it takes as long as one or two of them."""
-HOPELESS = 1e-2
-"""Scaled violation of the problem's constraints from which on no certificate is computed: it allows at most 1e-4."""
 LEAST_DIFFERENCE = 1e-4
 """Tension that is none, per the greatest."""
 
@@ -93,45 +86,17 @@ class _Limits:
     # Rough starts of one finger's set of contacts that led to nothing better one after the other, after which, with a
     # grasp, no more are tried: of 158 scenes one has its best grasp after 3 of them, none after more.
     in_vain: float
+    # Exchanges of a finger between grasps that led to nothing better one after the other, after which no more are
+    # tried: of 16 scenes of three fingers three have a better grasp from the first to the fourth, by 9 to 53 %.
+    exchanges: int
 
 
 _EFFORTS: dict[Effort, _Limits] = {
-    "quick": _Limits(basins=3, starts=2, iterations=150, always_rough=False, in_vain=4),
-    "normal": _Limits(basins=12, starts=8, iterations=600, always_rough=False, in_vain=4),
-    "thorough": _Limits(basins=12, starts=24, iterations=math.inf, always_rough=True, in_vain=math.inf),
+    "quick": _Limits(basins=3, starts=2, iterations=150, always_rough=False, in_vain=4, exchanges=3),
+    "normal": _Limits(basins=12, starts=8, iterations=600, always_rough=False, in_vain=4, exchanges=6),
+    "thorough": _Limits(basins=12, starts=24, iterations=math.inf, always_rough=True, in_vain=math.inf, exchanges=24),
 }
 """Limits of each effort. Of 1,000 scenes of one finger 95 % take less than 140 iterations."""
-
-
-@dataclass(frozen=True)
-class Tried:
-    """An attempt; its physical numbers and its verification when they are asked for."""
-
-    attempt: Attempt
-    solver: GraspSolverRun
-    scene: GraspScene
-
-    @cached_property
-    def arrays(self) -> dict[str, Array]:
-        """The physical numbers; see `continuum_grasp.grasp.GraspResult`."""
-        return self.solver.arrays(self.scene, self.attempt)
-
-    @cached_property
-    def certificate(self) -> Certificate:
-        """The verification of the grasp as it is reached."""
-        return certify_reached(self.scene, self.arrays)
-
-    @property
-    def verified(self) -> bool:
-        """Whether the certificate confirms it, which is not computed where the solver's own constraints are violated by
-        far more than it allows.
-        """
-        return self.attempt.badness < HOPELESS and self.certificate.passed
-
-    @property
-    def acceptable(self) -> bool:
-        """Whether it is verified, and stable where the scene asks for that."""
-        return self.certificate.acceptable
 
 
 class Search:
@@ -153,23 +118,40 @@ class Search:
         self._rough: dict[frozenset[str], list[Start]] = {}
         self._solvers: dict[tuple[tuple[str, int], ...], GraspSolverRun] = {}  # by names and parts of contacts
         self.basins: list[Basin] = []
-        # Contacts and objectives of grasps with few elements; starts that led to none, with violations and rungs.
-        self._coarsely: list[tuple[Any, float]] = []
+        # Starts that led to no grasp, with violations and rungs.
         self._missed: list[tuple[float, Start, int]] = []
 
     @property
     def best(self) -> Tried | None:
         """The acceptable attempt with the least objective; one that converged, where that costs next to nothing."""
-        return _least([t for t in self.good if t.acceptable])
+        return least_of([t for t in self.good if t.acceptable])
 
     @property
     def unstable(self) -> Tried | None:
         """The least of the verified grasps that are not acceptable."""
-        return _least([t for t in self.good if not t.acceptable])
+        return least_of([t for t in self.good if not t.acceptable])
 
     def run(self) -> None:
         """Solve from the basins of all modes in order of their estimates, then from rough starts of modes that are not
         scanned (by the effort, of all), then on from the best grasp where its solver was stopped.
+        """
+        if self._few is not None:
+            self._from_few(self._few)
+        else:
+            self._explore()
+        # What few elements cannot hold, many may; and violations may fall late.
+        if self.best is None:
+            nearest = dict[int, tuple[Start, int]]()
+            for _, start, rung in sorted(self._missed, key=lambda one: one[0]):
+                nearest.setdefault(id(start), (start, rung))
+            for start, rung in list(nearest.values())[: 1 if self._few is None else NEAREST]:
+                self.attempt(start, rung=rung)
+        if not self.proven:
+            self._converge()
+
+    def _explore(self) -> None:
+        """Solve from the basins of all modes in order of their estimates, then from rough starts of modes that are not
+        scanned (by the effort, of all).
         """
         # Modes come with the most contacts first: a branch that holds with all of them needs no try with fewer,
         # since a contact without force is as good as one that is off.
@@ -185,13 +167,34 @@ class Search:
             # Postures of a scan, which bend linearly, may miss those that more elements hold with.
             every = self._effort.always_rough or (self.best is None and not self._tells)
             self._from_rough(modes if every else unscanned)
-        # What few elements cannot hold, many may; and violations may fall late.
-        if self.best is None:
-            nearest = sorted(self._missed, key=lambda one: one[0])[: 1 if self._coarse is None else NEAREST]
-            for _, start, rung in nearest:
-                self.attempt(start, rung=rung)
-        if not self.proven:
-            self._converge()
+            self._exchange()
+
+    def _exchange(self) -> None:
+        """Start from the best grasp with one finger as another grasp has it, those that take the least tension there
+        first: tensions add up over the fingers, and another balance may be near. Of two fingers it has led to nothing.
+        """
+        vain, tried = 0, set[tuple[int, int, str]]()
+        while (best := self.best) is not None and vain < self._effort.exchanges and not self.budget.over:
+            grasps = {round(t.attempt.objective, 6): t for t in reversed(self.good)}.values()
+            choices = [
+                (self._saved(best.start, other.start, name), id(other), name, other.start)
+                for other in grasps
+                for name in best.start.fingers
+                if (id(best), id(other), name) not in tried
+                and other is not best
+                and other.start.contacts.keys() == best.start.contacts.keys()
+            ]
+            if not self._tries_all or self.proven or not choices:
+                return
+            # The first of those that save as much, so that images of a scene take the same.
+            _, other, name, start = max(choices, key=lambda choice: choice[0])
+            tried.add((id(best), other, name))
+            self._from_start(exchanged(self.scene, best.start, start, name), 0, EXCHANGE_CAP)
+            vain = 0 if self.best is not best else vain + 1
+
+    def _saved(self, start: Start, other: Start, name: str) -> int:
+        """Tension that a finger, by name, takes less in another start, in units of a difference that matters."""
+        return round((sum(start.tensions[name]) - sum(other.tensions[name])) / self._least_difference)
 
     @property
     def unscanned(self) -> list[frozenset[str]]:
@@ -207,7 +210,7 @@ class Search:
         pruned["far from balance"] = self._unlikely
         pruned["like one that was solved before"] = self._alike
         pruned["after others that led to nothing better"] = self._vain
-        pruned[f"without a grasp of {COARSE} elements"] = len(self._missed) if self._coarse is not None else 0
+        pruned[f"without a grasp of {COARSE} elements"] = len(self._missed) if self._few is not None else 0
         return Exploration(
             modes=self._modes or len({frozenset(tried.attempt.start.contacts) for tried in self.tried}),
             sampled=self._sampled,
@@ -240,34 +243,48 @@ class Search:
             return
         if self._tells and basin.start.imbalance > UNBALANCED and len(self.tried) >= CLOSEST:
             return
-        found = self._continued(basin.start, 0)
+        found = self._from_start(basin.start, 0)
         basin.tried = True
         basin.solved = found is not None and found.attempt.converged and self._keeps_promise(found, basin)
 
-    def _continued(self, start: Start, rung: int, iterations: int | None = None) -> Tried | None:
-        """Solve from a start and verify; many elements from what it leads to with few, unless that is known."""
-        few, patience = self._coarse, IMPATIENT if self.best and len(self.scene.setups) == 1 else PATIENCE
-        if few is None:
-            found = self.attempt(start, rung=rung, iterations=iterations, patience=patience, enough=self._enough)
-            if found is not None and found.attempt.outcome == STALLED:
-                self._missed.append((found.attempt.badness, start, rung))
-            return found
-        solver = few.solver(start)
-        held = solver.run(few.scene, start, self.budget, rung=rung, iterations=iterations, patience=patience)
-        self.build_seconds, few.build_seconds = self.build_seconds + few.build_seconds, 0.0
-        found, known = None, (start.contacts.keys(), round(held.objective, 6))
-        if held.converged and known in self._coarsely:
-            self._alike += 1
-            return None
-        if held.converged:
-            self._coarsely.append(known)
-            found = self.attempt(start_from(few.scene, solver.arrays(few.scene, held)), rung=0)
-        if found is None or found not in self.good:
-            self._missed.append((held.badness, start, 0))
+    def _from_start(self, start: Start, rung: int, iterations: int | None = None) -> Tried | None:
+        """Solve from a start and verify; what lost patience may be tried again."""
+        patience = IMPATIENT if self.best and len(self.scene.setups) == 1 else PATIENCE
+        found = self.attempt(start, rung=rung, iterations=iterations, patience=patience, enough=self._enough)
+        if found is not None and found.attempt.outcome == STALLED:
+            self._missed.append((found.attempt.badness, start, rung))
         return found
 
+    def _from_few(self, few: Search) -> None:
+        """Start from where the search of a scene with few elements ended, its grasps first, each once."""
+        self.run_before(few)
+        self.basins, self._scans, self._rough = few.basins, few._scans, few._rough
+        self._modes, self._sampled, self._unlikely = few._modes, few._sampled, few._unlikely
+        self._alike, self._vain = few._alike, few._vain
+        ends = sorted(few.tried, key=lambda t: (t not in few.good, not t.attempt.converged, t.attempt.objective))
+        known: list[tuple[Any, float]] = []
+        for end in ends:
+            held, found = end.attempt, None
+            branch = held.start.contacts.keys(), round(held.objective, 6)
+            if not self._is_near(end) or self.budget.over:
+                self._vain += 1
+                continue
+            if branch in known:
+                self._alike += 1
+                continue
+            if held.converged:
+                known.append(branch)
+                found = self.attempt(end.start, rung=0)
+            if found is None or found not in self.good:
+                self._missed.append((held.badness, held.start, 0))
+
+    def _is_near(self, end: Tried) -> bool:
+        """Whether a grasp with few elements may be the best with all of them."""
+        best = self.best
+        return best is None or end.attempt.objective <= PRUNE_FACTOR * best.attempt.objective + self._least_difference
+
     @cached_property
-    def _coarse(self) -> Search | None:
+    def _few(self) -> Search | None:
         """The search with few elements; None where the scene has no more."""
         if all(setup.elements <= COARSE for setup in self.scene.setups):
             return None
@@ -351,7 +368,7 @@ class Search:
                 basin = Basin(start, tried=True)
                 if not math.isnan(start.estimate):
                     self.basins.append(basin)
-                found = self._continued(start, len(RUNGS) - 1, ITERATION_CAP if best else FIRST_CAP)
+                found = self._from_start(start, len(RUNGS) - 1, ITERATION_CAP if best else FIRST_CAP)
                 vain[contacts] = 0 if self.best is not best else vain[contacts] + 1
                 if found is not None and found in self.good:
                     held.add(branch)
@@ -509,21 +526,3 @@ class Search:
 def _same(one: Start, two: Start) -> bool:
     """Whether two starts of basins are the same: equal contacts and nearly equal estimates."""
     return one.contacts.keys() == two.contacts.keys() and math.isclose(one.estimate, two.estimate, rel_tol=SAME_BASIN)
-
-
-def _least(tried: list[Tried]) -> Tried | None:
-    """The one with the least objective; one that converged, where that costs next to nothing."""
-    least = min((t.attempt.objective for t in tried), default=0.0)
-    near = least + NEAR * max(1.0, abs(least))
-    converged = [t for t in tried if t.attempt.optimal and t.attempt.objective <= near]
-    return min(converged or tried, key=lambda t: round(t.attempt.objective, 9), default=None)
-
-
-def branch_of(start: Start) -> tuple[Any, ...]:
-    """Branch of a start; starts of one branch most likely lead to the same grasp: contacts, sides, and where they
-    face.
-    """
-    sides = tuple(finger.sides for finger in start.fingers.values())
-    faces = tuple(round(contact.normal_angle / SECTOR) for contact in start.contacts.values())
-    places = tuple(contact.part for contact in start.contacts.values())
-    return frozenset(start.contacts), sides, faces, places

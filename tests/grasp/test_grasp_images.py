@@ -20,7 +20,7 @@ MORE = [
     *(("one", seed) for seed in range(50, 90)),
     *(("union", seed) for seed in (0, *range(50, 60))),
     *(("two", seed) for seed in (2, 8)),
-    *(("three", seed) for seed in (0, 2)),
+    *(("three", seed) for seed in (0, 2, 9)),
     *(("wrap", seed) for seed in (2, 7, 9)),
 ]
 NONE = 1e-6
@@ -92,6 +92,14 @@ def test_what_no_scanned_posture_leads_to_is_found_from_rough_starts(seed, tensi
     assert least(scene_of(drawn("one", seed), 4)) == pytest.approx(tension, rel=1e-6)
 
 
+@pytest.mark.parametrize(("seed", "tension"), [(32, 26.43465), (86, 26.908649)])
+def test_basins_are_tried_as_they_were_scanned_too(seed, tension):
+    """From where their estimates are least, fingers of four elements end with 110.0 and 43.26 N; eight elements, whose
+    grasps are continued to four, lead to these.
+    """
+    assert least(scene_of(drawn("one", seed), 4)) == pytest.approx(tension, rel=1e-6)
+
+
 @pytest.mark.parametrize(("seed", "where"), few([(s, w) for s in (5, 7, 100, 3, 4) for w in ("y", "angle", "base")], 2))
 def test_an_object_or_a_base_that_may_move_takes_no_more_than_one_that_is_fixed(seed, where):
     data = drawn("one", seed)
@@ -110,12 +118,12 @@ def test_an_object_or_a_base_that_may_move_takes_no_more_than_one_that_is_fixed(
 @pytest.mark.parametrize(
     ("kind", "seed", "tension", "most"),
     [
-        ("one", 3, 8.0221747, 160), ("one", 4, 6.5668732, 140), ("union", 3, 72.270932, 80),
-        ("one", 69, 22.118219, 160), ("one", 74, 10.659581, 110), ("two", 5, 35.371361, 80),
+        ("one", 3, 8.0221747, 180), ("one", 4, 6.5668732, 200), ("union", 3, 72.270932, 140),
+        ("one", 69, 22.118219, 180), ("one", 74, 10.659581, 120), ("two", 5, 35.371361, 80),
     ],
 )  # fmt: skip
 def test_patience_saves_iterations_and_loses_no_grasp(kind, seed, tension, most):
-    """The tensions are those without it, which takes 300, 533 and 98 iterations of the first three."""
+    """The tensions are those without it, which takes 537, 599, 163, 640, 257 and 121 iterations."""
     scene = scene_of(drawn(kind, seed), 4)
     search = Search(scene, budget := Budget.of(scene.solver))
     search.run()
@@ -164,3 +172,16 @@ def test_a_short_piece_leads_to_the_grasp():
 def test_three_fingers_begin_with_curves_that_bend_evenly_too(seed, tension):
     """Without them the least tensions are 9.38 and 22.16 N."""
     assert least(scene_of(drawn("three", seed), 4)) == pytest.approx(tension, rel=1e-6)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(("seed", "tension"), [(2, 37.814885), (5, 50.963973), (9, 14.704362)])
+def test_fingers_are_exchanged_between_grasps_of_three(seed, tension):
+    """The tensions are those of three times as many starts; without exchanges they are 50.33, 63.97 and 16.10 N."""
+    assert least(scene_of(drawn("three", seed), 4)) < (1.0 + 1e-6) * tension
+
+
+@pytest.mark.deep
+def test_more_elements_take_up_all_that_few_lead_to():
+    """Four elements hold with 4.184 N, from the last of 28 starts; where each is continued at once, eight take 28 N."""
+    assert least(scene_of(drawn("three", 8), 8)) == pytest.approx(4.184, rel=0.03)

@@ -243,30 +243,39 @@ def test_estimates_of_more_elements_than_a_scan_has_prune_nothing():
 
 @pytest.mark.parametrize(("elements", "few"), [(4, None), (5, 4), (8, 4)])
 def test_more_than_four_elements_begin_with_four(elements, few):
-    coarse = searching(elements=elements)[0]._coarse
+    coarse = searching(elements=elements)[0]._few
     assert (coarse and coarse.scene.setups[0].elements) == few
 
 
-def test_grasps_of_few_elements_are_continued_once_and_the_nearest_misses_are_tried(monkeypatch):
-    """Of five starts two lead to one grasp with few elements, the others to none: of these so many are tried."""
+def ended(objective, badness=0.0, *, converged=True):
+    """An attempt with few elements, and the start that it was made from."""
+    attempt = SimpleNamespace(start=start(), converged=converged, objective=objective, badness=badness)
+    return SimpleNamespace(attempt=attempt, start=f"held {objective:.3g}")
+
+
+def with_few(monkeypatch, *ends):
+    """The starts that a search of many elements tries after one of few came to these ends, which are grasps where they
+    converged.
+    """
     search, tried = searching(elements=8)
-    ends = iter([(True, 1.0, 0.0), (False, 2.0, 0.5), (True, 1.0 + 1e-9, 0.0), *((False, 0.0, b) for b in (3, 2, 1))])
-
-    def run(*_, **__):
-        converged, objective, badness = next(ends)
-        return SimpleNamespace(converged=converged, objective=objective, badness=badness)
-
-    solver = SimpleNamespace(run=run, arrays=lambda *_: {})
-    monkeypatch.setattr(search._coarse, "solver", lambda _: solver)
-    monkeypatch.setattr(module, "start_from", lambda *_: "held")
-    monkeypatch.setattr(module, "contact_modes", lambda _: [])
-    starts = [start(estimate=k) for k in range(6)]
-    for each in starts:
-        search._continued(each, 0)
-    assert tried == ["held"]
+    few = search._few
+    monkeypatch.setattr(few, "run", lambda: few.tried.extend(ends))
+    few.good.extend(end for end in ends if end.attempt.converged)
     search.run()
+    return tried
+
+
+def test_grasps_of_few_elements_are_continued_once_and_the_nearest_misses_are_tried(monkeypatch):
+    """Of six starts two lead to one grasp with few elements, the others to none: of these so many are tried."""
+    misses = [ended(0.0, badness, converged=False) for badness in (0.5, 3, 2, 1)]
+    grasps = [ended(1.0), ended(1.0 + 1e-9)]
+    tried = with_few(monkeypatch, grasps[0], misses[0], grasps[1], *misses[1:])
     # The grasp with few elements was none with many: it is the nearest.
-    assert tried[1:] == [starts[0], starts[1], starts[5]]
+    assert tried == ["held 1", *(end.attempt.start for end in (grasps[0], misses[0], misses[3]))]
+
+
+def test_grasps_of_few_elements_are_continued_the_best_first(monkeypatch):
+    assert with_few(monkeypatch, ended(2.0), ended(1.0), ended(1.5))[:3] == ["held 1", "held 1.5", "held 2"]
 
 
 @pytest.mark.parametrize(("grasps", "iterations"), [((), 80), ((grasp(),), 40)])

@@ -99,7 +99,12 @@ class Basins:
         some = scanned(self.task, self._ring) if along else scanned_arcs(self.task)
         self.places = self._ring.count * len(self.task.shapes) if along else len(some)
         self._postures, _ = self._judged(some)
-        return None if self._postures is None else self._refined(self._lowest(self._postures))
+        if self._postures is None:
+            return None
+        lowest = self._lowest(self._postures)
+        refined = self._refined(lowest)
+        # Of more elements either may lead to the better grasp.
+        return refined if self.setup.elements <= 2 else _ordered(refined.followed_by([lowest]))
 
     def with_forces(self, scene: GraspScene) -> tuple[Basins, Scored | None]:
         """The basins among the same postures in a scene that differs in mass or in limits of forces alone."""
