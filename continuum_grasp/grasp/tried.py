@@ -1,0 +1,93 @@
+"""Attempts of a search: their verification, the least of them, and the starts that they make."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+from numpy.typing import NDArray
+
+from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
+from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
+from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.scene.grasp import GraspScene
+
+Array = NDArray[Any]
+
+NEAR = 1e-3
+"""Relative difference of the objective for which a converged attempt is preferred: an interrupted one has no
+sensitivities, and 0.1 % of tension is below the model's error."""
+SECTOR = 0.8
+"""Difference of a contact's direction from which on a start is of another branch [rad]: starts whose
+contacts face alike to within it end in the same grasp as a rule."""
+HOPELESS = 1e-2
+"""Scaled violation of the problem's constraints from which on no certificate is computed: it allows at most 1e-4."""
+
+
+@dataclass(frozen=True)
+class Tried:
+    """An attempt; its physical numbers and its verification when they are asked for."""
+
+    attempt: Attempt
+    solver: GraspSolverRun
+    scene: GraspScene
+
+    @cached_property
+    def arrays(self) -> dict[str, Array]:
+        """The physical numbers; see `continuum_grasp.grasp.GraspResult`."""
+        return self.solver.arrays(self.scene, self.attempt)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """The verification of the grasp as it is reached."""
+        return certify_reached(self.scene, self.arrays)
+
+    @cached_property
+    def start(self) -> Start:
+        """The numbers as a start."""
+        return start_from(self.scene, self.arrays)
+
+    @property
+    def verified(self) -> bool:
+        """Whether the certificate confirms it, which is not computed where the solver's own constraints are violated by
+        far more than it allows.
+        """
+        return self.attempt.badness < HOPELESS and self.certificate.passed
+
+    @property
+    def acceptable(self) -> bool:
+        """Whether it is verified, and stable where the scene asks for that."""
+        return self.certificate.acceptable
+
+
+def exchanged(scene: GraspScene, start: Start, other: Start, name: str) -> Start:
+    """The start with a finger, by name, as another has it."""
+    (setup,) = (setup for setup in scene.setups if setup.name == name)
+    own = [contact for contact in setup.switches if contact in start.contacts]
+    return replace(
+        start,
+        label="exchanged",
+        fingers=start.fingers | {name: other.fingers[name]},
+        contacts=start.contacts | {contact: other.contacts[contact] for contact in own},
+        forces=start.forces | {contact: other.forces[contact] for contact in own},
+        tensions=start.tensions | {name: other.tensions[name]},
+    )
+
+
+def least_of(tried: list[Tried]) -> Tried | None:
+    """The one with the least objective; one that converged, where that costs next to nothing."""
+    least = min((t.attempt.objective for t in tried), default=0.0)
+    near = least + NEAR * max(1.0, abs(least))
+    converged = [t for t in tried if t.attempt.optimal and t.attempt.objective <= near]
+    return min(converged or tried, key=lambda t: round(t.attempt.objective, 9), default=None)
+
+
+def branch_of(start: Start) -> tuple[Any, ...]:
+    """Branch of a start; starts of one branch most likely lead to the same grasp: contacts, sides, and where they
+    face.
+    """
+    sides = tuple(finger.sides for finger in start.fingers.values())
+    faces = tuple(round(contact.normal_angle / SECTOR) for contact in start.contacts.values())
+    places = tuple(contact.part for contact in start.contacts.values())
+    return frozenset(start.contacts), sides, faces, places
