@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.values import Units, problem_values, tension_weight
 from continuum_grasp.grasp.result import GraspResult, flawed
-from continuum_grasp.grasp.search import Search, Tried
+from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.values import start_from
+from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import REFUTED, Change, Sensitivity, tension_of
 from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.scene.families import default_family

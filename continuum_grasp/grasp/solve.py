@@ -25,7 +25,7 @@ from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.words import out_of_reach
 from continuum_grasp.grasp.result import GraspResult, flawed
-from continuum_grasp.grasp.search import Search, Tried
+from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.stations import (
     find_station_reasons,
     search_stations,
@@ -33,6 +33,7 @@ from continuum_grasp.grasp.stations import (
     without_stations,
 )
 from continuum_grasp.grasp.steady import stabilize
+from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import REFUTED, STEADIER, Reason, Status, force_text, verdict
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.families import ONE_TURN

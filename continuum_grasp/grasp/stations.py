@@ -20,9 +20,10 @@ from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.words import ordered
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.grasp.search import NEAR, Search
+from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import FingerStart, Start, start_from, with_contacts
+from continuum_grasp.grasp.tried import NEAR
 from continuum_grasp.grasp.values import Reason, tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.problem.solver_run import solver_for
-from continuum_grasp.grasp.search import Search, Tried
+from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]

@@ -11,7 +11,8 @@ import pytest
 from continuum_grasp.grasp import search as module
 from continuum_grasp.grasp.exploration import Basin
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.search import Search, Tried, branch_of
+from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.tried import Tried, branch_of, least_of
 from continuum_grasp.nlp import Budget
 from tests import certificate_cases as cases
 
@@ -113,7 +114,7 @@ LIMITS = [
     ("imbalance of a scanned start of more elements", 0.2, lambda off: scanned(off) == 3),
     ("press above what is proven", 1.0 + 1e-3, proven),
     ("objective for which a grasp that converged is taken", 2.0 * (1.0 + 1e-3),
-     lambda cost: module._least([grasp(objective=2.0, optimal=False), grasp(objective=cost)]).attempt.optimal),
+     lambda cost: least_of([grasp(objective=2.0, optimal=False), grasp(objective=cost)]).attempt.optimal),
     ("difference of estimates of one basin", 1.0 / (1.0 - 5e-3), lambda e: module._same(start(1.0), start(e))),
     ("violation of a start that is verified", 1e-2, lambda off: verified(off)),
     ("objective that is clearly worse", 1.05 + 1e-4, lambda cost: cost < searching(grasp())[0]._enough),
