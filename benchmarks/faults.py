@@ -404,7 +404,7 @@ FAULTS: tuple[Fault, ...] = (
         tests="identification",
     ),
     *_in(
-        "identification/table.py",
+        "scene/table.py",
         ("if not value >= _SURE", "if value >= _SURE"),
         tests="identification",
     ),

@@ -17,7 +17,6 @@ from continuum_grasp.control.log import COMMANDED
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.damped_sine import fit_damped_sine
 from continuum_grasp.identification.data import KIND_OF, UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
-from continuum_grasp.identification.table import Table, read_table
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import (
@@ -36,6 +35,7 @@ from continuum_grasp.scene.identify import (
 )
 from continuum_grasp.scene.loads import by_key
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.table import Table, read_table
 
 Array = NDArray[np.float64]
 
