@@ -397,6 +397,11 @@ FAULTS: tuple[Fault, ...] = (
         ("row[j] - state->left[j]", "row[j] + state->left[j]"),
         tests="mission/test_mission_lift.py",
     ),
+    *_in(
+        "model/laws/shortening.py",
+        ("kept.append(1.0 / (1.0 + strain))", "kept.append(1.0 / (1.0 - strain))"),
+        tests="model/test_shortening.py",
+    ),
     # identification
     *_in(
         "identification/read.py",
