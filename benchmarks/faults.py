@@ -399,7 +399,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "model/laws/shortening.py",
-        ("kept.append(1.0 / (1.0 + strain))", "kept.append(1.0 / (1.0 - strain))"),
+        ("shares.append(1.0 / (1.0 + strain))", "shares.append(1.0 / (1.0 - strain))"),
         tests="model/test_shortening.py",
     ),
     # identification

@@ -1,6 +1,6 @@
 """Parameters of a finger from measurements: shapes at rest, paths of the tip, vibrations."""
 
-from continuum_grasp.identification.comparison import Channel, Comparison, Error
+from continuum_grasp.identification.comparison import Channel, Comparison
 from continuum_grasp.identification.damped_sine import DampedSine, fit_damped_sine
 from continuum_grasp.identification.data import Frequencies, Poses, Reading, TipPath
 from continuum_grasp.identification.excitation import ExcitationPlan, design_excitation
@@ -14,7 +14,6 @@ __all__ = [
     "Channel",
     "Comparison",
     "DampedSine",
-    "Error",
     "Estimate",
     "ExcitationPlan",
     "Fit",

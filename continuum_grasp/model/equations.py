@@ -21,7 +21,7 @@ from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.contacts import Contacts
 from continuum_grasp.model.family import Rod
 from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
-from continuum_grasp.model.laws.shortening import kept_lengths
+from continuum_grasp.model.laws.shortening import remaining_shares
 from continuum_grasp.model.layout import place_at
 from continuum_grasp.model.link import EndBody, Section, ShortenedLink
 from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
@@ -167,9 +167,9 @@ class Equations:
         family = self._family
         local = [family.local(k) for k in range(len(self.lengths))]
         *links, last = family.links(self.full, self.rod)
-        kept = kept_lengths(self._structure.finger, family, self._par, self._named)
-        if kept:
-            whole = zip([*links, last], kept, strict=True)
+        shares = remaining_shares(self._structure.finger, family, self._par, self._named)
+        if shares:
+            whole = zip([*links, last], shares, strict=True)
             *links, last = [replace(one, link=ShortenedLink(one.link, share)) for one, share in whole]
         return Chain([*links, replace(last, body=self.tip_body)], local, family.size)
 

@@ -99,12 +99,12 @@ class ShortenedLink(Link):
     Its rotary inertia, some thousandths of the rest, is scaled as the squares of distances are.
     """
 
-    def __init__(self, link: Link, kept: Scalar) -> None:
-        self._link, self._kept = link, kept
+    def __init__(self, link: Link, share: Scalar) -> None:
+        self._link, self._share = link, share
 
     def _of(self, section: Section) -> Section:
-        arms = tuple(arm.scaled(self._kept) for arm in section.arms)
-        return replace(section, position=section.position.scaled(self._kept), arms=arms)
+        arms = tuple(arm.scaled(self._share) for arm in section.arms)
+        return replace(section, position=section.position.scaled(self._share), arms=arms)
 
     @cached_property
     def end(self) -> Section:
@@ -121,25 +121,25 @@ class ShortenedLink(Link):
         return self._link.curvatures
 
     def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
-        return self._link.section_bias(fraction, omega, rates).scaled(self._kept)
+        return self._link.section_bias(fraction, omega, rates).scaled(self._share)
 
     @cached_property
     def inertia(self) -> Inertia:
-        own, square = self._link.inertia, self._kept * self._kept
+        own, square = self._link.inertia, self._share * self._share
         return Inertia(
             mass=own.mass,
-            first=own.first.scaled(self._kept),
+            first=own.first.scaled(self._share),
             second=square * own.second,
-            arms=tuple(arm.scaled(self._kept) for arm in own.arms),
+            arms=tuple(arm.scaled(self._share) for arm in own.arms),
             swing=tuple(square * swing for swing in own.swing),
             matrix=tuple(tuple(square * entry for entry in row) for row in own.matrix),
         )
 
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
-        own, square = self._link.bias(omega, rates), self._kept * self._kept
+        own, square = self._link.bias(omega, rates), self._share * self._share
         return Bias(
-            end=own.end.scaled(self._kept),
-            force=own.force.scaled(self._kept),
+            end=own.end.scaled(self._share),
+            force=own.force.scaled(self._share),
             moment=square * own.moment,
             generalized=tuple(square * force for force in own.generalized),
         )

@@ -43,8 +43,8 @@ def test_one_tendon_bends_an_arc_by_the_angle_of_the_whole_length_and_the_radius
     )
     found = cg.equilibrium(scene)
     bend = tension * OFFSET * LENGTH / STIFFNESS
-    kept = LENGTH / (1.0 + tension * RADIUS**2 / STIFFNESS)
-    assert found.tip == pytest.approx(kept / bend * np.array([np.cos(bend) - 1.0, np.sin(bend)]), abs=1e-9)
+    left = LENGTH / (1.0 + tension * RADIUS**2 / STIFFNESS)
+    assert found.tip == pytest.approx(left / bend * np.array([np.cos(bend) - 1.0, np.sin(bend)]), abs=1e-9)
 
 
 def test_a_tapered_rod_is_shortened_by_its_thin_end_the_better_the_more_elements():
@@ -89,10 +89,10 @@ def test_modulus_and_radius_come_out_of_made_up_poses():
         actuation={"tensions": [0.0, 0.0]},
     )
     tensions, stiffness, radius = np.array([2.0, 6.0, 10.0, 14.0]), 9e-3, 5e-3
-    bends, kept = tensions * OFFSET * LENGTH / stiffness, LENGTH / (1.0 + tensions * radius**2 / stiffness)
+    bends, left = tensions * OFFSET * LENGTH / stiffness, LENGTH / (1.0 + tensions * radius**2 / stiffness)
     readings = [
-        Reading("x", kept / bends * (np.cos(bends) - 1.0), sigma=1e-4),
-        Reading("y", kept / bends * np.sin(bends), sigma=1e-4),
+        Reading("x", left / bends * (np.cos(bends) - 1.0), sigma=1e-4),
+        Reading("y", left / bends * np.sin(bends), sigma=1e-4),
     ]
     poses = Poses(readings, {"tension_1": tensions})
     fit = cg.identify(scene, poses, parameters=["bending_stiffness", "gyration_radius"])

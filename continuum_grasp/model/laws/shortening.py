@@ -36,8 +36,8 @@ def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw
     return []
 
 
-def kept_lengths(finger: Finger, family: Family, numbers: Numbers, named: Mapping[str, Scalar]) -> list[Scalar]:
-    """Share of its length that each element keeps [1], under inputs by name and unit; none where all is kept."""
+def remaining_shares(finger: Finger, family: Family, numbers: Numbers, named: Mapping[str, Scalar]) -> list[Scalar]:
+    """Share of its length that each element keeps [1], under inputs by name and unit; none where all have all of it."""
     if finger.gyration_radius is None:
         return []
     mesh, profile, length = family.mesh, finger.profile, finger.rod.length
@@ -48,7 +48,7 @@ def kept_lengths(finger: Finger, family: Family, numbers: Numbers, named: Mappin
 
     per_tension: Scalar = numbers["gyration_radius"] * numbers["gyration_radius"] / numbers["bending_stiffness"]
     ends = [tendon.end(length) for tendon in finger.tendon_list]
-    kept: list[Scalar] = []
+    shares: list[Scalar] = []
     for k, h in enumerate(mesh.lengths):
         start, end = mesh.span(k)
         strain: Scalar = 0.0
@@ -56,5 +56,5 @@ def kept_lengths(finger: Finger, family: Family, numbers: Numbers, named: Mappin
             if to > start:
                 mean = float(mesh.integral(start, min(end, to), compliance, mesh.stiffness, depth)) / h
                 strain += (mean * per_tension) * named[f"tension_{tendon} [N]"]
-        kept.append(1.0 / (1.0 + strain))
-    return kept
+        shares.append(1.0 / (1.0 + strain))
+    return shares
