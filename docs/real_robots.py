@@ -1,4 +1,4 @@
-"""The figures of real_robots.md: python docs/real_robots.py [wrist|joints|probe|trunk|pictures]."""
+"""The figures of real_robots.md: python docs/real_robots.py [wrist|joints|probe|trunk|tentacle|pulls|pictures]."""
 
 from __future__ import annotations
 
@@ -121,6 +121,41 @@ def probe() -> None:
     loops("motor 2", fit, where)
 
 
+def tentacle() -> None:
+    """The greatest loads predicted from the others, and all poses fitted; shortened by its tendon, and inextensible."""
+    every = "data[0].holdout_rows=[]"
+    first = [f"data[0].measured[{k}].at=0.1387" for k in (0, 1)]  # 9.6 mm farther, as the source's flaws have it
+    inextensible = "finger.gyration_radius=null"
+    for title, changes in {
+        "shortened": [],
+        "inextensible": [inextensible],
+        "shortened, marker 1 elsewhere": first,
+        "shortened, all poses": [every],
+        "inextensible, all poses": [every, inextensible],
+    }.items():
+        fit = cg.identify(cg.load(CONFIGS / "silicone_tentacle.yaml", changes))
+        show(f"tentacle, {title}", fit)
+        distances(fit)
+
+
+def pulls() -> None:
+    """Sequences to three sides predicted from those to the others and from pulls of single tendons."""
+    fit = cg.identify(CONFIGS / "tendon_pulls.yaml")
+    show("rod on nine winches", fit)
+    distances(fit)
+
+
+def distances(fit: Fit) -> None:
+    """Mean distances of all markers, and of the tip."""
+    tip = max(place for _, _, place in fit.points)
+    for word, fitted in (("fitted", True), ("hold-out", False)):
+        own = {key: (x, y) for key, (x, y) in fit.points.items() if fit.fitted[x] == fitted}
+        if own:
+            missed = [1e3 * np.hypot(fit.residuals[x], fit.residuals[y]) for x, y in own.values()]
+            ends = [one for one, (_, _, place) in zip(missed, own, strict=True) if place == tip]
+            print(f"  {word}: markers {np.mean(missed):.1f} mm, tip {np.mean(ends):.1f} mm on average")
+
+
 def loops(title: str, fit: Fit, where: Path) -> None:
     """Mean width of each loop, and the misfit per width."""
     start = 0
@@ -231,5 +266,5 @@ def pictures() -> None:
 
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
-    for section in sys.argv[1:2] or ["wrist", "joints", "probe", "trunk"]:
+    for section in sys.argv[1:2] or ["wrist", "joints", "probe", "trunk", "tentacle", "pulls"]:
         globals()[section]()

@@ -101,6 +101,7 @@ FEATURES = (
     Feature("damping per arc", {"finger.damping.per_arc": 1e-4}),
     Feature("stops", {"finger.stops": {"curvature": 30.0, "stiffness_ratio": 30.0}}),
     Feature("softening", {"finger.softening": {"curvature": 5.0, "stiffness_ratio": 0.5}}),
+    Feature("tendons that shorten the rod", {"finger.tendons.time_constant": None, "finger.gyration_radius": 1.5e-3}),
     Feature("a tapered rod", {"finger.rod": {"length": 0.18, "samples": _SAMPLES}}),
     Feature(
         "a stepped rod",

@@ -176,6 +176,7 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "stops": ("close_on_mug", {"finger.stops": {"curvature": 20.0, "stiffness_ratio": 30.0}}),
     "relaxation": ("close_on_mug", _RELAXING),
     "softening": ("close_on_mug", {"finger.softening": {"curvature": 5.0, "stiffness_ratio": 0.5}}),
+    "tendons that shorten": ("close_on_mug", {"finger.tendons.time_constant": None, "finger.gyration_radius": 3e-4}),
     "slip speed": ("close_on_mug", {"contact_law.presliding": None, "contact_law.slip_speed": 0.01}),
     "film": ("close_on_mug", {"contact_law.viscous": 0.5}),
     "winches": ("winch_loop", {"finger.tendons.friction": 0.0, "actuation": {"lengths": [1e-3, 2e-3]}}),

@@ -214,8 +214,8 @@ def test_what_few_grasps_ask_for_is_imported_when_needed():
 
 
 def test_scenes_are_read_without_numpy():
-    """Which loads with the curves of a finger, when these are asked for."""
-    curves = {PACKAGE / "scene" / name for name in ("profile.py",)}
+    """Which loads with the curves of a finger, and with tables, when these are asked for."""
+    curves = {PACKAGE / "scene" / name for name in ("profile.py", "table.py")}
     heavy = {"numpy", "scipy", *(f"continuum_grasp.scene.{file.stem}" for file in curves)}
     wrong = [
         f"{file.relative_to(PACKAGE)}:{line}: {module}"

@@ -1,20 +1,19 @@
 """Parameters of a finger from measurements: shapes at rest, paths of the tip, vibrations."""
 
-from continuum_grasp.identification.comparison import Channel, Comparison, Error
+from continuum_grasp.identification.comparison import Channel, Comparison
 from continuum_grasp.identification.damped_sine import DampedSine, fit_damped_sine
 from continuum_grasp.identification.data import Frequencies, Poses, Reading, TipPath
 from continuum_grasp.identification.excitation import ExcitationPlan, design_excitation
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.identification.fitting import compare, identify
 from continuum_grasp.identification.read import data_folder, read_data
-from continuum_grasp.identification.table import Table, read_table
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
+from continuum_grasp.scene.table import Table, read_table
 
 __all__ = [
     "Channel",
     "Comparison",
     "DampedSine",
-    "Error",
     "Estimate",
     "ExcitationPlan",
     "Fit",

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.identification.data import UNIT_OF, Frequencies, Poses
+from continuum_grasp.identification.data import UNIT_OF, Frequencies, Poses, Reading
 from continuum_grasp.identification.observation import at_rest, check_tensions
 from continuum_grasp.identification.rows import Resting, Rows, Shapes, symbols, with_slopes
 from continuum_grasp.identification.unknowns import Unknown
@@ -46,6 +46,14 @@ class Entry:
     """Quantity that was measured: a reading, a frequency or a decay rate."""
     place: float | None = None
     """Position along the finger [m] where it was measured; None: not along the finger."""
+
+    @classmethod
+    def of(cls, one: Reading, row: int, at: float, words: Sequence[str], fitted: bool, length: float) -> Entry:
+        """A reading in a row, at a row or an instant [s]; ``words`` are label, group and series."""
+        label, group, series = words
+        place = None if one.of_drive else length if one.at is None else one.at
+        known = UNIT_OF[one.quantity], float(np.asarray(one.values)[row]), fitted, one.sigma
+        return cls(label, group, *known, at, series, one.quantity, place)
 
 
 class Drawn(NamedTuple):
@@ -126,20 +134,6 @@ class _RowsBlock(Block):
     def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
         raise NotImplementedError
 
-    def _enter(
-        self,
-        row: int,
-        what: str,
-        quantity: str,
-        group: str,
-        unit: str,
-        value: float,
-        sigma: float | None = None,
-        place: float | None = None,
-    ) -> None:
-        number, own = row + 1, (float(value), bool(self._fitted[row]), sigma)
-        self.entries.append(Entry(f"{what}, row {number}", group, unit, *own, float(number), what, quantity, place))
-
 
 class PosesBlock(_RowsBlock):
     """Shapes at rest."""
@@ -155,14 +149,14 @@ class PosesBlock(_RowsBlock):
         y = at_rest(model, data.measured, q, u, p, *given, offsets=beside)
         self._observe = with_slopes("observation", y, q, ca.vertcat(u, w, p), history, beside)
         self._offsets = np.stack([np.broadcast_to(one.offset, data.rows) for one in data.measured], axis=1)
+        length = scene.finger.rod.length
         for row in range(data.rows):
             for one in data.measured:
-                what, unit = one.what.replace(" of ", " at "), UNIT_OF[one.quantity]
-                group = f"{one.kind} of poses"
-                if one.sigma is not None:  # a reading of known deviation is a group of its own
-                    group = f"{data.name}: {what}"
-                place = None if one.of_drive else scene.finger.rod.length if one.at is None else one.at
-                self._enter(row, what, one.quantity, group, unit, np.asarray(one.values)[row], one.sigma, place)
+                what = one.what.replace(" of ", " at ")
+                # a reading of known deviation is a group of its own
+                group = f"{one.kind} of poses" if one.sigma is None else f"{data.name}: {what}"
+                words = f"{what}, row {row + 1}", group, what
+                self.entries.append(Entry.of(one, row, row + 1.0, words, bool(self._fitted[row]), length))
 
     def drawn(self, values: Array) -> Drawn:
         rows, model = list(self._shapes.all(values)), self._shapes.model
@@ -195,7 +189,9 @@ class VibrationBlock(_RowsBlock):
             for quantity, unit, numbers in columns:
                 if numbers is not None:
                     what = f"{quantity} of mode {mode}"
-                    self._enter(row, what, quantity, what, unit, np.asarray(numbers)[row])
+                    value, fitted = float(np.asarray(numbers)[row]), bool(self._fitted[row])
+                    own = what, unit, value, fitted, None, row + 1.0, what, quantity
+                    self.entries.append(Entry(f"{what}, row {row + 1}", *own))
 
     def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
         z, q = resting.z, resting.q

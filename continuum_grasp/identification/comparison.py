@@ -20,26 +20,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Error:
-    """Prediction errors of a group of measurements: r.m.s., the largest, and how many.
-
-    Attributes
-    ----------
-    group, unit : str
-    rms, largest : float
-    count : int
-    """
-
-    group: str
-    unit: str
-    rms: float
-    largest: float
-    count: int
-
-
-@dataclass(frozen=True)
 class Channel:
-    """Prediction errors of one quantity at one place of one set; of x and y of a point also the distance.
+    """Prediction errors of one quantity at one place of one set, or of what shares a standard deviation.
 
     Attributes
     ----------
@@ -61,6 +43,13 @@ class Channel:
     mean: float
     share: float | None
     count: int
+
+    @classmethod
+    def of(cls, name: str, unit: str, fitted: bool, missed: Array, length: float | None = None) -> Channel:
+        """Errors of predictions that miss measurements (R,), also per the length of the finger where that is given."""
+        rms = float(np.sqrt(np.mean(missed**2)))
+        share = None if length is None else rms / length
+        return cls(name, unit, fitted, rms, float(np.abs(missed).max()), float(missed.mean()), share, missed.size)
 
     @property
     def texts(self) -> tuple[str, ...]:
@@ -142,23 +131,19 @@ class Predicted(Result):
         return tuple(entry.label for entry in self.entries)
 
     @property
-    def errors(self) -> tuple[Error, ...]:
-        """Errors of what was fitted, by group."""
-        return self._errors(self.fitted)
+    def errors(self) -> tuple[Channel, ...]:
+        """Errors of what was fitted, by what shares a standard deviation."""
+        return self._errors(fitted=True)
 
     @property
-    def holdout_errors(self) -> tuple[Error, ...]:
-        """Errors of what was predicted and not fitted, by group."""
-        return self._errors(~self.fitted)
+    def holdout_errors(self) -> tuple[Channel, ...]:
+        """Errors of what was predicted and not fitted, by what shares a standard deviation."""
+        return self._errors(fitted=False)
 
-    def _errors(self, chosen: NDArray[np.bool_]) -> tuple[Error, ...]:
-        found = []
-        for group, unit in {entry.group: entry.unit for entry in self.entries}.items():
-            size = np.abs(self.residuals[chosen & np.array([entry.group == group for entry in self.entries])])
-            if size.size:
-                rms = float(np.sqrt(np.mean(size**2)))
-                found.append(Error(group, unit, rms, float(size.max()), int(size.size)))
-        return tuple(found)
+    def _errors(self, *, fitted: bool) -> tuple[Channel, ...]:
+        groups, units = np.array([entry.group for entry in self.entries]), {one.group: one.unit for one in self.entries}
+        missed = {group: self.residuals[(groups == group) & (self.fitted == fitted)] for group in units}
+        return tuple(Channel.of(group, units[group], fitted, own) for group, own in missed.items() if own.size)
 
     @property
     def series(self) -> dict[tuple[str, str], NDArray[np.intp]]:
@@ -200,16 +185,13 @@ class Predicted(Result):
         for (name, place), pairs in places.items():
             x, y = np.array(pairs).T
             kinds.append((f"{name}: distance at {place:g} m", "m", x, np.hypot(self.residuals[x], self.residuals[y])))
-        found, length = [], self.scene.finger.rod.length
+        found = []
         for what, unit, rows, missed in kinds:
+            length = self.scene.finger.rod.length if self.entries[rows[0]].quantity in ("x", "y") else None
             for fitted in (True, False):
                 own = missed[self.fitted[rows] == fitted]
                 if own.size:
-                    rms, share = float(np.sqrt(np.mean(own**2))), None
-                    if unit == "m" and self.entries[rows[0]].quantity in ("x", "y"):
-                        share = rms / length
-                    numbers = rms, float(np.abs(own).max()), float(own.mean()), share, int(own.size)
-                    found.append(Channel(what, unit, fitted, *numbers))
+                    found.append(Channel.of(what, unit, fitted, own, length))
         return tuple(found)
 
 

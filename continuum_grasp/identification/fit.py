@@ -136,7 +136,7 @@ class Fit(Predicted):
     def pairs(self) -> dict[str, str]:
         """Estimates with their standard deviations, and the errors of what was fitted."""
         estimates = zip(self.names, self.values, self.deviations, self.units, strict=True)
-        errors = [f"{one.group}: {one.rms:.3g} {one.unit} r.m.s. of {one.count}" for one in self.errors]
+        errors = [f"{one.name}: {one.rms:.3g} {one.unit} r.m.s. of {one.count}" for one in self.errors]
         return {
             **{name: f"{value:.6g} +/- {deviation:.2g} {unit}" for name, value, deviation, unit in list(estimates)[:5]},
             "errors": "; ".join(errors),

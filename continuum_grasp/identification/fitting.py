@@ -20,12 +20,12 @@ from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalErr
 from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBlock
 from continuum_grasp.identification.comparison import Comparison
 from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPath
+from continuum_grasp.identification.doubts import doubts
 from continuum_grasp.identification.fit import Fit
-from continuum_grasp.identification.inference import doubts, infer, model_error_warnings
-from continuum_grasp.identification.laws import doubts_of_laws
+from continuum_grasp.identification.inference import infer, model_error_warnings
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge
-from continuum_grasp.identification.problem import Problem, Solution
+from continuum_grasp.identification.problem import Build, Given, Problem, Solution
 from continuum_grasp.identification.read import folder_of, read_data
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.model import FingerModel
@@ -129,8 +129,8 @@ def identify(
         "total_s": perf_counter() - started,
         **({"fidelity": note} if note else {}),
     }
-    laws = doubts_of_laws(problem, solution, given, build)
-    fit = _fit(scene, problem, solution, _finer(given, unknowns, problem.by_block(solution.values)), laws, statistics)
+    finer = _finer(given, unknowns, problem.by_block(solution.values))
+    fit = _fit(scene, problem, solution, finer, given, build, statistics)
     verdict = judge(problem, solution, given, build)
     return replace(
         fit,
@@ -273,7 +273,8 @@ def _fit(
     problem: Problem,
     solution: Solution,
     finer: Array | None,
-    laws: Sequence[str],
+    given: Given,
+    build: Build,
     statistics: Mapping[str, Any],
 ) -> Fit:
     fitted, sigma, unknowns, shared = problem.fitted, solution.sigma, problem.unknowns, problem.shared
@@ -283,6 +284,7 @@ def _fit(
     if finer is not None:
         coarse, fine = ((part / sigma)[fitted] for part in (solution.predictions, finer))
         doubted = model_error_warnings(unknowns, found.deviations, rows[0][: len(coarse)], coarse, fine)
+    evidence = doubts(problem, solution, found.freedom, given, build)
     own = list(zip(problem.blocks, problem.by_block(solution.values), strict=True))
     shapes = [f"{block.name}: {one}" for block, values in own for one in block.warnings(values)]
     return Fit(
@@ -304,6 +306,6 @@ def _fit(
         drawn=tuple(block.drawn(values) for block, values in own),
         targets=tuple((one.target, one.factor, one.added) for one in unknowns[:shared]),
         scene=scene,
-        warnings=(*found.warnings, *shapes, *doubts(problem, solution, found.freedom), *laws, *doubted),
+        warnings=(*found.warnings, *shapes, *evidence, *doubted),
         statistics=statistics,
     )

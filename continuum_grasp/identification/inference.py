@@ -1,19 +1,22 @@
-"""Inference about parameters from least squares: deviations, intervals, combinations that the data cannot see, and
-doubts.
+"""Inference about parameters from least squares: deviations, intervals, combinations that the data cannot see.
+
+Least squares weigh all rows as if they were independent. Where residuals follow one another in time and are correlated,
+the estimates scatter by the sandwich B M B, with B = (J^T J)^-1 and M = J^T G J, where G is the covariance of the
+residuals: here their own autocovariance, of all readings of a motion with each other, tapered by Parzen's window (E.
+Parzen, 1957), which leaves M without negative variances (W. K. Newey, K. D. West, 1987, doi:10.2307/1913610).
 
 A model with twice the elements says whether the model's own error matters beside these deviations.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.identification.correlated import middle
-from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown
 
 Array = NDArray[np.float64]
@@ -34,11 +37,13 @@ _ALIKE = 0.99
 times as wide as with the other known."""
 _TINY = 1e-300
 """In place of zero in a denominator."""
-_OF_MEDIAN = 0.37
-"""Degrees of freedom of the median of absolute residuals per residual [1]: its efficiency for normal noise (P. J.
-Rousseeuw, C. Croux, 1993, doi:10.1080/01621459.1993.10476408)."""
-_SERIES = 30
-"""Instants of a path from which the correlation is tested; its deviation, 1 / sqrt(instants), holds for long series."""
+_LAGS_BEYOND = 5
+"""Lags in a row whose correlation must be that of noise, where the correlation has ended [1] (D. N. Politis, 2003)."""
+_WINDOW = 3.0
+"""Length of the window per lag at which the correlation ends [1]: of 2, 3 and 4, the least whose 90 % intervals cover
+0.81 to 0.93 for residuals of five colors; Parzen's window is below a half from 0.36 of its length on."""
+_FREEDOM = 3.71
+"""Degrees of freedom of a variance by Parzen's window, per length of the series over that of the window [1]."""
 
 
 class Inference(NamedTuple):
@@ -203,16 +208,6 @@ def model_error_warnings(
     )
 
 
-def doubts(problem: Problem, solution: Solution, freedom: float) -> list[str]:
-    """Evidence against normal, independent residuals, on which the intervals rest, and against the model."""
-    weighted = (solution.predictions - problem.measured) / solution.sigma
-    return [
-        *(_outliers(problem, weighted) if freedom >= 5 else ()),
-        *_series(problem, weighted),
-        *_sets(problem, weighted),
-    ]
-
-
 def surely(freedom: float, chances: int = 1) -> float:
     """Student's t that noise exceeds, to either side, in one of so many chances with the probability of a verdict."""
     from scipy.special import stdtrit
@@ -220,59 +215,51 @@ def surely(freedom: float, chances: int = 1) -> float:
     return float(stdtrit(freedom, 1.0 - 0.5 * FALSE_ALARMS / chances))
 
 
-def _outliers(problem: Problem, weighted: Array) -> list[str]:
-    """Fitted entries far from what the rest says."""
-    sizes = np.abs(weighted[problem.fitted])
-    scale = 1.4826 * float(np.median(sizes))  # which outliers do not raise
-    limit = surely(_OF_MEDIAN * sizes.size, chances=sizes.size)
-    far = np.flatnonzero(problem.fitted & (np.abs(weighted) > limit * max(scale, 1e-300)))
-    if not far.size:
-        return []
-    first = problem.entries[int(far[np.argmax(np.abs(weighted[far]))])]
-    return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {first.label}"]
-
-
-def _sets(problem: Problem, weighted: Array) -> list[str]:
-    """Groups whose sets differ by more than their own scatter: repeats of one set are then not independent."""
-    from scipy.special import fdtri
-
-    found = []
-    which = np.repeat(np.arange(len(problem.blocks)), [len(block.entries) for block in problem.blocks])
-    # instants of a path are no repeats; `_series` judges them
-    still = np.array([not block.moves for block in problem.blocks])[which]
-    for group, entries in problem.groups.items():
-        members = problem.fitted & still & entries
-        sets = [weighted[members & (which == k)] for k in np.unique(which[members])]
-        sets = [one for one in sets if one.size > 2]
-        if len(sets) < 2:
+def last_lag(residuals: Array) -> int:
+    """Lag at which the autocorrelation of the columns of residuals (T, readings) has ended; 0 for noise."""
+    count = len(residuals)
+    limit, found = 2.0 * math.sqrt(math.log10(count) / count), 0
+    for column in residuals.T:
+        own = _autocovariance(column[:, None])[:, 0, 0]
+        if not own[0] > 0.0:
             continue
-        # one-way analysis of variance: Fisher's ratio
-        count = sum(one.size for one in sets)
-        mean = sum(float(one.sum()) for one in sets) / count
-        between = sum(one.size * (one.mean() - mean) ** 2 for one in sets) / (len(sets) - 1)
-        within = sum(float(np.sum((one - one.mean()) ** 2)) for one in sets) / (count - len(sets))
-        if between > within * float(fdtri(len(sets) - 1, count - len(sets), 1.0 - FALSE_ALARMS)):
-            found.append(
-                f"{group}: the sets differ by more than their repeats do (ratio of variances {between / within:.0f}): "
-                "repeats are not independent, and the intervals are too narrow; trust the hold-out error"
-            )
+        beyond = np.flatnonzero(np.abs(own) > limit * own[0])
+        # the first lag behind which so many are those of noise
+        ends = [int(k) for k, after in zip(beyond, [*beyond[1:], np.inf], strict=True) if after - k > _LAGS_BEYOND]
+        found = max(found, ends[0])
     return found
 
 
-def _series(problem: Problem, weighted: Array) -> list[str]:
-    """Paths whose residuals hang together: then they are the model's error rather than noise."""
-    found, paths = [], sum(block.moves for block in problem.blocks)
-    for block, part in zip(problem.blocks, problem.parts, strict=True):
-        own, count = weighted[part], sum(entry.at == block.entries[0].at for entry in block.entries)
-        if not block.moves or own.size < _SERIES * count:
-            continue
-        before, after = own[:-count] - own.mean(), own[count:] - own.mean()
-        # of each coordinate with itself one instant later
-        share = float(before @ after) / max(float(before @ before), 1e-300)
-        if share > surely(own.size, chances=paths) / np.sqrt(own.size):
-            found.append(
-                f"residuals of {block.name} hang together in time (correlation {share:.2f} from one instant to the "
-                "next): the model misses something, for which the intervals are wider, as if it were noise; more "
-                "elements show whether it is the family's own error"
-            )
-    return found
+def middle(jacobian: Array, residuals: Array) -> tuple[Array, float]:
+    """J^T G J (n, n) of one series, and its degrees of freedom.
+
+    ``residuals`` are (T, readings), ``jacobian`` (T, readings, n).
+    """
+    count, readings, n = jacobian.shape
+    last = last_lag(residuals)
+    if last == 0:
+        flat = jacobian.reshape(-1, n)
+        return float(np.mean(residuals**2)) * flat.T @ flat, float(residuals.size)
+    length = min(_WINDOW * last + 1.0, float(count))
+    tapered = _parzen(np.arange(count) / length)[:, None, None] * _autocovariance(residuals)
+    spectra = np.fft.rfft(jacobian, 2 * count, axis=0)
+    total = np.zeros((n, n))
+    for one in range(readings):
+        for other in range(readings):
+            # G e of the lags of both signs, by a circulant of twice the size
+            both = np.concatenate([tapered[:, one, other], [0.0], tapered[:0:-1, other, one]])
+            turned = np.fft.irfft(np.fft.rfft(both)[:, None] * spectra[:, other], 2 * count, axis=0)[:count]
+            total += jacobian[:, one].T @ turned
+    return 0.5 * (total + total.T), _FREEDOM * count / length
+
+
+def _autocovariance(residuals: Array) -> Array:
+    """Mean of r_i(t + lag) r_j(t), (lags, readings, readings), over T at all lags."""
+    count = len(residuals)
+    spectra = np.fft.rfft(residuals, 2 * count, axis=0)
+    return np.fft.irfft(spectra[:, :, None] * spectra[:, None].conj(), 2 * count, axis=0)[:count] / count
+
+
+def _parzen(x: Array) -> Array:
+    near, far = 1.0 - 6.0 * x**2 + 6.0 * x**3, 2.0 * np.maximum(1.0 - x, 0.0) ** 3
+    return np.where(x <= 0.5, near, far)

@@ -17,7 +17,7 @@ from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, signal
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.identification.blocks import DRAWN, Block, Drawn, Entry, drawn_backbones
-from continuum_grasp.identification.data import UNIT_OF, Reading, TipPath, column
+from continuum_grasp.identification.data import Reading, TipPath, column
 from continuum_grasp.identification.driven import Driven
 from continuum_grasp.identification.observation import check_tensions
 from continuum_grasp.identification.rows import Rows, Shapes
@@ -90,10 +90,8 @@ class PathBlock(Block):
 
     def _moved(self, values: Array) -> tuple[Array, Array, float]:
         """States with their derivatives (T, ...), the parameters with theirs, and the delay."""
-        driven, shared = self._driven, values[: self._count]
-        z, by_shared = self._rows.at(0, shared)
-        p, slope = z[len(z) - self._model.np :], np.zeros((self._model.np, len(values)))
-        slope[:, : self._count] = by_shared[len(z) - self._model.np :]
+        driven, slope = self._driven, np.zeros((self._model.np, len(values)))
+        p, slope[:, : self._count] = self._parameters(values[: self._count])
         delay = driven.delay(values)
         start = self._begin(driven, values, delay, p, slope)
         acting = np.concatenate([p, slope.ravel(order="F")])
@@ -121,11 +119,20 @@ class PathBlock(Block):
 
     def _read_start(self, measured: MeasuredStart, driven: Driven, shared: Array) -> tuple[Array, Array]:
         """The measured start (2 n,) and its derivative by the unknowns, for inputs as they are there."""
-        z, by_shared = self._rows.at(0, shared)
-        t, count = self._t[:1], measured.inputs
-        acting = np.concatenate([driven.signals.u(t)[0], driven.signals.w(t)[0], z[len(z) - driven.model.np :]])
+        acting, by_shared = self._acting(driven, shared)
         state, by_z = measured.at(acting)
-        return state, by_z[:, count:] @ by_shared[len(z) - driven.model.np :]
+        return state, by_z[:, measured.inputs :] @ by_shared
+
+    def _parameters(self, shared: Array) -> tuple[Array, Array]:
+        """Run-time parameters of the model (np,), and their derivatives by the shared unknowns."""
+        z, by_shared = self._rows.at(0, shared)
+        start = self._rows.model.nu + self._rows.model.nw
+        return z[start:], by_shared[start:]
+
+    def _acting(self, driven: Driven, shared: Array) -> tuple[Array, Array]:
+        """Inputs, forces and parameters (nz,) at the first sample; derivatives of the parameters."""
+        p, by_shared = self._parameters(shared)
+        return np.concatenate([driven.signals.u(self._t[:1])[0], driven.signals.w(self._t[:1])[0], p]), by_shared
 
     def _passed(self, driven: Driven, before: Sequence[Reading]) -> list[Array]:
         """Shapes before a measured start, by the parameters that the search begins with."""
@@ -133,9 +140,8 @@ class PathBlock(Block):
         if self._measured is None or not seen:
             return []
         rows = np.stack(seen, axis=1)
-        t, z = self._t[:1], self._rows.at(0, np.array([one.start for one in self._all[: self._count]]))[0]
-        acting = [driven.signals.u(t)[0], driven.signals.w(t)[0], z[len(z) - driven.model.np :]]
-        return self._measured.before(rows[np.isfinite(rows).all(axis=1)], np.concatenate(acting))
+        acting, _ = self._acting(driven, np.array([one.start for one in self._all[: self._count]]))
+        return self._measured.before(rows[np.isfinite(rows).all(axis=1)], acting)
 
     def _estimated_start(
         self, measured: MeasuredStart, driven: Driven, shared: Array, bends: tuple[float, float] | None
@@ -162,12 +168,9 @@ def _entries(readings: Sequence[Reading], t: Array, data: TipPath, length: float
     found = []
     for k, at in enumerate(t):
         for one in readings:
-            unit, what = UNIT_OF[one.quantity], one.what
             group = f"{one.kind} on paths" if one.sigma is None else f"{data.name}: {one.kind}"
-            value = float(np.asarray(one.values)[k])
-            place = None if one.of_drive else length if one.at is None else one.at
-            own = (value, data.fitted, one.sigma, float(at), what, one.quantity, place)
-            found.append(Entry(f"{what} at {at:g} s", group, unit, *own))
+            words = f"{one.what} at {at:g} s", group, one.what
+            found.append(Entry.of(one, k, float(at), words, data.fitted, length))
     return found
 
 

@@ -17,7 +17,6 @@ from continuum_grasp.control.log import COMMANDED
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.damped_sine import fit_damped_sine
 from continuum_grasp.identification.data import KIND_OF, UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
-from continuum_grasp.identification.table import Table, read_table
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import (
@@ -36,6 +35,7 @@ from continuum_grasp.scene.identify import (
 )
 from continuum_grasp.scene.loads import by_key
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.table import Table, read_table
 
 Array = NDArray[np.float64]
 
@@ -364,17 +364,13 @@ def _conditions(table: Table, conditions: Sequence[Condition], scene: Scene, key
 
 def unit_of_entry(name: str, scene: Scene, key: str) -> str:
     """Unit of an input, force or parameter of the model."""
-    # inputs are those of any model, so none is chosen by tolerance
-    plain = scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"tolerance": None})})
-    model = FingerModel(plain, input_rates=False)
-    units = dict(split_unit(label) for label in (*model.u_names, *model.w_names))
+    units = _entries_of(scene)
     if name not in units:
         try:
-            labels = FingerModel(plain, parameters=(name,), input_rates=False).p_names
+            units = _entries_of(scene, name)
         except InputError as error:
             message = f"no input or force {name!r} (this scene has {', '.join(units)}), and {error.message}"
             raise InputError(message, key=key) from None
-        units = dict(split_unit(label) for label in labels)
     if name not in units:
         raise InputError(f"{name} is several numbers: name one of {', '.join(units)}", key=key)
     return units[name]
@@ -443,11 +439,12 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
     return _read(one, table, plain_scene(scene), file.stem, "data")
 
 
-def _entries_of(scene: Scene) -> set[str]:
-    """Names of inputs and forces of the model."""
+def _entries_of(scene: Scene, *parameters: str) -> dict[str, str]:
+    """Units of the inputs and forces of the model by name, or of ``parameters`` of it."""
+    # inputs are those of any model, so none is chosen by tolerance
     plain = scene.model_copy(update={"fidelity": scene.fidelity.model_copy(update={"tolerance": None})})
-    model = FingerModel(plain, input_rates=False)
-    return {split_unit(label)[0] for label in (*model.u_names, *model.w_names)}
+    model = FingerModel(plain, parameters=parameters, input_rates=False)
+    return dict(split_unit(label) for label in (model.p_names if parameters else (*model.u_names, *model.w_names)))
 
 
 VARIABLE = "CONTINUUM_GRASP_DATA"

@@ -21,8 +21,9 @@ from continuum_grasp.model.chain import Chain, Load, Place
 from continuum_grasp.model.contacts import Contacts
 from continuum_grasp.model.family import Rod
 from continuum_grasp.model.laws.section import STATEFUL, Kind, SectionForces
+from continuum_grasp.model.laws.shortening import remaining_shares
 from continuum_grasp.model.layout import place_at
-from continuum_grasp.model.link import EndBody, Section
+from continuum_grasp.model.link import EndBody, Section, ShortenedLink
 from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
 from continuum_grasp.model.pattern import Pattern, one_link_serves, pattern_of
 from continuum_grasp.model.planar import IDENTITY, ZERO, Rotation, Scalar, Vec, column, matrix, solve_ldl
@@ -166,6 +167,10 @@ class Equations:
         family = self._family
         local = [family.local(k) for k in range(len(self.lengths))]
         *links, last = family.links(self.full, self.rod)
+        shares = remaining_shares(self._structure.finger, family, self._par, self._named)
+        if shares:
+            whole = zip([*links, last], shares, strict=True)
+            *links, last = [replace(one, link=ShortenedLink(one.link, share)) for one, share in whole]
         return Chain([*links, replace(last, body=self.tip_body)], local, family.size)
 
     @property
@@ -384,10 +389,14 @@ class Equations:
         return Acting(self._structure, at, self.drives, self._states, ca.vertsplit(self.u))
 
     def _instant(self, memory: Memory, rates: Sequence[Scalar]) -> Instant:
+        return Instant(self.lengths, self.full, rates, memory, self._named)
+
+    @property
+    def _named(self) -> dict[str, Scalar]:
+        """Inputs and states by name and unit."""
         # A tension that lags is a state of the same name as its command: what acts comes last.
         names = [*self._structure.u_names, *self._structure.x_names]
-        named = dict(zip(names, ca.vertsplit(ca.vertcat(self.u, self.x)), strict=False))
-        return Instant(self.lengths, self.full, rates, memory, named)
+        return dict(zip(names, ca.vertsplit(ca.vertcat(self.u, self.x)), strict=False))
 
     @cached_property
     def resting(self) -> Acting:

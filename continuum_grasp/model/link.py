@@ -12,6 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
 
@@ -90,6 +91,58 @@ class Link(ABC):
     @abstractmethod
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
         """Velocity-product terms of the link's rod."""
+
+
+class ShortenedLink(Link):
+    """A link that keeps a share of its length; it bends as before, and what lies along it comes nearer.
+
+    Its rotary inertia, some thousandths of the rest, is scaled as the squares of distances are.
+    """
+
+    def __init__(self, link: Link, share: Scalar) -> None:
+        self._link, self._share = link, share
+
+    def _of(self, section: Section) -> Section:
+        arms = tuple(arm.scaled(self._share) for arm in section.arms)
+        return replace(section, position=section.position.scaled(self._share), arms=arms)
+
+    @cached_property
+    def end(self) -> Section:
+        return self._of(self._link.end)
+
+    def section(self, fraction: Scalar) -> Section:
+        return self._of(self._link.section(fraction))
+
+    def bend(self, fraction: Scalar) -> Scalar:
+        return self._link.bend(fraction)
+
+    @property
+    def curvatures(self) -> list[Scalar]:
+        return self._link.curvatures
+
+    def section_bias(self, fraction: Scalar, omega: Scalar, rates: Sequence[Scalar]) -> Vec:
+        return self._link.section_bias(fraction, omega, rates).scaled(self._share)
+
+    @cached_property
+    def inertia(self) -> Inertia:
+        own, square = self._link.inertia, self._share * self._share
+        return Inertia(
+            mass=own.mass,
+            first=own.first.scaled(self._share),
+            second=square * own.second,
+            arms=tuple(arm.scaled(self._share) for arm in own.arms),
+            swing=tuple(square * swing for swing in own.swing),
+            matrix=tuple(tuple(square * entry for entry in row) for row in own.matrix),
+        )
+
+    def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
+        own, square = self._link.bias(omega, rates), self._share * self._share
+        return Bias(
+            end=own.end.scaled(self._share),
+            force=own.force.scaled(self._share),
+            moment=square * own.moment,
+            generalized=tuple(square * force for force in own.generalized),
+        )
 
 
 @dataclass(frozen=True)

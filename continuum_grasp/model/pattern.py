@@ -72,6 +72,8 @@ def one_link_serves(made: Structure) -> bool:
         len(made.lengths) >= FEWEST_ELEMENTS
         # Contact forces depend on the motion of all elements.
         and made.around is None
+        # The length of all elements depends on the input.
+        and made.finger.gyration_radius is None
         and not runtime("element_lengths")
         # A known moment that ends inside an element is a coordinate of that element alone.
         and len({len(made.family.local(k)) for k in range(len(made.lengths))}) == 1

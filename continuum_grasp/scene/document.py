@@ -190,3 +190,29 @@ def refuse_what_is_no_file(path: str | os.PathLike[str], name: str | None = None
         return
     what = "a folder" if given.is_dir() else "a pipe" if given.is_fifo() else "a device or socket"
     raise InputError(f"expected a file, got {what}", file=name or os.fspath(path))
+
+
+def text_of(path: str | os.PathLike[str], most: int, name: str | None = None) -> str:
+    """Text of a file in UTF-8 of at most so many bytes, without a byte order mark, as editors on Windows write it.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read, is longer, or not UTF-8; ``name`` is what errors call it in place of its path.
+    """
+    name = name or os.fspath(path)
+    refuse_what_is_no_file(path, name)
+    try:
+        with open(path, "rb") as stream:
+            data = stream.read(most + 1)  # its size is not asked first: it may grow meanwhile
+    except FileNotFoundError:
+        raise InputError("no such file", file=name) from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=name) from None
+    if len(data) > most:
+        raise InputError(f"the file is too large; expected at most {most} bytes", file=name)
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError("the file is not UTF-8 text", file=name, line=line) from None

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import Field
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.consumer import beside, excludes
+from continuum_grasp.scene.consumer import beside, excludes, needs
 from continuum_grasp.scene.damping import Damping
 from continuum_grasp.scene.drives import Input, LengthDrive, MotorDrive, Pull, numbered
 from continuum_grasp.scene.families import FAMILIES
@@ -26,6 +26,7 @@ from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Angle,
     Distance,
+    Length,
     Mass,
     NonNegative,
     Position,
@@ -110,6 +111,8 @@ class BasePose(Value):
         doubt_outside("base.angle", self.angle, -turn, turn, why)
 
 
+_NOT_COMMANDED = ("drive", "friction", "time_constant")
+_SHORTENED = "needs tensions as they are commanded, all along the tendons: leave drive, friction and time_constant out"
 _THICK = "needs rod.diameter, or a thickness of a graded rod"
 
 
@@ -120,6 +123,8 @@ class Finger(Value):
         excludes("finger", "stops.curvature", "rod.spirob", "is given already: its gaps close there", "finger"),
         beside("finger of no thickness", lambda f: not f.rod.own_thickness, "strain_limit", _THICK, "finger"),
         beside("finger of a bent rod", lambda f: f.rod.own_rest_curvature, "rest_curvature", "rod has it", "finger"),
+        needs("finger", "gyration_radius", "tendons", "needs tendons, whose tensions shorten the rod", "finger"),
+        *(excludes("finger", "gyration_radius", f"tendons.{key}", _SHORTENED, "finger") for key in _NOT_COMMANDED),
         *ALIKE,
     )
 
@@ -141,6 +146,10 @@ class Finger(Value):
     """Stops at which links of the finger touch; None: there are none."""
     softening: Softening | None = None
     """Softening of the material where it is bent far; None: the material is linear."""
+    gyration_radius: Annotated[Length | None, Field(examples=[0.0015, "1.5 mm"])] = None
+    """Radius of gyration of the rod's section at the base [m], by which the tensions of tendons shorten the rod: a
+    quarter of the diameter of a round section, 0.289 of the thickness of a rectangle; along the finger it goes with the
+    thickness. None: the rod keeps its length."""
     tendons: Tendons | TendonList | None = None
     """A pair of tendons at equal distances on both sides, or a list of single ones; None: none."""
     pressure: Chamber | ChamberList | None = None

@@ -48,6 +48,7 @@ _TURNS = 360
 
 _OF_FINGERS = {
     "softening": "grasps know a linear material alone: leave it out",
+    "gyration_radius": "grasps hold by a rod of constant length: leave it out",
     "stops": "grasps do not know what this does to the finger: leave it out",
     "pressure": "a grasp holds by tensions of tendons: leave it out",
     "tip_body": "grasps do not know what this does to the finger: leave it out",

@@ -243,7 +243,7 @@ class Estimate(Value):
     """youngs_modulus, bending_stiffness, linear_density, material_damping, per_arc_damping, quadratic_damping,
     rest_curvature, tip_mass, mass_0 (of masses[0]), tip_body_mass, _inertia, _along or _across, clamp_angle, base_x,
     base_y (added to angle and position of the base: a frame that is turned or shifted), softening_curvature,
-    softening_ratio, tendon_offset, tendon_friction, tendon_presliding, tendon_axial_stiffness,
+    softening_ratio, gyration_radius, tendon_offset, tendon_friction, tendon_presliding, tendon_axial_stiffness,
     tendon_series_stiffness, dry_friction_1_stiffness or _moment (of damping.dry_friction[0]), relaxation_1_share or
     _time (of damping.relaxation[0]), chamber_area, tension_deadband, drive_time_constant, drive_delay,
     drive_pretension, drive_slack, drive_inertia, drive_viscous_friction or drive_coulomb_friction."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 SECTION_LAWS = {
     "finger.stops": "stops",
     "finger.softening": "a material that softens",
+    "finger.gyration_radius": "tendons that shorten the rod",
     "finger.damping.quadratic": "quadratic damping",
     "finger.damping.dry_friction": "dry friction in bending",
     "finger.damping.relaxation": "a material that relaxes",
 }
-FIT_MATCHED_TIP = ("finger.damping.quadratic",)
+FIT_MATCHED_TIP = ("finger.damping.quadratic", "finger.gyration_radius")
 """Laws under which the moment of the input alone gives the curvature at the tip."""
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import Document, KeyPath, Place, refuse_what_is_no_file
+from continuum_grasp.scene.document import Document, KeyPath, Place, text_of
 
 MAX_BYTES = 2_000_000
 """600 times the largest shipped configuration; a list of that size takes 3 s to read."""
@@ -70,22 +70,7 @@ def read_yaml(path: str | Path, *, name: str | None = None) -> Document:
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"expected the path of a file, got {path!r:.60}")
     name = name or str(path)
-    refuse_what_is_no_file(path, name)
-    try:
-        with open(path, "rb") as stream:
-            data = stream.read(MAX_BYTES + 1)  # its size is not asked first: it may grow meanwhile
-    except FileNotFoundError:
-        raise InputError("no such file", file=name) from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read: {getattr(error, 'strerror', None) or error}", file=name) from None
-    if len(data) > MAX_BYTES:
-        raise InputError(f"the file is too large; expected at most {MAX_BYTES} bytes", file=name)
-    try:
-        text = data.decode("utf-8-sig")  # editors on Windows write a byte order mark
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise InputError("the file is not UTF-8 text", file=name, line=line) from None
-    return parse_yaml(text, name)
+    return parse_yaml(text_of(path, MAX_BYTES, name), name)
 
 
 def parse_yaml(text: str, name: str = "<text>") -> Document:

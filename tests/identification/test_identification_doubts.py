@@ -10,7 +10,8 @@ import scipy.stats
 from scipy.optimize import brentq
 
 from continuum_grasp.identification.blocks import Block, Entry
-from continuum_grasp.identification.inference import _outliers, _series, _sets, infer, model_error_warnings
+from continuum_grasp.identification.doubts import _outliers, _series, _sets
+from continuum_grasp.identification.inference import infer, model_error_warnings
 from continuum_grasp.identification.problem import Problem
 from continuum_grasp.identification.unknowns import Unknown
 

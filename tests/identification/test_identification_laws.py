@@ -11,7 +11,7 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.identification import Poses, Reading, TipPath
 from continuum_grasp.identification.blocks import PosesBlock
-from continuum_grasp.identification.laws import _of_law, _widths, doubts_of_laws
+from continuum_grasp.identification.doubts import _of_law, _widths, doubts_of_laws
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import read_unknowns

@@ -11,8 +11,7 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import Estimate, IdentifyScene, Poses, Reading, TipPath
 from continuum_grasp.identification.blocks import Block, Entry
-from continuum_grasp.identification.correlated import middle
-from continuum_grasp.identification.inference import infer
+from continuum_grasp.identification.inference import infer, middle
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem
 from continuum_grasp.identification.read import read_data

@@ -223,7 +223,7 @@ SQUARE = "0,0\n40,0\n40,40\n0,40\n"
 BAD = {
     "crossing": ("csv", "0,0\n40,40\n40,0\n0,40\n", {}, r"object.file: the curve must be .* at \(0.02, 0.02\) m"),
     "no curve": ("csv", "0,0\n40,40\n", {}, "object.file: no closed curve in it"),
-    "not two columns": ("csv", "0,0\n40,0,1\n", {}, "object.file: cannot be read: line 2 has no two numbers"),
+    "not two columns": ("csv", "0,0\n40,0,1\n", {}, "object.file: cannot be read: .*bad.csv:2: expected 2 cells"),
     "unit": ("csv", SQUARE, {"scale": 1.0}, r"object.scale: the outline would be 40 m long; in which unit"),
     "tolerance": ("csv", SQUARE, {"tolerance": 0.05}, "object.tolerance: 0.05 m leaves nothing"),
     "unknown form": ("stl", SQUARE, {}, "object.file: expected .svg, .dxf, .csv, .png, got bad.stl"),

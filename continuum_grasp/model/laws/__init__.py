@@ -1,13 +1,13 @@
-"""Laws of the moment that a section exerts beyond linear elasticity and damping: a file each, and a word here."""
+"""Laws of the sections beyond linear elasticity and damping: a file each, and a word here."""
 
 from __future__ import annotations
 
 from continuum_grasp.model.family import Family
-from continuum_grasp.model.laws import drag, dry_friction, limits, relaxation
+from continuum_grasp.model.laws import drag, dry_friction, limits, relaxation, shortening
 from continuum_grasp.model.laws.section import Number, Numbers, SectionLaw
 from continuum_grasp.scene.finger import Finger
 
-_LAWS = limits, drag, dry_friction, relaxation
+_LAWS = limits, drag, dry_friction, relaxation, shortening
 
 
 def laws_of(finger: Finger, family: Family, numbers: Numbers) -> tuple[SectionLaw, ...]:

@@ -140,11 +140,10 @@ def _from_dxf(shape: OutlineFile) -> tuple[float | None, list[Ring]]:
 
 
 def _from_csv(shape: OutlineFile) -> tuple[float | None, list[Ring]]:
-    rows = [line.replace(";", ",").split(",") for line in Path(shape.file).read_text().splitlines() if line.strip()]
-    named = bool(rows) and not _is_number(rows[0][0])
-    if bad := next((k for k, row in enumerate(rows[named:], 1 + named) if len(row) != 2), None):
-        raise ValueError(f"line {bad} has no two numbers, x and y")
-    points = _once([(float(x), float(y)) for x, y in rows[named:]])
+    from continuum_grasp.scene.table import read_table
+
+    table = read_table(shape.file, ("x", "y"))
+    points = _once(list(zip(table.numbers("x").tolist(), table.numbers("y").tolist(), strict=True)))
     return 1.0, [("", points)] if len(points) > 2 else []
 
 
@@ -179,11 +178,3 @@ def _once(points: list[Point]) -> list[Point]:
         if not found or math.dist(point, found[-1]) > _JOINED * size:
             found.append(point)
     return found[:-1] if len(found) > 1 and math.dist(found[0], found[-1]) <= _JOINED * size else found
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

@@ -1,4 +1,4 @@
-"""Measurements in CSV files, their units, and the place of everything that is wrong in them."""
+"""Tables in CSV files, their units, and the place of everything that is wrong in them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.document import refuse_what_is_no_file
+from continuum_grasp.scene.document import text_of
 from continuum_grasp.scene.units import factor_to_si
 
 Array = NDArray[np.float64]
@@ -133,7 +133,7 @@ class Table:
 
 
 @check_arguments
-def read_table(path: str | Path) -> Table:
+def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
     r"""Read a table: UTF-8, a line of headings; empty lines and lines that begin with # are skipped.
 
     Commas, semicolons or tabs separate columns; numbers have decimal points, or commas where these separate nothing.
@@ -142,6 +142,8 @@ def read_table(path: str | Path) -> Table:
     Parameters
     ----------
     path : path-like
+    names : sequence of str
+        Of the columns of a table that needs no line of headings; one that it has is skipped.
 
     Raises
     ------
@@ -158,27 +160,13 @@ def read_table(path: str | Path) -> Table:
     >>> table.headings, table.units, table.rows[0]
     (('t', 'x'), ('s', 'mm'), ('0.0', '1.5'))
     """
-    name = str(path)
-    refuse_what_is_no_file(path)
-    try:
-        data = Path(path).read_bytes()
-    except FileNotFoundError:
-        raise InputError("no such file", file=name) from None
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror}", file=name) from None
-    if len(data) > MAX_BYTES:
-        raise InputError(f"the file is too large; expected at most {MAX_BYTES} bytes", file=name)
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise InputError("the file is not UTF-8 text", file=name, line=line) from None
+    name, text = str(path), text_of(path, MAX_BYTES)
     numbered = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
-    if len(numbered) < 2:
+    if len(numbered) < (1 if names else 2):
         raise InputError("expected a line of headings and rows of numbers", file=name)
     lines, (separator, cells) = [line for _, line in numbered], _separated([line for _, line in numbered])
-    top, names = _headings(cells)
-    header_line, rows = numbered[top - 1][0], tuple(cells[top:])
+    top, names = (int(_number_in(cells[0][0]) is None), names) if names else _headings(cells)
+    header_line, rows = numbered[max(top - 1, 0)][0], tuple(cells[top:])
     if not rows:
         raise InputError("expected rows of numbers below the headings", file=name, line=header_line)
     parts = [_HEADING.fullmatch(cell) for cell in names]

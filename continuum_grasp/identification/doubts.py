@@ -1,9 +1,11 @@
-"""Whether residuals have the structure that a wrong law of material or damping leaves, or a slip in the data.
+"""Evidence against normal, independent residuals, on which intervals rest, and against the laws of the model.
 
-One Gauss-Newton step is taken towards a model with further parameters (a score test; C. R. Rao, 1948), so that all
-samples count by their noise: quadratic damping of motions, a stiffness that depends on the bend, a friction with memory
-by which shapes at rest depend on the direction of loading, rows that are late, an origin that is elsewhere. What is
-surest is named, and others of its kind, law or data, are tested beside it.
+Outliers, residuals that hang together, and sets that differ are found by tests of their own. For what a wrong law of
+material or damping leaves, or a slip in the data, one Gauss-Newton step is taken towards a model with further
+parameters (a score test; C. R. Rao, 1948), so that all samples count by their noise: quadratic damping of motions, a
+stiffness that depends on the bend, a friction with memory by which shapes at rest depend on the direction of loading,
+rows that are late, an origin that is elsewhere. What is surest is named, and others of its kind, law or data, are
+tested beside it.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.data import KIND_OF
-from continuum_grasp.identification.inference import infer, surely
+from continuum_grasp.identification.inference import FALSE_ALARMS, infer, surely
 from continuum_grasp.identification.problem import Build, Given, Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 
@@ -29,12 +31,86 @@ _LEAST = 4
 _MATTERS = 1e-3
 """Least change of the predictions by a further law, per scatter of the readings about their means [1]: a tenth of what
 models of real fingers are off, and ten times what two integrators differ by."""
+_OF_MEDIAN = 0.37
+"""Degrees of freedom of the median of absolute residuals per residual [1]: its efficiency for normal noise (P. J.
+Rousseeuw, C. Croux, 1993, doi:10.1080/01621459.1993.10476408)."""
+_SERIES = 30
+"""Instants of a path from which the correlation is tested; its deviation, 1 / sqrt(instants), holds for long series."""
 _WIDTH = "width"
 """Target of half the width of a loop of one reading."""
 _LATE, _BEFORE, _ORIGIN = "late", "before", "origin"
 """Targets of times by which rows of motions are late, in samples; of readings of another row; of what positions are
 off along an axis [m]."""
 _SLIPS = (_LATE, _BEFORE, _ORIGIN)
+
+
+def doubts(problem: Problem, solution: Solution, freedom: float, given: Given, build: Build) -> list[str]:
+    """Evidence against normal, independent residuals, on which the intervals rest, and against the model."""
+    weighted = (solution.predictions - problem.measured) / solution.sigma
+    return [
+        *(_outliers(problem, weighted) if freedom >= 5 else ()),
+        *_series(problem, weighted),
+        *_sets(problem, weighted),
+        *doubts_of_laws(problem, solution, given, build),
+    ]
+
+
+def _outliers(problem: Problem, weighted: Array) -> list[str]:
+    """Fitted entries far from what the rest says."""
+    sizes = np.abs(weighted[problem.fitted])
+    scale = 1.4826 * float(np.median(sizes))  # which outliers do not raise
+    limit = surely(_OF_MEDIAN * sizes.size, chances=sizes.size)
+    far = np.flatnonzero(problem.fitted & (np.abs(weighted) > limit * max(scale, 1e-300)))
+    if not far.size:
+        return []
+    first = problem.entries[int(far[np.argmax(np.abs(weighted[far]))])]
+    return [f"{far.size} of {int(problem.fitted.sum())} residuals beyond {limit:.2g} deviations, worst: {first.label}"]
+
+
+def _sets(problem: Problem, weighted: Array) -> list[str]:
+    """Groups whose sets differ by more than their own scatter: repeats of one set are then not independent."""
+    from scipy.special import fdtri
+
+    found = []
+    which = np.repeat(np.arange(len(problem.blocks)), [len(block.entries) for block in problem.blocks])
+    # instants of a path are no repeats; `_series` judges them
+    still = np.array([not block.moves for block in problem.blocks])[which]
+    for group, entries in problem.groups.items():
+        members = problem.fitted & still & entries
+        sets = [weighted[members & (which == k)] for k in np.unique(which[members])]
+        sets = [one for one in sets if one.size > 2]
+        if len(sets) < 2:
+            continue
+        # one-way analysis of variance: Fisher's ratio
+        count = sum(one.size for one in sets)
+        mean = sum(float(one.sum()) for one in sets) / count
+        between = sum(one.size * (one.mean() - mean) ** 2 for one in sets) / (len(sets) - 1)
+        within = sum(float(np.sum((one - one.mean()) ** 2)) for one in sets) / (count - len(sets))
+        if between > within * float(fdtri(len(sets) - 1, count - len(sets), 1.0 - FALSE_ALARMS)):
+            found.append(
+                f"{group}: the sets differ by more than their repeats do (ratio of variances {between / within:.0f}): "
+                "repeats are not independent, and the intervals are too narrow; trust the hold-out error"
+            )
+    return found
+
+
+def _series(problem: Problem, weighted: Array) -> list[str]:
+    """Paths whose residuals hang together: then they are the model's error rather than noise."""
+    found, paths = [], sum(block.moves for block in problem.blocks)
+    for block, part in zip(problem.blocks, problem.parts, strict=True):
+        own, count = weighted[part], sum(entry.at == block.entries[0].at for entry in block.entries)
+        if not block.moves or own.size < _SERIES * count:
+            continue
+        before, after = own[:-count] - own.mean(), own[count:] - own.mean()
+        # of each coordinate with itself one instant later
+        share = float(before @ after) / max(float(before @ before), 1e-300)
+        if share > surely(own.size, chances=paths) / np.sqrt(own.size):
+            found.append(
+                f"residuals of {block.name} hang together in time (correlation {share:.2f} from one instant to the "
+                "next): the model misses something, for which the intervals are wider, as if it were noise; more "
+                "elements show whether it is the family's own error"
+            )
+    return found
 
 
 def doubts_of_laws(problem: Problem, solution: Solution, given: Given, build: Build) -> list[str]:
@@ -47,7 +123,7 @@ def doubts_of_laws(problem: Problem, solution: Solution, given: Given, build: Bu
     further += _widths(problem, solution.predictions)
     further += _late(problem, solution.predictions)
     further += _origins(problem)
-    readings = [own for *_, own in _series(problem)]
+    readings = [own for *_, own in _readings(problem)]
     about = [(problem.measured[own] - problem.measured[own].mean()) / solution.sigma[own] for own in readings]
     least, named = _MATTERS * float(np.linalg.norm(np.concatenate([*about, [0.0]]))), list[Further]()
     doubts = list[str]()
@@ -140,7 +216,7 @@ def _law(what: str, problem: Problem) -> str:
     return f"the law of {what} with {' and '.join(has)}" if has else f"a linear law of {what}"
 
 
-def _series(problem: Problem) -> list[tuple[int, str, NDArray[np.intp]]]:
+def _readings(problem: Problem) -> list[tuple[int, str, NDArray[np.intp]]]:
     """Number of the set, name, and fitted entries (R,) of each reading of the shape."""
     found: dict[tuple[int, str], list[int]] = {}
     for k, (block, part) in enumerate(zip(problem.blocks, problem.parts, strict=True)):
@@ -153,7 +229,7 @@ def _series(problem: Problem) -> list[tuple[int, str, NDArray[np.intp]]]:
 def _widths(problem: Problem, predictions: Array) -> list[Further]:
     """Half the width of a loop of each reading that was loaded and unloaded at rest."""
     found = []
-    for k, name, rows in _series(problem):
+    for k, name, rows in _readings(problem):
         if problem.blocks[k].moves or len(rows) < 2 * _LEAST:
             continue
         way, slope = np.sign(np.gradient(predictions[rows])), np.zeros(len(predictions))
@@ -199,7 +275,7 @@ def _of_law(name: str, problem: Problem, solution: Solution, given: Given, build
     """A parameter of a law, and the derivative (m,) of shapes by it, where the law has no effect yet."""
     slope, count, unknown = np.zeros(len(problem.measured)), len(problem.sought), list[Unknown]()
     values, ranges = problem.by_block(solution.values), dict[int, list[float]]()
-    for k, _, rows in _series(problem):
+    for k, _, rows in _readings(problem):
         if problem.blocks[k].moves or name == "softening_ratio":
             per = given[k][1].finger.rod.length if problem.entries[rows[0]].unit == "m" else 1.0
             ranges.setdefault(k, []).append(float(np.ptp(problem.measured[rows])) / per)
