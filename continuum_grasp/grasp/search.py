@@ -162,11 +162,11 @@ class Search:
             self._from(held, HELD_STILL)
         self._modes = len(modes)
         unscanned = [mode for mode in modes if not self._from_basins(mode)]
-        self._sampled = len(unscanned)
+        # Postures of a scan, which bend linearly, may miss those that more elements hold with.
+        missed = self.best is None and not self._tells
+        self._sampled = len(modes if missed else unscanned)
         if not self.proven:
-            # Postures of a scan, which bend linearly, may miss those that more elements hold with.
-            every = self._effort.always_rough or (self.best is None and not self._tells)
-            self._from_rough(modes if every else unscanned)
+            self._from_rough(modes if missed or self._effort.always_rough else unscanned)
             self._exchange()
 
     def _exchange(self) -> None:
