@@ -246,7 +246,7 @@ _SPELLED: dict[str, dict[str, Any]] = {
         ),
     },
 }
-"""What the standard calls the same things, by its version, and whether it counts values beside variables."""
+"""Names of the standard by its version, and whether it counts values beside variables."""
 _NO_TOKEN = "{00000000-0000-0000-0000-000000000000}"
 
 
