@@ -94,10 +94,12 @@ def _targets(paths: Sequence[Path]) -> list[tuple[Path, FingerScene]]:
     from continuum_grasp.scene.load import load
     from continuum_grasp.scene.simulate import FingerScene
 
-    found = [(path, load(path)) for path in paths]
-    for path, target in found:
+    found: list[tuple[Path, FingerScene]] = []
+    for path in paths:
+        target = load(path)
         if not isinstance(target, FingerScene):
             raise InputError("estimates go into scenes of one finger", file=str(path))
+        found.append((path, target))
     return found
 
 
