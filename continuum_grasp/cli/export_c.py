@@ -18,6 +18,16 @@ Ranges = Annotated[
     list[str] | None,
     typer.Option("--range", metavar="NAME=LEAST:MOST", help="Range of a run-time parameter; repeatable."),
 ]
+What = Annotated[
+    str | None,
+    typer.Option(
+        "--what",
+        metavar="PART,...",
+        help="Some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, contact, "
+        "metadata; of a closed loop also estimator and mpc, of a mission mpc and mission (default: of loops and "
+        "missions those two, else dynamics, step, kinematics and statics).",
+    ),
+]
 Substeps = Annotated[
     int | None,
     typer.Option("--substeps", metavar="N", help="Runge-Kutta steps within one (default: as stability asks for)."),
@@ -33,16 +43,7 @@ def export_c(
     real: Annotated[
         str | None, typer.Option("--real", metavar="float|double", help="What to compute in (default: the target's).")
     ] = None,
-    what: Annotated[
-        str | None,
-        typer.Option(
-            "--what",
-            metavar="PART,...",
-            help="Some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, "
-            "contact, metadata; of a closed loop also estimator and mpc, of a mission mpc and mission (default: of "
-            "loops and missions those two, else dynamics, step, kinematics and statics).",
-        ),
-    ] = None,
+    what: What = None,
     prefix: Annotated[str, typer.Option("--prefix", metavar="NAME", help="Of all names in C.")] = "finger",
     target: Annotated[
         str, typer.Option("--target", metavar="NAME", help="host, cortex-m4f, cortex-m7 or wasm.")
