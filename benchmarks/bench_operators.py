@@ -17,7 +17,7 @@ from benchmarks.harness import race, ratios
 from benchmarks.machine import one_core
 from benchmarks.report import Report, Table
 from continuum_grasp.model import FingerModel
-from continuum_grasp.operators.steps import held_step
+from continuum_grasp.operators.derivatives import held_step
 
 BATCHES = (1, 64, 4096)
 STEPS, STEP = 16, 1e-4

@@ -194,8 +194,7 @@ MOMENTS = {
     "model": ("casadi.jacobian", 1, ["modes", RELEASE]),
     "compiler": ("subprocess.run", 1, ["simulate", RELEASE]),
     "code": ("continuum_grasp.core.core.rollout_source", 1, ["simulate", RELEASE]),
-    "generated": ("continuum_grasp.export.casadi_source.generated_c", 1, ["export-c", RELEASE, "--casadi", "tip"]),
-    "written": ("os.fsync", 2, ["export-c", RELEASE, "--casadi", "tip"]),
+    "written": ("os.fsync", 2, ["export-c", RELEASE, "--what", "kinematics"]),
     "schemas": ("os.replace", 3, ["schema"]),
     "package": ("continuum_grasp.export.package.write_package", 1, ["export-c", RELEASE, "--what", "kinematics"]),
 }

@@ -4,11 +4,6 @@ from __future__ import annotations
 
 from continuum_grasp.scene.consumer import Consumer
 
-_OF_PACKAGES = "--real --what --range --step --substeps --error --target --sections --measure --finger"
-PLAIN_FUNCTIONS = Consumer(
-    "export-c --casadi",
-    dict.fromkeys(_OF_PACKAGES.split(), "cannot be combined with --casadi: plain functions have none of these"),
-)
 LOOPS = Consumer("mpc of a closed loop", {"--trials": "is for missions"})
 MISSIONS = Consumer("mpc of a mission", {"--compare": "is not for missions"})
 TRIALS = Consumer("mpc --trials", {"--animate": "is for one mission, not for --trials"})

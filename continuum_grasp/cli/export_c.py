@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,9 +11,22 @@ from continuum_grasp.cli.options import listed, out_option, simulation_scene, ve
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
+if TYPE_CHECKING:
+    from continuum_grasp.export import Package
+
 Ranges = Annotated[
     list[str] | None,
     typer.Option("--range", metavar="NAME=LEAST:MOST", help="Range of a run-time parameter; repeatable."),
+]
+What = Annotated[
+    str | None,
+    typer.Option(
+        "--what",
+        metavar="PART,...",
+        help="Some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, contact, "
+        "metadata; of a closed loop also estimator and mpc, of a mission mpc and mission (default: of loops and "
+        "missions those two, else dynamics, step, kinematics and statics).",
+    ),
 ]
 Substeps = Annotated[
     int | None,
@@ -30,16 +43,7 @@ def export_c(
     real: Annotated[
         str | None, typer.Option("--real", metavar="float|double", help="What to compute in (default: the target's).")
     ] = None,
-    what: Annotated[
-        str | None,
-        typer.Option(
-            "--what",
-            metavar="PART,...",
-            help="Some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, "
-            "contact, metadata; of a closed loop also estimator and mpc, of a mission mpc and mission (default: of "
-            "loops and missions those two, else dynamics, step, kinematics and statics).",
-        ),
-    ] = None,
+    what: What = None,
     prefix: Annotated[str, typer.Option("--prefix", metavar="NAME", help="Of all names in C.")] = "finger",
     target: Annotated[
         str, typer.Option("--target", metavar="NAME", help="host, cortex-m4f, cortex-m7 or wasm.")
@@ -61,54 +65,25 @@ def export_c(
     finger: Annotated[
         str | None, typer.Option("--finger", metavar="NAME", help="Finger of a mission of several: one package each.")
     ] = None,
-    casadi: Annotated[
-        str | None,
-        typer.Option(
-            "--casadi",
-            metavar="NAME,...",
-            help="Instead of a package: these functions of the model (or 'all') as plain C with CasADi's interface.",
-        ),
-    ] = None,
+    casadi: Annotated[str | None, typer.Option("--casadi", hidden=True)] = None,
 ) -> None:
     """Write a finger, its estimator or controller as a C package: for a microcontroller, a host, or a browser."""
-    given = {"--real": real, "--what": what, "--range": ranges, "--step": step, "--substeps": substeps}
-    given |= {
-        "--error": error,
-        "--target": target != "host",
-        "--sections": sections != 25,
-        "--measure": measure,
-        "--finger": finger,
-    }
-    from continuum_grasp.cli.alone import PLAIN_FUNCTIONS
-
     if casadi is not None:
-        PLAIN_FUNCTIONS.check(None, of={option: bool(value) for option, value in given.items()})
+        raise InputError("--casadi is gone: functions of models are CasADi's; in Python, model.tip.generate('tip.c')")
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.load import load
     from continuum_grasp.scene.mission import MissionScene
 
     loaded = load(output.config, output.changes or ())
-    folder = output.folder
     output.check_folder()
-    alone = (ControlScene,) if casadi is not None else (ControlScene, MissionScene)
-    scene = loaded if isinstance(loaded, alone) else simulation_scene(output)[0]
+    scene = loaded if isinstance(loaded, (ControlScene, MissionScene)) else simulation_scene(output)[0]
 
-    if casadi is not None:
-        from continuum_grasp.export import export_casadi
-
-        with output.busy("generating"):
-            functions = None if casadi == "all" else listed(casadi)
-            package = export_casadi(scene, folder, functions=functions, prefix=prefix)
-        for file in package.files:
-            output.say(str(folder / file))
-        output.result(folder=folder, files=package.files, manifest=package.manifest)
-        return
     from continuum_grasp.export import export_c as write
 
     with output.busy("writing the package"):
         package = write(
             scene,
-            folder,
+            output.folder,
             real=real,
             what=listed(what),
             prefix=prefix,
@@ -121,11 +96,16 @@ def export_c(
             measured=measure,
             finger=finger,
         )
+    _report(package, output)
+
+
+def _report(package: Package, output: Output) -> None:
+    """Print where a package is, its limits and errors, and what an emulated target counted."""
     made = package.manifest
     errors = [f["relative_error"] for f in made["functions"].values() if "relative_error" in f]
     output.pairs(
         {
-            "package": f"{folder} ({len(package.files)} files; start with README.md)",
+            "package": f"{package.folder} ({len(package.files)} files; start with README.md)",
             "computes in": made["real"],
             "configuration": made["configuration_hash"],
             **_limits(made),
@@ -135,7 +115,7 @@ def export_c(
     )
     for name, found in ((made["measured"] or {}).get("functions", {})).items():
         output.say(f"{name}: {found['most_instructions']} instructions, {found['stack_bytes']} bytes of stack at most")
-    output.result(folder=folder, files=package.files, manifest=made)
+    output.result(folder=package.folder, files=package.files, manifest=made)
 
 
 def _limits(made: Mapping[str, Any]) -> dict[str, str]:

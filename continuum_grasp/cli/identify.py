@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +15,7 @@ from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
+    from continuum_grasp.identification.fit import Fit
     from continuum_grasp.scene.identify import IdentifyScene
     from continuum_grasp.scene.simulate import FingerScene
 
@@ -55,7 +57,6 @@ def identify(
     from continuum_grasp.cli.alone import EXCITATION
     from continuum_grasp.scene.identify import IdentifyScene
     from continuum_grasp.scene.load import load
-    from continuum_grasp.scene.simulate import FingerScene
 
     scene = load(output.config, output.changes or ())
     if not isinstance(scene, IdentifyScene):
@@ -67,12 +68,7 @@ def identify(
     elif not scene.estimate:
         compared(scene, data, replace(output, verb="compare"))
         return
-    targets: list[tuple[Path, FingerScene]] = []
-    for path in apply or ():
-        target = load(path)
-        if not isinstance(target, FingerScene):
-            raise InputError("estimates go into scenes of one finger", file=str(path))
-        targets.append((path, target))
+    targets = _targets(apply or ())
     if excitation:
         _design(scene, replace(output, verb="excitation"))
         return
@@ -87,6 +83,28 @@ def identify(
     applied = [(path, fit.apply(target)) for path, target in targets if fit.usable]
     files = output.save(fit)
     files += [_written(changed, output.folder, path) for path, changed in applied]
+    _report(fit, files, output)
+    if fit.reason:
+        output.warn([fit.verdict])
+        raise typer.Exit(_FAILED)
+
+
+def _targets(paths: Sequence[Path]) -> list[tuple[Path, FingerScene]]:
+    """Configurations into which estimates go."""
+    from continuum_grasp.scene.load import load
+    from continuum_grasp.scene.simulate import FingerScene
+
+    found: list[tuple[Path, FingerScene]] = []
+    for path in paths:
+        target = load(path)
+        if not isinstance(target, FingerScene):
+            raise InputError("estimates go into scenes of one finger", file=str(path))
+        found.append((path, target))
+    return found
+
+
+def _report(fit: Fit, files: Sequence[Path], output: Output) -> None:
+    """Print estimates with their intervals, those of single sets, and the errors of each channel."""
     if "fidelity" in fit.statistics:
         output.say(f"fidelity: {fit.statistics['fidelity']}")
     output.warn(fit.warnings)
@@ -108,9 +126,6 @@ def identify(
     output.pairs(output.saved_in(files))
     singular = " ".join(f"{value:.3g}" for value in fit.singular_values)
     output.conclude(fit, files, {"singular values": singular}, **fit.summary())
-    if fit.reason:
-        output.warn([fit.verdict])
-        raise typer.Exit(_FAILED)
 
 
 def _written(scene: FingerScene, folder: Path, config: Path) -> Path:

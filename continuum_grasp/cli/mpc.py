@@ -14,6 +14,7 @@ from continuum_grasp.errors import InputError, Interrupted
 if TYPE_CHECKING:
     from continuum_grasp.closed_loop.result import ControlRun
     from continuum_grasp.grasp.result import GraspResult
+    from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.mission import MissionScene
 
 _FAILED = 1
@@ -69,7 +70,11 @@ def mpc(
             _try_out(scene, jobs, output)
         return
     LOOPS.check(scene, of={"--trials": trials is not None})
+    _control(scene, compare, output)
 
+
+def _control(scene: ControlScene, compare: bool, output: Output) -> None:
+    """Run a closed loop: saves it, prints how well it went, draws it; exit status 1 if it ended badly."""
     from continuum_grasp.closed_loop.run import run_closed_loop
 
     with output.computing("controlling") as report:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from continuum_grasp.cli.options import out_option, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
+
+if TYPE_CHECKING:
+    from continuum_grasp.sweeps import SweepTable
 
 _OUT = out_option("Folder of the sweep (default: runs/sweep/NAME-OF-CONFIG); one that was stopped goes on.")
 _PICTURES = typer.Option("--pictures/--no-pictures", help="Draw maps and Pareto pictures.")
@@ -62,10 +65,15 @@ def sweep(
                 progress=lambda now: report(now.done / max(now.total, 1), now.text),
                 overrides=output.changes or [],
             )
+    _report(table, output, drawn=output.pictures or plot_only)
+
+
+def _report(table: SweepTable, output: Output, *, drawn: bool) -> None:
+    """Draw a table where that is wanted, and print what it holds."""
     files: list[Path] = []
-    if output.pictures or plot_only:
+    if drawn:
         with output.drawing():
-            files = table.save_pictures(folder)
+            files = table.save_pictures(table.folder)
     statistics = dict(table.statistics)
     output.warn(statistics.pop("notes", ()))
     if len(table) and not table.solved.any():

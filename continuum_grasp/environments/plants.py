@@ -28,8 +28,8 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.sweep import Sweep
 from continuum_grasp.scene.value import doubt
 from continuum_grasp.simulation.signals import Signals
-from continuum_grasp.sweeps.plan import Plan, plan_of
-from continuum_grasp.sweeps.worker import scene_data
+from continuum_grasp.sweeps.plan import Plan, Point, plan_of
+from continuum_grasp.sweeps.worker import scene_data, scene_of_data
 
 Array = NDArray[np.float64]
 
@@ -97,18 +97,12 @@ def scenes_of(
     return scenes, plan.keys, tuple(point.labels for point in points)
 
 
-def _scene(plan: Plan, point: Any) -> ControlScene:
-    from pydantic import ValidationError
-
-    from continuum_grasp.scene.problems import explain
-
-    data = scene_data(plan.variation.base, plan.paths, point)
+def _scene(plan: Plan, point: Point) -> ControlScene:
     try:
-        return ControlScene.model_validate(data)
-    except ValidationError as error:
+        return scene_of_data(ControlScene, scene_data(plan.variation.base, plan.paths, point))
+    except InputError as error:
         drawn = ", ".join(f"{key} = {value}" for key, value in zip(plan.keys, point.labels, strict=True))
-        texts = "; ".join(problem.message for problem in explain(error, ControlScene, data))
-        raise InputError(f"scene {point.index} ({drawn}): {texts}") from None
+        raise InputError(f"scene {point.index} ({drawn}): {error}") from None
 
 
 _LANES = Consumer(

@@ -1,6 +1,5 @@
 """The functions of a finger as C for use where there is no Python and no CasADi; for MuJoCo, FMI and browsers."""
 
-from continuum_grasp.export.casadi_source import export_casadi
 from continuum_grasp.export.fmu.write import FunctionalMockupUnit, export_fmu
 from continuum_grasp.export.mjcf.write import HingeChain, export_mjcf
 from continuum_grasp.export.package import Package, export_c
@@ -12,8 +11,15 @@ __all__ = [
     "Package",
     "Page",
     "export_c",
-    "export_casadi",
     "export_fmu",
     "export_mjcf",
     "export_web",
 ]
+
+
+def __getattr__(name: str) -> None:
+    if name == "export_casadi":
+        raise AttributeError(
+            "export_casadi is gone: functions of models are CasADi's; write model.tip.generate('tip.c')"
+        )
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

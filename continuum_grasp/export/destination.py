@@ -40,9 +40,9 @@ def check_file(file: Path, is_own: Callable[[Path], bool] = is_marked) -> None:
         raise InputError("no export wrote this file: move it away, or take another name", file=str(file))
 
 
-def check_package(folder: Path, kind: str = "export-c") -> None:
+def check_package(folder: Path) -> None:
     """Refuse a folder that cannot be written, or that holds a run of another verb."""
     check_folder(folder)
     held = kind_of_run(folder)
-    if held not in (None, kind):
+    if held not in (None, "export-c"):
         raise InputError(f"the folder holds a run of {held}: take another one, or remove it", file=str(folder))

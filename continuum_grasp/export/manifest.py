@@ -63,25 +63,7 @@ def manifest(
         "nominal_parameters": {}
         if model is None
         else dict(zip(map(name_of, subject.moving.p_names), map(float, subject.moving.p_nominal), strict=True)),
-        "functions": {
-            call.name: {
-                "inputs": [a.name if a.is_struct else entry(a.fields[0]) for a in call.inputs],
-                "output": call.output.name,
-                "test_cases": vectors.get(call.name, 0),
-                **_errors(errors.get(call.name, ()), "bound"),
-            }
-            for call in contents.calls
-        }
-        | {
-            function.name: {
-                "inputs": list(function.inputs),
-                "output": function.output,
-                "test_cases": vectors[function.name],
-                **_errors(errors.get(function.name, ()), "greatest_seen"),
-                "memory_bytes": {name: int(words[f"{name}_bytes"]) for name in function.types},
-            }
-            for function in contents.stateful
-        },
+        "functions": _functions(contents, errors, vectors),
         "codes": {code.name: {"value": int(code), "text": code.text} for code in contents.codes},
         "operations": {kernel.name: dict(sorted(kernel.operations.items())) for kernel in contents.kernels},
         "stability": None
@@ -93,21 +75,52 @@ def manifest(
             "longest_step_s": subject.longest_step,
             "accurate_step_s": subject.accurate_step,
         },
-        "steps": {
-            call.name: {
-                "shortest_s": a.fields[0].low,
-                "longest_s": a.fields[0].high,
-                **({"accurate_s": subject.accurate_step} if call.name == "step" else {}),
-                "substeps": subject.substeps if call.name == "step" else subject.count or 1,
-            }
-            for call in contents.calls
-            for a in call.inputs
-            if a.code is Code.ERR_STEP
-        },
+        "steps": _steps(contents),
         "loop": None if subject.loop is None else _loop_description(subject.loop, subject.real),
         "measured": measured,
         "configuration": configuration,
         "sha256": {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(files.items())},
+    }
+
+
+def _functions(
+    contents: Contents, errors: Mapping[str, tuple[OutputError, ...]], vectors: Mapping[str, int]
+) -> dict[str, Any]:
+    """Inputs, output, test cases and rounding errors by function, and of those that keep something their memory."""
+    of_model = {
+        call.name: {
+            "inputs": [a.name if a.is_struct else entry(a.fields[0]) for a in call.inputs],
+            "output": call.output.name,
+            "test_cases": vectors.get(call.name, 0),
+            **_errors(errors.get(call.name, ()), "bound"),
+        }
+        for call in contents.calls
+    }
+    return of_model | {
+        function.name: {
+            "inputs": list(function.inputs),
+            "output": function.output,
+            "test_cases": vectors[function.name],
+            **_errors(errors.get(function.name, ()), "greatest_seen"),
+            "memory_bytes": {name: int(contents.words[f"{name}_bytes"]) for name in function.types},
+        }
+        for function in contents.stateful
+    }
+
+
+def _steps(contents: Contents) -> dict[str, Any]:
+    """Range of the steps of each function that takes any, and sub-steps within one."""
+    subject = contents.subject
+    return {
+        call.name: {
+            "shortest_s": a.fields[0].low,
+            "longest_s": a.fields[0].high,
+            **({"accurate_s": subject.accurate_step} if call.name == "step" else {}),
+            "substeps": subject.substeps if call.name == "step" else subject.count or 1,
+        }
+        for call in contents.calls
+        for a in call.inputs
+        if a.code is Code.ERR_STEP
     }
 
 

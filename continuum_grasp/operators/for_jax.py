@@ -12,7 +12,7 @@ import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.operators.derivatives import Operator
-from continuum_grasp.operators.operators import Array, Operators, not_an_array
+from continuum_grasp.operators.operators import Array, Operators, not_an_array, toolkit
 
 
 class JaxOperators(Operators):
@@ -63,7 +63,7 @@ class JaxOperators(Operators):
 
     def __init__(self, model: Any, *, nonfinite: Any = "raise", compiled: bool = True) -> None:
         super().__init__(model, nonfinite=nonfinite, compiled=compiled)
-        self._jax = _jax()
+        self._jax = toolkit("jax", "JAX")
 
     def _arrays(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], Callable[[Array], Any]]:
         jnp = self._jax.numpy
@@ -86,11 +86,15 @@ class JaxOperators(Operators):
         return list(_primitive().bind(*arrays, operator=operator))
 
 
-def _jax() -> Any:
-    try:
-        return import_module("jax")
-    except ImportError as error:
-        raise InputError("JAX is not installed: expected what `pip install 'continuum-grasp[jax]'` installs") from error
+def _on_host(operator: Operator, kind: Any, *arrays: Any) -> list[Any]:
+    """Outputs on the host, computed in double precision, of the type of the arrays."""
+    found = operator([np.asarray(array, dtype=float) for array in arrays])
+    return [value.astype(kind, copy=False) for value in found]
+
+
+def _shapes(operator: Operator, arrays: Any) -> list[tuple[int, ...]]:
+    """Shapes of the outputs of arrays."""
+    return operator.shapes([array.shape for array in arrays])
 
 
 @cache
@@ -99,29 +103,22 @@ def _primitive() -> Any:
 
     ``custom_vjp`` would know one direction only, and of ``custom_jvp`` JAX cannot transpose what is called back.
     """
-    jax = _jax()
+    jax = toolkit("jax", "JAX")
     jnp = jax.numpy
     ad, batching, mlir = (import_module(f"jax.interpreters.{name}") for name in ("ad", "batching", "mlir"))
     call: Any = import_module("jax.extend.core").Primitive("continuum_grasp_operator")
     call.multiple_results = True
 
-    def on_host(operator: Operator, kind: Any, *arrays: Any) -> list[Any]:
-        found = operator([np.asarray(array, dtype=float) for array in arrays])
-        return [value.astype(kind, copy=False) for value in found]
-
-    def shapes(operator: Operator, arrays: Any) -> list[tuple[int, ...]]:
-        return operator.shapes([array.shape for array in arrays])
-
     def evaluate(*arrays: Any, operator: Operator) -> Any:
-        return [jnp.asarray(value) for value in on_host(operator, arrays[0].dtype, *arrays)]
+        return [jnp.asarray(value) for value in _on_host(operator, arrays[0].dtype, *arrays)]
 
     def call_back(*arrays: Any, operator: Operator) -> Any:
         kind = arrays[0].dtype
-        found = [jax.ShapeDtypeStruct(shape, kind) for shape in shapes(operator, arrays)]
-        return jax.pure_callback(lambda *given: on_host(operator, kind, *given), found, *arrays)
+        found = [jax.ShapeDtypeStruct(shape, kind) for shape in _shapes(operator, arrays)]
+        return jax.pure_callback(lambda *given: _on_host(operator, kind, *given), found, *arrays)
 
     def abstract(*arrays: Any, operator: Operator) -> Any:
-        return [jax.core.ShapedArray(shape, arrays[0].dtype) for shape in shapes(operator, arrays)]
+        return [jax.core.ShapedArray(shape, arrays[0].dtype) for shape in _shapes(operator, arrays)]
 
     def push(arrays: Any, tangents: Any, *, operator: Operator) -> Any:
         outputs = call.bind(*arrays, operator=operator)

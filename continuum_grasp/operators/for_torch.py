@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.operators.derivatives import Operator
-from continuum_grasp.operators.operators import Array, Operators, not_an_array
+from continuum_grasp.operators.operators import Array, Operators, not_an_array, toolkit
 
 
 class TorchOperators(Operators):
@@ -62,7 +61,7 @@ class TorchOperators(Operators):
 
     def __init__(self, model: Any, *, nonfinite: Any = "raise", compiled: bool = True) -> None:
         super().__init__(model, nonfinite=nonfinite, compiled=compiled)
-        self._torch = _torch()
+        self._torch = toolkit("torch", "PyTorch")
 
     def _arrays(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], Callable[[Array], Any]]:
         torch = self._torch
@@ -90,19 +89,10 @@ class TorchOperators(Operators):
         return list(_function().apply(operator, *arrays))
 
 
-def _torch() -> Any:
-    try:
-        return import_module("torch")
-    except ImportError as error:
-        raise InputError(
-            "PyTorch is not installed: expected what `pip install 'continuum-grasp[torch]'` installs"
-        ) from error
-
-
 @cache
 def _function() -> Any:
     """The autograd function of all operators; made when PyTorch is there."""
-    torch = _torch()
+    torch = toolkit("torch", "PyTorch")
     base: Any = torch.autograd.Function
 
     class Apply(base):  # type: ignore[misc]

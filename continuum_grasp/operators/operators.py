@@ -6,6 +6,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
@@ -18,8 +19,7 @@ from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.functions import MATRICES
 from continuum_grasp.model.remade import Remade
-from continuum_grasp.operators.derivatives import Operator, Point, Recursion
-from continuum_grasp.operators.steps import held_step
+from continuum_grasp.operators.derivatives import Operator, Point, Recursion, held_step
 from continuum_grasp.scene.integrators import INTEGRATORS
 from continuum_grasp.summary import Summarized
 
@@ -288,6 +288,15 @@ def _shaped(function: Any, outputs: list[Any]) -> Any:
             value = value.reshape(*value.shape[:-1], width, height).swapaxes(-1, -2)
         found.append(value)
     return found[0] if len(found) == 1 else tuple(found)
+
+
+def toolkit(name: str, called: str) -> Any:
+    """The package of a toolkit; InputError where it is not installed."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        text = f"{called} is not installed: expected what `pip install 'continuum-grasp[{name}]'` installs"
+        raise InputError(text) from error
 
 
 def not_an_array(name: str, value: Any, expected: str) -> InputError:

@@ -107,24 +107,13 @@ def plan(
 def _result(search: Search) -> Plan:
     """The best plan, or what comes nearest."""
     problem, attempt, scene, motion = search.problem, search.best, search.scene, search.motion
-    status, message, advice = PlanStatus.OPTIMAL, "solved", ""
-    violated: tuple[str, ...] = ()
     if attempt is None:
         status, message, advice, violated = _failure(search)
         attempt = search.attempts[-1][1]
         if status is PlanStatus.INFEASIBLE:
             problem, attempt = search.nearest
-    elif not attempt.converged:
-        status = PlanStatus.FEASIBLE
-        message = f"all constraints are satisfied, but {_stopped(search, attempt)} before the optimum was reached"
-    elif search.budget.cut:
-        status = PlanStatus.FEASIBLE
-        message = f"all constraints are satisfied at the nodes, but {_cut(search)} before the search was complete"
-    elif motion.friction_states:
-        # Slopes do not know how friction would change with the motion.
-        whose = "tendon friction" if motion.tendon_friction else "friction of motors"
-        status = PlanStatus.FEASIBLE
-        message = f"all constraints are satisfied; inputs are optimal for {whose} as it acts in this motion"
+    else:
+        (status, message), advice, violated = _success(search, attempt), "", ()
     path, multipliers = problem.path(attempt.x), attempt.multipliers
     lead = "" if violated else _lead(scene, path.u, path.duration)
     warnings = [lead] if lead else []
@@ -167,6 +156,23 @@ def _result(search: Search) -> Plan:
             "units": motion.units,
         },
     )
+
+
+def _success(search: Search, attempt: Attempt) -> tuple[PlanStatus, str]:
+    """Status of a plan that satisfies all constraints, and why it is not known to be the best."""
+    motion = search.motion
+    if not attempt.converged:
+        left = f"{_stopped(search, attempt)} before the optimum was reached"
+        return PlanStatus.FEASIBLE, f"all constraints are satisfied, but {left}"
+    if search.budget.cut:
+        left = f"{_cut(search)} before the search was complete"
+        return PlanStatus.FEASIBLE, f"all constraints are satisfied at the nodes, but {left}"
+    if motion.friction_states:
+        # Slopes do not know how friction would change with the motion.
+        whose = "tendon friction" if motion.tendon_friction else "friction of motors"
+        left = f"inputs are optimal for {whose} as it acts in this motion"
+        return PlanStatus.FEASIBLE, f"all constraints are satisfied; {left}"
+    return PlanStatus.OPTIMAL, "solved"
 
 
 def _lead(scene: PlanScene, u: Array, duration: float) -> str:

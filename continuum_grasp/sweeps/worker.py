@@ -17,9 +17,9 @@ from dataclasses import asdict, dataclass, field
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
 from continuum_grasp.results.plain import digest
@@ -33,6 +33,7 @@ from continuum_grasp.workers import ExecutorPool
 if TYPE_CHECKING:
     from continuum_grasp.grasp import GraspResult
 
+T = TypeVar("T", bound=BaseModel)
 Keep: TypeAlias = Literal["all", "failed", "none"]
 _ONE_AT_A_TIME = threading.Lock()
 """Solvers share memory, so that the threads of a worker take turns."""
@@ -101,7 +102,7 @@ def _run(job: Job, point: Point) -> Outcome:
         return float(f"{time.perf_counter() - began:.6g}")
 
     try:
-        result = job.evaluate(_scene(data))
+        result = job.evaluate(scene_of_data(GraspScene, data))
     except ContinuumGraspError as error:
         kind = "invalid" if isinstance(error, InputError) else "error"
         status = error.status if isinstance(error, SolverError) else kind
@@ -154,11 +155,12 @@ def scene_data(base: dict[str, Any], paths: Sequence[KeyPath], point: Point) -> 
     return data
 
 
-def _scene(data: dict[str, Any]) -> GraspScene:
+def scene_of_data(kind: type[T], data: dict[str, Any]) -> T:
+    """A scene of a kind; InputError with all that is wrong in one line."""
     try:
-        return GraspScene.model_validate(data)
+        return kind.model_validate(data)
     except ValidationError as error:
-        problems = explain(error, GraspScene, data)
+        problems = explain(error, kind, data)
         texts = [f"{dotted(p.path)}: {p.message}" if p.path else p.message for p in problems]
         raise InputError("; ".join(texts)) from None
 

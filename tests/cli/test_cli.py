@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import continuum_grasp
+import continuum_grasp.export
 from continuum_grasp.cli import app
 from continuum_grasp.cli.completion import complete_config
 from continuum_grasp.errors import NumericalError, SolverError
@@ -288,10 +289,12 @@ def test_modes_prints_a_table(pretend):
     assert json.loads(run("modes", RELEASE, "--json").stdout)["frequencies_hz"] == [2.5, 15.7]
 
 
-def test_plain_c_lists_its_files(tmp_path):
-    lines = run("export-c", RELEASE, "--casadi", "tip", "--out", str(tmp_path / "c")).stdout.splitlines()
-    assert sorted(lines) == sorted(str(path) for path in (tmp_path / "c").iterdir() if path.name[0] != ".")
-    assert {Path(line).name for line in lines} == {"finger.c", "finger.h", "MANIFEST.json"}
+def test_plain_c_is_casadis():
+    result = run("export-c", RELEASE, "--casadi", "tip")
+    assert result.exit_code == 2
+    assert "--casadi is gone" in result.stderr
+    with pytest.raises(AttributeError, match=r"write model.tip.generate\('tip.c'\)"):
+        _ = continuum_grasp.export.export_casadi
 
 
 KINDS = {

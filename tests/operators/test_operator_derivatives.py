@@ -8,8 +8,7 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.core import Core
-from continuum_grasp.operators.derivatives import Point, Recursion
-from continuum_grasp.operators.steps import METHODS, held_step
+from continuum_grasp.operators.derivatives import METHODS, Point, Recursion, held_step
 from continuum_grasp.scene import Circle, ContactLaw, Surroundings
 from tests.marks import few
 

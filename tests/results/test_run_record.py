@@ -152,7 +152,6 @@ COMMANDS = {
     "sweep": ("sweep", ROOT / "configs/sweep/finger_design.yaml"),
     "identify": ("identify", ROOT / "configs/identify/belendez_strip.yaml", "--data", "x.csv"),
     "export-c": ("export-c", RELEASE),
-    "plain C": ("export-c", RELEASE, "--casadi", "forward_dynamics,tip"),
 }
 
 
@@ -219,7 +218,7 @@ def test_a_pipe_is_refused_and_not_waited_for(arguments, tmp_path):
 
 @pytest.mark.parametrize(
     ("command", "limit"),
-    [("simulate", 0), ("modes", 600), ("plain C", 0), ("plain C", 20_000), ("export-c", 20_000), ("schema", 80_000)],
+    [("simulate", 0), ("modes", 600), ("export-c", 0), ("export-c", 20_000), ("schema", 80_000)],
 )
 def test_a_full_disk_is_one_line_and_leaves_whole_files(command, limit, tmp_path):
     """Files that cannot grow beyond a size stand for the disk; the cache is elsewhere, and full too."""

@@ -6,8 +6,13 @@ rounding, not to the last bit.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import math
+import os
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
 
 import casadi as ca
 
@@ -15,8 +20,8 @@ from continuum_grasp.closed_loop.plant import Sensors, choose_method
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
-from continuum_grasp.export.casadi_source import generated_c
 from continuum_grasp.export.fmu.variable import TIP, Unit, contact_variables, count, labeled
+from continuum_grasp.export.kernel import check_size
 from continuum_grasp.export.part import Code
 from continuum_grasp.export.parts.seen import by_component
 from continuum_grasp.export.source import names_of
@@ -24,6 +29,8 @@ from continuum_grasp.export.template import fill
 from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
 
+_MOST_INSTRUCTIONS = 60_000
+"""Instructions of one function of a plant, without loops: what is compiled once may take a minute and 1.4 GB."""
 _CODES = (Code.OK, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT)
 _START = "an input, which begins with what the scene has at time zero"
 _UNIT = Consumer(
@@ -45,27 +52,10 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
     _UNIT.check(scene)
     model, period = PlantModel(scene), scene.controller.step
     method = choose_method(model, period)
-    sensors = Sensors(scene, model, Prediction(scene), None)
-    step = period / method.substeps
-    late = sensors.delay / step
-    whole = round(late) if abs(late - round(late)) < 1e-6 else math.floor(late)
-    noisy, rest, measured = scene.estimator is not None, model.rest_input, sensors.names
-    position, angle = model.sections((scene.finger.rod.length,))
-    x, u, w, p = (ca.MX.sym(name, size) for name, size in (("x", model.nx), ("u", model.nu), ("w", model.nw), ("p", 0)))
-    ahead = step_function(model, method.name)(x, u, u, u, w, w, w, ca.DM(model.p), step)
-    values = {
-        "plant_step": ahead,
-        "shown": model.function("shown", seen=ca.vertcat(ca.vec(position), angle, *by_component(model.touch).values()))(
-            x, u, w
-        ),
-        "measured": sensors.value(x, u, w),
-    }
-    named = [
-        ca.Function(f"{identifier}_{name}", [x, u, w, p], [value], list("xuwp"), ["to"])
-        for name, value in values.items()
-    ]
-    source, header = generated_c(f"{identifier}_plant", named)
-    seen = (*TIP, *contact_variables(model.system.touch_names))
+    sensors, step = Sensors(scene, model, Prediction(scene), None), period / method.substeps
+    named = _functions(model, sensors, method.name, step, identifier)
+    source, header = _generated(f"{identifier}_plant", named)
+    seen, noisy = (*TIP, *contact_variables(model.system.touch_names)), scene.estimator is not None
     return Unit(
         identifier=identifier,
         title=names_of(scene)[0],
@@ -73,32 +63,20 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
         step=step,
         stop=scene.duration or 1.0,
         groups={
-            "FMU_INPUTS": labeled("command", "input", model.u_names, rest),
+            "FMU_INPUTS": labeled("command", "input", model.u_names, model.rest_input),
             "FMU_FORCES": labeled("forces", "input", model.w_names, model.forces(0.0)[0]),
             "FMU_PARAMETERS": (),
-            "FMU_NOISE": labeled("noise", "input", measured if noisy else ()),
+            "FMU_NOISE": labeled("noise", "input", sensors.names if noisy else ()),
             "FMU_STATE": labeled("state", "state", model.x_names, model.start),
             "FMU_TIP": seen,
-            "FMU_MEASUREMENT": labeled("measurement", "output", measured),
+            "FMU_MEASUREMENT": labeled("measurement", "output", sensors.names),
         },
         counts=(count("code", "of the last step: 0 done, below what was refused"),),
         continuous=True,
         linear=False,
         feedthrough=any(named[1].jac_sparsity(0, k).nnz() for k in (1, 2)),
         glue=("loop_plant_types.c", "loop_plant.c"),
-        words={
-            "model": model,
-            "shown": len(seen),
-            "given": max(4, *(f.sz_arg() for f in named)),
-            "found": max(1, *(f.sz_res() for f in named)),
-            "work": max(1, *(f.sz_w() for f in named)),
-            "whole_work": max(1, *(f.sz_iw() for f in named)),
-            "past": whole + 2,
-            "part": repr(late - whole if abs(late - round(late)) >= 1e-6 else 0.0),
-            "ny": len(measured),
-            "rest": ", ".join(repr(float(each)) for each in rest),
-            "noisy": noisy,
-        },
+        words={"model": model, "shown": len(seen), "noisy": noisy, **_words(model, sensors, step, named)},
         sources={
             f"{identifier}.h": fill("fmu/plant.h", {"p": identifier, "codes": _CODES}),
             f"{identifier}_plant.h": header,
@@ -111,3 +89,53 @@ def loop_plant_unit(scene: ControlScene, identifier: str) -> Unit:
             "configuration": scene.model_dump(mode="json"),
         },
     )
+
+
+def _functions(model: PlantModel, sensors: Sensors, method: str, step: float, identifier: str) -> list[ca.Function]:
+    """A step of the plant, what is shown of it, and what is measured, each of state, input, forces, and nothing."""
+    position, angle = model.sections((model.scene.finger.rod.length,))
+    x, u, w, p = (ca.MX.sym(name, size) for name, size in (("x", model.nx), ("u", model.nu), ("w", model.nw), ("p", 0)))
+    seen = ca.vertcat(ca.vec(position), angle, *by_component(model.touch).values())
+    values = {
+        "plant_step": step_function(model, method)(x, u, u, u, w, w, w, ca.DM(model.p), step),
+        "shown": model.function("shown", seen=seen)(x, u, w),
+        "measured": sensors.value(x, u, w),
+    }
+    return [
+        ca.Function(f"{identifier}_{name}", [x, u, w, p], [value], list("xuwp"), ["to"])
+        for name, value in values.items()
+    ]
+
+
+def _words(model: PlantModel, sensors: Sensors, step: float, named: Sequence[ca.Function]) -> dict[str, object]:
+    """Words of the template: work space of the functions, and by how many steps sensors are late."""
+    late = sensors.delay / step
+    whole = round(late) if abs(late - round(late)) < 1e-6 else math.floor(late)
+    return {
+        "given": max(4, *(f.sz_arg() for f in named)),
+        "found": max(1, *(f.sz_res() for f in named)),
+        "work": max(1, *(f.sz_w() for f in named)),
+        "whole_work": max(1, *(f.sz_iw() for f in named)),
+        "past": whole + 2,
+        "part": repr(late - whole if abs(late - round(late)) >= 1e-6 else 0.0),
+        "ny": len(sensors.names),
+        "rest": ", ".join(repr(float(each)) for each in model.rest_input),
+    }
+
+
+def _generated(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
+    """CasADi's C of functions, and its header; InputError where one is too large, OSError where the disk is full."""
+    generator = ca.CodeGenerator(
+        f"{name}.c", {"with_header": True, "with_export": False, "static_aux": True, "with_mem": False}
+    )
+    for function in functions:
+        for part in (function, *function.find_functions()):
+            check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0, _MOST_INSTRUCTIONS)
+        generator.add(function)
+    with tempfile.TemporaryDirectory() as folder:
+        generator.generate(f"{folder}/")
+        source, header = ((Path(folder) / f"{name}.{suffix}").read_text() for suffix in ("c", "h"))
+    # CasADi writes to files alone, and reports nothing where the disk is full.
+    if not (source.endswith("#endif\n") and header.endswith("#endif\n")):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), folder)
+    return source, header

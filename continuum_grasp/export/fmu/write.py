@@ -222,11 +222,31 @@ def _files(unit: Unit, fmi: str) -> dict[str, str]:
     return found
 
 
-_SPELLED = {
-    "2": {"handle": "fmi2Component", "state": "FMUstate", "from_bytes": "DeSerializeFMUstate"},
-    "3": {"handle": "fmi3Instance", "state": "FMUState", "from_bytes": "DeserializeFMUState"},
+_SPELLED: dict[str, dict[str, Any]] = {
+    "2": {
+        "handle": "fmi2Component",
+        "state": "FMUstate",
+        "from_bytes": "DeSerializeFMUstate",
+        "counted": False,
+        "accessors": (
+            ("GetReal", "fmi2Real", "fmu_get"),
+            ("SetReal", "const fmi2Real", "fmu_set"),
+            ("GetInteger", "fmi2Integer", "fmu_get_counts"),
+        ),
+    },
+    "3": {
+        "handle": "fmi3Instance",
+        "state": "FMUState",
+        "from_bytes": "DeserializeFMUState",
+        "counted": True,
+        "accessors": (
+            ("GetFloat64", "fmi3Float64", "fmu_get"),
+            ("SetFloat64", "const fmi3Float64", "fmu_set"),
+            ("GetInt32", "fmi3Int32", "fmu_get_counts"),
+        ),
+    },
 }
-"""Names of the standard, by its version."""
+"""Names of the standard by its version, and whether it counts values beside variables."""
 _NO_TOKEN = "{00000000-0000-0000-0000-000000000000}"
 
 
@@ -245,7 +265,7 @@ def _source(unit: Unit, fmi: str) -> str:
         **unit.words,
     }
     types, *glue = (fill(f"fmu/{name}", words) for name in unit.glue)
-    own = {"v": fmi, **_SPELLED[fmi]}
+    own = {"v": fmi, "linear": unit.linear, **_SPELLED[fmi]}
     parts = {name: fill(f"fmu/{name}.c", own) for name in ("names", "shared")}
     words |= {**parts, "prototypes": "<<prototypes>>", "others": _rest(fmi)}
     standard = fill(f"fmu/fmi{fmi}.c", words)

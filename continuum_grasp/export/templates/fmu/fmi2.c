@@ -66,35 +66,6 @@ FMI2(fmi2Status, fmi2SetupExperiment)(fmi2Component c, fmi2Boolean has_tolerance
 
 FMI2(fmi2Status, fmi2EnterInitializationMode)(fmi2Component c) { return (fmi2Status)fmu_enter((fmu_instance *)c); }
 
-FMI2(fmi2Status, fmi2GetReal)(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[])
-{
-  return (fmi2Status)fmu_get((fmu_instance *)c, vr, n, value);
-}
-
-FMI2(fmi2Status, fmi2GetInteger)(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Integer value[])
-{
-  return (fmi2Status)fmu_get_counts((fmu_instance *)c, vr, n, value);
-}
-
-FMI2(fmi2Status, fmi2SetReal)(fmi2Component c, const fmi2ValueReference vr[], size_t n, const fmi2Real value[])
-{
-  return (fmi2Status)fmu_set((fmu_instance *)c, vr, n, value);
-}
-
-FMI2(fmi2Status, fmi2GetDirectionalDerivative)(fmi2Component c, const fmi2ValueReference unknowns[], size_t n,
-                                               const fmi2ValueReference knowns[], size_t m, const fmi2Real seed[],
-                                               fmi2Real sensitivity[])
-{<<if unit.linear>>
-  return (fmi2Status)fmu_directional((fmu_instance *)c, unknowns, n, knowns, m, seed, sensitivity);<<else>>
-  (void)unknowns;
-  (void)n;
-  (void)knowns;
-  (void)m;
-  (void)seed;
-  (void)sensitivity;
-  return fmi2_refused(c, "GetDirectionalDerivative: not provided");<<end>>
-}
-
 FMI2(fmi2Status, fmi2DoStep)(fmi2Component c, fmi2Real from, fmi2Real length, fmi2Boolean no_way_back)
 {
   (void)no_way_back;

@@ -108,26 +108,6 @@ FMI3(fmi3Status, fmi3EnterInitializationMode)(fmi3Instance instance, fmi3Boolean
   return fmi3OK;
 }
 
-FMI3(fmi3Status, fmi3GetFloat64)(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Float64 values[],
-                                 size_t m)
-{
-  if (n != m) return fmi3_refused(instance, "GetFloat64: expected as many values as variables");
-  return (fmi3Status)fmu_get((fmu_instance *)instance, vr, n, values);
-}
-
-FMI3(fmi3Status, fmi3SetFloat64)(fmi3Instance instance, const fmi3ValueReference vr[], size_t n,
-                                 const fmi3Float64 values[], size_t m)
-{
-  if (n != m) return fmi3_refused(instance, "SetFloat64: expected as many values as variables");
-  return (fmi3Status)fmu_set((fmu_instance *)instance, vr, n, values);
-}
-
-FMI3(fmi3Status, fmi3GetInt32)(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Int32 values[], size_t m)
-{
-  if (n != m) return fmi3_refused(instance, "GetInt32: expected as many values as variables");
-  return (fmi3Status)fmu_get_counts((fmu_instance *)instance, vr, n, values);
-}
-
 FMI3(fmi3Status, fmi3DoStep)(fmi3Instance instance, fmi3Float64 from, fmi3Float64 length, fmi3Boolean no_way_back,
                              fmi3Boolean *event, fmi3Boolean *terminate, fmi3Boolean *early, fmi3Float64 *reached)
 {
@@ -139,20 +119,6 @@ FMI3(fmi3Status, fmi3DoStep)(fmi3Instance instance, fmi3Float64 from, fmi3Float6
   *event = *terminate = *early = false;
   *reached = fmu_time((fmu_instance *)instance);
   return (fmi3Status)level;
-}
-
-FMI3(fmi3Status, fmi3GetDirectionalDerivative)(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t n,
-                                               const fmi3ValueReference knowns[], size_t m, const fmi3Float64 seed[],
-                                               size_t n_seed, fmi3Float64 sensitivity[], size_t n_sensitivity)
-{
-  if (n_seed != m || n_sensitivity != n)
-    return fmi3_refused(instance, "GetDirectionalDerivative: expected a seed per known and a place per unknown");<<if unit.linear>>
-  return (fmi3Status)fmu_directional((fmu_instance *)instance, unknowns, n, knowns, m, seed, sensitivity);<<else>>
-  (void)unknowns;
-  (void)knowns;
-  (void)seed;
-  (void)sensitivity;
-  return fmi3_refused(instance, "GetDirectionalDerivative: not provided");<<end>>
 }
 
 /* ---- the rest of the standard, of which this FMU has nothing ---- */

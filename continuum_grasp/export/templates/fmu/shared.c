@@ -82,3 +82,26 @@ FMI<<v>>(fmi<<v>>Status, fmi<<v>><<from_bytes>>)(<<handle>> c, const fmi<<v>>Byt
   }
   return (fmi<<v>>Status)level;
 }
+
+<<for name, type, call in accessors|\n>>FMI<<v>>(fmi<<v>>Status, fmi<<v>><<name>>)(<<handle>> c, const fmi<<v>>ValueReference vr[], size_t n,
+                         <<type>> values[]<<if counted>>, size_t m<<end>>)
+{<<if counted>>
+  if (n != m) return fmi<<v>>_refused(c, "<<name>>: expected as many values as variables");<<end>>
+  return (fmi<<v>>Status)<<call>>((fmu_instance *)c, vr, n, values);
+}
+<<end>>
+FMI<<v>>(fmi<<v>>Status, fmi<<v>>GetDirectionalDerivative)(<<handle>> c, const fmi<<v>>ValueReference unknowns[], size_t n,
+                         const fmi<<v>>ValueReference knowns[], size_t m, const double seed[]<<if counted>>, size_t n_seed<<end>>,
+                         double sensitivity[]<<if counted>>, size_t n_sensitivity<<end>>)
+{<<if counted>>
+  if (n_seed != m || n_sensitivity != n)
+    return fmi<<v>>_refused(c, "GetDirectionalDerivative: expected a seed per known and a place per unknown");<<end>><<if linear>>
+  return (fmi<<v>>Status)fmu_directional((fmu_instance *)c, unknowns, n, knowns, m, seed, sensitivity);<<else>>
+  (void)unknowns;
+  (void)n;
+  (void)knowns;
+  (void)m;
+  (void)seed;
+  (void)sensitivity;
+  return fmi<<v>>_refused(c, "GetDirectionalDerivative: not provided");<<end>>
+}
