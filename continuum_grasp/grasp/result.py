@@ -16,7 +16,16 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
-from continuum_grasp.grasp.values import Change, Contact, FingerPosture, Reason, Sensitivity, Status, force_text
+from continuum_grasp.grasp.values import (
+    Change,
+    Contact,
+    FingerPosture,
+    Reason,
+    Sensitivity,
+    Status,
+    force_text,
+    tension_of,
+)
 from continuum_grasp.model.family import family_class
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.result import Result
@@ -262,7 +271,7 @@ class GraspResult(Result):
     @property
     def tension(self) -> float:
         """Sum of all tensions [N]."""
-        return float(sum(finger.tensions.sum() for finger in self.fingers.values()))
+        return tension_of(self.scene, self.arrays) if self.arrays else 0.0
 
     def force_text(self, force: float) -> str:
         """Write a force [N] with the decimals that all forces of this grasp have (`force_text`)."""

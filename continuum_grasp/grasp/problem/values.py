@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.drives import SOFT, WoundTendons
 from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.problem.curves import curve_numbers
-from continuum_grasp.grasp.problem.layout import Layout
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import inner_masses, support_of
+from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
 from continuum_grasp.model.surfaces import surface_of

@@ -9,8 +9,7 @@ from itertools import zip_longest
 from typing import Any
 
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.problem.relaxations import Relaxation
-from continuum_grasp.grasp.reasons.elastic import NONE
+from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
 from continuum_grasp.grasp.search import BENT, Search, branch_of
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.scene.grasp import GraspScene

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import nlp
+from continuum_grasp.grasp.certificate.check import CONES
 from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import DriveSpec, ProblemSpec
 from continuum_grasp.grasp.problem.values import Units, held_values
@@ -33,9 +34,8 @@ from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
 
-HOLDS = -1e-4
-"""Least reserve, per force reference, with which all contacts hold: the places at which fingers are looked at for
-clearance change it by up to 4e-5 (mug)."""
+HOLDS = -CONES
+"""Least reserve, per force reference, with which all contacts hold: that of the certificate."""
 SETS = 4
 """Sets of contacts that are tried for one error: two or three are enough where one holds."""
 FRUITLESS = 12

@@ -30,10 +30,12 @@ from continuum_grasp.grasp.problem.values import (
     problem_bounds,
     problem_values,
 )
+from continuum_grasp.grasp.quality.lp import FAR
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.response import HOLDS
 from continuum_grasp.grasp.robust.result import ERRORS
 from continuum_grasp.grasp.starts.values import start_from
+from continuum_grasp.grasp.values import ROUNDING
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
 
@@ -47,12 +49,6 @@ PLANTS = 128
 """Plants of the quasi-random sequence, each with eight signs of its errors: shares are good to 1 or 2 %."""
 _TURNS = 24
 """Tangent planes that stand for a spatial friction cone, beside that at the force of the grasp: 0.9 % wider."""
-_FAR = 1e2
-"""Bound of what is open [units of the problem]: far beyond what any plant needs."""
-_SINGULAR = 1e-9
-"""Singular value, per greatest one, of equations that depend on others."""
-_PIVOTS = 60
-"""Most exchanges of active constraints: ten are usual."""
 _EQUATIONS = (
     *("contact gap", "contact tangency", "contact on the surface", "contact normal"),
     *("finger equilibrium", "drive", "object "),
@@ -173,7 +169,7 @@ class _Plants:
         unknown, given = np.concatenate([slopes[:count], landed]), np.concatenate([broken[:count], off])
         # What changes least of all that satisfies the equations, and the ways that they leave.
         left, values, right = np.linalg.svd(unknown)
-        rank = int((values > _SINGULAR * values[0]).sum())
+        rank = int((values > ROUNDING * values[0]).sum())
         answer, ways = -right[:rank].T @ (left[:, :rank].T @ given / values[:rank, None]), right[rank:].T
         if np.abs(unknown @ answer + given).max() > 1e-6 * max(1.0, np.abs(given).max()):
             raise InputError("contacts of the grasp cannot all stay in plants with such errors")
@@ -303,12 +299,12 @@ def greatest_last(rows: Array, limits: Array) -> Array:
     count, _, size = rows.shape
     box = np.concatenate([np.eye(size), -np.eye(size)])
     rows = np.concatenate([np.tile(box, (count, 1, 1)), rows], axis=1)
-    limits = np.concatenate([np.full((count, 2 * size), _FAR), limits], axis=1)
+    limits = np.concatenate([np.full((count, 2 * size), FAR), limits], axis=1)
     # A little of the other unknowns makes optima corners, and multipliers positive.
     aim = np.append(1e-7 * np.sqrt(np.arange(1.0, size)), 1.0)
     active, each = np.tile(np.arange(size), (count, 1)), np.arange(count)
     x = np.zeros((count, size))
-    for _ in range(_PIVOTS):
+    for _ in range(rows.shape[1]):  # exchanges of active constraints, of which ten are usual
         inverse = np.linalg.inv(rows[each[:, None], active])
         x = np.einsum("dij,dj->di", inverse, limits[each[:, None], active])
         over = np.einsum("dmi,di->dm", rows, x) - limits
