@@ -189,9 +189,7 @@ class JointSolverRun:
         self.errors = errors
         self.touching = [start.contacts] * len(errors) if touching is None else list(touching)
         self.nominal: GraspSolverRun = solver_for(ProblemSpec.of(scene, start.contacts))
-        self.others: list[GraspSolverRun] = [
-            solver_for(ProblemSpec.of(scene, dict(on)).in_error(landed=in_error.yields)) for on in self.touching
-        ]
+        self.others = [in_error.solver(on) for on in self.touching]
         self._whole: RobustProblem = robust_problem(self.nominal, tuple(self.others), in_error.left)
         self.nlp = self._whole.nlp
 
