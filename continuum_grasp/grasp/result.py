@@ -97,13 +97,13 @@ class GraspResult(Result):
     kind: ClassVar[str] = "grasp"
     stored: ClassVar[tuple[Stored, ...]] = STORED
     dimensions: ClassVar[tuple[Dimension, ...]] = DIMENSIONS
-    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.text:result_yaml"),)
+    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.text:result_yaml"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("grasp", "grasp.report.page:picture"),
+        Picture("grasp", "grasp.page:picture"),
         Picture("closing", "plotting.grasp.closing:plot_closing", needs="closing"),
         Picture("robustness", "plotting.grasp.robustness:plot_robustness", needs="robustness", panels=True),
     )
-    pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.report.page:page"),)
+    pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.page:page"),)
 
     scene: GraspScene
     status: Status
@@ -314,7 +314,7 @@ class GraspResult(Result):
 
     def table(self) -> str:
         """The result as text: forces, verification, reasons."""
-        text: str = maker_of("grasp.report.text:result_text")(self)
+        text: str = maker_of("grasp.text:result_text")(self)
         return text
 
     def stored_arrays(self) -> dict[str, Array]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from continuum_grasp.grasp.report.text import further_advice, parts
+from continuum_grasp.grasp.text import further_advice, parts
 from continuum_grasp.results.html import (
     badge,
     cards,
