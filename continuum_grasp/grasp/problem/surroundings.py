@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.problem.points import bending_arrays
 from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
-from continuum_grasp.grasp.problem.values import Units
+from continuum_grasp.grasp.problem.values import FINE, Units
 from continuum_grasp.grasp.shape import FingerShape, skin
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.scan.task import rough_distance
@@ -29,8 +29,6 @@ from continuum_grasp.scene.supports import Wall
 Array = NDArray[Any]
 Values = dict[str, Any]
 
-FINE = 64
-"""Places per element at which the depth is looked at: parabolas through the deepest place the probes."""
 _FAR = 10.0
 """Distance from which on nothing is in the way, in units of the problem."""
 _EVEN = np.linspace(0.0, 1.0, 129)
