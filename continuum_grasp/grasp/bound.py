@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.grasp.quality.lp import FAR, solve_lp
+from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.scan.curves import wrapped
 from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts, touching_supports
-from continuum_grasp.grasp.values import ROUNDING
 from continuum_grasp.model.surfaces.outline import Outline
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.values import ROUNDING
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.profile import Curve
@@ -20,6 +19,8 @@ Array = NDArray[Any]
 ROUNDED = 0.01
 """Part of the length, to either side of a corner, over which it is rounded [1], so that the skin turns steadily where
 contacts pass it. A kink of slope d is off by d * ROUNDED / 4 of the length at most: 0.1 mm of 0.2 m for d = 0.2."""
+ROUNDING = 1e-9
+"""Relative difference of lengths, slopes and numbers that is rounding."""
 
 
 class FingerShape:

@@ -15,8 +15,6 @@ from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
 
-ROUNDING = 1e-9
-"""Relative difference of lengths, slopes and numbers that is rounding."""
 UNSTABLE = "unstable"
 REFUTED = "refuted by the fine model"
 STEADIER = (

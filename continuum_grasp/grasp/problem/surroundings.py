@@ -14,10 +14,9 @@ from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.problem.points import bending_arrays
 from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
 from continuum_grasp.grasp.problem.values import FINE, Units
-from continuum_grasp.grasp.shape import FingerShape, skin
+from continuum_grasp.grasp.shape import ROUNDING, FingerShape, skin
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.scan.task import rough_distance
-from continuum_grasp.grasp.values import ROUNDING
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import own_outline
 from continuum_grasp.rod.dense_rod import DenseRod

@@ -8,7 +8,8 @@ from dataclasses import replace
 
 from continuum_grasp.grasp.problem.relaxations import NONE, RELAXATIONS, Relaxation
 from continuum_grasp.grasp.reasons.elastic import Elastic, Repair
-from continuum_grasp.grasp.values import ROUNDING, Reason
+from continuum_grasp.grasp.shape import ROUNDING
+from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import greatest_shift
 

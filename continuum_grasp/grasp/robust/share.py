@@ -30,8 +30,8 @@ from continuum_grasp.grasp.quality.lp import FAR
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.response import HOLDS
 from continuum_grasp.grasp.robust.result import ERRORS
+from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.values import start_from
-from continuum_grasp.grasp.values import ROUNDING
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
 
