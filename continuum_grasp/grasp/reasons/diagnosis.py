@@ -17,7 +17,7 @@ from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.problem.relaxations import NONE, RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import MODEST
 from continuum_grasp.grasp.reasons.elastic import HASTY, SAME, Elastic, Limits, Repair, settled
-from continuum_grasp.grasp.reasons.starts import LARGER, Starts, eased
+from continuum_grasp.grasp.reasons.starts import LARGER, SEEDS, Starts, eased
 from continuum_grasp.grasp.reasons.words import in_words, is_clear, is_rare, ordered, part_of
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.values import Start
@@ -26,8 +26,6 @@ from continuum_grasp.scene.grasp import GraspScene
 
 FIRST, MORE = 2, 8
 """Starts from which a limit, or all of them, are relaxed first; and starts per limit that gives a grasp."""
-SEEDS = 3
-"""Least sums of many limits that are brought down to few."""
 REWEIGHTED, FLOOR = 2, 0.1
 """Number of times that parts are weighted anew, and the part of a usual amount that halves a weight."""
 TOGETHER = 2
