@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from continuum_grasp.grasp.report.html import cards, figure, folded, items, report, section, table
+from continuum_grasp.results.html import cards, figure, folded, items, report, section, table
 from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.design import QUANTITIES
 

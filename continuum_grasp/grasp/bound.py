@@ -24,7 +24,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.grasp.quality.lp import solve_lp
+from continuum_grasp.grasp.quality.lp import FAR, solve_lp
+from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.scan.curves import wrapped
 from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts, touching_supports
 from continuum_grasp.model.surfaces.outline import Outline
@@ -38,17 +39,13 @@ Array = NDArray[np.float64]
 _PIECES = 40
 """Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180."""
 _ROUNDS, _MOST = 40, 4000
-"""Most bisections of the intervals that may hold a maximum, and most intervals: at a flat one the bound is looser."""
+"""Most rounds of cutting planes, of which shipped scenes take 23 at most, and of bisections of the intervals that may
+hold a maximum; and most intervals: at a flat maximum the bound is looser."""
 _EXACT = 1e-4
 """Relative difference between an upper bound of h and its value at a place up to which intervals are bisected, and by
 which the bound must exceed a limit."""
-_CUTS, _CLOSE = 30, 1e-3
-"""Most rounds of cutting planes, of which shipped scenes take 23 at most, and the relative gap at which no more are
-added."""
-_SHORT = 1e-9
-"""Part of a finger's length by which it may end short of a contact: rounding."""
-_FAR = 1e3
-"""Greatest multiplier, per that of the weight: with far greater ones the LP would lose digits, and any y is valid."""
+_CLOSE = 1e-3
+"""Relative gap at which no more cutting planes are added."""
 
 
 @check_arguments
@@ -89,7 +86,7 @@ def _bound(scene: GraspScene, limit: float) -> float:
     y = need / float(need @ need)
     least, value = math.inf, 0.0
     cuts: list[list[Array]] = [[] for _ in contacts]
-    for _ in range(_CUTS):
+    for _ in range(_ROUNDS):
         found = [contact.most(y) for contact in contacts]
         least = min(least, sum(most for most, _ in found))
         for mine, (_, effect) in zip(cuts, found, strict=True):
@@ -120,7 +117,8 @@ def _best_multipliers(need: Array, used: Array, cuts: list[list[Array]]) -> tupl
     rows = np.array([*planes, np.concatenate([need, np.zeros(count)])])
     low, high = np.zeros(len(rows)), np.full(len(rows), np.inf)
     low[-1] = high[-1] = 1.0
-    far = _FAR * used / np.linalg.norm(need)
+    # Any multipliers are valid.
+    far = FAR * used / np.linalg.norm(need)
     cost, most = np.repeat([0.0, 1.0], [6, count]), np.concatenate([far, np.full(count, np.inf)])
     found = solve_lp(cost, rows, low, high, np.concatenate([-far, np.zeros(count)]), most)
     return found.x[:6], found.objective
@@ -165,7 +163,7 @@ def _contacts(scene: GraspScene) -> list[_Places]:
         moves = greatest_shift(setup.finger.base_free, (x, y)) + greatest_shift(body.free, body.position)
         along = (*((m, setup.middle_bounds[1]) for m in setup.middles), (setup.tip, setup.finger.rod.length))
         found += [
-            anywhere(setup.held_friction, center, (1.0 + _SHORT) * s + farther + moves, half)
+            anywhere(setup.held_friction, center, (1.0 + ROUNDING) * s + farther + moves, half)
             for switch, s in along
             if switch != "off"
         ]

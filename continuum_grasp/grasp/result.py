@@ -16,7 +16,16 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
-from continuum_grasp.grasp.values import Change, Contact, FingerPosture, Reason, Sensitivity, Status, force_text
+from continuum_grasp.grasp.values import (
+    Change,
+    Contact,
+    FingerPosture,
+    Reason,
+    Sensitivity,
+    Status,
+    force_text,
+    tension_of,
+)
 from continuum_grasp.model.family import family_class
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
 from continuum_grasp.results.result import Result
@@ -88,13 +97,13 @@ class GraspResult(Result):
     kind: ClassVar[str] = "grasp"
     stored: ClassVar[tuple[Stored, ...]] = STORED
     dimensions: ClassVar[tuple[Dimension, ...]] = DIMENSIONS
-    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.report.text:result_yaml"),)
+    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.text:result_yaml"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("grasp", "grasp.report.page:picture"),
+        Picture("grasp", "grasp.page:picture"),
         Picture("closing", "plotting.grasp.closing:plot_closing", needs="closing"),
         Picture("robustness", "plotting.grasp.robustness:plot_robustness", needs="robustness", panels=True),
     )
-    pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.report.page:page"),)
+    pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.page:page"),)
 
     scene: GraspScene
     status: Status
@@ -262,7 +271,7 @@ class GraspResult(Result):
     @property
     def tension(self) -> float:
         """Sum of all tensions [N]."""
-        return float(sum(finger.tensions.sum() for finger in self.fingers.values()))
+        return tension_of(self.scene, self.arrays) if self.arrays else 0.0
 
     def force_text(self, force: float) -> str:
         """Write a force [N] with the decimals that all forces of this grasp have (`force_text`)."""
@@ -305,7 +314,7 @@ class GraspResult(Result):
 
     def table(self) -> str:
         """The result as text: forces, verification, reasons."""
-        text: str = maker_of("grasp.report.text:result_text")(self)
+        text: str = maker_of("grasp.text:result_text")(self)
         return text
 
     def stored_arrays(self) -> dict[str, Array]:

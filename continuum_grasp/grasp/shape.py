@@ -19,8 +19,8 @@ Array = NDArray[Any]
 ROUNDED = 0.01
 """Part of the length, to either side of a corner, over which it is rounded [1], so that the skin turns steadily where
 contacts pass it. A kink of slope d is off by d * ROUNDED / 4 of the length at most: 0.1 mm of 0.2 m for d = 0.2."""
-_SAME = 1e-9
-"""Jump of the slope [1] below which there is no corner."""
+ROUNDING = 1e-9
+"""Relative difference of lengths, slopes and numbers that is rounding."""
 
 
 class FingerShape:
@@ -133,7 +133,7 @@ def skin(thickness: Curve) -> Curve:
     for k, at in enumerate(thickness.edges[1:-1], 1):
         before, after = thickness.local(k - 1, at), thickness.local(k, at)
         jump, bend = after(0.0) - before(0.0), after.deriv()(0.0) - before.deriv()(0.0)
-        if abs(jump) > _SAME * length or abs(bend) > _SAME:
+        if abs(jump) > ROUNDING * length or abs(bend) > ROUNDING:
             # Not beyond half-way to the next edge.
             most = 0.5 * min(at - thickness.edges[k - 1], thickness.edges[k + 1] - at)
             corners.append((k, at, min(ROUNDED * length, most)))

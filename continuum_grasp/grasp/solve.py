@@ -34,7 +34,7 @@ from continuum_grasp.grasp.stations import (
 )
 from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.grasp.tried import Tried
-from continuum_grasp.grasp.values import REFUTED, STEADIER, Reason, Status, force_text, verdict
+from continuum_grasp.grasp.values import REFUTED, STEADIER, Reason, Status, force_text, tension_of, verdict
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
@@ -289,7 +289,7 @@ class _Verdict:
         if explored.sampled and not search.proven:
             yield f"of {explored.sampled} of {explored.modes} sets of contacts samples of postures were tried, not all"
         if explored.open and search.best is not None:
-            more = explored.best_open / sum(self._tensions(best)) - 1.0
+            more = explored.best_open / tension_of(self.scene, best.arrays) - 1.0
             yield (
                 f"{explored.open} of {explored.basins} basins could not be solved, the best of which is estimated to "
                 f"take {explored.best_open:.4g} N in all ({more:+.1%})"
@@ -299,11 +299,8 @@ class _Verdict:
         if self.interrupted:
             yield "the search was interrupted, not all starts were tried"
 
-    def _tensions(self, tried: Tried) -> list[float]:
-        return [float(t) for name in self.scene.named_fingers for t in tried.arrays[f"{name}.tensions"]]
-
     def _forces(self, tried: Tried) -> str:
-        return f"a sum of tensions of {force_text(tried.arrays, sum(self._tensions(tried)))} N"
+        return f"a sum of tensions of {force_text(tried.arrays, tension_of(self.scene, tried.arrays))} N"
 
     def _infeasible(self, reasons: list[Reason], closest: Tried | None) -> GraspResult:
         advice = "Any one of these repairs it: " + "; ".join(reason.repair for reason in reasons) + "."

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import contact_stability
-from continuum_grasp.grasp.problem.solver_run import solver_for
+from continuum_grasp.grasp.problem.solver_run import RUNGS, solver_for
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.scene.grasp import GraspScene
@@ -24,8 +24,8 @@ Array = NDArray[Any]
 
 LEAST = 1e-2
 """Least eigenvalue [E I / L] that is asked for: well above what changes of the last digits can undo."""
-ROUNDS, CAP = 12, 40
-"""Linearizations from one unstable grasp, and iterations of the solver in each."""
+ROUNDS = 12
+"""Linearizations from one unstable grasp."""
 UNSTABLE, ALIKE = 2, 1e-2
 """Unstable grasps from which a stable one is sought, and the relative difference of their objectives."""
 SMALLEST = 0.3
@@ -61,7 +61,9 @@ def _stabilize(search: Search, at: Tried) -> None:
         wanted = value + share * (LEAST - value)
         numbers = {"stability slope": slope, "stability level": wanted - value + float(slope @ at.attempt.x)}
         start, features = replace(at.attempt.start, label="stable"), at.attempt.features
-        found = search.attempt(start, solver, features=features, x0=at.attempt.x, numbers=numbers, iterations=CAP)
+        found = search.attempt(
+            start, solver, features=features, x0=at.attempt.x, numbers=numbers, iterations=RUNGS[0][1]
+        )
         if found is None or not found.attempt.converged or found.certificate.stability.eigenvalue < value:
             share *= 0.4
             if share < SMALLEST:

@@ -9,6 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from grasp_hand_made import arrays_of, make_scene
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -18,6 +19,8 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import ClosingStatus, GraspResult, closing_path
 from continuum_grasp.grasp.closing.energy import Closing, ClosingFinger, Sight
 from continuum_grasp.grasp.closing.verdict import NEAR, Ending, Step
+from continuum_grasp.scene.objects import Circle
+from continuum_grasp.scene.supports import Palm
 
 
 @cache
@@ -159,6 +162,23 @@ def test_the_moment_on_the_object_is_about_its_center_of_mass() -> None:
     moment = -radius * friction[here].sum() - (arm.conjugate() * force).imag
     found = Ending(closing, {}, [], 0.0)._wrench(step, here)
     np.testing.assert_allclose(found, [force.real, force.imag, moment], rtol=1e-12)
+
+
+def test_a_support_that_bears_what_fingers_do_leaves_nothing_to_hold() -> None:
+    """Of a wrench against the normal of a support all is borne where it acts through the point of contact, as it is
+    about the center of mass; and none where it pulls away.
+    """
+    com, point, angle = (0.02, -0.01), (-0.04, 0.0), 0.7
+    body = Circle(shape="circle", diameter=0.08, mass=0.3, position=(0.0, 0.0), angle=angle, center_of_mass=com)
+    palm = Palm(type="palm", point=point, normal_angle=0.0)
+    scene = make_scene(object=body, supports={"palm": palm})
+    arrays = arrays_of([("palm", point, (-1.0, 0.0), (1.0, 0.0, 0.0), np.nan)], pose=(0.0, 0.0, angle))
+    closing: Any = SimpleNamespace(scene=scene)
+    ending, arm = Ending(closing, arrays, [], 0.0), complex(*point) - complex(*com) * np.exp(1j * angle)
+    for force in (-3.0 + 0.0j, -3.0 + 1.4j):  # within the cone of 0.5
+        wrench = np.array([force.real, force.imag, (arm.conjugate() * force).imag])
+        assert ending._held(wrench) == pytest.approx(0.0, abs=1e-9)
+        assert ending._held(-wrench) > 3.0
 
 
 @pytest.mark.deep

@@ -14,12 +14,12 @@ from continuum_grasp.errors import InputError
 MUG = Path(__file__).parents[2] / "configs" / "grasp" / "mug.yaml"
 RADIUS = 0.04
 ON = {"supports.palm.touch": "on"}
-GAP = 1e-4  # m
+EXACT = 1e-4  # m
 
 
-@pytest.mark.parametrize("free", [None, {"y": [-0.01, 0.01]}, {"angle": [-0.1, 0.1]}, {"x": [RADIUS + GAP, 0.05]}])
+@pytest.mark.parametrize("free", [None, {"y": [-0.01, 0.01]}, {"angle": [-0.1, 0.1]}, {"x": [RADIUS + EXACT, 0.05]}])
 def test_a_gap_that_no_pose_closes_is_named_at_load(free):
-    at = {**ON, "object.position": [RADIUS + GAP, 0.0], "object.free": free}
+    at = {**ON, "object.position": [RADIUS + EXACT, 0.0], "object.free": free}
     with pytest.raises(
         InputError, match=r"supports.palm should touch the object, which is (0.0001|8.889e-05) m"
     ) as caught:
@@ -29,7 +29,7 @@ def test_a_gap_that_no_pose_closes_is_named_at_load(free):
 
 @pytest.mark.parametrize(("share", "loads"), [(0.999, False), (1.001, True)])
 def test_a_pose_that_closes_the_gap_is_taken(share, loads):
-    at = {**ON, "object.position": [RADIUS + GAP, 0.0], "object.free": {"x": [RADIUS + GAP - share * GAP, 0.05]}}
+    at = {**ON, "object.position": [RADIUS + EXACT, 0.0], "object.free": {"x": [RADIUS + EXACT - share * EXACT, 0.05]}}
     if loads:
         cg.load(MUG, at)
     else:

@@ -18,9 +18,9 @@ from typer.testing import CliRunner
 import continuum_grasp.grasp
 from continuum_grasp.cli import app
 from continuum_grasp.grasp import certify
-from continuum_grasp.grasp.report.page import result_page
-from continuum_grasp.grasp.report.text import further_advice, result_text, result_yaml
+from continuum_grasp.grasp.page import result_page
 from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.text import further_advice, result_text, result_yaml
 from continuum_grasp.grasp.values import Reason, Status, force_text
 from continuum_grasp.plotting.grasp.friction import plot_friction
 from continuum_grasp.plotting.grasp.picture import plot_grasp

@@ -14,7 +14,7 @@ import pytest
 
 from continuum_grasp.grasp import certify
 from continuum_grasp.grasp.certificate.stability import Stability
-from continuum_grasp.grasp.report.page import result_page
+from continuum_grasp.grasp.page import result_page
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.values import Status
 from tests.made_up_grasps import REASON, failed, held, scene_of

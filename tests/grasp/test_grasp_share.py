@@ -9,6 +9,7 @@ from scipy.optimize import linprog
 
 from benchmarks.grasp_images import drawn, mirrored, scene_of
 from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.grasp.quality.lp import FAR
 from continuum_grasp.grasp.robust.response import HOLDS, Responder
 from continuum_grasp.grasp.robust.share import USUAL, _Plants, drawn_evenly, greatest_last, plant_share
 from continuum_grasp.nlp import Budget
@@ -25,7 +26,7 @@ def test_greatest_unknowns_are_those_of_linear_programming(size):
     limits = random.uniform(-1.0, 1.0, (20, 12))
     found = greatest_last(rows, limits)
     for each, most, value in zip(rows, limits, found, strict=True):
-        exact = linprog(np.append(np.zeros(size - 1), -1.0), each, most, bounds=[(-100.0, 100.0)] * size)
+        exact = linprog(np.append(np.zeros(size - 1), -1.0), each, most, bounds=[(-FAR, FAR)] * size)
         assert value == pytest.approx(-exact.fun, abs=1e-4)
 
 

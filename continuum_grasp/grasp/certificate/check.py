@@ -22,19 +22,16 @@ from continuum_grasp.grasp.certificate.surfaces import PlacedObject, segment_dis
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.supports import Wall
 
-EQUILIBRIUM = 1e-6
-"""Limit of moment and force residuals, as a part of the greatest moment or force in play. Optima
-of IPOPT, recomputed independently, stay below 2e-7 (400 random scenes)."""
-GAP = 1e-6
-"""Limit of contact gaps, stored positions and slopes, as a part of the finger's length (slopes: rad)."""
+EXACT = 1e-6
+"""Limit of residuals of moments and forces, as a part of the greatest moment or force in play; of contact gaps, stored
+positions and slopes, as a part of the finger's length (slopes: rad); and part of it by which a limit may be exceeded.
+Optima of IPOPT, recomputed independently, stay below 2e-7 (400 random scenes)."""
 PENETRATION = 1e-4
 """Limit of the dense backbone's penetration, as a part of the finger's length: 10 um of 0.1 m. The optimizer guards
 some eight places per element; between them a finger may touch."""
 CONES = 1e-4
 """Limit of friction cones with other friction states, as a part of the greatest force: of their reserve is sought what
 is greatest, which the places at which fingers are looked at for clearance change by up to 4e-5."""
-LIMIT = 1e-6
-"""By what part of it a limit may be exceeded; IPOPT meets active limits to 1e-9 (scaled)."""
 
 Array = NDArray[Any]
 
@@ -101,11 +98,11 @@ def contact_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
     for c in grasp.contacts:
         n, f, lift = c.normal_force, c.friction_force, c.lift
         over = float(np.hypot(f, lift)) - c.held_friction * n
-        yield Check(f"friction cone, {c.name}", over / scale, LIMIT, "1", f"{scale:.4g} N")
+        yield Check(f"friction cone, {c.name}", over / scale, EXACT, "1", f"{scale:.4g} N")
         most = c.normal_force_max  # pulls count against the forces in play, however high the limit is
-        yield Check(f"normal force, {c.name}", worst(-n / scale, n / most - 1), LIMIT, "1", f"{most:.4g} N")
+        yield Check(f"normal force, {c.name}", worst(-n / scale, n / most - 1), EXACT, "1", f"{most:.4g} N")
         if friction_only:
-            yield Check(f"no lift in the plane, {c.name}", abs(lift) / scale, LIMIT, "1", f"{scale:.4g} N")
+            yield Check(f"no lift in the plane, {c.name}", abs(lift) / scale, EXACT, "1", f"{scale:.4g} N")
         yield from _geometry(grasp, c)
 
 
@@ -114,16 +111,16 @@ def _geometry(grasp: RecomputedGrasp, c: RecomputedContact) -> Iterator[Check]:
     off = [*np.abs(c.stored_position - c.point) / c.length, *np.abs(c.stored_normal - c.normal)]
     if c.finger is not None:
         off.append(abs(c.stored_station - c.finger.joint_position(c.joint)) / c.length)
-    yield Check(f"stored contact, {c.name}", worst(*off), GAP, "1", reference)
+    yield Check(f"stored contact, {c.name}", worst(*off), EXACT, "1", reference)
     # The optimizer lets an object at rest lie that far from a support.
-    limit = 2 * GAP if c.finger is None else GAP
+    limit = 2 * EXACT if c.finger is None else EXACT
     yield Check(f"contact gap, {c.name}", c.gap / c.length, limit, "1", reference)
     yield Check(f"contact normal, {c.name}", c.tilt / c.length, limit, "1", reference)
     if len(grasp.object.parts) > 1:
-        yield Check(f"contact inside another part, {c.name}", c.buried / c.length, GAP, "1", reference)
+        yield Check(f"contact inside another part, {c.name}", c.buried / c.length, EXACT, "1", reference)
     if isinstance(c.support, Wall) and np.isfinite(c.support.half_length):
         beyond = abs(float(across(c.support.normal) @ (c.point - np.asarray(c.support.point)))) - c.support.half_length
-        yield Check(f"within the line, {c.name}", beyond / c.length, 2 * GAP, "1", reference)
+        yield Check(f"within the line, {c.name}", beyond / c.length, 2 * EXACT, "1", reference)
 
 
 def _amiss(switch: str, present: bool) -> bool:

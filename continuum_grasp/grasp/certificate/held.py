@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.check import CONES, LIMIT, Check, worst
+from continuum_grasp.grasp.certificate.check import CONES, EXACT, Check, worst
 from continuum_grasp.grasp.certificate.friction import pulled_states, state_cells
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp
 
@@ -31,7 +31,7 @@ def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Re
     if wrong:
         return
     states = np.concatenate([given[f"{finger.name}.friction_states"] for finger in frictional], axis=1)
-    yield Check("friction states within their range", float(np.abs(states).max() - 1.0), LIMIT)
+    yield Check("friction states within their range", float(np.abs(states).max() - 1.0), EXACT)
     pulled = [np.where(pulled_states(f.setup, f.shape) < 0.0, -1.0, 1.0) for f in frictional]
     ways = (
         np.concatenate([w * own for w, own in zip(way, pulled, strict=True)])
@@ -109,15 +109,15 @@ def _parts(grasp: RecomputedGrasp, own: Mapping[str, Any], recompute: Recompute)
     # Where the object may be is another limit here.
     moved = np.abs(posture.pose - grasp.pose) / [grasp.size, grasp.size, 1.0]
     fixed = any(contact.finger is None for contact in grasp.contacts) and grasp.scene.object.free is None
-    parts["object pose"] = float(moved.max()) / (LIMIT if fixed else YIELDS)
+    parts["object pose"] = float(moved.max()) / (EXACT if fixed else YIELDS)
     for finger, other in zip(grasp.fingers, posture.fingers, strict=True):
         # Bases are those of the grasp, and tensions, or what drives hold in their place.
         off = float(np.abs(other.tensions - finger.tensions).max())
         if finger.wound is not None and other.wound is not None:
             off = other.wound.misfit(finger.wound.held)
-        parts[f"tensions that stay, {finger.name}"] = off / finger.setup.tendons.max_tension / LIMIT
+        parts[f"tensions that stay, {finger.name}"] = off / finger.setup.tendons.max_tension / EXACT
         moved_base = float(np.abs(other.base - finger.base).max() / finger.length)
-        parts[f"base that stays, {finger.name}"] = moved_base / LIMIT
+        parts[f"base that stays, {finger.name}"] = moved_base / EXACT
     return parts
 
 

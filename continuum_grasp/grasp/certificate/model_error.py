@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import SolverError
+from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.recomputed import RecomputedFinger, RecomputedGrasp
 from continuum_grasp.rod.dense_rod import Mesh, panel_edges
 from continuum_grasp.rod.dimensionless import RodProblem
@@ -22,9 +23,6 @@ SMALL = 0.005
 SECTIONS = 200
 """Sections at which moments are compared, about: two per panel, as near to the ends of elements as 0.2 % of the length.
 """
-LEAST_MOMENT = 1e-6
-"""Least share of the moments in play [1]: less than this is rounding, and the share of a straight finger's moment means
-nothing."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +106,7 @@ def _moment_left_out(bent: RecomputedFinger, problem: RodProblem) -> float:
     equations = RodEquations(problem, Mesh(panel_edges(problem.breaks, 2.0 / SECTIONS), 2))
     shape = bent.length * bent.shape.curvature(bent.length * equations.mesh.nodes)
     gap = equations.balance(shape).missing
-    least = LEAST_MOMENT * bent.moment_scale(0.0) * bent.length / problem.stiffness
+    # Less than this is rounding: the share of a straight finger's moment means nothing.
+    least = EXACT * bent.moment_scale(0.0) * bent.length / problem.stiffness
     moment = equations.bending_stiffness * (shape - equations.rest) - gap
     return float(np.abs(gap).max() / max(np.abs(moment).max(), least))

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.check import EQUILIBRIUM, GAP
+from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, RecomputedFinger, RecomputedGrasp, across
 
 Array = NDArray[Any]
@@ -65,7 +65,7 @@ def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
         hessian[own, own] = chain.hessian()
     rows: list[Array] = []
     for contact in grasp.contacts:
-        if contact.normal_force > EQUILIBRIUM * grasp.force_scale:  # within the tolerance of balance, it holds nothing
+        if contact.normal_force > EXACT * grasp.force_scale:  # within the tolerance of balance, it holds nothing
             k = None if contact.finger is None else grasp.fingers.index(contact.finger)
             place = None if k is None else (chains[k], int(starts[k]))
             rows.append(_add_contact(hessian, grasp, contact, place))
@@ -182,7 +182,7 @@ def _surface_radius(grasp: RecomputedGrasp, contact: RecomputedContact) -> float
     """Radius of curvature where the object is touched; within the tolerance of places a face ends in its corner [m]."""
     if np.isfinite(contact.surface_radius):
         return contact.surface_radius
-    beside = GAP * contact.length * across(contact.normal)
+    beside = EXACT * contact.length * across(contact.normal)
     seen = contact.point + contact.length * contact.normal + np.stack([-beside, beside])
     return float(np.min(grasp.object.nearest(seen, contact.part).radius))
 

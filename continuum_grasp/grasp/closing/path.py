@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp import nlp
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.grasp.certificate.check import PENETRATION
 from continuum_grasp.grasp.closing.energy import Closing, Sight, Sliding
 from continuum_grasp.grasp.closing.result import ClosingPath, ClosingStatus
 from continuum_grasp.grasp.closing.verdict import SNAPS, Ending, Step
@@ -24,8 +25,6 @@ _HALVINGS = 5
 """Number of times that a step is halved that the solver cannot take."""
 _OPENINGS = 10
 """Tensions of the opening tendons that are tried: tenths of their limits."""
-_PENETRATES = 1e-4
-"""Depth, per length, from which on unloaded fingers count as lying in something."""
 
 
 @check_arguments
@@ -112,7 +111,7 @@ class _Walk:
             held = closing.solve(self.tensions(share), none, closing.grasped, x, None, True)
             sight = closing.found(held.x, closing.grasped)
             self._deepest = float(sight.gaps.min(initial=0.0))
-            if held.converged and self._deepest > -_PENETRATES * closing.length:
+            if held.converged and self._deepest > -PENETRATION * closing.length:
                 self._keep(float(share), held, sight, none)
                 return float(share)
         return None

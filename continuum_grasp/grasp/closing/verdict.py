@@ -13,6 +13,7 @@ from scipy.optimize import nnls
 
 from continuum_grasp.grasp.closing.energy import FOOT, Closing, Sight, turned
 from continuum_grasp.grasp.closing.result import ClosingPath, ClosingStatus, Touch
+from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 
 Array = NDArray[Any]
@@ -122,25 +123,16 @@ class Ending:
 
     def _held(self, wrench: Array) -> float:
         """Force [N] beside the supports that keeps the object where it is: of the table, or of a hand."""
-        scene, center = self.closing.scene, self.arrays["object.pose"][:2]
-        size, columns = FOOT * 0.5 * scene.object.size, []
+        scene = self.closing.scene
+        size = np.array([1.0, 1.0, FOOT * 0.5 * scene.object.size])
         if isinstance(scene.gravity, PlanarGravity):
             wrench = wrench + np.append(scene.object.mass * np.asarray(scene.gravity.vector), 0.0)
-        names = [str(name) for name in self.arrays["contact_names"]]
-        supports = [body.name for body in scene.places]
-        for k, name in enumerate(names):
-            if name.split(".")[0] not in supports:
-                continue
-            normal, point = self.arrays["contact_normals"][k], self.arrays["contact_positions"][k]
-            across = np.array([-normal[1], normal[0]])
-            for edge in (-1.0, 1.0):
-                force = -(normal + edge * scene.friction(name) * across)
-                arm = point - center
-                columns.append([*force, (arm[0] * force[1] - arm[1] * force[0]) / size])
-        target = -wrench / [1.0, 1.0, size]
-        if not columns:
-            return float(np.linalg.norm(target))
-        return float(nnls(np.array(columns).T, target)[1])
+        contacts = ContactSet(scene, self.arrays)
+        supports = np.isnan(contacts.stations)
+        normal, across = contacts.wrench_map()[:, supports].transpose(2, 0, 1) / size[:, None]
+        edges = np.hstack([normal + side * contacts.friction[supports] * across for side in (-1.0, 1.0)])
+        target = -wrench / size
+        return float(nnls(edges, target)[1] if edges.size else np.linalg.norm(target))
 
     def _verdict(
         self,

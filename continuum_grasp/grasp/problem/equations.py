@@ -28,12 +28,11 @@ from continuum_grasp import __version__
 from continuum_grasp.core.cache import entry_for, forget_oldest, hash_of_code, is_building, known_entry, lasting_folder
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler
 from continuum_grasp.core.source import externals_source
-from continuum_grasp.grasp.problem.layout import Layout
 from continuum_grasp.grasp.problem.points import BACKBONE_POINTS
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
-from continuum_grasp.grasp.problem.unknowns import Touch
+from continuum_grasp.grasp.problem.unknowns import Layout, Touch
 from continuum_grasp.nlp import NLP
 
 KIND = "grasps"

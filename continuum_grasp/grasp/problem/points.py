@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.problem.layout import FingerLayout, Layout
+from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
 from continuum_grasp.grasp.problem.values import Units, node_places
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, turning
 from continuum_grasp.grasp.starts.values import Start

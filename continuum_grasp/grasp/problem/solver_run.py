@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp import nlp
+from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.problem.equations import equations
 from continuum_grasp.grasp.problem.points import starting_point, stored_arrays
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
@@ -44,9 +45,6 @@ RUNGS = (
     (nlp.OptionSet.DEFAULT, 200),
 )
 """Ways to solve from a start, boldest first: options, and the most iterations of one solver run."""
-END, BETTER = 1e-6, 1e-6
-"""Distance from the end of a face or corner at which a contact is at the end, and share by which a grasp beyond it must
-be better."""
 OVERDETERMINED = "More_Equations_Than_Unknowns"
 """Outcome of a run that is not begun."""
 DEEP = 1.1
@@ -123,7 +121,7 @@ class GraspSolverRun:
             return found
         while (beyond := self._beyond(scene, found)) is not None:
             other = self._run(scene, start, budget, beyond[0], rung=0, x0=beyond[1], **options)
-            better = other.converged and other.objective < found.objective - BETTER * abs(found.objective)
+            better = other.converged and other.objective < found.objective - EXACT * abs(found.objective)
             spent, seconds = found.iterations + other.iterations, found.seconds + other.seconds
             found = replace(other if better else found, iterations=spent, seconds=seconds)
             if not better:
@@ -141,7 +139,7 @@ class GraspSolverRun:
             place, part = at[f"place, {name}"], scene.object.parts[found.start.contacts[name].part]
             for k, (low, high) in enumerate(zip(feature.lower, feature.upper, strict=True)):
                 value, push = found.x[place][k], found.multipliers.bounds[place][k]
-                side = int(value >= high - END and push > 0.0) - int(value <= low + END and push < 0.0)
+                side = int(value >= high - EXACT and push > 0.0) - int(value <= low + EXACT and push < 0.0)
                 beyond = surface_of(part).beyond(part, feature, side) if side and low < high else None
                 if beyond is not None:
                     features[name], x[place] = beyond

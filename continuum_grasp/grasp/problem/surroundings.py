@@ -10,10 +10,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.problem.layout import FingerLayout, Layout
+from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.problem.points import bending_arrays
-from continuum_grasp.grasp.problem.values import Units
-from continuum_grasp.grasp.shape import FingerShape, skin
+from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
+from continuum_grasp.grasp.problem.values import FINE, Units
+from continuum_grasp.grasp.shape import ROUNDING, FingerShape, skin
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.scan.task import rough_distance
 from continuum_grasp.model.surfaces import surface_of
@@ -27,13 +28,8 @@ from continuum_grasp.scene.supports import Wall
 Array = NDArray[Any]
 Values = dict[str, Any]
 
-FINE = 64
-"""Places per element at which the depth is looked at: parabolas through the deepest place the probes."""
-CLEAR = 1.0 - 1e-9
-"""Part of the half thickness from which on a base counts as clear of a support."""
-_ON, _FAR = 1e-6, 10.0
-"""Distance of a piece up to which a contact is on it, and one from which on nothing is in the way, in units of the
-problem."""
+_FAR = 10.0
+"""Distance from which on nothing is in the way, in units of the problem."""
 _EVEN = np.linspace(0.0, 1.0, 129)
 """Places along a finger between which its shape is integrated: 0.8 % of the length apart."""
 
@@ -69,7 +65,7 @@ class _Obstacle:
 
 def _obstacles(scene: GraspScene, setup: FingerSetup, emerging: int, base: Array, units: Units) -> list[_Obstacle]:
     """The obstacles of a finger: half planes, then what circles stand for."""
-    found, clear = [], CLEAR * float(setup.finger.profile.half_thickness(0.0)) / units.length
+    found, clear = [], (1.0 - ROUNDING) * float(setup.finger.profile.half_thickness(0.0)) / units.length
     for wall in (wall for wall in scene.walls if wall.part is None):
         height = float((base[:2] - np.asarray(wall.point) / units.length) @ np.asarray(wall.normal))
         # A base within a support is no penetration: the finger comes out of it, up to its first contact.
@@ -364,7 +360,7 @@ def _beside(
     circles, gaps = (np.stack(every) for every in zip(*found, strict=True))
     if touching is not None and count > 1:
         marked, places = np.flatnonzero(touching[0]), touching[1]
-        where, at = np.nonzero([_nearest(piece, places, units)[1] < _ON for piece in pieces])
+        where, at = np.nonzero([_nearest(piece, places, units)[1] < EXACT for piece in pieces])
         # A face far behind takes the place of what is touched.
         circles[where, :2, marked[at]] -= _FAR * circles[where, 2:4, marked[at]]
         circles[where, 4, marked[at]] = 0.0

@@ -1,15 +1,19 @@
-"""Unknowns, constraints and run-time numbers of a grasp, and its fingers and contacts as expressions."""
+"""Unknowns, constraints and run-time numbers of a grasp: their layout, which is known without expressions, and its
+fingers and contacts as expressions.
+"""
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 
 import casadi as ca
 
-from continuum_grasp.grasp.problem.blocks import Columns, Expressed, rotation
+from continuum_grasp.grasp.problem.blocks import Columns, Expressed, Places, Rows, rotation
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.problem.structure import ContactSpec, ProblemSpec
-from continuum_grasp.grasp.problem.unit_finger import UnitFinger
+from continuum_grasp.grasp.problem.structure import ContactSpec, FingerSpec, ProblemSpec
+from continuum_grasp.grasp.problem.unit_finger import UnitFinger, unit_model
+from continuum_grasp.model.family import Family
 from continuum_grasp.model.surfaces.surface import SurfacePoint
 
 
@@ -80,3 +84,40 @@ class Unknowns:
         self.rows.require(f"contact on the surface, {name}", local.on_surface, "1", "object")
         turn = rotation(self.pose[2])
         return Touch(contact, self.pose[:2] + turn @ local.point, turn @ local.normal, local, force)
+
+
+@dataclass(frozen=True)
+class FingerLayout:
+    """Layout of a finger."""
+
+    spec: FingerSpec
+    size: int  # number of its bending coordinates
+    elements: list[int]  # that guarded places but for the probes are in
+    touches: list[bool]  # whether the finger touches the object there, of all guarded places
+
+    @property
+    def family(self) -> Family:
+        """The family of the unit finger's elements."""
+        return unit_model(self.spec).structure.family
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """Unknowns, run-time numbers, constraints and fingers of a grasp problem."""
+
+    spec: ProblemSpec
+    x: Places  # the unknowns
+    numbers: Places  # the run-time numbers
+    rows: Rows
+    fingers: list[FingerLayout]
+
+    @staticmethod
+    def of(spec: ProblemSpec, text: str) -> Layout:
+        """The layout of a structure from what `described` wrote of it."""
+        x, numbers, blocks, guarded = json.loads(text)
+        rows = Rows()
+        for name, key, unit, count, lower, upper in blocks:
+            rows.rows(name, key, unit, count, 1.0, lower, upper)
+        own = zip(spec.fingers, guarded, strict=True)
+        fingers = [FingerLayout(finger, x[f"{finger.name}.q"], *places) for finger, places in own]
+        return Layout(spec, Places(x), Places(numbers), rows, fingers)

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.drives import SOFT, WoundTendons
 from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.problem.curves import curve_numbers
-from continuum_grasp.grasp.problem.layout import Layout
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import inner_masses, support_of
+from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
 from continuum_grasp.model.surfaces import surface_of
@@ -39,8 +39,9 @@ BETWEEN = 1e-5
 polygon; the certificate allows 1e-4."""
 LITTLE = 1e-5
 """Weight of the tensions where they are no aim."""
-_FINE = 65
-"""Places per segment between which the lengths of a graded finger's elements are measured out."""
+FINE = 64
+"""Intervals per segment in which the lengths of a graded finger's elements are measured out, and per element at whose
+ends the depth is looked at: parabolas through the deepest place the probes."""
 HELD = 1e-3
 """Least normal force of a contact, as a part of the weight, where slipping or disturbances are an aim."""
 
@@ -181,7 +182,7 @@ def node_places(setup: FingerSetup, joints: Sequence[float]) -> Array:
     profile, marks = setup.finger.profile, [0.0, *joints, setup.finger.profile.length]
     pieces: list[Array] = []
     for (a, b), count in zip(pairwise(marks), _counts(setup), strict=True):
-        at = np.linspace(a, b, _FINE if setup.graded else 2)
+        at = np.linspace(a, b, FINE + 1 if setup.graded else 2)
         parts = profile.waves(at) if setup.graded else at - a
         pieces.append(np.interp(np.linspace(0.0, parts[-1], count + 1)[:-1], parts, at))
     return np.concatenate([*pieces, marks[-1:]])

@@ -33,6 +33,8 @@ _OPTIONS: dict[str, Any] = {
 }
 _NAMES: dict[str, Outcome] = {"Optimal": "optimal", "Infeasible": "infeasible", "Unbounded": "unbounded"}
 
+FAR = 1e3
+"""Bound of unknowns that need none, per what is usual: with far greater ones an LP loses digits."""
 VIOLATION = 1e-8
 """Cones may be violated by this part of one and the greatest width of a cone: ten times what the LP's
 tolerance lets through."""

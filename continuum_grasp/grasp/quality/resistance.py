@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.drives import TAUT
 from continuum_grasp.grasp.quality.lp import INWARD, Cones, solve_socp
 from continuum_grasp.grasp.quality.response import GraspResponse, Tendons
@@ -23,8 +24,6 @@ UNLIMITED = 1e4
 """A disturbance that makes forces this many times the greatest limit of a contact counts as unlimited."""
 TURN = 3.0
 """Allowed turn of a finger's tip, per allowed turn of the object: soft fingers turn more than what they hold."""
-_ACTIVE = 1e-6
-"""Part of the force scale within which a limit counts as reached."""
 
 Answer = tuple[float, tuple[str, ...], Array]
 """Greatest factor, what limits it, motion of the object there: center of mass [m], angle [rad]."""
@@ -91,7 +90,7 @@ class _Limits:
         self.friction, self.normal_max = contacts.friction, contacts.normal_max
         # The unit of force that makes the numbers of the SOCP near one, where nothing presses yet too [N].
         self.scale = max(float(np.abs(contacts.forces).max(initial=0.0)), 1e-3 * float(contacts.normal_max.max()))
-        slack = _ACTIVE * self.scale
+        slack = EXACT * self.scale
         # Optima lie on cones and limits up to the solver's tolerance: what rounding put outside widens them by as much.
         over = np.hypot(self.forces[:, 1], self.forces[:, 2]) - self.friction * self.forces[:, 0]
         self.spare = np.where((over > 0.0) & (over < 10.0 * slack), over, 0.0)
@@ -158,7 +157,7 @@ class _Limits:
 
     def _reached(self, forces: Array, changes: Array, motion: Array) -> tuple[str, ...]:
         """Names of the limits that are reached or passed."""
-        slack, words = _ACTIVE * max(self.scale, float(np.abs(forces).max(initial=0.0))), []
+        slack, words = EXACT * max(self.scale, float(np.abs(forces).max(initial=0.0))), []
         for k, name in enumerate(self.names):
             normal, friction, lift = forces[k]
             if normal <= self.low[k] + slack:
@@ -168,9 +167,9 @@ class _Limits:
             if normal >= self.high[k] - slack:
                 words.append(f"{name} is pressed too hard")
         for setup, change, (least, most) in zip(self.setups, changes, self.ranges, strict=True):
-            if change <= least + _ACTIVE * (most - least) or change >= most - _ACTIVE * (most - least):
+            if change <= least + EXACT * (most - least) or change >= most - EXACT * (most - least):
                 words.append(f"{setup.name} is at its tension limit")
-        far = np.abs(motion) >= self.reach * (1.0 - _ACTIVE)
+        far = np.abs(motion) >= self.reach * (1.0 - EXACT)
         words += ["the object moves"] if far[:3].any() else []
         words += [f"{setup.name} bends" for setup, much in zip(self.setups, far[3:], strict=True) if much]
         return tuple(words)

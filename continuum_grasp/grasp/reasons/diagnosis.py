@@ -14,10 +14,10 @@ import math
 from collections.abc import Iterable, Sequence
 
 from continuum_grasp.grasp.bound import cannot_balance
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
+from continuum_grasp.grasp.problem.relaxations import NONE, RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import MODEST
-from continuum_grasp.grasp.reasons.elastic import HASTY, NONE, SAME, Elastic, Limits, Repair, settled
-from continuum_grasp.grasp.reasons.starts import LARGER, Starts, eased
+from continuum_grasp.grasp.reasons.elastic import HASTY, SAME, Elastic, Limits, Repair, settled
+from continuum_grasp.grasp.reasons.starts import LARGER, SEEDS, Starts, eased
 from continuum_grasp.grasp.reasons.words import in_words, is_clear, is_rare, ordered, part_of
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.values import Start
@@ -25,11 +25,7 @@ from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import GraspScene
 
 FIRST, MORE = 2, 8
-"""Scanned starts per limit, and starts per limit that gives a grasp."""
-ROUGH = 2
-"""Starts of sets of contacts that are not scanned from which all limits are relaxed first."""
-SEEDS = 3
-"""Least sums of many limits that are brought down to few."""
+"""Starts from which a limit, or all of them, are relaxed first; and starts per limit that gives a grasp."""
 REWEIGHTED, FLOOR = 2, 0.1
 """Number of times that parts are weighted anew, and the part of a usual amount that halves a weight."""
 TOGETHER = 2
@@ -107,8 +103,8 @@ class Repairs(Elastic):
         rough = self.starts.rough if others else []
         for limit in others:
             if math.isfinite(limit.most(self.scene)) and not limit.bounds_shape:
-                self._from(limit, rough, ROUGH)
-        for point in [*_least(self._all_from(self.numbered, rough[:ROUGH])), *_least(self.found.values())[:1]]:
+                self._from(limit, rough, FIRST)
+        for point in [*_least(self._all_from(self.numbered, rough[:FIRST])), *_least(self.found.values())[:1]]:
             self._in_place_of(point, [limit for limit in others if (limit,) not in self.found])
         for limit in starts:
             if (limit,) in self.found and not settled(self.totals[limit,]):

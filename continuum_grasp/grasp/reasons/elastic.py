@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.certificate import certify_reached
-from continuum_grasp.grasp.problem.relaxations import Relaxation
+from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.values import Start
@@ -26,9 +26,6 @@ HASTY = 80
 SAME, AGREEING = 1e-4, 3
 """Relative difference up to which two amounts are taken for the same point, and how many starts end there, or end
 elsewhere after the least, before no more are tried."""
-NONE = 1e-3
-"""Part of a usual amount that is none, so that its limit is not named; likewise an imbalance, and the difference of the
-logarithms of two factors."""
 STEPS, HALVINGS = (0.01, 0.04, 0.16, 0.64), 2
 """Usual amounts by which a limit is relaxed further until a grasp holds for all errors and friction states, and how
 often the last interval is halved.

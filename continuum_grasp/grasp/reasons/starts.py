@@ -9,8 +9,7 @@ from itertools import zip_longest
 from typing import Any
 
 from continuum_grasp.grasp.modes import contact_modes
-from continuum_grasp.grasp.problem.relaxations import Relaxation
-from continuum_grasp.grasp.reasons.elastic import NONE
+from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
 from continuum_grasp.grasp.search import BENT, Search
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.tried import branch_of
@@ -25,8 +24,9 @@ LARGER = (1.0, 4.0, 16.0)
 """Usual amounts by which a limit is relaxed in search of postures that are then nearly in balance."""
 WIDER = (1.0, 2.9)
 """Usual amounts by which limits of the shape are relaxed in search of postures for all limits at once."""
-SCANNED, EASED = 3, 6
-"""Starts for all limits at once: of the scene's own postures, and of those with limits of the shape relaxed."""
+SEEDS = 3
+"""Starts for all limits at once: so many of the scene's own postures, and twice as many of those with limits of the
+shape relaxed; and the least of their sums, so many, that are brought down to few limits."""
 
 
 class Starts:
@@ -68,7 +68,7 @@ class Starts:
         scans = self._search.rebalanced(eased(self._scene, [one for one in limits if not one.bounds_shape], 1.0))
         near = self.rough if self._search.unscanned else interleaved(scans)
         wider = [start for factor in WIDER for start in self._of(eased(self._scene, limits, factor))]
-        return [*near[:SCANNED], *interleaved(wider)[:EASED]]
+        return [*near[:SEEDS], *interleaved(wider)[: 2 * SEEDS]]
 
     def _balanced(self, limit: Relaxation, factors: Iterable[float]) -> list[Start]:
         """Starts of scanned postures nearly in balance with the limit relaxed by the first factor for which there are

@@ -6,8 +6,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
-from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
-from continuum_grasp.grasp.reasons.elastic import NONE, Elastic, Repair
+from continuum_grasp.grasp.problem.relaxations import NONE, RELAXATIONS, Relaxation
+from continuum_grasp.grasp.reasons.elastic import Elastic, Repair
+from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import greatest_shift
@@ -17,8 +18,6 @@ CLEAR = 0.03
 of a scan are off by less."""
 RARE = 1.0
 """Friction coefficient that few surfaces have: reasons that ask for more come after the other limits."""
-_ROUNDING = 1e-9
-"""Part of its reach by which a straight finger may end short of the object."""
 
 
 def rank(reason: Reason) -> tuple[int, bool, bool, float]:
@@ -85,7 +84,7 @@ def out_of_reach(scene: GraspScene) -> Reason | None:
     needed = [s for s in scene.setups if "on" in (*s.middles, s.tip) or len(scene.setups) == 1]
     away = [(_distance(scene, setup), _reach(setup)) for setup in needed]
     missing, distance, reach = max(((d - r, d, r) for d, r in away), key=lambda one: one[0], default=(0.0, 0.0, 0.0))
-    if missing <= _ROUNDING * reach:
+    if missing <= ROUNDING * reach:
         return None
     text = f"the object is out of reach: it is {distance:.4g} m from the base, {reach:.4g} m can be reached"
     repair = f"bring object and base nearer to each other, by {missing:.4g} m at least"

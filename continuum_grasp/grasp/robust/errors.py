@@ -20,6 +20,7 @@ turning one cell at a time; and last with states drawn at random from the whole 
 
 from __future__ import annotations
 
+import cmath
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
@@ -31,10 +32,13 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.friction import pulled_states
 from continuum_grasp.grasp.certificate.held import YIELDS
+from continuum_grasp.grasp.problem.solver_run import GraspSolverRun, solver_for
+from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.problem.values import Units
 from continuum_grasp.grasp.robust.result import ERRORS
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.starts.supports import object_outlines, pinned_by, settle, support_contacts
-from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.grasp.starts.values import ContactStart, Start
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, Robust
 from continuum_grasp.scene.objects.body import Freedom, Pose
@@ -172,6 +176,24 @@ class InError:
             columns = scene.state_columns.items()
             states = {name: tuple(error[OBJECT:][part].tolist()) for name, part in columns}
         return scene, replace(start, object_pose=scene.object.pose, contacts=contacts, friction_states=states)
+
+    def solver(self, contacts: Mapping[str, ContactStart]) -> GraspSolverRun:
+        """The solver of postures with some contacts on."""
+        spec = ProblemSpec.of(self.scene, dict(contacts)).in_error(landed=self.yields)
+        solver: GraspSolverRun = solver_for(spec)
+        return solver
+
+    def landings(self, spec: ProblemSpec, start: Start, error: Array) -> dict[str, Array]:
+        """Places where the tips of the grasp at a start land on an object that yields (2,), in its frame and in units
+        of the problem, by the names of the unknowns.
+        """
+        x, y, turn = (np.array(self.pose_in_error(error)) - self.pose).tolist()
+        moved, found = complex(x, y) * cmath.exp(-1j * self.pose[2]), {}
+        for contact in spec.contacts:
+            if spec.lands(contact) and contact.name in start.contacts:
+                place = cmath.exp(-1j * turn) * (complex(*start.contacts[contact.name].point) - moved)
+                found[f"landing, {contact.name}"] = np.array(Units.of(self.scene).point((place.real, place.imag)))
+        return found
 
     def scene_with(self, error: Array) -> GraspScene:
         """The scene with an error."""

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 from continuum_grasp import nlp
 from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.problem.equations import expressions
-from continuum_grasp.grasp.problem.layout import Layout
 from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.solver_run import (
@@ -38,6 +37,7 @@ from continuum_grasp.grasp.problem.solver_run import (
     solver_for,
 )
 from continuum_grasp.grasp.problem.structure import ProblemSpec
+from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.problem.values import Units, contact_features, moved_features, problem_values
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.starts.values import ContactStart, Start, with_contacts
@@ -189,9 +189,7 @@ class JointSolverRun:
         self.errors = errors
         self.touching = [start.contacts] * len(errors) if touching is None else list(touching)
         self.nominal: GraspSolverRun = solver_for(ProblemSpec.of(scene, start.contacts))
-        self.others: list[GraspSolverRun] = [
-            solver_for(ProblemSpec.of(scene, dict(on)).in_error(landed=in_error.yields)) for on in self.touching
-        ]
+        self.others = [in_error.solver(on) for on in self.touching]
         self._whole: RobustProblem = robust_problem(self.nominal, tuple(self.others), in_error.left)
         self.nlp = self._whole.nlp
 

@@ -22,8 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import nlp
-from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, solver_for
-from continuum_grasp.grasp.problem.structure import DriveSpec, ProblemSpec
+from continuum_grasp.grasp.certificate.check import CONES
+from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
+from continuum_grasp.grasp.problem.structure import DriveSpec
 from continuum_grasp.grasp.problem.values import Units, held_values
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.starts.supports import nearest_contact
@@ -33,9 +34,8 @@ from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
 
-HOLDS = -1e-4
-"""Least reserve, per force reference, with which all contacts hold: the places at which fingers are looked at for
-clearance change it by up to 4e-5 (mug)."""
+HOLDS = -CONES
+"""Least reserve, per force reference, with which all contacts hold: that of the certificate."""
 SETS = 4
 """Sets of contacts that are tried for one error: two or three are enough where one holds."""
 FRUITLESS = 12
@@ -130,7 +130,7 @@ class Responder:
 
     def _with(self, begin: Start, error: Array) -> Response:
         """The response to an error with the contacts of a start."""
-        solver = self._solver(begin)
+        solver = self.in_error.solver(begin.contacts)
         scene, start = self.in_error.plant(begin, error)
         solve = partial(solver.run, scene, start, self._budget, pinned=self._pinned(solver, scene, start, error))
         # Without its multipliers, which mislead where other limits act: six robust grasps take 6 % longer with them.
@@ -152,12 +152,6 @@ class Responder:
         if attempt.converged:
             self._known.append(found)
         return found
-
-    def _solver(self, begin: Start) -> GraspSolverRun:
-        solver: GraspSolverRun = solver_for(
-            ProblemSpec.of(self.scene, begin.contacts).in_error(landed=self.in_error.yields)
-        )
-        return solver
 
     def _next(self, response: Response) -> Iterator[Start]:
         """Starts with the contacts that a posture which does not hold asks for, those most likely to hold first."""
@@ -208,7 +202,7 @@ class Responder:
 
     def _pinned(self, solver: GraspSolverRun, scene: GraspScene, start: Start, error: Array) -> dict[str, Array]:
         """Unknowns that are given, in units of the problem; NaN where one is not."""
-        units, pinned = Units.of(scene), self.landings(solver, error)
+        units, pinned = Units.of(scene), self.in_error.landings(solver.problem.spec, self.start, error)
         if not self.in_error.yields and scene.object.free is not None:
             # What the supports decide follows from their contacts.
             pose = np.array(units.pose(scene.object.pose))
@@ -231,19 +225,6 @@ class Responder:
         away[:, :2] /= self.scene.object.size
         return known[int((away**2).sum(axis=1).argmin())]
 
-    def landings(self, solver: GraspSolverRun, error: Array) -> dict[str, Array]:
-        """Places where tips land on an object that yields (2,), in its frame and in units of the problem."""
-        pose = np.array(self.in_error.pose_in_error(error)) - self.in_error.pose
-        units, problem = Units.of(self.scene), solver.problem
-        back, turned = (_rotation(-angle) for angle in (self.in_error.pose[2], pose[2]))
-        return {
-            f"landing, {contact.name}": turned
-            @ (np.asarray(self.start.contacts[contact.name].point) - back @ pose[:2])
-            / units.length
-            for contact in problem.spec.contacts
-            if problem.spec.lands(contact) and contact.name in self.start.contacts
-        }
-
 
 def _reserve(solver: GraspSolverRun, attempt: Attempt) -> float:
     """By how much all friction cones could be narrower; minus infinity where nothing balances."""
@@ -260,8 +241,3 @@ def _least_margin(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -
             margin = 1.0 - float(np.linalg.norm(sideways)) / (friction * n) if friction * n > 0.0 else -np.inf
             found.append((margin, contact.name))
     return min(found, default=(1.0, ""))
-
-
-def _rotation(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s], [s, c]])

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
+from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.friction import state_cells
 from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.values import contact_features
@@ -32,8 +33,6 @@ MOST = 4
 """Corners that enter the problem at once."""
 EXCHANGES = 6
 """Number of times that corners that fail enter the problem."""
-SAME = 1e-6
-"""Reserve by which friction states must be worse than those known, per force reference: rounding is less."""
 
 
 def tried_errors(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any]) -> Array:
@@ -213,7 +212,7 @@ def descended(responder: Responder, responses: Sequence[Response]) -> Iterator[R
         found += turned
         yield from turned
         new = min(turned, key=lambda response: response.reserve, default=worst)
-        if not new.reserve < worst.reserve - SAME:
+        if not new.reserve < worst.reserve - EXACT:
             break
         yield from down(new)
 

@@ -13,15 +13,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.problem.equations import expressions
 from continuum_grasp.grasp.problem.points import starting_point
-from continuum_grasp.grasp.problem.solver_run import solver_for
-from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.values import (
     Units,
     contact_features,
@@ -30,9 +26,11 @@ from continuum_grasp.grasp.problem.values import (
     problem_bounds,
     problem_values,
 )
+from continuum_grasp.grasp.quality.lp import FAR
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.response import HOLDS
 from continuum_grasp.grasp.robust.result import ERRORS
+from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
@@ -47,15 +45,9 @@ PLANTS = 128
 """Plants of the quasi-random sequence, each with eight signs of its errors: shares are good to 1 or 2 %."""
 _TURNS = 24
 """Tangent planes that stand for a spatial friction cone, beside that at the force of the grasp: 0.9 % wider."""
-_FAR = 1e2
-"""Bound of what is open [units of the problem]: far beyond what any plant needs."""
-_SINGULAR = 1e-9
-"""Singular value, per greatest one, of equations that depend on others."""
-_PIVOTS = 60
-"""Most exchanges of active constraints: ten are usual."""
 _EQUATIONS = (
     *("contact gap", "contact tangency", "contact on the surface", "contact normal"),
-    *("finger equilibrium", "drive", "object "),
+    *("finger equilibrium", "drive", "object ", "landing"),
 )
 """First words of the constraints that stay equations in every plant."""
 _LIMITS = ("contact direction", "contact within")
@@ -152,7 +144,7 @@ class _Plants:
         self.scene, self.arrays, self.sides = scene, arrays, sides
         self.in_error, self.start = InError(scene, arrays), start_from(scene, dict(arrays))
         self.features = contact_features(scene, self.start.contacts)
-        self.solver = solver_for(ProblemSpec.of(scene, self.start.contacts))
+        self.solver = self.in_error.solver(self.start.contacts)
         self._known: dict[bytes, tuple[Array, Array]] = {}
         problem = self.solver.problem
         self.names = [contact.name for contact in problem.spec.contacts]
@@ -162,18 +154,16 @@ class _Plants:
         kinds = ([b.rows.ravel() for b in problem.rows.blocks if b.name.startswith(k)] for k in (_EQUATIONS, _LIMITS))
         equations, limits = (np.concatenate([np.zeros(0, dtype=int), *rows]) for rows in kinds)
         self._chosen, count = np.concatenate([equations, limits]), equations.size
-        jacobian = np.array(self.solver.nlp.functions["jac_g"](x, numbers)[1])[self._chosen]
-        columns, motions = self._open(x), self._object_motions(x, numbers, jacobian)
-        slopes = np.column_stack([jacobian[:, columns], motions])
+        columns = self._open(x)
+        slopes = np.array(self.solver.nlp.functions["jac_g"](x, numbers)[1])[self._chosen][:, columns]
         # Central differences over the whole errors: slopes between their ends, not at the grasp.
         ends = [(self._point(side), self._point(-side)) for side in sides]
         moved = 0.5 * np.array([more[0] - less[0] for more, less in ends]).T
         broken = 0.5 * np.array([self._rows(*more) - self._rows(*less) for more, less in ends]).T
-        landed, off = self._landings(x, numbers, columns, motions.shape[1])
-        unknown, given = np.concatenate([slopes[:count], landed]), np.concatenate([broken[:count], off])
+        unknown, given = slopes[:count], broken[:count]
         # What changes least of all that satisfies the equations, and the ways that they leave.
         left, values, right = np.linalg.svd(unknown)
-        rank = int((values > _SINGULAR * values[0]).sum())
+        rank = int((values > ROUNDING * values[0]).sum())
         answer, ways = -right[:rank].T @ (left[:, :rank].T @ given / values[:rank, None]), right[rank:].T
         if np.abs(unknown @ answer + given).max() > 1e-6 * max(1.0, np.abs(given).max()):
             raise InputError("contacts of the grasp cannot all stay in plants with such errors")
@@ -181,8 +171,8 @@ class _Plants:
         self._spare_by_error = broken[count:] + slopes[count:] @ answer
         self._spare_by_way = slopes[count:] @ ways
         by_way = np.zeros((x.size, ways.shape[1]))
-        moved[columns] += answer[: columns.size]
-        by_way[columns] = ways[: columns.size]
+        moved[columns] += answer
+        by_way[columns] = ways
         at = [problem.x.at[f"force, {name}"] for name in self.names]
         self._forces, self._by_error, self._by_way = (np.array([v[one] for one in at]) for v in (x, moved, by_way))
 
@@ -240,6 +230,8 @@ class _Plants:
                 features = moved_features(self.scene, scene, start.contacts, features)
             numbers = problem.numbers.pack(problem_values(problem, scene, start, features), 0.0)
             x = starting_point(problem, scene, start, features)
+            for name, place in self.in_error.landings(problem.spec, self.start, error).items():
+                x[problem.x.at[name]] = place
             for setup, finger in zip(scene.setups, problem.fingers, strict=True):
                 if not setup.graded:  # starts have steps of the curvature rounded off
                     size = finger.family.coordinate_size(1.0, setup.finger.rod.length)
@@ -251,7 +243,9 @@ class _Plants:
         return np.asarray(np.array(self.solver.nlp.functions["jac_g"](x, numbers)[0]).ravel()[self._chosen])
 
     def _open(self, x: Array) -> NDArray[np.int64]:
-        """Indices of the unknowns that follow from the errors: forces, places, shapes; of drives the tensions."""
+        """Indices of the unknowns that follow from the errors: forces, places, shapes; of drives the tensions, and what
+        supports decide of the object's pose, or all of it where it yields.
+        """
         problem = self.solver.problem
         low, high = problem_bounds(problem, self.scene, self.features)
         names = [name for name in problem.x.at if name.startswith(("force, ", "place, "))]
@@ -260,40 +254,11 @@ class _Plants:
             own += () if setup.drive is None else ("pulls", "wound")
             names += [name for key in own if (name := f"{setup.name}.{key}") in problem.x.at]
         every = np.concatenate([np.arange(x.size)[problem.x.at[name]] for name in names])
-        return np.asarray(every[low[every] < high[every]])
-
-    def _object_motions(self, x: Array, numbers: Array, jacobian: Array) -> Array:
-        """Changes of the equations with coordinates of the pose that follow from the errors, too."""
-        problem, yields = self.solver.problem, self.in_error.yields
-        free = [k for k in range(3) if yields or (problem.spec.free and k not in self.in_error.left)]
+        found = [every[low[every] < high[every]]]
         if problem.spec.free:
-            return jacobian[:, np.arange(x.size)[problem.x.at["object pose"]][free]]
-        steps = 1e-6 * np.eye(numbers.size)[problem.numbers.at["object pose"]][free]
-        found = [(self._rows(x, numbers + step) - self._rows(x, numbers - step)) / 2e-6 for step in steps]
-        return np.reshape(found, (len(free), len(jacobian))).T
-
-    def _landings(self, x: Array, numbers: Array, columns: Array, motions: int) -> tuple[Array, Array]:
-        """Equations of tips that stay where they landed on an object that yields, as `GraspProblem` has them."""
-        length = Units.of(self.scene).length
-        rows, off = [np.zeros((0, columns.size + motions))], [np.zeros((0, len(self.sides)))]
-        spec = self.solver.problem.spec.in_error(landed=self.in_error.yields)
-        c, s = np.cos(self.in_error.pose[2]), np.sin(self.in_error.pose[2])
-        # The problem may have been loaded without its expressions, which are built for such tips alone.
-        landed = [k for k, contact in enumerate(spec.contacts) if spec.lands(contact)]
-        for k in landed:
-            made = expressions(self.solver.problem.spec)
-            contact = made.contacts[k]
-            point, normal = contact.local.point, contact.local.normal
-            across = ca.vertcat(-normal[1], normal[0])
-            args = [made.x.symbol, made.numbers.symbol]
-            slope = ca.Function("landing", args, [across, point, across.T @ ca.jacobian(point, args[0])])
-            along, at, change = (np.array(value) for value in slope(x, numbers))
-            # In the object's frame its place is off by as much as the object is off, turned and grown.
-            moved = self.sides[:, :2] @ np.array([[c, -s], [s, c]]) / length
-            moved += self.sides[:, 2:3] * [-at[1, 0], at[0, 0]] + self.sides[:, 3:4] * at.ravel()
-            rows.append(np.append(change.ravel()[columns], np.zeros(motions))[None])
-            off.append((moved @ along.ravel())[None])
-        return np.concatenate(rows), np.concatenate(off)
+            follows = [k for k in range(3) if self.in_error.yields or k not in self.in_error.left]
+            found.append(np.arange(x.size)[problem.x.at["object pose"]][follows])
+        return np.concatenate(found)
 
 
 def greatest_last(rows: Array, limits: Array) -> Array:
@@ -303,12 +268,12 @@ def greatest_last(rows: Array, limits: Array) -> Array:
     count, _, size = rows.shape
     box = np.concatenate([np.eye(size), -np.eye(size)])
     rows = np.concatenate([np.tile(box, (count, 1, 1)), rows], axis=1)
-    limits = np.concatenate([np.full((count, 2 * size), _FAR), limits], axis=1)
+    limits = np.concatenate([np.full((count, 2 * size), FAR), limits], axis=1)
     # A little of the other unknowns makes optima corners, and multipliers positive.
     aim = np.append(1e-7 * np.sqrt(np.arange(1.0, size)), 1.0)
     active, each = np.tile(np.arange(size), (count, 1)), np.arange(count)
     x = np.zeros((count, size))
-    for _ in range(_PIVOTS):
+    for _ in range(rows.shape[1]):  # exchanges of active constraints, of which ten are usual
         inverse = np.linalg.inv(rows[each[:, None], active])
         x = np.einsum("dij,dj->di", inverse, limits[each[:, None], active])
         over = np.einsum("dmi,di->dm", rows, x) - limits

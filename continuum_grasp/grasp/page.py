@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from continuum_grasp.grasp.report.html import (
+from continuum_grasp.grasp.text import further_advice, parts
+from continuum_grasp.results.html import (
     badge,
     cards,
     details,
@@ -20,7 +21,6 @@ from continuum_grasp.grasp.report.html import (
     section,
     table,
 )
-from continuum_grasp.grasp.report.text import further_advice, parts
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
 if TYPE_CHECKING:

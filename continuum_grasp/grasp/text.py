@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 
@@ -26,9 +27,6 @@ _HEAD = """\
 # object: along its outward normal, and friction along the normal turned by +90 degrees; lift is on the object, out of
 # the plane. result.npz holds all numbers, meta.json the configuration and every check.
 """
-
-_ROUNDING = 1e-6
-"""Indices below this are nothing but rounding [1]."""
 
 
 @dataclass(frozen=True)
@@ -227,7 +225,7 @@ def _mm(lengths: Iterable[float]) -> str:
 
 
 def _short(value: float) -> str:
-    return "0" if abs(value) < _ROUNDING else f"{value:.4g}"
+    return "0" if abs(value) < EXACT else f"{value:.4g}"
 
 
 def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
