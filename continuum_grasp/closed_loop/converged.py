@@ -47,7 +47,9 @@ class Converged(Controller):
     def __init__(self, scene: ControlScene) -> None:
         _CONVERGED.check(scene)
         settings = {**_ITERATIONS, "supervisor": False}
-        super().__init__(scene.changed({f"controller.{key}": value for key, value in settings.items()}), deadline=math.inf)
+        super().__init__(
+            scene.changed({f"controller.{key}": value for key, value in settings.items()}), deadline=math.inf
+        )
         self._arguments = (scene,), {}
 
 
