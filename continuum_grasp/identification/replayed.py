@@ -32,10 +32,9 @@ Array = NDArray[np.float64]
 
 _CAP = 30.0
 """Cap of a squared normalized innovation [1], as in ``control/c/ekf.h``: one sample alone is no wrong sensor."""
-_TRUST, _WRONG = 10.0, 20.0
-"""Mean squared normalized innovation up to which all agree, and from which on a sensor may be at fault [1], as
-``SUPERVISOR_SEVERE`` and ``SUPERVISOR_WRONG`` of ``control/c/supervisor.c``: a move with half the stiffness stays below
-9, a drive of twice the lag below 11, a camera rotated by 5 degrees goes beyond 20."""
+_TRUST = 12.0
+"""Mean squared normalized innovation up to which sensors and model agree [1]: a move with half the stiffness stays below
+9, as for the supervisor (``control/c/supervisor.c``), one with drives of 2.5 times the lag below 11."""
 _STILL = 20
 """Equal readings in a row [1] of a sensor that is frozen: noise does not repeat itself."""
 _LEFT = 0.5
@@ -43,6 +42,8 @@ _LEFT = 0.5
 _ALIKE = 1.2
 """Disagreements within this factor of the least are alike [1]: the log does not tell which of the sensors it is."""
 _SWAPPED = " swapped"
+_EVIDENCE = 20.0
+"""Logarithm of the likelihood of a delay, per that of the least likely one, from which on it is told [1]."""
 _LATER = 6
 """Periods by which measurements are tried to be older than stated [1]."""
 
@@ -70,7 +71,7 @@ class Retuned(NamedTuple):
 
 @dataclass(frozen=True)
 class Replay(Predicted):
-    """What a controller would have believed and commanded in K periods of a log; believed is what it expected to measure.
+    """What a controller would have believed and commanded in K periods of a log; what it expected is what it believed.
 
     Attributes
     ----------
@@ -134,7 +135,7 @@ class Replay(Predicted):
 
     @property
     def suspects(self) -> tuple[str, ...]:
-        """Sensors without which, or read otherwise, the others agree; several where the log does not tell them apart."""
+        """Sensors without which, or read otherwise, others agree; several where the log does not tell them apart."""
         if self.status != "sensor":
             return ()
         if self.frozen:
@@ -144,7 +145,7 @@ class Replay(Predicted):
         return tuple([what for what in alike if what.endswith(_SWAPPED)] or alike)
 
     def pairs(self) -> dict[str, str]:
-        """Verdict, what each suspicion leaves of the disagreement, commands, and numbers of the log beside those set."""
+        """Verdict, the disagreement that each suspicion leaves, commands, and numbers of the log beside those set."""
         both = np.isfinite(self.logged)
         off = float(np.abs((self.u - self.logged)[both]).max()) if both.any() else math.nan
         return {
@@ -219,9 +220,10 @@ def replay(
         suspicions.append(Suspicion(what, float(np.nanmean(after)), float(np.nanmean(own))))
         report((k + 1.0) / (len(trials) + _LATER))
     suspicions.sort(key=lambda one: one.after)
-    frozen, worst = periods.frozen(), float(np.nanmax(own))
-    explained = worst > _WRONG and bool(suspicions) and suspicions[0].after < _LEFT * suspicions[0].before
-    status = "sensor" if frozen or explained else "consistent" if worst <= _TRUST else "mismatch"
+    frozen, status = periods.frozen(), "consistent" if np.nanmax(own) <= _TRUST else "mismatch"
+    explained = bool(suspicions) and suspicions[0].after < _LEFT * suspicions[0].before
+    if frozen or (status == "mismatch" and explained):
+        status = "sensor"
     seen = np.nan_to_num(y) @ estimation.mixing.T
     entries, believed = list[Entry](), list[float]()
     for j, label in enumerate(estimation.y_names):
@@ -259,7 +261,7 @@ def replay(
 
 
 def _disagreement(found: Array) -> Array:
-    """Mean squared normalized innovation (ny) by innovations and variances (K, 2, ny); NaN of what is never compared."""
+    """Mean squared normalized innovation (ny) by innovations and variances (K, 2, ny); NaN if never compared."""
     square = np.minimum(found[:, 0] ** 2 / np.where(found[:, 1] > 0.0, found[:, 1], np.nan), _CAP)
     count = np.isfinite(square).sum(axis=0)
     return np.where(count > 0, np.nansum(square, axis=0) / np.maximum(count, 1), np.nan)
@@ -358,13 +360,14 @@ class _Periods:
     def delay(self) -> Retuned:
         """Age of measurements: that at which they agree best, between periods by a parabola."""
         period, stated = self.controller.period, delay_periods(self.controller.scene)
-        ages = np.arange(0, stated + _LATER)
-        left = []
+        ages, left, count = np.arange(0, stated + _LATER), list[float](), 0
         for age in ages:
             commands = self.run(self.measured((age - stated) * period))
-            left.append(float(np.nanmean(_disagreement(np.array([command.innovation for command in commands])))))
+            found = np.array([command.innovation for command in commands])
+            left.append(float(np.nanmean(_disagreement(found))))
+            count = int((found[:, 1] > 0.0).sum())
         k, best = int(np.argmin(left)), math.nan
-        if min(left) < 0.9 * max(left):  # else nothing moves
+        if 0.5 * count * math.log(max(left) / min(left)) > _EVIDENCE:
             best = float(ages[k])
             if 0 < k < len(ages) - 1:
                 before, at, after = left[k - 1 : k + 2]
@@ -378,7 +381,11 @@ class _Periods:
             return []
         y, period, u = self.measured(), self.controller.period, np.vstack([self._applied[1:], self._applied[-1:]])
         pairs = [(u[:, k], y[:, self._names.index(name)]) for k, name in enumerate(names) if name in self._names]
-        pairs = [(given, seen) for given, seen in pairs if np.isfinite(given).all() and np.ptp(given) > 0.0]
+        pairs = [
+            (given, seen)
+            for given, seen in pairs
+            if np.isfinite(given).all() and np.ptp(given) > 0.0 and np.isfinite(seen).any()
+        ]
         if not pairs:
             return [Retuned("lag", "s", scene.lag, math.nan)]
         t = period * np.arange(len(u))
