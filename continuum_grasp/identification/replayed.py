@@ -33,8 +33,8 @@ Array = NDArray[np.float64]
 _CAP = 30.0
 """Cap of a squared normalized innovation [1], as in ``control/c/ekf.h``: one sample alone is no wrong sensor."""
 _TRUST = 12.0
-"""Mean squared normalized innovation up to which sensors and model agree [1]: a move with half the stiffness stays below
-9, as for the supervisor (``control/c/supervisor.c``), one with drives of 2.5 times the lag below 11."""
+"""Mean squared normalized innovation up to which sensors and model agree [1]: a move with half the stiffness stays
+below 9 (``control/c/supervisor.c``), one with drives of 2.5 times the lag below 11."""
 _STILL = 20
 """Equal readings in a row [1] of a sensor that is frozen: noise does not repeat itself."""
 _LEFT = 0.5
