@@ -152,7 +152,8 @@ def test_uneven_stamps_gaps_and_other_units_are_read(tmp_path):
     seen = np.isfinite(found.innovation_std[:, 0])
     assert not seen[51:60].any()
     assert 0.6 < seen.mean() < 0.75
-    assert np.abs(found.estimate - run().estimate)[:, :2].max() < 0.2
+    late = found.t - 3.0 > 0.8  # s: the gap is over
+    assert np.abs(found.estimate - run().estimate)[late, :2].max() < 0.1
 
 
 @pytest.mark.deep
