@@ -31,13 +31,13 @@ _CAP = 30.0
 _STILL = 20
 """Equal readings in a row [1] of a sensor that is frozen: noise does not repeat itself."""
 _EVIDENCE = 20.0
-"""Logarithm of the likelihood of a delay, per that of the least likely one, from which on it is told [1]."""
+"""Logarithm of the likelihood of a delay, per that of the least likely one, from which on it is stated [1]."""
 LATER = 6
 """Periods by which measurements are tried to be older than stated [1]."""
 
 
 class Retuned(NamedTuple):
-    """A number of the configuration beside that of the log; NaN where the log does not tell it."""
+    """A number of the configuration beside that of the log; NaN where the log does not show it."""
 
     name: str
     unit: str
@@ -45,7 +45,7 @@ class Retuned(NamedTuple):
     logged: float
 
     def __str__(self) -> str:
-        found = "not told by the log" if math.isnan(self.logged) else f"{self.logged:.3g} {self.unit} by the log"
+        found = "not shown by the log" if math.isnan(self.logged) else f"{self.logged:.3g} {self.unit} by the log"
         return f"{found}, {self.configured:.3g} {self.unit} configured"
 
 
