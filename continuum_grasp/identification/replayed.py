@@ -42,7 +42,7 @@ class Suspicion(NamedTuple):
 
 @dataclass(frozen=True)
 class Replay(Predicted):
-    """What a controller would have believed and commanded in K periods of a log; what it expected is what it believed.
+    """K periods of a log as a controller would have lived them: believed is what it expected to measure.
 
     Attributes
     ----------
