@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -203,7 +204,7 @@ def replay(
             at = float(periods.t[k])
             entries.append(Entry(f"{name} at {at:g} s", name, unit, seen[k, j], True, None, at, name))
             believed.append(seen[k, j] - innovation[k, j])
-    name = log.name if isinstance(log, ControlLog) else str(log)
+    name = log.name if isinstance(log, ControlLog) else Path(log).stem
     lines = Drawn(np.zeros(0), np.zeros((0, 2, 2)), over_time=True)
     return Replay(
         entries=tuple(entries),
