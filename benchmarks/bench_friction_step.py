@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.machine import one_core
+from benchmarks.real_time_iteration import RealTimeIteration
 from benchmarks.report import Report, Table
-from continuum_grasp.control import RealTimeIteration, stages_of
+from continuum_grasp.control import stages_of
 from continuum_grasp.scene.control import ControlScene
 from tests.control_cases import CABLE, DRIVES, HAND
 

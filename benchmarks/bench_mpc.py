@@ -29,9 +29,9 @@ from benchmarks.mpc_loop import FLAGS, CLoop, LoopRun
 from benchmarks.mpc_ours import rti_loop
 from benchmarks.mpc_peers import FORMS, converged, sqp_loop
 from benchmarks.mpc_world import World
+from benchmarks.real_time_iteration import RealTimeIteration
 from benchmarks.report import RESULTS, Report, Table
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.rti.iteration import RealTimeIteration
 
 Array = NDArray[np.float64]
 

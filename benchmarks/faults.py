@@ -387,6 +387,11 @@ FAULTS: tuple[Fault, ...] = (
         tests="mission",
     ),
     *_in(
+        "mission/budget.py",
+        ("lift = lift * mass / scene.object.mass", "lift = lift * scene.object.mass / mass"),
+        tests="mission/test_mission_certificate.py",
+    ),
+    *_in(
         "mission/plan.py",
         ("np.where(low > -ABSENT, of.held, low)", "np.where(low < -ABSENT, of.held, low)"),
         tests="mission/test_mission_lift.py",
@@ -422,6 +427,17 @@ FAULTS: tuple[Fault, ...] = (
         "identification/observation.py",
         ("return model.orientation(q, u, s, p) - base", "return model.orientation(q, u, s, p) + base"),
         tests="identification",
+    ),
+    *_in(
+        "identification/periods.py",
+        ("self.t - 1e-3 * period, math.inf", "self.t + 1e-3 * period, math.inf"),
+        ("order[[a, b]] = b, a", "order[[a, b]] = a, b"),
+        tests="identification/test_replay.py",
+    ),
+    *_in(
+        "identification/replayed.py",
+        ("suspicions.sort(key=lambda one: one.after)", "suspicions.sort(key=lambda one: -one.after)"),
+        tests="identification/test_replay.py",
     ),
     # export
     *_in(

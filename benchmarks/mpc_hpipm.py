@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from benchmarks.machine import one_core
 from benchmarks.mpc_cases import Case
 from benchmarks.mpc_loop import FLAGS, LoopRun
-from continuum_grasp.control.rti.iteration import RealTimeIteration
+from benchmarks.real_time_iteration import RealTimeIteration
 
 Array = NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.mpc_cases import Case
 from benchmarks.mpc_loop import CLoop
-from continuum_grasp.control.rti.iteration import Settings
+from benchmarks.real_time_iteration import Settings
 from continuum_grasp.control.rti.source import iteration_source
 
 _HOOKS = """

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.real_time_iteration import STATUS, RealTimeIteration
 from benchmarks.report import Report, Table
-from continuum_grasp.control.rti.iteration import STATUS, RealTimeIteration
 from continuum_grasp.errors import SolverError
 from tests.rti_cases import SIZES, change_of_plan, disturb, qp_of, random_stages
 

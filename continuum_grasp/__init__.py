@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp import optimize_grasp as optimize_grasp
     from continuum_grasp.identification.fitting import compare as compare
     from continuum_grasp.identification.fitting import identify as identify
+    from continuum_grasp.identification.replayed import replay as replay
     from continuum_grasp.mission.run import run_mission as run_mission
     from continuum_grasp.mission.trials import run_trials as run_trials
     from continuum_grasp.model import FingerModel as FingerModel

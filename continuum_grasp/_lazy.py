@@ -11,15 +11,19 @@ if TYPE_CHECKING:
 
 
 def lazy_names(
-    package: str, modules: Mapping[str, Sequence[str]]
+    package: str, modules: Mapping[str, Sequence[str]], gone: Mapping[str, str] | None = None
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """The ``__getattr__`` and ``__dir__`` of a package whose public names, by module, lie in other modules."""
+    """The ``__getattr__`` and ``__dir__`` of a package whose public names, by module, lie in other modules.
+
+    ``gone`` has names that left, and what there is in their place.
+    """
     module_of = {name: module for module, names in modules.items() for name in names}
 
     def load_name(name: str) -> Any:
         module = module_of.get(name)
         if module is None:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            instead = f": {gone[name]}" if gone and name in gone else ""
+            raise AttributeError(f"module {package!r} has no attribute {name!r}{instead}")
         from importlib import import_module
 
         value = getattr(import_module(module), name)

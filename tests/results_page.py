@@ -11,6 +11,7 @@ from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.identification.comparison import Comparison
 from continuum_grasp.identification.excitation import ExcitationPlan
 from continuum_grasp.identification.fit import Fit
+from continuum_grasp.identification.replayed import Replay
 from continuum_grasp.mission.outcomes import TrialsResult
 from continuum_grasp.mission.result import MissionRun
 from continuum_grasp.planning import Plan
@@ -31,6 +32,7 @@ MADE_BY = {
     MissionRun: "`cg.run_mission`, `continuum-grasp mpc` of a mission",
     TrialsResult: "`cg.run_trials`, `continuum-grasp mpc --trials`",
     Comparison: "`cg.compare`, `continuum-grasp compare`",
+    Replay: "`cg.replay`, `continuum-grasp replay`",
     Fit: "`cg.identify`, `continuum-grasp identify`",
     ExcitationPlan: "`continuum_grasp.identification.design_excitation`, `continuum-grasp identify --excitation`",
     AccuracyReport: "`cg.accuracy_report`, `continuum-grasp accuracy`",

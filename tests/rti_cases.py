@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages, cost_functions
-from continuum_grasp.control.rti.iteration import RealTimeIteration
 
 LOOSE = (
     "-fassociative-math",

@@ -17,9 +17,7 @@ from pydantic import BaseModel
 from continuum_grasp.accuracy.choose import resolve_fidelity
 from continuum_grasp.accuracy.motion import timing_of_comparison
 from continuum_grasp.accuracy.truth import load_cases
-from continuum_grasp.closed_loop import converged as converged_control
 from continuum_grasp.closed_loop.chain_system import ChainSystem
-from continuum_grasp.closed_loop.converged import ShootingProblem
 from continuum_grasp.closed_loop.plant import Sensors
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.ocp.cost_terms import Outputs
@@ -193,10 +191,7 @@ def converged(scene: ControlScene) -> Iterator[object]:
     """The problem that NMPC solves to convergence, given the state, and what it moves."""
     known = scene.model_copy(update={"estimator": None})
     model = Prediction(known)
-    stages = stages_of(known, model)
-    with patch.object(converged_control, "compiled", lambda term: term):
-        problem = ShootingProblem(stages).nlp
-    yield from (problem.f, problem.g, stages.u_min, stages.u_max, stages.c_min, stages.c_max)
+    yield stages_of(known, model)
     yield setpoints(Outputs.of(known.controller.cost, model), known.reference)
     yield from moved(known)
 

@@ -86,8 +86,8 @@ def _root(
 
 
 _VERBS = """
-new simulate compare grasp plan mpc sweep design modes accuracy identify export_c export_fmu export_mjcf export_web
-schema validate doctor
+new simulate compare grasp plan mpc replay sweep design modes accuracy identify export_c export_fmu export_mjcf
+export_web schema validate doctor
 """
 """Each is the function of its name in the module of its name."""
 for _name in _VERBS.split():

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from continuum_grasp.control.periodic import PeriodicRun as PeriodicRun
     from continuum_grasp.control.periodic import run_periodic as run_periodic
     from continuum_grasp.control.prediction import Prediction as Prediction
-    from continuum_grasp.control.rti.iteration import RealTimeIteration as RealTimeIteration
     from continuum_grasp.control.rti_solver import RtiSolver as RtiSolver
     from continuum_grasp.control.rti_solver import rti as rti
     from continuum_grasp.control.status import Anomaly as Anomaly
@@ -31,4 +30,5 @@ if TYPE_CHECKING:
 
 _MODULES = checked_imports(__name__)
 __all__ = [name for names in _MODULES.values() for name in names]
-__getattr__, __dir__ = lazy_names(__name__, _MODULES)
+_GONE = {"RealTimeIteration": "continuum_grasp.rti takes a ControlProblem, with sqp_iterations=20 to its optimum"}
+__getattr__, __dir__ = lazy_names(__name__, _MODULES, _GONE)

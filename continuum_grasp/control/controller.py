@@ -48,6 +48,8 @@ class Controller(CompiledController):
     ----------
     scene, prediction, stages
         The scene, its model (``Prediction``) and its problem (``Stages``).
+    estimation : Estimation or None
+        The functions of its filter; None without an estimator.
     period : float
         Time from one command to the next [s].
     first : (nx,) ndarray
@@ -110,7 +112,7 @@ class Controller(CompiledController):
         estimation = None
         if self.scene.estimator is not None:
             estimation = estimation_of(self.scene, self.prediction, self.stages.method)
-        self.period = self.scene.controller.step
+        self.estimation, self.period = estimation, self.scene.controller.step
         self.measurement_names = self.prediction.x_names if estimation is None else estimation.measurement_names
         self.sensor_names = () if estimation is None else estimation.sensor_names
         self.estimated_names = self.prediction.x_names if estimation is None else estimation.z_names

@@ -7,6 +7,7 @@ from continuum_grasp.identification.excitation import ExcitationPlan, design_exc
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.identification.fitting import compare, identify
 from continuum_grasp.identification.read import data_folder, read_data
+from continuum_grasp.identification.replayed import Replay
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
 from continuum_grasp.scene.table import Table, read_table
 
@@ -21,6 +22,7 @@ __all__ = [
     "IdentifyScene",
     "Poses",
     "Reading",
+    "Replay",
     "Table",
     "TipPath",
     "compare",

@@ -94,6 +94,9 @@ class Predicted(Result):
         Picture("series", "plotting.identification:plot_series", panels=True),
     )
 
+    predicted: ClassVar[str] = "simulated"
+    """Word of pictures for predictions."""
+
     entries: tuple[Entry, ...]
     predictions: Array
     blocks: tuple[tuple[str, int], ...]

@@ -9,13 +9,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.certified import certified_contact, is_table, plant_friction, plant_mass
+from continuum_grasp.mission.budget import Lowered, bodies, certified_contact, lowered_by_pulls, plant_friction
 from continuum_grasp.mission.plant import Timetable, Variation
-from continuum_grasp.mission.resisted import plane_gravity
-from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.grasp_drive import DriveLaw
 from continuum_grasp.simulation.contacts import ContactForces
 
 Array = NDArray[np.float64]
@@ -65,65 +61,6 @@ class Slip:
         cone = f"friction {self.friction:.2f}, certificate needs {self.certified_friction:.2f}; "
         pressed = f"pressed by {self.normal_force:.2f} N, certificate {self.certified_normal_force:.2f} N; "
         return f"{head}{cone}{pressed}bears {self.shear:.2f} N across, certificate {self.certified_shear:.2f} N"
-
-
-@dataclass(frozen=True)
-class Lowered:
-    """Distance by which a pull lowers an object that weighs in the plane, though no contact slips.
-
-    Attributes
-    ----------
-    pull : int
-        Number of the pull, from 1.
-    distance, certified : float
-        With the mission's drives and pads, and with drives that keep their position as the certificate has them [m].
-    keeps : {"tension", "position"}
-        What the mission's drives keep.
-    """
-
-    pull: int
-    distance: float
-    certified: float
-    keeps: Literal["tension", "position"]
-
-    @property
-    def text(self) -> str:
-        """Both numbers, and what they are of."""
-        return (
-            f"pull {self.pull} lowers it by {1e3 * self.distance:.3g} mm at least, with drives that keep their "
-            f"{self.keeps} and contacts that give; the certificate has {1e3 * self.certified:.3g} mm, with drives that "
-            "keep their position"
-        )
-
-
-def keep_position(fingers: Sequence[Finger]) -> bool:
-    """Whether the drives keep their position while a pull grows: winches, and motors under a position servo."""
-    return all(bool(finger.winches) if (law := DriveLaw.of(finger)) is None else law.locks for finger in fingers)
-
-
-def lowered_by_pulls(assignments: Sequence[Assignment], variation: Variation) -> tuple[Lowered, ...]:
-    """Distances by which pulls lower an object that weighs in the plane, once it rests; empty where it weighs out of
-    it.
-
-    For small motions. Controllers that follow a force give way further than drives that keep their tension.
-    """
-    of, fingers = assignments[0], [one.control.finger for one in assignments]
-    grasp, down = of.grasp, np.array(plane_gravity(of.grasp))
-    if of.mission.gravity:
-        return ()
-    more = (plant_mass(of.mission, variation) - grasp.scene.object.mass) * np.array([*down, 0.0])
-    laws, keeps = [DriveLaw.of(finger) for finger in fingers], keep_position(fingers)
-    springs = [np.inf if law is None else sum(law.springs(2 * [1.0 / (law.series + law.axial)])) for law in laws]
-    there = GraspResponse(grasp.scene, grasp.arrays, springs, 1.0 / of.mission.contact_law.stiffness)
-    changes = (
-        there.to_wrenches("locked" if keeps else "retensioned"),
-        GraspResponse(grasp.scene, grasp.arrays).to_wrenches("locked"),
-    )
-    distances = np.stack([down / np.hypot(*down) @ change.pose[:2] @ (of.pulls + more).T for change in changes])
-    return tuple(
-        Lowered(k + 1, own, firm, "position" if keeps else "tension")
-        for k, (own, firm) in enumerate(distances.T.tolist())
-    )
 
 
 @dataclass(frozen=True)
@@ -209,13 +146,3 @@ def find_drop(
     given = lowered_by_pulls(assignments, variation) if not slips and phase.startswith("pull ") else ()
     sinks = next((one for one in given if phase == f"pull {one.pull}"), None)
     return Drop(float(t[end]), phase, tuple(slips), sinks)
-
-
-def bodies(names: Sequence[str], fingers: Sequence[str]) -> dict[str, list[int]]:
-    """Contacts by what holds there: each of a finger's for itself, those of a support together; not the table."""
-    found: dict[str, list[int]] = {}
-    for k, name in enumerate(names):
-        if not is_table(name):
-            body = name.partition(".")[0]
-            found.setdefault(name if body in fingers else body, []).append(k)
-    return found

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.certified import certified_contact
+from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.plan import BEARS, LETS_GO, UNKNOWN, WAITS, Plan, blindness, needed_forces
 from continuum_grasp.mission.plant import Timetable
 

@@ -16,7 +16,7 @@ from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.status import Anomaly
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.certified import certified_contact
+from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.plant import Timetable
 
 Array = NDArray[np.float64]

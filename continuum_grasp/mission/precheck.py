@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike
 
@@ -15,11 +15,17 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import BeyondCertificate, SolverError
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import LARGEST, Assignment, assign
-from continuum_grasp.mission.certified import plant_friction, plant_mass
-from continuum_grasp.mission.drop import FALLEN, lowered_by_pulls
+from continuum_grasp.mission.budget import (
+    ROUNDING,
+    held_resistance,
+    lowered_by_pulls,
+    plane_gravity,
+    plant_friction,
+    plant_mass,
+)
+from continuum_grasp.mission.drop import FALLEN
 from continuum_grasp.mission.on_pads import check_pads
 from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.resisted import ROUNDING, held_resistance, plane_gravity
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene
 
@@ -186,9 +192,9 @@ class _OnPlant:
             return 0.0
         return float(np.sqrt(np.maximum(spare, 0.0)).sum()) / self.gravity
 
-    def weight(self) -> list[Exceeded]:
+    def weight(self) -> Iterator[Exceeded]:
         """Mass and friction."""
-        found, carried, friction = [], self._carried(self.friction), self.friction
+        carried, friction = self._carried(self.friction), self.friction
         # Out of the plane no sharing of the weight carries more than this.
         most = float((friction * self.normal).sum()) / self.gravity if self.gravity else np.inf
         certain = self.mass > most * (1.0 + ROUNDING)
@@ -199,7 +205,7 @@ class _OnPlant:
         ends = ends if certain else ""
         if self.mass > (own := self.certified_mass) * (1.0 + ROUNDING):
             text = f"the object has {self.mass:.3g} kg, the grasp is certified for {own:.3g} kg; {bears}{ends}"
-            found.append(Exceeded("mass", "object_mass", "kg", self.mass, own, carried, certain, text))
+            yield Exceeded("mass", "object_mass", "kg", self.mass, own, carried, certain, text)
         share = friction / np.maximum(self.certified_friction, 1e-300)
         worst = int(np.argmin(share))
         if share[worst] < 1.0 - ROUNDING:
@@ -210,8 +216,7 @@ class _OnPlant:
                 f"friction is {there:.3g} at {where}, the grasp is certified for {own:.3g}; its contact forces need "
                 f"{least:.3g} with {self.mass:.3g} kg{ends}"
             )
-            found.append(Exceeded("friction", "contact_law.friction", "1", there, own, least, certain, text))
-        return found
+            yield Exceeded("friction", "contact_law.friction", "1", there, own, least, certain, text)
 
     def _least_share(self) -> float:
         """Factor on the plant's friction with which the contact forces just carry the object; infinite if none does."""
@@ -224,9 +229,8 @@ class _OnPlant:
 
     # -- drives -------------------------------------------------------------------------------------------------------
 
-    def tension(self) -> list[Exceeded]:
+    def tension(self) -> Iterator[Exceeded]:
         """Whether the drives have the tensions of the grasp."""
-        found = []
         for finger in self.fingers:
             most = np.array([one.max_tension for one in finger.control.finger.tendon_list])
             worst = int(np.argmax(finger.tensions / most))
@@ -237,37 +241,35 @@ class _OnPlant:
             whose = f"the drive of {finger.name}" if len(self.fingers) > 1 else "the drive"
             takes = f"the certified grasp takes {needed:.3g} N: it is not reached"
             text = f"{whose} pulls with {limit:.3g} N at most, {takes}"
-            found.append(Exceeded("tension", key, "N", limit, needed, needed, False, text))
-        return found
+            yield Exceeded("tension", key, "N", limit, needed, needed, False, text)
 
     # -- a turn -------------------------------------------------------------------------------------------------------
 
-    def turning(self) -> list[Exceeded]:
+    def turning(self) -> Iterator[Exceeded]:
         """Whether the fingertip presses harder than the table holds the object against sliding.
 
         Pushed off its center it gives way to less, by the ellipsoid of force and moment; a support that it is pushed
         against holds it too, as far as the push presses it there, which no force overcomes where it jams.
         """
         if self.mission.turn is None:
-            return []
+            return
         held = self.table_friction * self.mass * self.gravity
         (tip,) = (force for name, force in zip(self.names, self.normal, strict=True) if name.endswith(".tip"))
         if held <= tip * (1.0 + ROUNDING):
-            return []
+            return
         text = (
             f"the table holds the object with {held:.3g} N against sliding (friction {self.table_friction:.3g}, "
             f"{self.mass:.3g} kg), the fingertip presses with {tip:.3g} N in the certified grasp"
         )
-        return [Exceeded("turn", "table_friction", "N", held, float(tip), float(tip), False, text)]
+        yield Exceeded("turn", "table_friction", "N", held, float(tip), float(tip), False, text)
 
     # -- pulls --------------------------------------------------------------------------------------------------------
 
-    def pulls(self) -> list[Exceeded]:
+    def pulls(self) -> Iterator[Exceeded]:
         """Every pull against what the grasp resists, as certified and with the plant's mass and friction."""
         certified, evenly = self.of.resisted, self.of.grasp.quality.resistance.tendons != "locked"
         most = self.mission.drive_tension
         there = held_resistance(self.of.grasp, self.friction, self.mass, max_tension=most, evenly=evenly)
-        found = []
         for k, wrench in enumerate(certified.wrenches):
             factors = certified.factors[k], there.factors[k]
             asked = self.mission.pull_share * min(factors[0], LARGEST)
@@ -280,10 +282,9 @@ class _OnPlant:
                 f"pull {k + 1} is {given:.3g} {unit}, the grasp resists {own:.3g} {unit} as certified and "
                 f"{resisted:.3g} {unit} on this plant ({why})"
             )
-            found.append(Exceeded(f"pull {k + 1}", "pull_share", unit, given, own, resisted, False, text))
-        return found
+            yield Exceeded(f"pull {k + 1}", "pull_share", unit, given, own, resisted, False, text)
 
-    def sinking(self) -> list[Exceeded]:
+    def sinking(self) -> Iterator[Exceeded]:
         """Whether a pull lowers an object that weighs in the plane so far that it counts as dropped.
 
         The certificate states what its contacts resist while drives keep their position; drives that keep their
@@ -291,9 +292,9 @@ class _OnPlant:
         """
         worst = max(lowered_by_pulls(self.fingers, self.variation), key=lambda one: one.distance, default=None)
         if worst is None or worst.distance < FALLEN:
-            return []
+            return
         text = f"{worst.text}. From {1e3 * FALLEN:g} mm on the object counts as dropped"
-        return [Exceeded("sinking", "pull_share", "m", worst.distance, worst.certified, FALLEN, False, text)]
+        yield Exceeded("sinking", "pull_share", "m", worst.distance, worst.certified, FALLEN, False, text)
 
 
 def _size(wrench: Array) -> tuple[str, float]:

@@ -15,7 +15,7 @@ from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.errors import InputError
 from continuum_grasp.mission.assignment import Assignment, object_of, present
-from continuum_grasp.mission.certified import plant_friction
+from continuum_grasp.mission.budget import plant_friction
 from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.mission.precheck import Exceeded

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.certified import plant_friction
-from continuum_grasp.mission.drop import ON_CONE, bodies
+from continuum_grasp.mission.budget import bodies, plant_friction
+from continuum_grasp.mission.drop import ON_CONE
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.simulation.contacts import ContactForces
 

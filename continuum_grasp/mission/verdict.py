@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment, present
-from continuum_grasp.mission.certified import is_table, object_height, plant_friction
+from continuum_grasp.mission.budget import is_table, object_height, plant_friction
 from continuum_grasp.mission.drop import FALLEN, Drop, find_drop
 from continuum_grasp.mission.lift import NotLifted
 from continuum_grasp.mission.plant import Timetable, Variation

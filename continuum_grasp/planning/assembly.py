@@ -35,14 +35,14 @@ class _Placed:
     columns: Indices
     rows: Indices
     factors: Array
-    data: Array | ca.MX
+    data: Array
 
 
 class Assembly(Constraints):
     """Minimize f(w) subject to lower <= g(w) <= upper and low <= w <= high.
 
     ``semidefinite`` states whether all terms have Hessians of Gauss and Newton. ``margins`` are amounts by which the
-    bounds of a block are moved inwards, by its name; ``parameters`` are symbols that ``data`` of terms may be made of.
+    bounds of a block are moved inwards, by its name.
     """
 
     def __init__(self, *, semidefinite: bool) -> None:
@@ -51,7 +51,6 @@ class Assembly(Constraints):
         self.low: list[float] = []
         self.high: list[float] = []
         self.margins: dict[str, Array] = {}
-        self.parameters = ca.MX.sym("p", 0)
         self._placed: list[_Placed] = []
         self._linear: list[list[NDArray[Any]]] = []
 
@@ -72,23 +71,21 @@ class Assembly(Constraints):
         term: Term,
         columns: Indices,
         rows: Indices | Sequence[int],
-        data: ArrayLike | ca.MX,
+        data: ArrayLike,
         factors: ArrayLike = 1.0,
     ) -> None:
         """Add factors (count, no) times the outputs of a term at several places to rows (count, no), -1: the objective.
 
         It reads the unknowns of ``columns`` (count, nz), and ``data``: numbers of each place (count, columns, rows of
-        its input), or the same for all; or expressions of ``parameters``, a column per place.
+        its input), or the same for all.
         """
         count = len(columns)
         into = np.broadcast_to(np.asarray(rows, dtype=np.int64) + 1, (count, term.size)).T
         high, wide = term.value.size_in(1)
-        if not isinstance(data, ca.MX):
-            numbers = np.asarray(data, dtype=float).ravel()
-            every = np.tile(numbers, 1 if numbers.size == count * high * wide else count)
-            data = every.reshape(count * wide, high).T
+        numbers = np.asarray(data, dtype=float).ravel()
+        every = np.tile(numbers, 1 if numbers.size == count * high * wide else count)
         factor = np.broadcast_to(factors, (count, term.size)).T
-        self._placed.append(_Placed(term, columns.T, into, factor, data))
+        self._placed.append(_Placed(term, columns.T, into, factor, every.reshape(count * wide, high).T))
 
     def add_linear(self, rows: Indices | int, columns: Indices, factors: ArrayLike) -> None:
         """Add factor times unknown to rows (or to the objective), entry by entry."""
@@ -171,7 +168,7 @@ class Assembly(Constraints):
     @cached_property
     def nlp(self) -> NLP:
         """The problem with its derivatives."""
-        w, p = self._w, self.parameters
+        w, p = self._w, ca.MX.sym("p", 0)
         values, slopes = self._values(), self._slopes()
         f, g = values[0], values[1:]
         sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.count)

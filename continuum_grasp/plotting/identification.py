@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from continuum_grasp.identification.comparison import Predicted
     from continuum_grasp.identification.excitation import ExcitationPlan
     from continuum_grasp.identification.fit import Fit
+    from continuum_grasp.identification.replayed import Replay
 
 _PANELS = 6
 """Panels of a new figure [1]: two rows of three; more are not read at a glance."""
@@ -122,7 +123,7 @@ def plot_series(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
             color=BLUE,
             linewidth=1.2,
             marker=None if name in found.paths else "_",
-            label="simulated",
+            label=found.predicted,
             zorder=2,
         )
         for chosen, color, text in ((inside, INK, "measured"), (~inside, ORANGE, "measured, hold-out")):
@@ -138,6 +139,25 @@ def plot_series(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
         label(above, "", f"{what} [{unit}]")
         label(below, "time [s]" if name in found.paths else "row", f"error [{unit}]")
         head(above, name, 3)
+    return panels
+
+
+def plot_innovations(found: Replay, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
+    """Draw what was measured less what was expected, with three standard deviations, and commands of log and replay."""
+    names = [*found.compared_names, *found.u_names]
+    panels = _panels(len(names), ax, 4.6, 3.0)
+    for k, (one, name) in enumerate(zip(panels, names, strict=False)):
+        factor, unit = SHOWN_IN.get(unit_of(name), (1.0, unit_of(name)))
+        if k < len(found.compared_names):
+            band = 3.0 * factor * found.innovation_std[:, k]
+            one.fill_between(found.t, -band, band, color=BLUE, alpha=0.2, linewidth=0, label="3 standard deviations")
+            one.scatter(found.t, factor * found.innovation[:, k], s=4, color=INK, linewidth=0, label="innovation")
+        else:
+            j = k - len(found.compared_names)
+            one.step(found.t, factor * found.logged[:, j], where="post", color=INK, linewidth=1.6, label="log")
+            one.step(found.t, factor * found.u[:, j], where="post", color=ORANGE, linewidth=1.0, label="replay")
+        label(one, "time [s]", f"{name_of(name)} [{unit}]")
+        head(one, "", 2)
     return panels
 
 

@@ -10,11 +10,11 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.control.arguments import numbers
 from continuum_grasp.control.compiled import controller_source
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.model import estimation_of
-from continuum_grasp.control.rti.iteration import RealTimeIteration
 from continuum_grasp.control.settings import controller_fields
 from continuum_grasp.control.status import Anomaly, Health, Status
 from continuum_grasp.errors import InputError

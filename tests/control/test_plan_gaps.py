@@ -17,7 +17,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
-from continuum_grasp.control import RealTimeIteration, stages_of
+from benchmarks.real_time_iteration import RealTimeIteration
+from continuum_grasp.control import stages_of
 from continuum_grasp.control.status import Anomaly, Status
 from continuum_grasp.mission.assignment import assign
 from tests.rti_problems import cart_pole, cart_pole_rates

@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from benchmarks.real_time_iteration import STATUS, RealTimeIteration
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Stages, cost_functions, step_function
-from continuum_grasp.control.rti.iteration import STATUS, RealTimeIteration
 from continuum_grasp.control.rti.source import iteration_source
 from continuum_grasp.core import compiler as compilers
 from continuum_grasp.core.compiler import find_compiler

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.control.rti.iteration import RealTimeIteration
 from continuum_grasp.core.compiler import find_compiler
 from tests.rti_cases import SIZES, change_of_plan, disturb, qp_of, random_stages
 

@@ -13,11 +13,11 @@ import pytest
 from scipy.linalg import block_diag
 
 import continuum_grasp as cg
+from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.control.compiled import controller_source
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Scenarios, Stages
-from continuum_grasp.control.rti.iteration import RealTimeIteration
 from continuum_grasp.control.settings import controller_fields
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError

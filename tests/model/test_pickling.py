@@ -14,8 +14,8 @@ from identification_cases import bare_scene, frequency
 from plan_cases import two_arcs
 
 import continuum_grasp as cg
+from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.control.rti.iteration import RealTimeIteration
 from continuum_grasp.core import Core, compiler
 from continuum_grasp.identification.data import Frequencies
 from continuum_grasp.scene.load import load

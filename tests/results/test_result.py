@@ -25,6 +25,7 @@ from continuum_grasp.grasp.values import Status
 from continuum_grasp.identification.comparison import Comparison
 from continuum_grasp.identification.excitation import ExcitationPlan
 from continuum_grasp.identification.fit import Fit
+from continuum_grasp.identification.replayed import Replay
 from continuum_grasp.mission.outcomes import TrialsResult
 from continuum_grasp.mission.result import MissionRun
 from continuum_grasp.planning import Plan
@@ -47,6 +48,7 @@ RESULTS = (
     MissionRun,
     Modes,
     Plan,
+    Replay,
     SweepTable,
     Trajectory,
     TrialsResult,

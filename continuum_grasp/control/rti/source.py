@@ -31,9 +31,6 @@ _ITERATION = ("rti_linearize.c", "rti_riccati.c", "rti_active_set.c", "rti_inter
 SETTINGS = ("u_min", "u_max", "c_min", "c_max", "linear", "quadratic", "weights", "terminal_weights")
 """Arrays of ``rti_settings``, in its order and with the names of ``Stages``."""
 
-PROBLEM = ("x", "u", "M", "defect", "l", "g", "H", "c", "C")
-"""Members of the workspace that define the QP."""
-
 
 def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True) -> str:
     """Write the C of the real-time iterations of a problem, in double or float, as one translation unit.
@@ -66,27 +63,6 @@ def iteration_bodies(stages: Stages, *, lanes: bool) -> list[str]:
     own = [_row_functions(stages), _stores(stages)]
     own.append(row_products(stages) if lanes else jacobian_products(stages))
     return [template("rti_basis.c"), *own, *(template(name) for name in _ITERATION)]
-
-
-def library_source(stages: Stages, *, real: str = "double", lanes: bool = True) -> str:
-    """Write the same, with the sizes and offsets that a caller from another language needs."""
-    offsets = ", ".join(f"offsetof(rti_work, {name})" for name in PROBLEM)
-    structures = ", ".join(f"sizeof(rti_{name})" for name in ("settings", "plan", "work", "report"))
-    return f"""{iteration_source(stages, real=real, lanes=lanes)}
-int rti_sizeof(int which)
-{{
-  const size_t sizes[] = {{{structures}}};
-  return (int)sizes[which];
-}}
-int rti_width(void) {{ return RTI_W; }}
-double rti_change(const rti_work *o, const rti_settings *s) {{ return (double)rti_input_change(o, s); }}
-int rti_stuck(const rti_work *work) {{ return work->search == RTI_STUCK; }}
-int rti_offset(int which)
-{{
-  const size_t offsets[] = {{{offsets}}};
-  return (int)offsets[which];
-}}
-"""
 
 
 def scenario_settings(stages: Stages) -> dict[str, NDArray[np.float64]]:

@@ -1,4 +1,7 @@
-"""Real-time iterations: one linearization and one QP per control period, in C."""
+"""Single calls of the real-time iteration in C, and its QPs: what tests and benchmarks look at one by one.
+
+Users have `continuum_grasp.rti`.
+"""
 
 from __future__ import annotations
 
@@ -45,6 +48,10 @@ loops a QP takes at most 32 (configs/mpc/keep_out.yaml), in the shipped missions
 _SETTLED = {"double": 1e-6, "float": 1e-3}
 """Change of an input by an iteration, relative to its bounds, that counts as none [1]: 100 and 10 times the tolerance
 of the QP's solution."""
+
+
+PROBLEM = ("x", "u", "M", "defect", "l", "g", "H", "c", "C")
+"""Members of the workspace that define the QP."""
 
 
 class Report(NamedTuple):
@@ -133,7 +140,8 @@ class RealTimeIteration:
     Examples
     --------
     >>> import continuum_grasp as cg
-    >>> from continuum_grasp.control import RealTimeIteration, stages_of
+    >>> from benchmarks.real_time_iteration import RealTimeIteration
+    >>> from continuum_grasp.control import stages_of
     >>> stages = stages_of(cg.load("configs/mpc/steady_tip.yaml"))
     >>> rti = RealTimeIteration(stages)
     >>> rti.reset([0.0] * stages.nx)
@@ -145,7 +153,7 @@ class RealTimeIteration:
     def __init__(self, stages: Stages, *, precision: str = "double", lanes: bool = True) -> None:
         self.stages = stages
         self.precision = precision_of(precision)
-        source = rti.library_source(stages, real=self.precision, lanes=lanes)
+        source = library_source(stages, real=self.precision, lanes=lanes)
         self._library = library = rti.load_library(source, "the real-time iteration")
         real: Any = np.float64 if self.precision == "double" else np.float32
         self._number = ctypes.c_double if self.precision == "double" else ctypes.c_float
@@ -268,7 +276,8 @@ class RealTimeIteration:
         Examples
         --------
         >>> import continuum_grasp as cg
-        >>> from continuum_grasp.control import RealTimeIteration, stages_of
+        >>> from benchmarks.real_time_iteration import RealTimeIteration
+        >>> from continuum_grasp.control import stages_of
         >>> stages = stages_of(cg.load("configs/mpc/steady_tip.yaml"))
         >>> rti = RealTimeIteration(stages)
         >>> rti.reset([0.0] * stages.nx)
@@ -350,7 +359,7 @@ class RealTimeIteration:
         shapes = {"x": (nodes, nx), "u": (n, nu), "M": (n, nx, width), "defect": (n, nx), "l": (nodes,)}
         shapes |= {"g": (nodes, width), "H": (nodes, nz, width), "c": (nodes, max(nc, 1)), "C": (nodes, max(nc, 1), nz)}
         found = {}
-        for k, name in enumerate(rti.PROBLEM):
+        for k, name in enumerate(PROBLEM):
             where = self._library.rti_offset(k)
             count = int(np.prod(shapes[name])) * self._x.itemsize
             found[name] = self._work[where : where + count].view(self._x.dtype).reshape(shapes[name]).copy()
@@ -367,6 +376,27 @@ class RealTimeIteration:
     def _must(self, status: int) -> None:
         if status < 0:
             raise SolverError("real-time iteration", status=STATUS[status], advice=_ADVICE[status])
+
+
+def library_source(stages: Stages, *, real: str = "double", lanes: bool = True) -> str:
+    """Write the C of the iterations with the sizes and offsets that a caller from another language needs."""
+    offsets = ", ".join(f"offsetof(rti_work, {name})" for name in PROBLEM)
+    structures = ", ".join(f"sizeof(rti_{name})" for name in ("settings", "plan", "work", "report"))
+    return f"""{rti.iteration_source(stages, real=real, lanes=lanes)}
+int rti_sizeof(int which)
+{{
+  const size_t sizes[] = {{{structures}}};
+  return (int)sizes[which];
+}}
+int rti_width(void) {{ return RTI_W; }}
+double rti_change(const rti_work *o, const rti_settings *s) {{ return (double)rti_input_change(o, s); }}
+int rti_stuck(const rti_work *work) {{ return work->search == RTI_STUCK; }}
+int rti_offset(int which)
+{{
+  const size_t offsets[] = {{{offsets}}};
+  return (int)offsets[which];
+}}
+"""
 
 
 def _address(array: Array) -> ctypes.c_void_p:

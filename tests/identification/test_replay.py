@@ -1,0 +1,177 @@
+"""Replayed logs: those of the package's own loops are reproduced; what was done to them is found."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import continuum_grasp as cg
+from continuum_grasp.cli import app
+from continuum_grasp.closed_loop.run import run_closed_loop
+from continuum_grasp.errors import InputError
+from continuum_grasp.identification.replayed import replay
+from continuum_grasp.scene import ControlScene
+from tests.declared import assert_declared
+from tests.marks import few
+
+TIME = 0.02  # s, of the drives
+SCENE = {
+    "finger": {
+        "rod": {"length": 0.18, "linear_density": 0.034, "bending_stiffness": 6.11e-3, "diameter": 0.0012},
+        "damping": {"material": 3e-5},
+        "masses": [{"at": 0.18, "mass": 0.002}],
+        "tendons": {"offset": 0.005, "min_tension": 1.0, "max_tension": 60.0, "time_constant": TIME},
+    },
+    "gravity": (0.0, 0.0),
+    "fidelity": {"family": "arc", "elements": 2},
+    "controller": {
+        "horizon": {"stages": 10, "stage": 0.01},
+        "cost": {"tip": {"running": 2e4, "terminal": 2e3}, "speed": 0.02, "effort": 1e-3, "input_rate": 5e-5},
+        "input": {"rate_max": 600.0},
+    },
+    "reference": {"tip": (-0.045, 0.172)},
+    "estimator": {
+        "measured": {"tip": 3e-4, "tension": 0.1, "bending": {"at": (0.09, 0.18), "std": 0.003}},
+        "disturbances": {"tip_moment": 0.01},
+        "acceleration_std": 1.0,
+        "delay": 0.01,
+    },
+    "duration": 1.5,
+}
+PLANT = {"fidelity": {"family": "clothoid", "elements": 3}}
+NAMES = ["tip_x", "tip_y", "tension_1", "tension_2", "angle_1", "angle_2"]
+
+
+def scene(**plant):
+    return ControlScene(**SCENE, plant={**PLANT, **plant})
+
+
+@cache
+def run(**plant):
+    """A loop whose tip goes from side to side."""
+    side = {"tip": lambda t: (-0.045, 0.172) if int(t / 0.3) % 2 else (0.045, 0.172)}
+    return run_closed_loop(scene(**plant), functions=side)
+
+
+def changed(log, **channels):
+    """A log with other readings of some channels, each a function of all (K, ny)."""
+    y = log.y.copy()
+    for name, reading in channels.items():
+        y[:, NAMES.index(name)] = reading(log.y)
+    return replace(log, y=y)
+
+
+def column(name):
+    return lambda y: y[:, NAMES.index(name)]
+
+
+@pytest.mark.deep
+def test_a_log_of_the_loop_itself_gives_its_estimates_and_commands(tmp_path):
+    """To the bit by the arrays; by the file, which has seven digits, to these."""
+    steady = run_closed_loop(scene())
+    found = replay(scene(), steady.log)
+    for name in ("u", "estimate", "std"):
+        assert np.abs(getattr(found, name) - getattr(steady, name)).max() < 1e-12, name
+    assert found.health == steady.health
+    assert np.array_equal(found.logged, steady.u)
+    assert_declared(found)
+    (tmp_path / "log.csv").write_text(steady.log.text())
+    written = replay(scene(), tmp_path / "log.csv")
+    assert written.estimate == pytest.approx(steady.estimate, abs=1e-4)
+    assert written.u == pytest.approx(steady.u, abs=1e-3)
+    assert (written.status, written.suspects, written.warnings) == ("consistent", (), ())
+
+
+TAMPERED = [
+    ({"tip_x": lambda y: column("tip_x")(y) + 0.005}, ("tip_x",)),
+    ({"tip_x": column("tip_y"), "tip_y": column("tip_x")}, ("tip_x and tip_y swapped",)),
+    ({"tip_y": lambda y: column("tip_y")(y) - 0.003}, ("tip_y",)),
+    ({"angle_2": lambda y: column("angle_2")(y) + 0.05}, ("angle_2",)),
+    ({"tension_1": column("tension_2"), "tension_2": column("tension_1")}, ("tension_1 and tension_2 swapped",)),
+    ({"tip_x": lambda y: np.full(len(y), y[3, 0])}, ("tip_x",)),
+    ({"angle_1": lambda y: np.where(np.arange(len(y)) < 70, y[:, 4], y[70, 4])}, ("angle_1",)),
+    ({}, ()),
+]
+
+
+@pytest.mark.parametrize(("channels", "suspects"), few(TAMPERED, 2))
+def test_the_sensor_that_was_tampered_with_is_named(channels, suspects):
+    found = replay(scene(), changed(run().log, **channels))
+    assert found.suspects == suspects
+    assert found.status == ("sensor" if suspects else "consistent")
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(("plant", "status"), [({"time_constant": 0.05}, "consistent"), ({"delay": 0.03}, "mismatch")])
+def test_what_is_wrong_of_the_drive_is_no_fault_of_a_sensor(plant, status):
+    found = replay(scene(), run(**plant).log)
+    assert (found.status, found.suspects) == (status, ())
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(
+    ("plant", "name", "wanted", "off"),
+    [
+        ({}, "lag", TIME, 0.1),
+        ({"time_constant": 0.05}, "lag", 0.05, 0.1),
+        ({}, "delay", 0.01, 0.25),
+        ({"delay": 0.03}, "delay", 0.03, 0.1),
+        ({"noise": 3.0}, "noise of tension_1", 0.3, 0.2),
+        ({"noise": 3.0}, "noise of angle_2", 0.009, 0.2),
+    ],
+)
+def test_noise_lag_and_delay_of_the_plant_are_found(plant, name, wanted, off):
+    numbers = {one.name: one for one in replay(scene(), run(**plant).log).retuned}
+    assert numbers[name].logged == pytest.approx(wanted, rel=off)
+    assert numbers[name].configured == pytest.approx({"lag": TIME, "delay": 0.01}.get(name, wanted / 3.0))
+    assert f"{numbers[name].logged:.3g}" in str(numbers[name])
+
+
+@pytest.mark.deep
+def test_uneven_stamps_gaps_and_other_units_are_read(tmp_path):
+    """Samples up to 4 ms early, in mm, a quarter of the tips lost, nothing at all for 0.1 s."""
+    rng, log = np.random.default_rng(1), run().log
+    t, lost = log.t - 0.004 * rng.random(log.t.size), rng.random(log.t.size) < 0.25
+    t[[0, -1]] = log.t[[0, -1]]
+    lines = ["time [ms],commanded_tension_1,commanded_tension_2,tip_x [mm],tip_y [mm]"]
+    for k in np.flatnonzero((log.t < 0.5) | (log.t > 0.6)):
+        tip = ["", ""] if lost[k] else [f"{1e3 * log.y[k, j]:.6g}" for j in (0, 1)]
+        lines.append(",".join([f"{1e3 * (3.0 + t[k]):.4f}", *(f"{u:.7g}" for u in log.u[k]), *tip]))
+    (tmp_path / "odd.csv").write_text("\n".join(lines))
+    found = replay(scene(), tmp_path / "odd.csv")
+    assert found.status == "consistent"
+    assert "tension_1, tension_2, angle_1, angle_2" in found.warnings[0]
+    assert len(found.t) == len(log.t)
+    assert np.isnan(found.innovation_std[:, 2:]).all()
+    seen = np.isfinite(found.innovation_std[:, 0])
+    assert not seen[51:60].any()
+    assert 0.6 < seen.mean() < 0.75
+    late = found.t - 3.0 > 0.8  # s: the gap is over
+    assert np.abs(found.estimate - run().estimate)[late, :2].max() < 0.1
+
+
+@pytest.mark.deep
+def test_the_verb_saves_draws_and_says_it(tmp_path):
+    config, log = tmp_path / "loop.yaml", tmp_path / "log.csv"
+    config.write_text(json.dumps({"schema_version": 1, **scene().model_dump(mode="json", exclude_unset=True)}))
+    for k, (channels, status) in enumerate([({}, 0), ({"tip_x": lambda y: column("tip_x")(y) + 0.005}, 1)]):
+        log.write_text(changed(run().log, **channels).text())
+        out = tmp_path / f"run{k}"
+        done = CliRunner().invoke(app, ["replay", str(config), str(log), "--out", str(out)])
+        assert done.exit_code == status, done.output
+        assert ("suspect: tip_x" in done.output) == bool(status)
+        assert "configured" in done.output
+        assert {file.name for file in out.iterdir()} >= {"result.npz", "report.txt", "series.png", "innovations.png"}
+
+
+def test_a_log_without_what_is_measured_is_refused(tmp_path):
+    (tmp_path / "log.csv").write_text("t,force\n0,1\n0.01,1\n")
+    with pytest.raises(InputError, match="estimator"):
+        cg.replay(scene().replaced(estimator=None), tmp_path / "log.csv")
+    with pytest.raises(InputError, match="none of tip_x"):
+        cg.replay(scene(), tmp_path / "log.csv")
