@@ -18,9 +18,9 @@ from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.log import COMMANDED, ControlLog
 from continuum_grasp.control.settings import delay_periods
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.table import read_table
 from continuum_grasp.labels import name_of, split_unit, unit_of
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.table import read_table
 
 Array = NDArray[np.float64]
 
