@@ -244,7 +244,7 @@ class _PolygonOutline(Outline):
         self._normals, self._turns = normals, turns
         pieces = np.stack([self._lengths, turns * self._per_angle], axis=1).ravel()
         self._starts = np.concatenate([[0.0], np.cumsum(pieces)])
-        self.period = float(self._starts[-1])
+        self.joints, self.period = self._starts[:-1], float(self._starts[-1])
         self.breaks = self._starts[:-1:2][np.roll(turns == 0.0, 1)]
         self.center = complex(vertices.mean())
         self.extent = extent + radius

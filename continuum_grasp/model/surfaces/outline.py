@@ -72,6 +72,7 @@ class Outline(ABC):
     face_normals: tuple[float, ...] = ()  # angles of the normals of flat faces [rad]
     period: float = math.tau  # of walks
     breaks: Array = np.zeros(0)  # walks at which the normal jumps, at reflex corners
+    joints: Array = np.zeros(0)  # walks at which faces and corners join
 
     @property
     def is_round(self) -> bool:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import MOST_TURN, NODES, WEIGHTS, bends_to, exact_bends, wrapped
 from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_MOST, TIP_REACH, TIPS, FingerTask, Rows
+from continuum_grasp.model.surfaces.outline import Outline
 
 Array = NDArray[Any]
 
@@ -28,6 +29,8 @@ _NEAR_FOLD = 0.05
 between: the error of the parabola."""
 
 
+_EIGHTHS = 16
+"""Steps to an eighth each toward the farthest point: all digits, which decide where curves of short pieces end."""
 PLACES = 256
 """Places of a contact on each part's outline."""
 _EVEN, _MOST = 0.12, 24
@@ -52,17 +55,18 @@ class Ring:
         self.task, self.count = task, (count := count or PLACES)
         self._walks = []
         for shape in task.shapes:
-            fine = np.linspace(0.0, shape.period, 4 * count + 1)
-            at = shape.walk(0.5 * (fine[1:] + fine[:-1]))
+            # Whole faces and corners, so that they are measured alike wherever the walk begins.
+            fine = np.union1d(np.linspace(0.0, shape.period, 4 * count + 1), shape.joints)
+            middle = 0.5 * (fine[1:] + fine[:-1])
+            at = shape.walk(middle)
             # Even in length and in the turn of the normal.
             share = np.diff(fine) * (np.abs(at.dpoint) / (shape.extent + task.half) + np.abs(at.dangle))
             passed = np.concatenate([[0.0], np.cumsum(share)])
             passed *= count / passed[-1]
-            away = np.abs(at.point)
-            k = int(np.argmax(away))
-            before, here, after = away[k - 1], away[k], away[(k + 1) % len(away)]
-            top = k + 0.5 + 0.5 * (before - after) / min(before - 2.0 * here + after, -1e-300)
-            self._walks.append((passed, fine, float(np.interp(top, np.arange(len(fine)), passed))))
+            k = int(np.argmax(np.abs(at.point)))
+            low, high = fine[k] - np.diff(fine)[k - 1], fine[k + 1] + np.diff(fine)[(k + 1) % len(middle)]
+            first = float(np.interp(np.mod(_farthest(shape, low, high), shape.period), fine, passed))
+            self._walks.append((passed, fine, first))
 
     def at(self, parts: Array, places: Array) -> tuple[Array, Array]:
         """Points on the grown outlines and angles of the outward normals (B,)."""
@@ -72,6 +76,16 @@ class Ring:
             found = shape.walk(np.interp(np.mod(places[mine] + first, self.count), passed, fine))
             point[mine], angle[mine] = found.point, found.angle
         return point, angle
+
+
+def _farthest(shape: Outline, low: float, high: float) -> float:
+    """The walk between two at which an outline is farthest from the base."""
+    for _ in range(_EIGHTHS):
+        walks = np.linspace(low, high, 9)
+        at = shape.walk(walks)
+        k = int(np.clip(np.sum((at.point.conj() * at.dpoint).real > 0.0) - 1, 0, 7))
+        low, high = walks[k], walks[k + 1]
+    return 0.5 * (low + high)
 
 
 @dataclass(frozen=True)
