@@ -98,7 +98,7 @@ def test_grasps_of_random_outlines_hold_and_infeasible_ones_are_not_held_by_brut
 
 
 def test_an_oval_of_72_corners_is_held_as_the_ellipse_that_it_is_drawn_on():
-    """Within what its corners change: each has a minimum of its own, of which starts from the lowest hold with 13 % more."""
+    """Within what its corners change: each has a minimum of its own, of which the lowest hold with 13 % more."""
     turn = np.linspace(0.0, 2.0 * np.pi, 73)[:-1]
     corners = np.column_stack([0.038 * np.cos(turn), 0.042 * np.sin(turn)]).tolist()
     drawn_on = {"shape": "ellipse", "width": 0.076, "height": 0.084}
