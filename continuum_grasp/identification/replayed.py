@@ -63,7 +63,7 @@ class Replay(Predicted):
     stored: ClassVar[tuple[Stored, ...]] = (
         *Predicted.stored,
         Stored("t", "(period,)", "s", "instants of the controller, from the first of the log on"),
-        Stored("innovation", "(period, compared)", "", "measured less expected, one after the other"),
+        Stored("innovation", "(period, compared)", "", "measured less expected; NaN without either"),
         Stored("innovation_std", "(period, compared)", "", "their standard deviations; NaN where none was compared"),
         Stored("u", "(period, input)", "", "commands that the controller gives"),
         Stored("logged", "(period, input)", "", "commands of the log; NaN where it has none"),
@@ -182,7 +182,8 @@ def replay(
     controller, y, estimation = periods.controller, periods.measured(), periods.estimation
     commands = periods.run(y)
     found, statistics = innovations(commands), controller.statistics
-    innovation, std = found[:, 0], np.sqrt(np.where(found[:, 1] > 0.0, found[:, 1], np.nan))
+    std = np.sqrt(np.where(found[:, 1] > 0.0, found[:, 1], np.nan))
+    innovation = np.where(np.isfinite(std), found[:, 0], np.nan)
     own = disagreement(found)
     suspicions, report = list[Suspicion](), progress or (lambda share: None)
     trials = periods.trials(y)
