@@ -6,7 +6,7 @@ Grasps of uniform fingers are checked by equations that share nothing with the p
 do not hold are searched by brute force (``benchmarks.grasp_oracle``). Times are processor time after the build.
 
 Every outcome is a line of the record ``--rows``, to which a further run adds what it lacks: ``--population 1`` is the
-whole list of scenes, whichever part of it a run gets to, ``--count 0`` writes the report alone.
+whole list of scenes, ``--population 0.1`` a tenth of every kind, ``--count 0`` writes the report alone.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -182,9 +183,12 @@ def main() -> None:
     counts = dict.fromkeys(arguments.kind, arguments.count)
     if arguments.population is not None:
         counts = {kind: math.ceil(arguments.population * count) for kind, count in POPULATION.items()}
-    # All kinds advance together, so that a part of the list is a sample of it.
-    drawings = sorted((s / n, kind, arguments.first + s) for kind, n in counts.items() for s in range(n))
-    cases = [(kind, f"{kind} {s}, {n}", drawn(kind, s), n) for _, kind, s in drawings for n in arguments.elements]
+    cases = [
+        (kind, f"{kind} {arguments.first + s}, {n}", drawn(kind, arguments.first + s), n)
+        for n in arguments.elements
+        for kind, count in counts.items()
+        for s in range(count)
+    ]
     for file in arguments.case:
         data = yaml.safe_load(file.read_text(encoding="utf-8"))
         cases.append(("case", file.stem, data, data["fidelity"]["elements"]))
@@ -199,6 +203,8 @@ def main() -> None:
         for image, shown in images(data, arguments.images).items()
         if (name, image, effort) not in done
     ]
+    # Scenes that differ in numbers alone share their equations.
+    tasks.sort(key=lambda task: (task[0], task[4], re.sub(r"-?\d+(\.\d+)?(e-?\d+)?", "", json.dumps(task[3]))))
     pool = ProcessPool(arguments.jobs)
     try:
         with record.open("a", encoding="utf-8") as lines:
