@@ -387,7 +387,7 @@ FAULTS: tuple[Fault, ...] = (
         tests="mission",
     ),
     *_in(
-        "mission/budget.py",
+        "mission/resistance.py",
         ("lift = lift * mass / scene.object.mass", "lift = lift * scene.object.mass / mass"),
         tests="mission/test_mission_certificate.py",
     ),

@@ -8,27 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.quality.resistance import Resistance, resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
-from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.plant import Variation
+from continuum_grasp.mission.resistance import plane_gravity
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp_drive import DriveLaw
-from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.mission import MissionScene
 
-if TYPE_CHECKING:
-    from continuum_grasp.mission.assignment import Assignment
-    from continuum_grasp.mission.plant import Variation
-
 Array = NDArray[np.float64]
-
-ROUNDING = 1e-6
-"""Excess, as a part of a number, that is none: the certificate itself holds to this."""
 
 # -- contacts ---------------------------------------------------------------------------------------------------------
 
@@ -105,12 +98,6 @@ def plant_mass(mission: MissionScene, variation: Variation) -> float:
     return own * variation.mass
 
 
-def plane_gravity(grasp: GraspResult) -> tuple[float, float]:
-    """Gravity in the plane [m/s2]; zero where it acts out of it."""
-    gravity = grasp.scene.gravity
-    return gravity.vector if isinstance(gravity, PlanarGravity) else (0.0, 0.0)
-
-
 def object_height(mission: MissionScene, pose: Array) -> Array:
     """Height (K,) of an object with poses (K, 3 or 4): out of the plane, or in it against gravity [m]."""
     up = -np.array(mission.plane_gravity)
@@ -118,56 +105,7 @@ def object_height(mission: MissionScene, pose: Array) -> Array:
     return np.asarray(pose[:, 3] if size == 0.0 else pose[:, :2] @ up / size)
 
 
-# -- what contacts bear with drives that hold -------------------------------------------------------------------------
-
-
-def promised(grasp: GraspResult) -> Resistance:
-    """Multiples of the scene's disturbances that a mission may count on, whose drives hold.
-
-    Those of the certificate where it has the tendons locked. Where it lets tensions be chosen anew for a disturbance,
-    which a mission does not do, those with locked tendons and the weight shared out evenly: the least tension puts a
-    contact on its cone, at which nothing could be resisted.
-    """
-    certified = grasp.quality.resistance
-    if certified.tendons == "locked":
-        return certified
-    friction = np.array([grasp.scene.friction(contact.name) for contact in grasp.contacts])
-    return held_resistance(grasp, friction, grasp.scene.object.mass, evenly=True)
-
-
-def held_resistance(
-    grasp: GraspResult,
-    friction: Array,
-    mass: float,
-    *,
-    max_tension: float | None = None,
-    evenly: bool = False,
-    wrenches: Sequence[Sequence[float]] | None = None,
-) -> Resistance:
-    """Multiples of the disturbances resisted with locked tendons, other friction (C,) [1] and mass [kg].
-
-    The weight is shared out as in the certificate, in proportion; ``evenly``, or where that is beyond a cone, each
-    contact bears an equal part of what it has left beside its friction in the plane. ``max_tension`` [N] is that of
-    the grasp where not given, ``wrenches`` those of its scene.
-    """
-    scene, arrays = grasp.scene, grasp.arrays
-    if max_tension is not None:
-        fingers = {name: own.with_tendons(max_tension=max_tension) for name, own in scene.named_fingers.items()}
-        scene = scene.with_fingers(fingers)
-    forces = np.array(arrays["contact_forces"], dtype=float)
-    normal, across, lift = forces.T
-    lift = lift * mass / scene.object.mass
-    cone = friction * normal
-    if evenly or (np.hypot(across, lift) > cone * (1.0 + ROUNDING)).any():
-        spare = np.sqrt(np.maximum(cone**2 - across**2, 0.0))
-        lift = spare * lift.sum() / max(float(spare.sum()), 1e-300)
-    forces[:, 2] = lift
-    response = GraspResponse(scene, {**arrays, "contact_forces": forces})
-    response.contacts.friction = friction
-    # Weight in the plane beyond that of the grasp is one more wrench, to which all contacts respond.
-    more = (mass - scene.object.mass) * np.array([*plane_gravity(grasp), 0.0])
-    response.contacts.forces[:, :2] += response.to_wrenches("locked").forces @ more
-    return resistance(response, tendons="locked", wrenches=wrenches)
+# -- sinking -----------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
