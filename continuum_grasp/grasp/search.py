@@ -250,7 +250,9 @@ class Search:
     def _from_start(self, start: Start, rung: int, iterations: int | None = None) -> Tried | None:
         """Solve from a start and verify; what lost patience may be tried again."""
         patience = IMPATIENT if self.best and len(self.scene.setups) == 1 else PATIENCE
-        found = self.attempt(start, rung=rung, iterations=iterations, patience=patience, enough=self._enough)
+        found = self.attempt(
+            start, smoothed=True, rung=rung, iterations=iterations, patience=patience, enough=self._enough
+        )
         if found is not None and found.attempt.outcome == STALLED:
             self._missed.append((found.attempt.badness, start, rung))
         return found

@@ -37,7 +37,7 @@ def starting_point(problem: Layout, scene: GraspScene, start: Start, features: d
     for contact in problem.spec.contacts:
         at = start.contacts[contact.name]
         part, feature = scene.object.parts[at.part], features[contact.name]
-        values[f"place, {contact.name}"] = contact.surface.place(part, feature, at.point, at.normal_angle)
+        values[f"place, {contact.name}"] = contact.surface.place(part, feature, *at.place)
         pressed = (force, 0.0, lift if scene.weight else 0.0)
         if contact.name in start.forces:
             n, f, carried = (component / units.force for component in start.forces[contact.name])

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from continuum_grasp.grasp.problem.relaxations import RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values, tolerance_of
-from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
@@ -37,6 +38,8 @@ MODEST = 0.8
 zero for a trace of another limit."""
 ROUNDS = 8
 """Number of times that the places that must stay clear are moved to where fingers are deepest."""
+NEXT = 2
+"""Faces and corners next to a place on a circle that are tried, of each contact."""
 STEADY = 1e-5
 """Relative change of what is sought, by new guarded places, from which on it is solved once more."""
 RUNGS = (
@@ -96,6 +99,7 @@ class GraspSolverRun:
         budget: Budget,
         *,
         features: dict[str, Feature] | None = None,
+        smoothed: bool = False,
         rung: int = 0,
         x0: Array | None = None,
         **options: Any,
@@ -106,25 +110,69 @@ class GraspSolverRun:
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. Limits may be
         ``relaxed``; their amounts are minimized then, beginning with those given (SI), of several the sum of their
         parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features``, by default those of the
-        start, beyond whose ends they go on while that is better; the unknowns begin with ``x0``. Further run-time
-        ``numbers`` go to the problem. Unknowns ``pinned`` stay at their values, but for NaN. ``patience`` is that of
-        `nlp.Start`; with an objective above ``enough``, guarded places are not moved any more.
+        start, beyond whose ends they go on while that is better; if ``smoothed``, circles stand for blunt corners
+        first. The unknowns begin with ``x0``. Further run-time ``numbers`` go to the problem. Unknowns ``pinned`` stay
+        at their values, but for NaN. ``patience`` is that of `nlp.Start`; with an objective above ``enough``, guarded
+        places are not moved any more.
 
         Raises
         ------
         KeyboardInterrupt
             Ctrl-C was pressed meanwhile; this start has no result then.
         """
-        sits = contact_features(scene, start.contacts) if features is None else features
-        found = self._run(scene, start, budget, sits, rung=rung, x0=x0, **options)
         if features is not None:
-            return found
+            return self._run(scene, start, budget, features, rung=rung, x0=x0, **options)
+        sits, found = contact_features(scene, start.contacts), None
+        solved = partial(self._run, scene, start, budget, rung=rung, **options)
+        if smoothed and (circles := self._circles(scene, start, sits)):
+            found = self._round(scene, solved, sits, circles, x0, options.get("enough", np.inf))
+        if found is None or not found.converged:
+            found = _after(solved(sits, x0=x0), found)
         while (beyond := self._beyond(scene, found)) is not None:
             other = self._run(scene, start, budget, beyond[0], rung=0, x0=beyond[1], **options)
             better = other.converged and other.objective < found.objective - EXACT * abs(found.objective)
-            spent, seconds = found.iterations + other.iterations, found.seconds + other.seconds
-            found = replace(other if better else found, iterations=spent, seconds=seconds)
+            found = _after(other, found) if better else _after(found, other)
             if not better:
+                break
+        return found
+
+    def _circles(self, scene: GraspScene, start: Start, sits: dict[str, Feature]) -> dict[str, Feature]:
+        """Circles that stand for blunt corners about features, by name of the contact."""
+        found = {}
+        for name, feature in sits.items():
+            part = scene.object.parts[start.contacts[name].part]
+            circle = surface_of(part).smoothed(part, feature)
+            # An object that is fixed at a support has no places there.
+            if circle is not None and f"place, {name}" in self.problem.x.at:
+                found[name] = circle
+        return found
+
+    def _round(
+        self,
+        scene: GraspScene,
+        solved: Callable[..., Attempt],
+        sits: dict[str, Feature],
+        circles: dict[str, Feature],
+        x0: Array | None,
+        enough: float,
+    ) -> Attempt:
+        """Solve on circles, then on faces and corners next to where that ends, until some hold.
+
+        Each of many blunt corners has a minimum of its own; the best are near that of a smooth curve.
+        """
+        found = smooth = solved(sits | circles, x0=x0)
+        if not smooth.converged or smooth.objective > enough:
+            return found
+        ends = start_from(scene, self.arrays(scene, smooth)).contacts
+        parts = {name: scene.object.parts[ends[name].part] for name in circles}
+        near = [surface_of(parts[name]).near(parts[name], *ends[name].place)[:NEXT] for name in circles]
+        for choice in product(*near):
+            features, x = dict(zip(circles, choice, strict=True)), smooth.x.copy()
+            for name, feature in features.items():
+                place = surface_of(parts[name]).place(parts[name], feature, *ends[name].place)
+                x[self.problem.x.at[f"place, {name}"]] = place
+            found = _after(solved(sits | features, x0=x), found)
+            if found.converged:
                 break
         return found
 
@@ -257,6 +305,14 @@ class GraspSolverRun:
         values |= self.near.look(scene, attempt.x, numbers.pack(values, 0.0), probes).numbers
         stay = [name for name in at if name.endswith((".strain probes", "effort weight", "relaxation weights"))]
         return numbers.pack({**values, **{name: attempt.numbers[at[name]] for name in stay}})
+
+
+def _after(attempt: Attempt, before: Attempt | None) -> Attempt:
+    """An attempt with the effort of another one, too."""
+    if before is None:
+        return attempt
+    iterations, seconds = attempt.iterations + before.iterations, attempt.seconds + before.seconds
+    return replace(attempt, iterations=iterations, seconds=seconds)
 
 
 _IPOPT = {

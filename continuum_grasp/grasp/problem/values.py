@@ -79,8 +79,7 @@ def contact_features(scene: GraspScene, contacts: dict[str, ContactStart]) -> di
     found = {}
     for name, start in contacts.items():
         part = scene.object.parts[start.part]
-        surface = surface_of(part)
-        found[name] = surface.features(part)[surface.nearest_feature(part, start.point, start.normal_angle)]
+        found[name] = surface_of(part).near(part, *start.place)[0]
     return found
 
 

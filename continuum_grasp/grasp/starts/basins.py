@@ -37,8 +37,6 @@ _PER_DEPTH, _PER_EXCESS = 100.0, 10.0
 _BALANCED, _PER_IMBALANCE = 2e-4, 100.0
 """Relative imbalance that the weight of the tensions leaves, and score of what is left beyond: lower, and postures that
 cannot hold would come first."""
-CORNERS, WIDTHS = 32, 3
-"""Corners of an object from which on each has a minimum of its own, and by how many widths these are leveled out."""
 MOST = 12
 """Basins of a set of contacts at most; of 13 hard scenes and 200 random ones none had more than 8."""
 _NEIGHBORS = 1.6
@@ -108,19 +106,7 @@ class Basins:
         if self.setup.elements <= 2:
             return refined
         # Of more elements either may lead to the better grasp.
-        both = _ordered(refined.followed_by([lowest]))
-        corners = sum(len(shape.corners) for shape in self.task.shapes)
-        return both.followed_by([self._leveled(self._postures)]) if along and corners >= CORNERS else both
-
-    def _leveled(self, some: Scored) -> Scored:
-        """The minima of scores that are averages over more and more neighbors."""
-        linked = along_outline(some.branch, self._ring.count)
-        mean, score, found = linked / linked.sum(axis=1, keepdims=True), some.score, list[int]()
-        for _ in range(WIDTHS):
-            score = mean @ score
-            found += minima(score, linked).tolist()
-            mean = np.linalg.matrix_power(mean, 4)
-        return some.take(np.array(list(dict.fromkeys(found))))
+        return _ordered(refined.followed_by([lowest]))
 
     def with_forces(self, scene: GraspScene) -> tuple[Basins, Scored | None]:
         """The basins among the same postures in a scene that differs in mass or in limits of forces alone."""

@@ -38,6 +38,11 @@ class ContactStart:
     point: tuple[float, float]  # on its surface [m]
     normal_angle: float  # of the outward normal [rad]
 
+    @property
+    def place(self) -> tuple[tuple[float, float], float]:
+        """Point on the surface, and the angle of its normal."""
+        return self.point, self.normal_angle
+
 
 @dataclass(frozen=True)
 class Start:

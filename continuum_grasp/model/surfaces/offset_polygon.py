@@ -35,13 +35,16 @@ from continuum_grasp.model.surfaces.surface import (
     chosen,
     length,
 )
-from continuum_grasp.scene.parts import OffsetPolygon
+from continuum_grasp.scene.parts import OffsetPolygon, Point
 
 Array = NDArray[Any]
 
 SHARP = 1e-7
 """Radius that a sharp corner has where contacts roll over it [m]: far below any real edge, and its curvature of 1e7 1/m
 is still exact beside those of fingers."""
+BLUNT, SPAN = 0.1, 0.3
+"""Turn of the normal at a corner [rad] up to which it is blunt, and on either side of a contact that of blunt corners
+that a circle stands for."""
 _SKIN = 1e-9
 """Distance up to which a point outside a sharp polygon is treated as one on its face [m]: below, the direction to the
 nearest point is lost in rounding."""
@@ -120,8 +123,21 @@ class PolygonSurface(Surface[OffsetPolygon]):
         every = self.features(part)
         other = every[(every.index(feature) + side) % len(every)]
         # Faces follow each other at a reflex corner, where the normal jumps.
-        both = feature.upper[0] > 0.0 and other.upper[0] > 0.0
+        both = feature.is_face and other.is_face
         return None if both else (other, other.lower if side > 0 else other.upper)
+
+    def smoothed(self, part: OffsetPolygon, feature: Feature) -> Feature | None:
+        every = self.features(part)
+        ends = [_blunt_end(every, every.index(feature), side) for side in (-1, 1)]
+        if ends[0] is None or ends[1] is None:
+            return None
+        # The circle through three points.
+        middle = 0.5 * (np.array(feature.numbers[:2]) + feature.numbers[2:4])
+        across = np.array(ends) - middle
+        x, y = (middle + np.linalg.solve(2.0 * across, (across**2).sum(axis=1))).tolist()
+        low, high = (math.atan2(end[1] - y, end[0] - x) for end in ends)
+        size = math.dist((x, y), middle) + part.radius
+        return Feature((x, y, x, y, size), (0.0, low), (0.0, high + math.tau * (high < low)), 1.0 / size)
 
     def place(
         self, part: OffsetPolygon, feature: Feature, point: tuple[float, float], normal_angle: float
@@ -135,26 +151,37 @@ class PolygonSurface(Surface[OffsetPolygon]):
         angle = middle + math.remainder(normal_angle - middle, math.tau) if math.isfinite(middle) else normal_angle
         return share, min(max(angle, feature.lower[1]), feature.upper[1])
 
-    def nearest_feature(self, part: OffsetPolygon, point: tuple[float, float], normal_angle: float) -> int:
-        best, index = math.inf, 0
+    def near(self, part: OffsetPolygon, point: tuple[float, float], normal_angle: float) -> list[Feature]:
         size = float(np.ptp(np.array(part.vertices), axis=0).max()) + part.radius
-        for k, feature in enumerate(self.features(part)):
+
+        def misfit(feature: Feature) -> float:
             share, angle = self.place(part, feature, point, normal_angle)
             ax, ay, bx, by, r = feature.numbers
             x = ax + share * (bx - ax) + r * math.cos(angle) - point[0]
             y = ay + share * (by - ay) + r * math.sin(angle) - point[1]
             turn = abs(math.remainder(angle - normal_angle, math.tau))
             # At the end of a face the corner fits as well: prefer the face, along which a contact can slide.
-            cost = math.hypot(x, y) / size + turn + (1e-9 if ax == bx and ay == by and len(part.vertices) > 1 else 0.0)
-            if cost < best:
-                best, index = cost, k
-        return index
+            corner = ax == bx and ay == by and len(part.vertices) > 1
+            return math.hypot(x, y) / size + turn + (1e-9 if corner else 0.0)
+
+        return sorted(self.features(part), key=misfit)
 
     # -- search of a grasp
 
     def outline(self, part: OffsetPolygon, frame: Frame, grown: float) -> Outline:
         vertices = frame.point(np.array([complex(*v) for v in part.vertices]))
         return _PolygonOutline(vertices[::-1] if frame.mirrored else vertices, part.radius * frame.scale, grown)
+
+
+def _blunt_end(every: Sequence[Feature], at: int, side: int) -> Point | None:
+    """Where blunt corners after (+1) or before (-1) a feature turn by `SPAN` in sum; None where others end them."""
+    turned = 0.5 * every[at].turn
+    while every[at].turn < BLUNT and turned < SPAN:
+        before, at = every[at], (at + side) % len(every)
+        if before.is_face and every[at].is_face:
+            return None
+        turned += every[at].turn
+    return every[at].numbers[:2] if every[at].turn < BLUNT else None
 
 
 def _is_rectangle(core: Sequence[tuple[float, float]]) -> bool:

@@ -74,6 +74,16 @@ class Feature:
     upper: tuple[float, float]
     curvature: float = 0.0  # [1/m]: 0 on a face or where it depends on the place, large on a sharp corner
 
+    @property
+    def turn(self) -> float:
+        """Turn of the normal along it [rad]."""
+        return self.upper[1] - self.lower[1]
+
+    @property
+    def is_face(self) -> bool:
+        """Whether contacts slide along it with one normal."""
+        return self.upper[0] > self.lower[0] and self.turn == 0.0
+
 
 class Surface(ABC, Generic[P]):
     """The surface of one kind of part.
@@ -135,9 +145,13 @@ class Surface(ABC, Generic[P]):
         """
         return None
 
-    def nearest_feature(self, part: P, point: tuple[float, float], normal_angle: float) -> int:
-        """Index among the features of that on which a surface point with this outward normal lies best."""
-        return 0
+    def smoothed(self, part: P, feature: Feature) -> Feature | None:
+        """A circle that stands for the blunt corners about a feature; None where there are none."""
+        return None
+
+    def near(self, part: P, point: tuple[float, float], normal_angle: float) -> list[Feature]:
+        """The features, those first on which a surface point with this outward normal lies best."""
+        return self.features(part)
 
     def nearest_places(self, part: P, points: Array) -> tuple[Array, Array, Array]:
         """Angles (K,) of the outward normals [rad] at the surface points nearest to points (K, 2) of the object's
