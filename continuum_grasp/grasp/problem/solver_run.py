@@ -122,12 +122,13 @@ class GraspSolverRun:
         """
         if features is not None:
             return self._run(scene, start, budget, features, rung=rung, x0=x0, **options)
-        sits, found = contact_features(scene, start.contacts), None
+        sits = contact_features(scene, start.contacts)
         solved = partial(self._run, scene, start, budget, rung=rung, **options)
-        if smoothed and (circles := self._circles(scene, start, sits)):
+        circles = self._circles(scene, start, sits) if smoothed else {}
+        if circles:
             found = self._round(scene, solved, sits, circles, x0, options.get("enough", np.inf))
-        if found is None or not found.converged:
-            found = _after(solved(sits, x0=x0), found)
+        else:
+            found = solved(sits, x0=x0)
         while (beyond := self._beyond(scene, found)) is not None:
             other = self._run(scene, start, budget, beyond[0], rung=0, x0=beyond[1], **options)
             better = other.converged and other.objective < found.objective - EXACT * abs(found.objective)
@@ -156,7 +157,7 @@ class GraspSolverRun:
         x0: Array | None,
         enough: float,
     ) -> Attempt:
-        """Solve on circles, then on faces and corners next to where that ends, until some hold.
+        """Solve on circles; where these hold, on faces and corners next to where that ends, until some do.
 
         Each of many blunt corners has a minimum of its own; the best are near that of a smooth curve.
         """

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from continuum_grasp.grasp.certificate.certificate import certify_reached
 from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
+from continuum_grasp.grasp.problem.values import contact_features
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.scene.grasp import GraspScene
@@ -86,7 +87,10 @@ class Elastic:
         relaxed = [(limit, most * known.get(limit, 1.0 if begin is None else 0.0)) for limit, most in usual.items()]
         x0 = None if begin is None else begin.attempt.x
         options = {"rung": 2, "iterations": HASTY, "relaxed": relaxed, "x0": x0, **options}
-        attempt = solver.run(scene, start, search.budget, **options)
+        attempt = solver.run(scene, start, search.budget, smoothed=begin is None, **options)
+        if attempt.violations and attempt.features != contact_features(scene, start.contacts):
+            # A limit may be relaxed far enough for some corner where the circles led to none.
+            attempt = solver.run(scene, start, search.budget, **options)
         if not np.isfinite(attempt.x).all() or attempt.violations:
             return None
         amounts = {limit: solver.given(scene, attempt.x, limit) for limit in limits}
