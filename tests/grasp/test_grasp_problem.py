@@ -148,7 +148,7 @@ def test_places_on_features_are_on_the_surface_with_its_normal(name):
         again = surface_of(part).place(part, feature, (point[0], point[1]), angle)
         assert_allclose(again, at, atol=1e-9)
         if 0.0 < at[0] < 1.0 or smooth or feature.lower[1] < feature.upper[1]:
-            assert surface_of(part).nearest_feature(part, (point[0], point[1]), angle) == index
+            assert surface_of(part).near(part, (point[0], point[1]), angle)[0] == surface_of(part).features(part)[index]
 
 
 def _on_superellipse(t, power):

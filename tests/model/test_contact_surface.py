@@ -11,8 +11,10 @@ import pytest
 from pydantic import TypeAdapter
 from scipy.optimize import brentq
 
+from continuum_grasp.grasp.starts.scan.task import rough_distance
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces import nearest, surface_of
+from continuum_grasp.model.surfaces.surface import own_outline
 from continuum_grasp.scene import Box, Circle, Ellipse, Polygon, Stadium, Superellipse, Union
 from continuum_grasp.scene.objects import UnionMember
 from continuum_grasp.scene.parts import SuperellipsePart
@@ -127,11 +129,29 @@ def test_distance_and_normal_are_those_of_the_nearest_point(name):
         tried += 1
 
 
+@pytest.mark.parametrize("angle_deg", [0.5, 3.0, 20.0, 80.0])
+def test_whatever_lies_beyond_an_acute_corner_is_outside(angle_deg):
+    """Only the corner is near it, though it lies behind one of the faces there: as of the thin parts of outlines."""
+    rng, half = np.random.default_rng(0), 0.5 * math.radians(angle_deg)
+    ends = 0.06 * np.exp(1j * np.array([math.pi - half, math.pi + half]))
+    core = (0.035 - 0.0135j) + np.exp(2.1j) * np.array([0.0, *ends])
+    off = 10.0 ** rng.uniform(-5.0, -1.0, 300) * np.exp(1j * rng.uniform(-1.0, 1.0, 300) * (0.499 * math.pi - half))
+    points = core[0] + np.exp(2.1j) * off
+    body = Polygon(shape="polygon", vertices=tuple((z.real, z.imag) for z in core), **KEYS)
+    function, outline = distance(body), own_outline(surface_of(body.parts[0]), body.parts[0])
+    assert outline.distance(points) == pytest.approx(np.abs(off), rel=1e-10)
+    assert rough_distance((outline,), points) == pytest.approx(np.abs(off), rel=1e-10)
+    for point, away in zip(points[::10], off[::10], strict=True):
+        found, normal, _ = (np.array(v).ravel() for v in function([point.real, point.imag]))
+        assert found[0] == pytest.approx(abs(away), rel=1e-10)
+        assert complex(*normal) == pytest.approx(np.exp(2.1j) * away / abs(away), abs=1e-9)
+
+
 def test_at_the_end_of_a_face_a_contact_is_on_the_face_along_which_it_can_slide():
     part = OBJECTS["box"].parts[0]
     surface = surface_of(part)
     for corner in part.vertices[2:]:
-        found = surface.features(part)[surface.nearest_feature(part, corner, 0.5 * math.pi)]
+        found = surface.near(part, corner, 0.5 * math.pi)[0]
         assert (found.lower[0], found.upper[0]) == (0.0, 1.0)
 
 

@@ -50,9 +50,6 @@ _SKIN = 1e-9
 nearest point is lost in rounding."""
 _SLOT = 1e-9
 """Squared preference, per squared extent, of the side of a segment on which a point lies."""
-_HIGHER = 1e-12
-"""Part by which the square of a height counts less, so that of two edges as near the higher one is taken: above
-rounding."""
 
 
 @dataclass(frozen=True)
@@ -128,8 +125,8 @@ class PolygonSurface(Surface[OffsetPolygon]):
 
     def smoothed(self, part: OffsetPolygon, feature: Feature) -> Feature | None:
         every = self.features(part)
-        ends = [_blunt_end(every, every.index(feature), side) for side in (-1, 1)]
-        if ends[0] is None or ends[1] is None:
+        ends = [end for side in (-1, 1) if (end := _blunt_end(every, every.index(feature), side)) is not None]
+        if len(ends) < 2:
             return None
         # The circle through three points.
         middle = 0.5 * (np.array(feature.numbers[:2]) + feature.numbers[2:4])
@@ -181,7 +178,8 @@ def _blunt_end(every: Sequence[Feature], at: int, side: int) -> Point | None:
         if before.is_face and every[at].is_face:
             return None
         turned += every[at].turn
-    return every[at].numbers[:2] if every[at].turn < BLUNT else None
+    x, y, *_ = every[at].numbers
+    return (x, y) if every[at].turn < BLUNT else None
 
 
 def _is_rectangle(core: Sequence[tuple[float, float]]) -> bool:
@@ -225,15 +223,20 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     """By the nearest of the edges; two vertices are a segment, which has no inside."""
     # All edges are compared at run time: a chain of selections, since branches have no derivative.
     edges = list(pairwise([*core, core[0]])) if len(core) > 2 else [(core[0], core[1])]
-    found: list[tuple[Scalar, Scalar, Vec, Vec]] = []
+    seen: list[tuple[Scalar, Scalar, Vec, Vec]] = []
     for (ax, ay), (bx, by) in edges:
         long = math.hypot(bx - ax, by - ay)
         along, normal = Vec((bx - ax) / long, (by - ay) / long), Vec((by - ay) / long, (ax - bx) / long)
         away = at - Vec(ax, ay)
         s, height = along.dot(away), normal.dot(away)
         over = s - ca.fmin(ca.fmax(s, 0.0), long)
-        offset = along.scaled(over) + normal.scaled(height)
-        found.append((over * over + (1.0 - _HIGHER) * height * height, height, offset, normal))
+        seen.append((over, height, along.scaled(over) + normal.scaled(height), normal))
+    found: list[tuple[Scalar, Scalar, Vec, Vec]] = []
+    for k, (past, above, offset, normal) in enumerate(seen):
+        # At a corner both faces say together on which side a point lies: one alone does not, where it is acute.
+        before, after = seen[k - 1][1], seen[(k + 1) % len(seen)][1]
+        side = above + before * ca.SX(past < 0.0) + after * ca.SX(past > 0.0)
+        found.append((offset.dot(offset), side, offset, normal))
     least, height, away, face = found[0]
     for other, above, offset, normal in found[1:]:
         nearer = ca.SX(other < least)
@@ -242,9 +245,9 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
     size = length(away)
     if len(core) == 2:
         return Nearest(size, away.scaled(1.0 / size))
-    side = 2.0 * (height > 0.0) - 1.0
+    sign = 2.0 * (height > 0.0) - 1.0
     on_face = size <= _SKIN
-    return Nearest(ca.if_else(on_face, height, side * size), chosen(on_face, face, away.scaled(side / size)))
+    return Nearest(ca.if_else(on_face, height, sign * size), chosen(on_face, face, away.scaled(sign / size)))
 
 
 class _PolygonOutline(Outline):
@@ -321,14 +324,17 @@ class _PolygonOutline(Outline):
         turned = (points[..., None] - self.corners) * np.conj(self._along)
         along, out = turned.real, -turned.imag
         beyond = along - np.clip(along, 0.0, self._lengths)
-        square = beyond**2 + (1.0 - _HIGHER) * out**2
+        square = beyond**2 + out**2
         # A segment is two edges back to back: the side on which the point lies decides.
         if len(self.corners) == 2:
             square = square + np.where(out < 0.0, _SLOT * self.extent**2, 0.0)
         edge = np.argmin(square, axis=-1)
-        core, height = np.hypot(picked(beyond, edge), picked(out, edge)), picked(out, edge)
+        over, height = picked(beyond, edge), picked(out, edge)
+        core = np.hypot(over, height)
         if len(self.corners) > 2:
-            core = np.where(height < 0.0, -core, core)
+            # At a corner both faces say together on which side a point lies: one alone does not, where it is acute.
+            other = (edge + np.sign(over).astype(int)) % len(self.corners)
+            core = np.where(height + np.where(over == 0.0, 0.0, picked(out, other)) < 0.0, -core, core)
         return core - self.radius, edge, picked(along, edge)
 
     def extremes(self, direction: complex, flat: float) -> list[tuple[complex, float]]:

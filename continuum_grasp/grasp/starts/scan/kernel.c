@@ -47,28 +47,33 @@ static void turns(int count, const double *restrict angle, double *restrict sine
 
 enum { POLYGON, SUPERELLIPSE };
 
-/* Of two edges as near, the higher one says on which side a point lies. */
-#define HIGHER (1.0 - 1e-12)
-
 /* Signed distance from one part, as of `rough_distance` of its outline. A polygon of one corner is a disc. */
 static double from_polygon(int count, const double *shape, double x, double y)
 {
     const double radius = shape[0], slot = shape[1], *edge = shape + 2;
     if (count == 1)
         return hypot(x - edge[0], y - edge[1]) - radius;
-    double least = HUGE_VAL, core = 0.0, height = 0.0;
+    double least = HUGE_VAL, height = 0.0, over = 0.0;
+    int best = 0;
     for (int k = 0; k < count; ++k, edge += 5) {  /* corner, direction, length */
         const double dx = x - edge[0], dy = y - edge[1];
         const double along = dx * edge[2] + dy * edge[3], out = dx * edge[3] - dy * edge[2];
         const double beyond = along - less(more(along, 0.0), edge[4]);
-        const double square = beyond * beyond + HIGHER * out * out + (count == 2 && out < 0.0 ? slot : 0.0);
+        const double square = beyond * beyond + out * out + (count == 2 && out < 0.0 ? slot : 0.0);
         if (square < least) {
             least = square;
-            core = beyond * beyond + out * out;
+            best = k;
             height = out;
+            over = beyond;
         }
     }
-    return (count > 2 && height < 0.0 ? -sqrt(core) : sqrt(core)) - radius;
+    const double core = sqrt(over * over + height * height);
+    if (count > 2 && over != 0.0) {
+        /* At a corner both faces say together on which side a point lies: one alone does not, where it is acute. */
+        edge = shape + 2 + 5 * ((best + (over > 0.0 ? 1 : count - 1)) % count);
+        height += (x - edge[0]) * edge[3] - (y - edge[1]) * edge[2];
+    }
+    return (count > 2 && height < 0.0 ? -core : core) - radius;
 }
 
 static double from_superellipse(int count, const double *shape, double x, double y)
