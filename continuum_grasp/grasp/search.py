@@ -489,11 +489,15 @@ class Search:
     def attempt(
         self, start: Start, solver: GraspSolverRun | None = None, *, rung: int = len(RUNGS) - 1, **options: Any
     ) -> Tried | None:
-        """Solve from a start and verify; None where there are no numbers to verify."""
+        """Solve from a start and verify what is new; None where there are no numbers to verify."""
         solver = solver or self.solver(start)
-        attempt = solver.run(self.scene, start, self.budget, rung=rung, **options)
+        known = {t.attempt: t for t in self.tried if t.solver is solver and t.attempt.converged and "x0" not in options}
+        attempt = solver.run(self.scene, start, self.budget, rung=rung, known=list(known), **options)
         if not np.isfinite(attempt.x).all():
             return None
+        if attempt in known:
+            self._alike += 1
+            return known[attempt]
         found = Tried(attempt, solver, self.scene)
         self.tried.append(found)
         if found.verified:

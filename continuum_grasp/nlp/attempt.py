@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -29,7 +29,7 @@ class Status(StrEnum):
     ITERATION_LIMIT = "iteration_limit"
     """Out of iterations of its own: raise ``max_iterations``."""
     STOPPED = "stopped"
-    """Stopped by the budget, by Ctrl-C, or because the violation no longer fell (see `Start.patience`)."""
+    """Stopped by the budget, by Ctrl-C, or as a start says (see `Start.patience` and `Start.known`)."""
     FAILED = "failed"
     """Anything else, such as values that are not finite; the solver's own status says more."""
 
@@ -87,6 +87,8 @@ class Start:
     patience : int or None
         How many iterations may leave a violation as it is, until it is half of what it was; then the run ends with the
         outcome ``Stalled``. None: any number.
+    known : sequence of (n,) ndarray
+        Solutions: a run that comes to one of them ends with the outcome ``Known``.
     """
 
     x: Array
@@ -99,6 +101,7 @@ class Start:
     barrier: float | None = None
     option_set: OptionSet = OptionSet.DEFAULT
     patience: int | None = None
+    known: Sequence[Array] = ()
 
     @property
     def approach(self) -> Approach:

@@ -23,8 +23,10 @@ from continuum_grasp.nlp.optimality import optimality_error
 from continuum_grasp.nlp.problem import NLP
 from continuum_grasp.scene.solver import Method
 
-STALLED = "Stalled"
-"""Outcome of a run that lost its patience."""
+STALLED, KNOWN = "Stalled", "Known"
+"""Outcomes of a run that lost its patience, and of one that came to a known solution."""
+CLOSE = 1e-3
+"""Distance of every unknown from a known solution at which a run ends there [units of the problem]."""
 _STATUS = {
     "Solve_Succeeded": Status.SOLVED,
     "Solved_To_Acceptable_Level": Status.ACCEPTABLE,
@@ -32,12 +34,13 @@ _STATUS = {
     "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
     "User_Requested_Stop": Status.STOPPED,
     STALLED: Status.STOPPED,
+    KNOWN: Status.STOPPED,
 }
-"""CasADi's solvers share these names but the last."""
+"""CasADi's solvers share these names but the last two."""
 _VIOLATED, _SAME = 1e-3, 0.03
 """Violation from which on a run may lose its patience, and relative change of one that stays as it is."""
-_CONSTRAINTS = 2
-"""Place of the constraints among what CasADi passes to a callback, in the order of its outputs."""
+_UNKNOWNS, _CONSTRAINTS = 0, 2
+"""Places of unknowns and constraints among what CasADi passes to a callback, in the order of its outputs."""
 _ACCEPTABLE = 100.0
 """Errors of an acceptable point per tolerance."""
 
@@ -119,7 +122,7 @@ class Solver(ABC):
         stats = self.statistics(function)
         x, g, bound_forces, forces = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
         iterations = int(stats.get("iter_count", stop.calls - 1))
-        outcome = STALLED if stop.stalled else str(stats["return_status"])
+        outcome = stop.outcome or str(stats["return_status"])
         multipliers, violation = Multipliers(bound_forces, forces), start.violation(x, g)
         # Where constraints are violated, the other conditions say nothing.
         near = violation <= _ACCEPTABLE * self.settings.constraint_tolerance
@@ -206,7 +209,8 @@ class _Stop(ca.Callback):
         self.start, self.until, self.calls = start, until, 0
         # Iterations without a change since the violation was so much, and the violation before.
         self._idle, self._mark, self._last = 0, np.inf, np.inf
-        self.stalled = False
+        self.outcome = ""  # where a start ends it
+        self._known = np.array(start.known).reshape(-1, start.x.size)
 
     def get_n_in(self) -> int:
         return int(ca.nlpsol_n_out())
@@ -223,8 +227,10 @@ class _Stop(ca.Callback):
         if self.start.patience is not None:
             g = np.frombuffer(point[_CONSTRAINTS])
             violation = float(np.maximum(self.start.lower - g, g - self.start.upper).max(initial=0.0))
-            self.stalled = self._stalls(violation, self.start.patience)
-        np.frombuffer(stop[0])[0] = interrupt.pressed() or self.until.over or self.stalled
+            self.outcome = STALLED if self._stalls(violation, self.start.patience) else ""
+        if self._known.size and (np.abs(np.frombuffer(point[_UNKNOWNS]) - self._known) < CLOSE).all(axis=1).any():
+            self.outcome = KNOWN
+        np.frombuffer(stop[0])[0] = interrupt.pressed() or self.until.over or bool(self.outcome)
         return 0
 
     def _stalls(self, violation: float, patience: int) -> bool:

@@ -93,7 +93,7 @@ def test_what_no_scanned_posture_leads_to_is_found_from_rough_starts(seed, tensi
 
 
 @pytest.mark.parametrize(("seed", "tension"), [(32, 26.43465), (86, 26.908649)])
-def test_basins_are_tried_as_they_were_scanned_too(seed, tension):
+def test_basins_of_four_elements_are_tried_as_they_were_scanned(seed, tension):
     """From where their estimates are least, fingers of four elements end with 110.0 and 43.26 N; eight elements, whose
     grasps are continued to four, lead to these.
     """
@@ -153,7 +153,7 @@ def test_best_estimates_of_an_outline_are_those_of_its_image(seed):
     for shown in (data := drawn("outline", seed), rolled(data), mirrored(data)):
         scene = scene_of(shown, 4)
         starts, _ = basin_starts(scene, contact_modes(scene)[0])
-        estimates.append([start.estimate for start in starts[:4]])
+        estimates.append([start.estimate for start in starts[:2]])
     assert estimates[1:] == [pytest.approx(estimates[0], rel=1e-6)] * 2
 
 

@@ -165,6 +165,18 @@ def test_patience_ends_what_has_no_solution_early():
     assert_allclose(solved("ipopt", problem, replace(start, patience=3)).x, expected, atol=1e-5)
 
 
+@pytest.mark.parametrize(("aside", "outcome"), [(0.0, "Known"), (0.9e-3, "Known"), (1.1e-3, "Solve_Succeeded")])
+def test_a_run_ends_at_a_solution_that_is_known(aside, outcome):
+    problem, start, _ = problem_71()
+    whole = solved("ipopt", problem, start)
+    # The last unknown of the start is far from its bound, and comes from above.
+    beyond = whole.x - aside * np.eye(4)[2]
+    found = solved("ipopt", problem, replace(start, known=[np.full(4, 3.0), beyond]))
+    assert found.outcome == outcome
+    assert (found.iterations < whole.iterations) is (outcome == "Known")
+    assert np.abs(found.x - whole.x).max() < 2e-3
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_iterations_of_one_run_and_of_all_runs_end_it(method):
     problem, start, _ = problem_71()

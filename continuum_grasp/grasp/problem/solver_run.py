@@ -24,6 +24,7 @@ from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
+from continuum_grasp.nlp.solver import KNOWN
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspSolver
 
@@ -112,8 +113,8 @@ class GraspSolverRun:
         parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features``, by default those of the
         start, beyond whose ends they go on while that is better; if ``smoothed``, circles stand for blunt corners
         first. The unknowns begin with ``x0``. Further run-time ``numbers`` go to the problem. Unknowns ``pinned`` stay
-        at their values, but for NaN. ``patience`` is that of `nlp.Start`; with an objective above ``enough``, guarded
-        places are not moved any more.
+        at their values, but for NaN. ``patience`` is that of `nlp.Start`; a run that comes to a ``known`` attempt
+        returns that, and with an objective above ``enough`` guarded places are not moved any more.
 
         Raises
         ------
@@ -129,7 +130,7 @@ class GraspSolverRun:
             found = self._round(scene, solved, sits, circles, x0, options.get("enough", np.inf))
         else:
             found = solved(sits, x0=x0)
-        while (beyond := self._beyond(scene, found)) is not None:
+        while found not in options.get("known", ()) and (beyond := self._beyond(scene, found)) is not None:
             other = self._run(scene, start, budget, beyond[0], rung=0, x0=beyond[1], **options)
             better = other.converged and other.objective < found.objective - EXACT * abs(found.objective)
             found = _after(other, found) if better else _after(found, other)
@@ -209,6 +210,7 @@ class GraspSolverRun:
         numbers: Mapping[str, Any] | None = None,
         pinned: Mapping[str, ArrayLike] | None = None,
         patience: int | None = None,
+        known: Sequence[Attempt] = (),
         enough: float = np.inf,
     ) -> Attempt:
         """Solve from a start on given features; see `run`."""
@@ -237,10 +239,14 @@ class GraspSolverRun:
         x = np.clip(x, low, high)
         look = self._look(scene, values)
         begin = look(x, problem.numbers.pack(values, 0.0))[1]
-        known = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options, patience=patience)
+        first = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options, patience=patience)
+        alike = [one for one in known if one.features == features and _parts(one.start) == _parts(start)]
+        first = replace(first, known=[one.x for one in alike])
         with budget.share(iterations) as part:
-            last, last_numbers = solve_clear(solve, self.nlp, known, look, allowed_depth(scene), part, cap, enough)
+            last, last_numbers = solve_clear(solve, self.nlp, first, look, allowed_depth(scene), part, cap, enough)
         last = replace(last, seconds=time.perf_counter() - began)
+        if last.outcome == KNOWN:
+            return min(alike, key=lambda one: float(np.abs(one.x - last.x).max()))
         violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
         return Attempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
 
@@ -306,6 +312,11 @@ class GraspSolverRun:
         values |= self.near.look(scene, attempt.x, numbers.pack(values, 0.0), probes).numbers
         stay = [name for name in at if name.endswith((".strain probes", "effort weight", "relaxation weights"))]
         return numbers.pack({**values, **{name: attempt.numbers[at[name]] for name in stay}})
+
+
+def _parts(start: Start) -> list[int]:
+    """The parts of the object that contacts touch."""
+    return [contact.part for contact in start.contacts.values()]
 
 
 def _after(attempt: Attempt, before: Attempt | None) -> Attempt:

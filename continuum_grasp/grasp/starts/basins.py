@@ -2,7 +2,7 @@
 
 All postures of one finger with a fixed base before a fixed object are on curves with one parameter (see
 `continuum_grasp.grasp.starts.scan.touching`). They are scanned, the forces of each are balanced, and the minima along
-the curves are refined. Models with more elements than two bend a little from there.
+the curves are refined for models of two elements; those of more bend away from there.
 """
 
 from __future__ import annotations
@@ -102,11 +102,8 @@ class Basins:
         if self._postures is None:
             return None
         lowest = self._lowest(self._postures)
-        refined = self._refined(lowest)
-        if self.setup.elements <= 2:
-            return refined
-        # Of more elements either may lead to the better grasp.
-        return _ordered(refined.followed_by([lowest]))
+        # Models with more elements bend away from there, farther than refinement moves a posture.
+        return self._refined(lowest) if self.setup.elements <= 2 else _ordered(lowest)
 
     def with_forces(self, scene: GraspScene) -> tuple[Basins, Scored | None]:
         """The basins among the same postures in a scene that differs in mass or in limits of forces alone."""
