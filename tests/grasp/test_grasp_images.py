@@ -10,7 +10,7 @@ import pytest
 from benchmarks.grasp_images import LONGER, STRONGER, drawn, mirrored, moved, rolled, scaled, scene_of
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.search import Search
-from continuum_grasp.grasp.starts.starts import basin_starts, make_starts
+from continuum_grasp.grasp.starts.starts import basin_starts, exchanges, make_starts
 from continuum_grasp.grasp.values import tension_of
 from continuum_grasp.nlp import Budget
 from tests.marks import few
@@ -139,7 +139,9 @@ def test_starts_of_several_fingers_are_those_of_the_image(kind, seed):
     image["fingers"] = dict(reversed(image["fingers"].items()))
     scene, other = scene_of(data, 4), scene_of(image, 4)
     for mode in contact_modes(scene):
-        for one, two in zip(make_starts(scene, mode, 8), make_starts(other, mode, 8), strict=True):
+        first, second = make_starts(scene, mode, 8), make_starts(other, mode, 8)
+        exchanged = [exchanges(shown, starts[0], starts[1:3], 8) for shown, starts in ((scene, first), (other, second))]
+        for one, two in zip((*first, *exchanged[0]), (*second, *exchanged[1]), strict=True):
             assert two.doubt == pytest.approx(one.doubt, abs=1e-5)
             for name, finger in one.fingers.items():
                 bent = -LONGER * np.array(two.fingers[name].curvatures)
@@ -187,7 +189,7 @@ def test_three_fingers_begin_with_curves_that_bend_evenly_too(seed, tension):
 
 @pytest.mark.deep
 @pytest.mark.parametrize(("seed", "tension"), [(2, 37.814885), (5, 50.963973), (9, 14.704362)])
-def test_fingers_are_exchanged_between_grasps_of_three(seed, tension):
+def test_fingers_of_three_are_exchanged_for_other_postures(seed, tension):
     """The tensions are those of three times as many starts; without exchanges they are 50.33, 63.97 and 16.10 N."""
     assert least(scene_of(drawn("three", seed), 4)) < (1.0 + 1e-6) * tension
 

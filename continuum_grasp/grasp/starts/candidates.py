@@ -31,6 +31,7 @@ from continuum_grasp.grasp.starts.scan.task import (
 )
 from continuum_grasp.grasp.starts.scan.touching import Ring, onwards, scanned, started
 from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
+from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose
 
@@ -92,6 +93,26 @@ def as_candidates(task: FingerTask, family: Postures) -> Candidates:
         points=task.frame.back(family.points - task.half * np.exp(1j * family.angles)),
         angles=task.frame.angle_back(family.angles),
         violation=family.violation,
+    )
+
+
+def candidate_of(setup: FingerSetup, start: Start) -> Candidates:
+    """The posture of a finger in a start."""
+    own, length = start.fingers[setup.name], setup.finger.rod.length
+    names = [name for name in setup.switches if name in start.contacts]
+    touched = [start.contacts[name] for name in names]
+    places = dict(zip(setup.middle_names, own.joints, strict=True))
+    return Candidates(
+        bases=np.array([own.base]),
+        sides=np.array(own.sides[:1] or (1,)),
+        knots=np.array([own.knots]) / length,
+        curvatures=np.array([own.curvatures]) * length,
+        joints=np.array([own.joints]) / length,
+        stations=np.array([[places.get(name, length) for name in names]]) / length,
+        parts=np.array([[contact.part for contact in touched]]),
+        points=np.array([[complex(*contact.point) for contact in touched]]),
+        angles=np.array([[contact.normal_angle for contact in touched]]),
+        violation=np.zeros(1),
     )
 
 
