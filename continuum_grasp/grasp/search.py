@@ -88,14 +88,14 @@ class _Limits:
     # them, none after more; of 30 of two fingers none after more than two.
     in_vain: float
     # Exchanges of a finger of the best grasp of three and more that lead to nothing better, after which no more are
-    # tried: of 20 scenes of three fingers five have a better grasp from the first to the third.
+    # tried: of 20 scenes of three fingers two have a better grasp, by 9 and 53 %, from the second and the third.
     exchanges: int
 
 
 _EFFORTS: dict[Effort, _Limits] = {
-    "quick": _Limits(basins=3, starts=2, iterations=150, always_rough=False, in_vain=4, exchanges=6),
-    "normal": _Limits(basins=12, starts=8, iterations=600, always_rough=False, in_vain=4, exchanges=12),
-    "thorough": _Limits(basins=12, starts=24, iterations=math.inf, always_rough=True, in_vain=math.inf, exchanges=48),
+    "quick": _Limits(basins=3, starts=2, iterations=150, always_rough=False, in_vain=4, exchanges=3),
+    "normal": _Limits(basins=12, starts=8, iterations=600, always_rough=False, in_vain=4, exchanges=6),
+    "thorough": _Limits(basins=12, starts=24, iterations=math.inf, always_rough=True, in_vain=math.inf, exchanges=24),
 }
 """Limits of each effort. Of 1,000 scenes of one finger 95 % take less than 140 iterations."""
 

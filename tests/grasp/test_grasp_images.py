@@ -119,11 +119,11 @@ def test_an_object_or_a_base_that_may_move_takes_no_more_than_one_that_is_fixed(
     ("kind", "seed", "tension", "most"),
     [
         ("one", 3, 8.0221747, 180), ("one", 4, 6.5668732, 200), ("union", 3, 72.270932, 140),
-        ("one", 69, 22.118219, 180), ("one", 74, 10.659581, 120), ("two", 5, 35.371361, 80),
+        ("one", 69, 22.118219, 180), ("one", 74, 10.659581, 120), ("two", 5, 35.371361, 160),
     ],
 )  # fmt: skip
 def test_patience_saves_iterations_and_loses_no_grasp(kind, seed, tension, most):
-    """The tensions are those without it, which takes 537, 599, 163, 640, 257 and 121 iterations."""
+    """The tensions are those without it, which takes 537, 599, 163, 640, 257 and 326 iterations."""
     scene = scene_of(drawn(kind, seed), 4)
     search = Search(scene, budget := Budget.of(scene.solver))
     search.run()
@@ -181,16 +181,15 @@ def test_a_short_piece_leads_to_the_grasp():
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize(("seed", "tension"), [(4, 4.1385696), (8, 4.1840603)])
-def test_three_fingers_begin_with_curves_that_bend_evenly_too(seed, tension):
-    """Without them the least tensions are 9.38 and 22.16 N."""
-    assert least(scene_of(drawn("three", seed), 4)) == pytest.approx(tension, rel=1e-6)
+def test_three_fingers_begin_with_curves_that_bend_evenly_too():
+    """Without them the least tension is 35.4 N."""
+    assert least(scene_of(drawn("three", 0), 4)) == pytest.approx(9.9826246, rel=1e-6)
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize(("seed", "tension"), [(2, 37.814885), (5, 50.963973), (9, 14.704362)])
+@pytest.mark.parametrize(("seed", "tension"), [(2, 23.664701), (9, 14.704362)])
 def test_fingers_of_three_are_exchanged_for_other_postures(seed, tension):
-    """The tensions are those of three times as many starts; without exchanges they are 50.33, 63.97 and 16.10 N."""
+    """The tensions are those of three times as many starts; without exchanges they are 50.33 and 16.10 N."""
     assert least(scene_of(drawn("three", seed), 4)) < (1.0 + 1e-6) * tension
 
 

@@ -262,7 +262,7 @@ def bent_by_tip(task: FingerTask, several: bool) -> Postures | None:
     """Fingers bent by a force at their tips, which touch: one or more for each pair of curvatures at base and joint.
 
     Of ``several`` fingers also those whose curvature is linear all along, by a grid of its ends both ways: without them
-    2 of 12 scenes of three fingers lose their best grasp, and none of 160 of one finger and 20 of two.
+    one of 18 scenes of three fingers loses its best grasp, and none of 160 of one finger and 20 of two.
     """
     line, ends, joints, bends, tips = _halves()
     grid = np.linspace(-TIP_REACH, TIP_REACH, TIPS // 2 + 1)

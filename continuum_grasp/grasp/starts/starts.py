@@ -68,7 +68,7 @@ def exchanges(scene: GraspScene, start: Start, others: list[Start], count: int) 
     index = [np.zeros(last[-1], int) for _ in found]
     for mine, some, end in zip(index, found, last, strict=True):
         mine[end - len(some) + 1 : end] = np.arange(1, len(some))
-    at = weighing.weighed(pose, found, index, _PRICE)
+    at = weighing.weighed(pose, found, index, _TENSION_WEIGHT)
     rows = spread_order(at.score, at.features, count)
     return [replace(_as_start(weighing, at, row), label="exchanged") for row in rows]
 
@@ -154,8 +154,9 @@ def _as_start(made: Weighing | Basins, at: Weighed, row: int) -> Start:
     return Start(label, at.pose, fingers, contacts, forces, tensions, estimate, doubt=float(at.score[row]))
 
 
-_PRICE = 10.0
-"""Weight of the tensions, per their limits, where one finger is exchanged and the others are in balance already."""
+_TENSION_WEIGHT = 10.0
+"""Weight of the tensions, per their limits, where one finger is exchanged and the others are in balance already: with
+20 the second exchange of a scene leads to the grasp that with 2 the 22nd leads to."""
 NEARLY_BALANCED = 0.02
 """Relative imbalance up to which its size ranks starts; IPOPT brings a few parts in a hundred to zero."""
 _PER_FINGER = {2: 14, 3: 8, 4: 6}
@@ -199,9 +200,9 @@ class Weighing:
         blocks = self._blocks(pose, found)
         return self._weigh(pose, found, blocks, combinations(self.loads, blocks, self._features(found)), 1.0)
 
-    def weighed(self, pose: Pose, found: list[Candidates], index: list[Array], price: float) -> Weighed:
-        """Combinations, ``index`` (B,) per finger, of postures that were found; tensions have a weight, the price."""
-        return self._weigh(pose, found, self._blocks(pose, found), index, price)
+    def weighed(self, pose: Pose, found: list[Candidates], index: list[Array], weight: float) -> Weighed:
+        """Combinations, ``index`` (B,) per finger, of postures that were found; tensions have a weight."""
+        return self._weigh(pose, found, self._blocks(pose, found), index, weight)
 
     def _blocks(self, pose: Pose, found: list[Candidates]) -> list[Block]:
         pairs = zip(self.setups, found, strict=True)
@@ -211,7 +212,7 @@ class Weighing:
         return [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, found, strict=True)]
 
     def _weigh(
-        self, pose: Pose, found: list[Candidates], blocks: list[Block], index: list[Array], price: float
+        self, pose: Pose, found: list[Candidates], blocks: list[Block], index: list[Array], weight: float
     ) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
         every = [*index, np.zeros(len(index[0]), int)]
@@ -219,7 +220,7 @@ class Weighing:
         wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
         wrong += overlaps(self.scene, found, index)
         # What is in the way counts from half a unit on: any amount of it may cost the start.
-        score = doubt(left) + price * cost + np.where(wrong > 0.0, 0.5 + 10.0 * np.minimum(wrong, 0.2), 0.0)
+        score = doubt(left) + weight * cost + np.where(wrong > 0.0, 0.5 + 10.0 * np.minimum(wrong, 0.2), 0.0)
         size = self.scene.object.size
         place = np.broadcast_to([pose[0] / size, pose[1] / size, pose[2]], (len(left), 3))
         unlike = (what[i] for what, i in zip(self._features(found), index, strict=True))
