@@ -65,6 +65,8 @@ def exchanges(scene: GraspScene, start: Start, others: list[Start], count: int) 
         found.append(join(known if every is None else [*known, every]) or known[0])
     # The postures of each finger in turn, with the first ones of the others.
     last = np.cumsum([len(some) - 1 for some in found])
+    if not last[-1]:
+        return []
     index = [np.zeros(last[-1], int) for _ in found]
     for mine, some, end in zip(index, found, last, strict=True):
         mine[end - len(some) + 1 : end] = np.arange(1, len(some))
