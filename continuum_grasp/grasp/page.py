@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from continuum_grasp.grasp.text import further_advice, parts
+from continuum_grasp.grasp.text import amount, further_advice, parts
 from continuum_grasp.results.html import (
     badge,
     cards,
@@ -43,21 +43,17 @@ def _resisted(result: GraspResult) -> ArrayLike | None:
     return result.quality.resistance_polygon if result.solved else None
 
 
-def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None) -> str:
-    """Write the web page of a result; ``pictures`` has what `picture` drew as ``grasp``."""
-    return result_page(result, drawn=(pictures or {}).get("grasp"), resisted=_resisted(result))
-
-
-def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: ArrayLike | None = None) -> str:
+def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None, resisted: ArrayLike | None = None) -> str:
     """The result as an HTML page: picture, numbers, certificate, and the reasons where there is no grasp.
 
-    ``drawn`` is what `plot_grasp` drew in a figure of its own, anew where it is not given; ``resisted`` (D, 2) the
-    greatest resisted force in each of D directions around the circle [N]. The page, HTML5, has its pictures inside and
-    refers to no other file or site.
+    ``pictures`` has what `picture` drew as ``grasp``, which is drawn anew where it is not given; ``resisted`` (D, 2) is
+    the greatest resisted force in each of D directions around the circle [N], by default that of the result's quality.
+    The page, HTML5, has its pictures inside and refers to no other file or site.
     """
     from continuum_grasp.plotting.grasp.picture import plot_grasp
 
-    drawn = drawn or plot_grasp(result, resisted=resisted)
+    resisted = _resisted(result) if resisted is None else resisted
+    drawn = (pictures or {}).get("grasp") or plot_grasp(result, resisted=resisted)
     beside = {str(one.get_label()): one for one in drawn.figure.axes}
     scene = result.scene
     # A scene that was made in Python may not have its version set, which a file needs.
@@ -84,7 +80,7 @@ def result_page(result: GraspResult, *, drawn: Axes | None = None, resisted: Arr
         result.warnings,
         _why(result),
         _picture(result, drawn),
-        _key_numbers(result),
+        cards(_key_numbers(result)),
         *found,
         _closing(result),
         section("The search", folded("Statistics", searched)),
@@ -99,11 +95,9 @@ def _why(result: GraspResult) -> str:
     rows = []
     for reason in result.reasons:
         # Limits that must be changed together have a row each; the first one's sentences are about all of them.
-        for each, what, repair in (
-            (reason, reason.text, reason.repair),
-            *((r, "at once with it", "") for r in reason.also),
-        ):
-            rows.append((what, each.key, _amount(each.limit, each.unit), _amount(each.needed, each.unit), repair))
+        words = [(reason.text, reason.repair), *[("at once with it", "")] * len(reason.also)]
+        for each, (what, repair) in zip((reason, *reason.also), words, strict=True):
+            rows.append((what, each.key, amount(each.limit, each.unit), amount(each.needed, each.unit), repair))
     head = ("What stands against it", "Key", "As given", "Needed", "Repair")
     broken = "<p>Broken constraints at the closest attempt:</p>" + items(result.violated) if result.violated else ""
     more = further_advice(result)
@@ -113,10 +107,11 @@ def _why(result: GraspResult) -> str:
 
 
 def _picture(result: GraspResult, drawn: Axes) -> str:
+    lifted = isinstance(result.scene.gravity, OutOfPlaneGravity)
     if result.solved:
         caption = (
             "Arrows are the forces that the object bears, to scale; the light wedges are friction cones"
-            f"{', darker where lift leaves them for friction in the plane' if _lifted(result) else ''}; the small "
+            f"{', darker where lift leaves them for friction in the plane' if lifted else ''}; the small "
             "circles are joints of the finger's elements."
         )
     elif result.arrays:
@@ -125,22 +120,18 @@ def _picture(result: GraspResult, drawn: Axes) -> str:
         )
     else:
         caption = "No grasp: the scene as it starts; the fingers are drawn unloaded."
-    return figure("drawing", _svg(drawn, "drawing", "drawing of object, fingers and forces"), caption)
+    return _figure("drawing", drawn, "drawing of object, fingers and forces", caption)
 
 
-def _svg(drawn: Axes, name: str, described: str) -> str:
+def _figure(name: str, drawn: Axes, described: str, caption: str) -> str:
     from continuum_grasp.plotting.drawing.axes import inline_svg
 
-    return inline_svg(drawn, name, described)
+    return figure(name, inline_svg(drawn, name, described), caption)
 
 
-def _lifted(result: GraspResult) -> bool:
-    return isinstance(result.scene.gravity, OutOfPlaneGravity)
-
-
-def _key_numbers(result: GraspResult) -> str:
+def _key_numbers(result: GraspResult) -> list[tuple[str, str]]:
     if not result.solved:
-        return ""
+        return []
     contacts, certificate = result.contacts, result.certificate
     pairs = [("sum of tensions", f"{result.force_text(result.tension)} N")]
     if contacts:
@@ -154,11 +145,11 @@ def _key_numbers(result: GraspResult) -> str:
     if certificate is not None:
         error = certificate.model_error.greatest
         pairs += [
-            ("checks passed", f"{len(certificate.checks) - len(certificate.failed)} of {len(certificate.checks)}"),
-            ("second-order test", "stable" if certificate.stability.stable else "unstable"),
+            ("checks passed", certificate.headline().removesuffix(" checks passed")),
+            ("second-order test", certificate.stability.word),
             ("model error", f"{1e3 * error:.2f} mm" if math.isfinite(error) else "not computed"),
         ]
-    return cards(pairs)
+    return pairs
 
 
 def _friction(beside: Mapping[str, Axes]) -> str:
@@ -174,7 +165,7 @@ def _friction(beside: Mapping[str, Axes]) -> str:
         "Friction at each contact: in the plane to the right, lift up. The rim is the friction coefficient times"
         " the normal force; a dot on it is about to slip."
     )
-    return note + figure("friction", _svg(beside["friction"], "friction", "friction by contact"), caption)
+    return note + _figure("friction", beside["friction"], "friction by contact", caption)
 
 
 def _resistance(resisted: ArrayLike | None, beside: Mapping[str, Axes]) -> str:
@@ -187,7 +178,7 @@ def _resistance(resisted: ArrayLike | None, beside: Mapping[str, Axes]) -> str:
         "The greatest pure force at the center of mass that is resisted on top of the weight, direction by direction; "
         f"the dashed circle is what is resisted whichever way it acts. {words[0].upper() + words[1:]}."
     )
-    return figure("polygon", _svg(beside["resisted"], "resisted", "resisted force by direction"), caption)
+    return _figure("polygon", beside["resisted"], "resisted force by direction", caption)
 
 
 def _closing(result: GraspResult) -> str:
@@ -202,9 +193,5 @@ def _closing(result: GraspResult) -> str:
         "press on the object; dashed: the grasp."
     )
     lead = f"<p>{badge(path.status.value, path.reached)} {escaped(path.message)}</p>"
-    drawing = _svg(plot_closing(result), "closing", "fingers on their way into the grasp")
-    return section("The way in", lead, figure("closing", drawing, caption))
-
-
-def _amount(value: float, unit: str) -> str:
-    return f"{value:.4g}" if unit in ("", "1") else f"{value:.4g} {unit}"
+    drawing = _figure("closing", plot_closing(result), "fingers on their way into the grasp", caption)
+    return section("The way in", lead, drawing)

@@ -206,9 +206,7 @@ class GraspResult(Result):
         if self.closing is not None:
             rows["closing"] = f"{self.closing.status.value}: {self.closing.message}"
         if self.certificate is not None:
-            checks, failed = len(self.certificate.checks), len(self.certificate.failed)
-            stable = "stable" if self.certificate.stability.stable else "unstable"
-            rows["certificate"] = f"{checks - failed} of {checks} checks passed, {stable}"
+            rows["certificate"] = f"{self.certificate.headline()}, {self.certificate.stability.word}"
         return rows
 
     @property

@@ -80,8 +80,8 @@ def _why_lines(result: GraspResult) -> list[str]:
     if result.reasons:
         lines += ["", "Why there is no grasp; any one of these repairs it:"]
         for r in result.reasons:
-            now = ((each.key, each.limit, "" if each.unit in ("", "1") else f" {each.unit}") for each in (r, *r.also))
-            lines += [f"  {r.text}", f"    {r.repair}   ({'; '.join(f'{k}, now {v:.4g}{u}' for k, v, u in now)})"]
+            now = (f"{each.key}, now {amount(each.limit, each.unit)}" for each in (r, *r.also))
+            lines += [f"  {r.text}", f"    {r.repair}   ({'; '.join(now)})"]
     if result.violated:
         lines += ["", "Broken constraints at the closest attempt:", *(f"  {text}" for text in result.violated)]
     if result.arrays:
@@ -218,6 +218,11 @@ def _trials(result: GraspResult) -> Part:
         return Part("", (), ())
     title, nominal, robust = result.robustness.names
     return Part(title, ("", f"best {nominal}", robust), result.robustness.rows())
+
+
+def amount(value: float, unit: str) -> str:
+    """Write a limit with its unit."""
+    return f"{value:.4g}" if unit in ("", "1") else f"{value:.4g} {unit}"
 
 
 def _mm(lengths: Iterable[float]) -> str:

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 import continuum_grasp.grasp
 from continuum_grasp.cli import app
 from continuum_grasp.grasp import certify
-from continuum_grasp.grasp.page import result_page
+from continuum_grasp.grasp.page import page as page_of
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.text import further_advice, result_text, result_yaml
 from continuum_grasp.grasp.values import Reason, Status, force_text
@@ -85,7 +85,7 @@ def test_what_a_fine_model_changes_is_reported():
     result = replace(held(), statistics={"fine_model": {"tension_change": 0.0125, "elements": 24}})
     assert re.search(r"fine model tension change +0\.0125", result_text(result))
     assert yaml.safe_load(result_yaml(result))["fine_model"]["elements"] == 24
-    assert "0.0125" in Page(result_page(result)).text
+    assert "0.0125" in Page(page_of(result)).text
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -153,7 +153,7 @@ CIRCLE = np.stack([2 * np.cos(np.arange(24) * math.tau / 24), 2 * np.sin(np.aran
 
 @pytest.mark.parametrize("result", [held(), failed(), failed(arrays=False)], ids=["held", "closest", "none"])
 def test_page_is_whole_and_refers_to_nothing_else(result):
-    text = result_page(result, resisted=CIRCLE if result.solved else None)
+    text = page_of(result, resisted=CIRCLE if result.solved else None)
     page = Page(text)
     assert text.startswith("<!DOCTYPE html>")
     assert page.tags.count("svg") == (3 if result.solved else 1)  # the grasp, friction, resisted forces
@@ -166,7 +166,7 @@ def test_page_is_whole_and_refers_to_nothing_else(result):
 
 
 def test_page_tells_the_figures():
-    page = Page(result_page(held(), resisted=CIRCLE))
+    page = Page(page_of(held(), resisted=CIRCLE))
     assert "12.25" in page.text
     assert "finger.tip" in page.text
     assert "Resisted force: 2 N in any direction" in page.text
@@ -175,7 +175,7 @@ def test_page_tells_the_figures():
 
 
 def test_page_says_why_there_is_none():
-    page = Page(result_page(failed()))
+    page = Page(page_of(failed()))
     assert "Why there is no grasp" in page.text
     assert "0.46 kg" in page.text
     assert "lift: 3.2 N" in page.text
@@ -184,7 +184,7 @@ def test_page_says_why_there_is_none():
 def test_page_has_a_row_for_each_of_two_limits_at_once():
     (one,) = failed().reasons
     other = Reason("tension", "finger.tendons.max_tension", "N", 12.0, 34.5, "too weak", "stronger")
-    text = result_page(replace(failed(), reasons=(replace(one, also=(other,)),)))
+    text = page_of(replace(failed(), reasons=(replace(one, also=(other,)),)))
     rows = [re.findall(r"<td[^>]*>([^<]*)</td>", row) for row in re.findall(r"<tr>.*?</tr>", text)]
     numbers = {row[1]: (row[2], row[3]) for row in rows if len(row) == 5 and row[1] in (one.key, other.key)}
     assert numbers == {"object.mass": ("1.5 kg", "0.46 kg"), "finger.tendons.max_tension": ("12 N", "34.5 N")}
@@ -192,7 +192,7 @@ def test_page_has_a_row_for_each_of_two_limits_at_once():
 
 def test_page_escapes_what_the_user_wrote():
     result = GraspResult(scene_of("mug", name=NASTY), Status.NOT_SOLVED, NASTY, {}, advice=NASTY, violated=(NASTY,))
-    text = result_page(result)
+    text = page_of(result)
     assert "<script" not in text
     assert Page(text).text.count(NASTY) >= 4
 
@@ -200,13 +200,13 @@ def test_page_escapes_what_the_user_wrote():
 @pytest.mark.parametrize("name", few(SCENES, 8))
 def test_page_holds_a_scene_that_can_be_read_again(name):
     scene = scene_of(name)
-    page = Page(result_page(GraspResult(scene, Status.NOT_SOLVED, "")))
+    page = Page(page_of(GraspResult(scene, Status.NOT_SOLVED, "")))
     given = page.text[page.text.index("schema_version:") :]
     assert GraspScene.model_validate(yaml.safe_load(given)) == scene
 
 
 def test_page_is_the_same_every_time():
-    assert result_page(held(), resisted=CIRCLE) == result_page(held(), resisted=CIRCLE)
+    assert page_of(held(), resisted=CIRCLE) == page_of(held(), resisted=CIRCLE)
 
 
 # -- pictures ------------------------------------------------------------------------------------------------
@@ -250,7 +250,7 @@ def test_a_force_is_written_alike_everywhere():
     result = GraspResult(scene, Status.OPTIMAL, "held", arrays)
     texts = (
         result_text(result),
-        Page(result_page(result).replace("</td>", " </td>")).text,
+        Page(page_of(result).replace("</td>", " </td>")).text,
         " ".join(result.pairs().values()),
         " ".join(text.get_text() for ax in plot_grasp(result).figure.axes for text in ax.texts),
     )

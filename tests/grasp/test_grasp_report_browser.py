@@ -14,7 +14,7 @@ import pytest
 
 from continuum_grasp.grasp import certify
 from continuum_grasp.grasp.certificate.stability import Stability
-from continuum_grasp.grasp.page import result_page
+from continuum_grasp.grasp.page import page as page_of
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.values import Status
 from tests.made_up_grasps import REASON, failed, held, scene_of
@@ -54,7 +54,7 @@ def pages():
         "not solved": GraspResult(scene_of("mug", name="m" * 90), Status.NOT_SOLVED, LONG.text, advice=LONG.text),
     }
     # the quality of made-up numbers means nothing: only its polygon is drawn
-    return {name: result_page(r, resisted=CIRCLE if r.solved else None) for name, r in results.items()}
+    return {name: page_of(r, resisted=CIRCLE if r.solved else None) for name, r in results.items()}
 
 
 MEASURE = """

@@ -141,8 +141,7 @@ class Certificate(Summarized):
     def pairs(self) -> dict[str, str]:
         """Failed checks, least margin, stability and model error."""
         failed = {"failed": ", ".join(check.name for check in self.failed)} if self.failed else {}
-        stable = "stable" if self.stability.stable else "unstable"
-        margin = f"{self.friction_margin:.1%} of the friction cone"
+        margin, stable = f"{self.friction_margin:.1%} of the friction cone", self.stability.word
         return {**failed, "least margin": margin, "second-order test": stable, "model": str(self.model_error)}
 
     def __getitem__(self, name: str) -> Check:

@@ -44,6 +44,11 @@ class Stability:
     freedom: int  # number of motions of the discretized rods and the object that the contacts leave
     assumptions: str = f"{TENSIONS}; {ASSUMPTIONS}"  # what the test takes for granted
 
+    @property
+    def word(self) -> str:
+        """The verdict in a word."""
+        return "stable" if self.stable else "unstable"
+
 
 def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
     """Least eigenvalue of the energy's Hessian on the motions that the contacts leave.
