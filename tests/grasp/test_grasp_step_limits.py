@@ -106,13 +106,12 @@ def tied(size):
 def ending(*lines, free=True):
     """The end of a path with so many shapes, one place at (0, x) each."""
     finger = Some(name="finger", stations=np.array([0.5, 0.7, 0.9]), length=1.0)
-    finger.setup = Some(middle_names=("finger.middle",), before=(1,), tip_name="finger.tip")
     closing = Some(fingers=[finger], unit=1.0, length=1.0, free=free, grasped=np.zeros(3), scene=SCENE)
     taken = [Some(sight=Some(lines=np.array([[0.0], [x]])), share=0.1 * k) for k, x in enumerate(lines)]
     arrays = {
         "contact_names": np.array(["finger.middle"]),
         "contact_forces": np.array([[1.0, 0.0, 0.0]]),
-        "finger.lengths": np.array([0.6, 0.4]),
+        "contact_stations": np.array([0.6]),
     }
     return Ending(closing, arrays, taken, 0.0)
 
@@ -220,7 +219,7 @@ def same_branch(part):
 
 def acts(force):
     """Whether an error counts whose force on what postures share is this part of that of another."""
-    whole = Some(_solvers=[], _whole=Some(links=[1, 1]), errors=np.arange(2.0))
+    whole = Some(_solvers=[], _links=[1, 1], errors=np.arange(2.0))
     links = Some(multipliers=Some(constraints=np.array([1.0, -force])))
     return len(JointSolverRun.acting(whole, links)) == 2
 

@@ -75,30 +75,25 @@ class ClosingFinger:
         inner = (self.stations < self.setup.middle_bounds[0]) & (height < self.halves[0])
         return np.where(inner, min(height, 0.0), self.halves)
 
-    def discs(self, index: int, friction: float | None = None) -> list[_Disc]:
+    def discs(self, index: int, friction: float | None = None) -> list[Disc]:
         """Discs that it may touch with, as the finger of an index; with its own friction where none is given."""
         friction = self.setup.friction if friction is None else friction
         halves = self.halves.tolist()
         return [
-            _Disc(place, angle, half, half, friction, index)
+            Disc(place, angle, half, friction, index)
             for place, angle, half in zip(self.places, self.angles, halves, strict=True)
         ]
 
 
 @dataclass(frozen=True)
-class _Disc:
+class Disc:
     """A disc that may touch, at a place in the world whose skin turns with an angle."""
 
     place: ca.SX
     angle: ca.SX
     radius: float
-    arm: float  # of its turn
     friction: float
-    finger: int  # -1: a support
-
-    def pair(self, gap: ca.SX, normal: ca.SX, point: ca.SX, *, on_object: bool) -> Pair:
-        """The disc and a body that it is a gap away from."""
-        return Pair(gap, normal, self.place, self.angle, self.arm, point, self.friction, self.finger, on_object)
+    finger: int = -1  # -1: a support, which does not turn
 
     def beside(self, part: Part, pose: ca.SX | None) -> Pair:
         """The disc and a part of the object at a pose, or of the world."""
@@ -107,7 +102,7 @@ class _Disc:
         near = surface_of(part).nearest(part, Vec(local[0], local[1]))
         normal, gap = turn @ near.normal.column(), ca.SX(near.distance) - self.radius
         at = self.place if pose is None else self.place - near.distance * normal
-        return self.pair(gap, normal, at, on_object=pose is not None)
+        return Pair(gap, normal, self, at, pose is not None)
 
 
 @dataclass(frozen=True)
@@ -116,12 +111,8 @@ class Pair:
 
     gap: ca.SX
     normal: ca.SX  # outward, of the object, or of the support where a finger meets one
-    place: ca.SX  # what touches, where it moves by itself
-    turn: ca.SX  # angle by which its skin moves
-    half: float  # arm of that
+    disc: Disc  # what touches; of a wall no more than its friction
     point: ca.SX  # of the object, world; of the place where a finger meets a support
-    friction: float
-    finger: int  # -1: a support
     on_object: bool = True
 
 
@@ -147,12 +138,8 @@ class Closing:
         tensions = [symbol(f"{f.name}.tensions", f.model.nu) for f in self.fingers]
         energy = sum((f.potential - f.work(t) for f, t in zip(self.fingers, tensions, strict=True)), ca.SX(0))
         # Friction, given by the pass before: friction force, tangent, place in the object, and slip so far.
-        force, tangent, at, past = (
-            symbol("force", count),
-            symbol("tangent", 2, count),
-            symbol("at", 2, count),
-            symbol("past", count),
-        )
+        force, past = symbol("force", count), symbol("past", count)
+        tangent, at = symbol("tangent", 2, count), symbol("at", 2, count)
         slips = ca.vertcat(*(self._slip(pair, tangent[:, k], at[:, k], pose) for k, pair in enumerate(pairs)))
         share = symbol("stick")
         stick = share * length
@@ -181,27 +168,26 @@ class Closing:
     def _slip(pair: Pair, tangent: ca.SX, at: ca.SX, pose: ca.SX) -> ca.SX:
         """Position of the skin along a tangent, relative to the object's."""
         other = pose[:2] + rotation(pose[2]) @ at if pair.on_object else ca.SX.zeros(2)
-        return ca.dot(tangent, pair.place - other) - pair.half * pair.turn
+        return ca.dot(tangent, pair.disc.place - other) - pair.disc.radius * pair.disc.angle
 
     def _on_object(self, pose: ca.SX) -> list[Pair]:
         """Fingers against the object, and the object, where it is free, against the supports."""
         discs = [disc for k, finger in enumerate(self.fingers) for disc in finger.discs(k)]
         if self.free:
             discs += [
-                _Disc(ca.SX(peg.position), ca.SX(0), peg.radius, 0.0, self.scene.friction(peg.name), -1)
+                Disc(ca.SX(peg.position), ca.SX(0), peg.radius, self.scene.friction(peg.name))
                 for peg in self.scene.pegs
             ]
         found = [disc.beside(part, pose) for disc in discs for part in self.scene.object.parts]
         turn = rotation(pose[2])
         for wall in self.scene.walls if self.free else ():
-            down = -ca.DM(wall.normal)
+            down, still = -ca.DM(wall.normal), Disc(ca.SX.zeros(2), ca.SX(0), 0.0, self.scene.friction(wall.name))
             direction = turn.T @ down
             for part in self.scene.object.parts:
                 for lowest in surface_of(part).lowest_points(part, Vec(direction[0], direction[1])):
                     point = pose[:2] + turn @ lowest.column()
                     gap = -ca.dot(down, point - ca.DM(wall.point))
-                    friction = self.scene.friction(wall.name)
-                    found.append(Pair(gap, ca.SX(down), ca.SX.zeros(2), ca.SX(0), 0.0, point, friction, -1))
+                    found.append(Pair(gap, ca.SX(down), still, point))
         return found
 
     def _on_supports(self) -> list[Pair]:
@@ -216,7 +202,7 @@ class Closing:
                     normal = ca.SX(ca.DM(support.normal))
                     for disc, need in zip(discs, finger.heights_needed(support), strict=True):
                         height = ca.dot(normal, disc.place - ca.DM(support.point))
-                        found.append(disc.pair(height - float(need), normal, disc.place, on_object=False))
+                        found.append(Pair(height - float(need), normal, disc, disc.place, on_object=False))
         return found
 
     # -- steps
@@ -233,7 +219,7 @@ class Closing:
         turn = turned(sight.pose[2])
         at = turn.T @ (sight.points - sight.pose[:2, None])
         past = self.slip(sight, tangents, at)
-        friction = np.array([pair.friction for pair in self.pairs])
+        friction = np.array([pair.disc.friction for pair in self.pairs])
         return Sliding(friction * pressed, tangents, at, past, stick)
 
     def slip(self, sight: Sight, tangents: Array, at: Array) -> Array:

@@ -51,13 +51,18 @@ class Ending:
     def __init__(self, closing: Closing, arrays: Mapping[str, Array], taken: Sequence[Step], deepest: float) -> None:
         self.closing, self.arrays, self.taken, self.deepest = closing, arrays, taken, deepest
 
+    @property
+    def _presses(self) -> float:
+        """Normal force from which on a place counts as touching [N]."""
+        return PRESSES * self.closing.unit / self.closing.length
+
     def path(self, status: ClosingStatus | None) -> ClosingPath:
         """Verdict from the steps taken; ``status`` where it stands already."""
         closing, taken = self.closing, self.taken
         fingers, count = closing.fingers, len(closing.fingers[0].stations)
         names = [finger.name for finger in fingers]
         # Pairs by finger, place and part; the forces of a place are those of all parts.
-        here = [k for k, pair in enumerate(closing.pairs) if pair.on_object and pair.finger >= 0]
+        here = [k for k, pair in enumerate(closing.pairs) if pair.on_object and pair.disc.finger >= 0]
         shape = (len(taken), len(fingers), count, -1)
         normal, friction = (
             np.array([getattr(t, n)[here] for t in taken]).reshape(shape).sum(axis=3) for n in ("normal", "friction")
@@ -88,7 +93,7 @@ class Ending:
         """Places that begin or cease to touch; a neighbor that takes over is no touch of its own."""
         found = []
         for k, finger in enumerate(self.closing.fingers):
-            on = normal[:, k] > PRESSES * self.closing.unit / self.closing.length
+            on = normal[:, k] > self._presses
             # A run of places is one contact that slides along the finger.
             near = on | np.roll(on, 1, axis=1) | np.roll(on, -1, axis=1)
             for i in range(1, len(on)):
@@ -175,20 +180,14 @@ class Ending:
 
     def _missing(self, normal: Array) -> list[str]:
         """Contacts of the grasp near which no place presses at the end."""
-        closing, found = self.closing, []
-        names = [str(name) for name in self.arrays["contact_names"]]
-        for k, finger in enumerate(closing.fingers):
-            on = finger.stations[normal[k] > PRESSES * closing.unit / closing.length]
-            ends = np.cumsum(self.arrays[f"{finger.name}.lengths"])
-            setup = finger.setup
-            stations = {n: ends[c - 1] for n, c in zip(setup.middle_names, setup.before, strict=True)}
-            stations[setup.tip_name] = finger.length
-            forces = dict(zip(names, self.arrays["contact_forces"][:, 0], strict=True))
-            for name, station in stations.items():
-                presses = name in forces and forces[name] > PRESSES * closing.unit / closing.length
+        found, contacts = [], [self.arrays[f"contact_{key}"] for key in ("names", "stations", "forces")]
+        for k, finger in enumerate(self.closing.fingers):
+            on = finger.stations[normal[k] > self._presses]
+            for name, station, (force, *_) in zip(*contacts, strict=True):
+                own = str(name).startswith(f"{finger.name}.") and force > self._presses
                 # Sliding along the object moves a contact along the finger, by less than a tenth of it.
-                if presses and not np.any(np.abs(on - station) < _ALONG * finger.length):
-                    found.append(name)
+                if own and not np.any(np.abs(on - station) < _ALONG * finger.length):
+                    found.append(str(name))
         return found
 
     def _snaps(self) -> str:
