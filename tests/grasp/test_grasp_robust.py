@@ -15,7 +15,7 @@ from continuum_grasp.grasp import Status, Trials, optimize_grasp
 from continuum_grasp.grasp.problem.solver_run import GraspSolverRun
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.robust.errors import InError, corners, drawn, scaled
-from continuum_grasp.grasp.robust.joint import RobustProblem
+from continuum_grasp.grasp.robust.joint import robust_problem
 from continuum_grasp.grasp.robust.response import Responder
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.nlp import Budget
@@ -170,7 +170,7 @@ def test_derivatives_of_the_whole_problem_are_those_of_its_expressions(name: str
     start = start_from(scene, dict(optimize_grasp(scene).arrays))
     spec = ProblemSpec.of(scene, start.contacts)
     nominal, other = GraspSolverRun(spec), GraspSolverRun(spec.in_error(landed=not scene.supports))
-    whole = RobustProblem(nominal, (other, other), ()).nlp
+    whole, _ = robust_problem(nominal, (other, other), ())
     rng = np.random.default_rng(0)
     x, p = (rng.uniform(0.4, 0.6, n.numel()) for n in (whole.x, whole.p))
     force, along = rng.normal(size=whole.g.numel()), rng.normal(size=x.size)

@@ -55,18 +55,16 @@ _ACTS = 1e-4
 """Part of the greatest force on what postures share, from which on an error acts [1]."""
 
 
-class _Link:
-    """The functions of what an error's problem shares with the nominal one."""
-
-    def __init__(self, nominal: GraspProblem, other: GraspProblem, left: tuple[int, ...]) -> None:
-        error = ca.SX.sym("error", 3)
-        args = [nominal.x.symbol, nominal.numbers.symbol, other.x.symbol, error]
-        rows = link(nominal, other, error, left)
-        force = ca.SX.sym("force", rows.numel())
-        self.size = int(rows.numel())
-        self.values = ca.Function("link", args, [rows])
-        bend = ca.triu(ca.hessian(ca.dot(force, rows), args[0])[0])
-        self.bends = ca.Function("bends", [*args[:2], error, force], [bend])
+def _link_functions(
+    nominal: GraspProblem, other: GraspProblem, left: tuple[int, ...]
+) -> tuple[ca.Function, ca.Function]:
+    """Functions of what an error's problem shares with the nominal one: values, and second derivatives by forces."""
+    error = ca.SX.sym("error", 3)
+    args = [nominal.x.symbol, nominal.numbers.symbol, other.x.symbol, error]
+    rows = link(nominal, other, error, left)
+    force = ca.SX.sym("force", rows.numel())
+    bend = ca.triu(ca.hessian(ca.dot(force, rows), args[0])[0])
+    return ca.Function("link", args, [rows]), ca.Function("bends", [*args[:2], error, force], [bend])
 
 
 def link(nominal: GraspProblem, other: GraspProblem, error: ca.SX, left: tuple[int, ...]) -> ca.SX:
@@ -88,78 +86,57 @@ def link(nominal: GraspProblem, other: GraspProblem, error: ca.SX, left: tuple[i
     return ca.vertcat(*rows)
 
 
-class RobustProblem:
-    """The problem of a grasp and those of errors, whose postures may have other contacts.
+@lru_cache(maxsize=8)
+def robust_problem(
+    nominal: GraspSolverRun, others: tuple[GraspSolverRun, ...], left: tuple[int, ...]
+) -> tuple[nlp.NLP, list[int]]:
+    """The problem of a grasp and those of errors, whose postures may have other contacts, and the number of rows that
+    link each of them to the grasp; built once in a process.
 
-    Attributes
-    ----------
-    nlp : continuum_grasp.nlp.NLP
-        Its unknowns are those of the nominal problem and of each error, one below the other; its parameters their
-        numbers likewise, and the errors (3,) of the pose.
+    Its unknowns are those of the nominal problem and of each error, one below the other; its parameters their numbers
+    likewise, and the errors (3,) of the pose.
     """
+    parts, count = [nominal, *others], len(others)
+    sizes, numbers = [part.problem.x.size for part in parts], [part.problem.numbers.size for part in parts]
+    x = ca.MX.sym("x", sum(sizes))
+    p = ca.MX.sym("p", sum(numbers) + 3 * count)
+    xs = ca.vertsplit(x, _starts(sizes))
+    ps = ca.vertsplit(p, _starts([*numbers, *[3] * count]))
+    ps, errors = ps[: count + 1], ps[count + 1 :]
+    mine = expressions(nominal.problem.spec)
+    made = {one: _link_functions(mine, expressions(one.problem.spec), left) for one in dict.fromkeys(others)}
+    links = [made[other] for other in others]
 
-    def __init__(self, nominal: GraspSolverRun, others: tuple[GraspSolverRun, ...], left: tuple[int, ...]) -> None:
-        self._parts = parts = [nominal, *others]
-        count, numbers = len(others), [part.problem.numbers.size for part in parts]
-        self.sizes = [part.problem.x.size for part in parts]
-        x = ca.MX.sym("x", sum(self.sizes))
-        p = ca.MX.sym("p", sum(numbers) + 3 * count)
-        xs = ca.vertsplit(x, _starts(self.sizes))
-        ps = ca.vertsplit(p, _starts([*numbers, *[3] * count]))
-        ps, errors = ps[: count + 1], ps[count + 1 :]
-        mine = expressions(nominal.problem.spec)
-        made = {other: _Link(mine, expressions(other.problem.spec), left) for other in dict.fromkeys(others)}
-        links = [made[other] for other in others]
-        self.links = [each.size for each in links]
+    values = [part.nlp.values(a, b) for part, a, b in zip(parts, xs, ps, strict=True)]
+    linked = [value(xs[0], ps[0], a, e) for (value, _), a, e in zip(links, xs[1:], errors, strict=True)]
+    f = sum(value[0] for value in values)
+    g = ca.vertcat(*(value[1] for value in values), *linked)
+    rows_linked = [int(each.numel()) for each in linked]
 
-        values = [part.nlp.values(a, b) for part, a, b in zip(parts, xs, ps, strict=True)]
-        linked = [each.values(xs[0], ps[0], a, e) for each, a, e in zip(links, xs[1:], errors, strict=True)]
-        f = sum(value[0] for value in values)
-        g = ca.vertcat(*(value[1] for value in values), *linked)
-
-        # Of the parts, which may be compiled functions, and whose blocks CasADi would not see as soon.
-        slopes = [part.nlp.functions["grad_f"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
-        gradient = ca.Function("nlp_grad_f", [x, p], [f, ca.vertcat(*slopes)], ["x", "p"], ["f", "grad_f_x"])
-        own = [part.nlp.functions["jac_g"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
-        rows = ca.vertcat(ca.diagcat(*own), ca.jacobian(ca.vertcat(*linked), x))
-        jacobian = ca.Function("nlp_jac_g", [x, p], [g, rows], ["x", "p"], ["g", "jac_g_x"])
-        weight, forces = ca.MX.sym("weight"), ca.MX.sym("forces", g.numel())
-        shares = ca.vertsplit(forces, _starts([*(part.problem.rows.count for part in parts), *self.links]))
-        blocks = [
-            part.nlp.functions["hess_lag"](a, b, weight, own)
-            for part, a, b, own in zip(parts, xs, ps, shares, strict=False)
-        ]
-        own_forces = zip(links, errors, shares[count + 1 :], strict=True)
-        blocks[0] += sum(each.bends(xs[0], ps[0], e, own) for each, e, own in own_forces)
-        names = ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
-        hessian = ca.Function("nlp_hess_l", [x, p, weight, forces], [ca.triu(ca.diagcat(*blocks))], *names)
-        along = [part.nlp.slope(a, b, weight, own) for part, a, b, own in zip(parts, xs, ps, shares, strict=False)]
-        pull = ca.gradient(ca.dot(ca.vertcat(*shares[count + 1 :]), ca.vertcat(*linked)), p)
-        by_numbers = ca.vertcat(*along, ca.MX.zeros(3 * count)) + pull
-        slope = ca.Function("nlp_slope", [x, p, weight, forces], [by_numbers], names[0], ["grad_gamma_p"])
-        derivatives = {"grad_f": gradient, "jac_g": jacobian, "hess_lag": hessian, "slope": slope}
-        self.nlp = nlp.NLP("robust_grasp", x, f, g, p, derivatives=derivatives)
-
-    def bounds(self) -> tuple[Array, Array]:
-        """Bounds of all rows."""
-        sets = [part.row_bounds for part in self._parts]
-        sets.append((np.zeros(sum(self.links)), np.zeros(sum(self.links))))
-        lower, upper = (np.concatenate(side) for side in zip(*sets, strict=True))
-        return lower, upper
-
-    def split(self, x: Array) -> list[Array]:
-        """The unknowns of the nominal problem, and of each error."""
-        return np.split(x, np.cumsum(self.sizes)[:-1])
+    # Of the parts, which may be compiled functions, and whose blocks CasADi would not see as soon.
+    slopes = [part.nlp.functions["grad_f"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
+    gradient = ca.Function("nlp_grad_f", [x, p], [f, ca.vertcat(*slopes)], ["x", "p"], ["f", "grad_f_x"])
+    own = [part.nlp.functions["jac_g"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
+    rows = ca.vertcat(ca.diagcat(*own), ca.jacobian(ca.vertcat(*linked), x))
+    jacobian = ca.Function("nlp_jac_g", [x, p], [g, rows], ["x", "p"], ["g", "jac_g_x"])
+    weight, forces = ca.MX.sym("weight"), ca.MX.sym("forces", g.numel())
+    shares = ca.vertsplit(forces, _starts([*(part.problem.rows.count for part in parts), *rows_linked]))
+    each = list(zip(parts, xs, ps, shares, strict=False))
+    blocks = [part.nlp.functions["hess_lag"](a, b, weight, own) for part, a, b, own in each]
+    own_forces = zip(links, errors, shares[count + 1 :], strict=True)
+    blocks[0] += sum(bend(xs[0], ps[0], e, own) for (_, bend), e, own in own_forces)
+    names = ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
+    hessian = ca.Function("nlp_hess_l", [x, p, weight, forces], [ca.triu(ca.diagcat(*blocks))], *names)
+    along = [part.nlp.slope(a, b, weight, own) for part, a, b, own in each]
+    pull = ca.gradient(ca.dot(ca.vertcat(*shares[count + 1 :]), ca.vertcat(*linked)), p)
+    by_numbers = ca.vertcat(*along, ca.MX.zeros(3 * count)) + pull
+    slope = ca.Function("nlp_slope", [x, p, weight, forces], [by_numbers], names[0], ["grad_gamma_p"])
+    derivatives = {"grad_f": gradient, "jac_g": jacobian, "hess_lag": hessian, "slope": slope}
+    return nlp.NLP("robust_grasp", x, f, g, p, derivatives=derivatives), rows_linked
 
 
 def _starts(sizes: Sequence[int]) -> list[int]:
     return [0, *np.cumsum(sizes).tolist()]
-
-
-@lru_cache(maxsize=8)
-def robust_problem(nominal: GraspSolverRun, others: tuple[GraspSolverRun, ...], left: tuple[int, ...]) -> RobustProblem:
-    """The problem of a grasp and those of some errors; built once in a process."""
-    return RobustProblem(nominal, others, left)
 
 
 class JointSolverRun:
@@ -189,18 +166,14 @@ class JointSolverRun:
         self.errors = errors
         self.touching = [start.contacts] * len(errors) if touching is None else list(touching)
         self.nominal: GraspSolverRun = solver_for(ProblemSpec.of(scene, start.contacts))
-        self.others = [in_error.solver(on) for on in self.touching]
-        self._whole: RobustProblem = robust_problem(self.nominal, tuple(self.others), in_error.left)
-        self.nlp = self._whole.nlp
+        others = tuple(in_error.solver(on) for on in self.touching)
+        self._solvers = [self.nominal, *others]
+        self.nlp, self._links = robust_problem(self.nominal, others, in_error.left)
 
     @property
     def problem(self) -> Layout:
         """The nominal problem."""
         return self.nominal.problem
-
-    @property
-    def _solvers(self) -> list[GraspSolverRun]:
-        return [self.nominal, *self.others]
 
     def run(
         self,
@@ -264,7 +237,10 @@ class JointSolverRun:
     @cached_property
     def row_bounds(self) -> tuple[Array, Array]:
         """Bounds of all constraints."""
-        return self._whole.bounds()
+        linked = np.zeros(sum(self._links))
+        sets = [*(solver.row_bounds for solver in self._solvers), (linked, linked)]
+        lower, upper = (np.concatenate(side) for side in zip(*sets, strict=True))
+        return lower, upper
 
     @property
     def guarded(self) -> NDArray[np.int64]:
@@ -290,7 +266,7 @@ class JointSolverRun:
     def acting(self, attempt: Attempt) -> Array:
         """The errors (A, 6 + S) that decide the optimum: those with forces on what all postures share."""
         links = attempt.multipliers.constraints[sum(solver.problem.rows.count for solver in self._solvers) :]
-        each = np.split(links, np.cumsum(self._whole.links)[:-1]) if links.size else []
+        each = np.split(links, np.cumsum(self._links)[:-1]) if links.size else []
         forces = np.array([np.abs(own).max() for own in each])
         found: Array = self.errors[forces > _ACTS * forces.max(initial=0.0)]
         return found
@@ -299,7 +275,7 @@ class JointSolverRun:
         return replace(attempt, x=self._xs(attempt.x)[k], numbers=self._ps(attempt.numbers)[k])
 
     def _xs(self, x: Array) -> list[Array]:
-        return self._whole.split(x)
+        return np.split(x, np.cumsum([solver.problem.x.size for solver in self._solvers])[:-1])
 
     def _ps(self, numbers: Array) -> list[Array]:
         ends = np.cumsum([solver.problem.numbers.size for solver in self._solvers])
