@@ -48,6 +48,8 @@ Array = NDArray[Any]
 
 OBJECT = len(ERRORS)
 """Columns of errors of the object, before the friction states."""
+BOUNDS = ("position", *ERRORS[2:])
+"""Keys of the bounds of these errors."""
 _SHAPE = Shape(GraspScene)
 
 
@@ -61,7 +63,7 @@ def corners(bounds: Robust) -> Array:
 def alone(bounds: Robust) -> dict[str, Array]:
     """Per bound, its two ends (or four, of the position) with no other error (K, 6)."""
     found = {}
-    for name in ("position", "angle", "radius", "friction", "mass"):
+    for name in BOUNDS:
         bound = getattr(bounds, name)
         if bound:
             columns = (0, 1) if name == "position" else (ERRORS.index(name),)

@@ -17,6 +17,7 @@ from continuum_grasp import nlp
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.friction import state_cells
+from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS
 from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.values import contact_features
 from continuum_grasp.grasp.robust.errors import OBJECT, InError, corners, extremes, with_states
@@ -247,12 +248,9 @@ def with_postures(
 def _with_all(arrays: Mapping[str, Array], names: Sequence[str]) -> dict[str, Array]:
     """The arrays of a posture with a place for each of these contacts."""
     own = [str(name) for name in arrays["contact_names"]]
-    rows = [names.index(name) for name in own]
+    clear = {"contact_names": "", "contact_parts": 0}
     found = dict(arrays)
-    for key in ("contact_positions", "contact_normals", "contact_forces", "contact_stations"):
-        found[key] = np.full((len(names), *arrays[key].shape[1:]), np.nan)
-        found[key][rows] = arrays[key]
-    found["contact_names"] = np.array([name if name in own else "" for name in names])
-    found["contact_parts"] = np.zeros(len(names), dtype=int)
-    found["contact_parts"][rows] = arrays["contact_parts"]
+    for key in OF_CONTACTS:
+        found[key] = np.full((len(names), *arrays[key].shape[1:]), clear.get(key, np.nan), dtype=arrays[key].dtype)
+        found[key][[names.index(name) for name in own]] = arrays[key]
     return found

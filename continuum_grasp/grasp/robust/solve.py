@@ -15,6 +15,7 @@ from continuum_grasp.grasp.problem.solver_run import solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.result import GraspResult, flawed
 from continuum_grasp.grasp.robust.errors import (
+    BOUNDS,
     OBJECT,
     alone,
     drawn,
@@ -80,13 +81,8 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     errors = with_drawn_states(scene, drawn(bounds, scene.solver.random_seed))
     nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, first.first)
     if not found.holds:
-        return _none(
-            result,
-            Robustness(errors, nominal, None, found.errors, result.arrays, found.touching),
-            found,
-            bounds,
-            budget,
-        )
+        robustness = Robustness(errors, nominal, None, found.errors, result.arrays, found.touching)
+        return _none(result, robustness, found, bounds, budget)
     robust = nominal
     if found.arrays is not result.arrays or len(errors) > COMPARED:
         robust = _trials(scene, bounds, found.arrays, errors, trials, found.responses)
@@ -182,17 +178,16 @@ def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Rob
         if not result.scene.robust:
             advice = _less(result.scene)
         return replace(base, status=Status.NOT_SOLVED, message=text, advice=advice)
-    if result.scene.robust:
-        text += f"; with {low:.0%} of all bounds there is one"
-        repair = f"multiply all bounds in robust by {low:.4g}"
-        reason = Reason("errors", "robust", "1", 1.0, low, text, repair)
-    else:
-        (key, now), *further = _frictions(result.scene)
-        text += f"; with {low:.0%} of {' and '.join((key, *(other for other, _ in further)))} there is one"
+    name, key, unit, now, limits = "errors", "robust", "1", 1.0, "all bounds"
+    repair = f"multiply all bounds in robust by {low:.4g}"
+    if not result.scene.robust:
+        frictions = _frictions(result.scene)
+        (key, now), *further = frictions.items()
+        name, unit, limits = "friction states", "1" if key == _TENDONS else "N m", " and ".join(frictions)
         repair = f"multiply all {key} by {low:.4g}, to {low * now:.4g} at most"
         repair += "".join(f", and all {other} likewise, to {low * most:.4g}" for other, most in further)
-        unit = "1" if key == _TENDONS else "N m"
-        reason = Reason("friction states", key, unit, now, low * now, text, repair)
+    text += f"; with {low:.0%} of {limits} there is one"
+    reason = Reason(name, key, unit, now, low * now, text, repair)
     advice = f"Any one of these repairs it: {repair}."
     return replace(base, status=Status.INFEASIBLE, message=text, reasons=(reason,), advice=advice)
 
@@ -203,7 +198,8 @@ def _holds(result: GraspResult, bounds: Robust, share: float, budget: Budget) ->
     """
     scene = result.scene
     if scene.robust:
-        return find_robust(scene, _times(bounds, share), result.arrays, budget).holds
+        less_error = bounds.replaced(**{name: share * getattr(bounds, name) for name in BOUNDS})
+        return find_robust(scene, less_error, result.arrays, budget).holds
     fingers = {setup.name: _less_friction(setup, share) for setup in scene.setups}
     less, start = scene.with_fingers(fingers), start_from(scene, dict(result.arrays))
     solver = solver_for(ProblemSpec.of(less, start.contacts))
@@ -219,28 +215,22 @@ def _less_friction(setup: FingerSetup, share: float) -> GraspFinger:
     return less.replaced(damping=damping.replaced(dry_friction=branches)) if branches else less
 
 
-def _frictions(scene: GraspScene) -> list[tuple[str, float]]:
+def _frictions(scene: GraspScene) -> dict[str, float]:
     """Keys of the frictions that have states, and the greatest value of each."""
     most = {_TENDONS: 0.0, _BENDING: 0.0}
     for setup in scene.setups:
         most[_TENDONS] = max(most[_TENDONS], setup.tendons.friction)
         most[_BENDING] = max([most[_BENDING], *(branch.moment for branch in setup.finger.damping.dry_friction)])
-    return [(key, value) for key, value in most.items() if value > 0.0]
+    return {key: value for key, value in most.items() if value > 0.0}
 
 
 def _less(scene: GraspScene) -> str:
     """Advice where friction states are too bad."""
-    keys = " and ".join(key for key, _ in _frictions(scene))
     return (
-        f"Lower {keys}, raise contacts.friction or contacts.normal_force_max, which fingers that were "
-        "let out press with more, or add a contact. friction_states: pulled, where nothing moves the fingers "
+        f"Lower {' and '.join(_frictions(scene))}, raise contacts.friction or contacts.normal_force_max, which fingers "
+        "that were let out press with more, or add a contact. friction_states: pulled, where nothing moves the fingers "
         "after they are pulled."
     )
-
-
-def _times(bounds: Robust, factor: float) -> Robust:
-    names = ("position", "angle", "radius", "friction", "mass")
-    return bounds.replaced(**{name: factor * getattr(bounds, name) for name in names})
 
 
 def _failing(response: Response) -> str:
