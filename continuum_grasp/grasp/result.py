@@ -9,7 +9,6 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
@@ -23,6 +22,7 @@ from continuum_grasp.grasp.values import (
     Reason,
     Sensitivity,
     Status,
+    contacts_of,
     force_text,
     tension_of,
 )
@@ -239,10 +239,9 @@ class GraspResult(Result):
     @property
     def _slack(self) -> bool:
         """Whether the object is pressed although no tendon pulls by more than it must."""
-        pressed = max((contact.normal_force for contact in self.contacts), default=0.0)
         setups = {setup.name: setup.tendons for setup in self.scene.setups}
         over = sum(float((f.tensions - setups[name].min_tension).clip(0.0).sum()) for name, f in self.fingers.items())
-        return over < SLACK * pressed
+        return over < SLACK * self.greatest_normal_force
 
     @property
     def fingers(self) -> dict[str, FingerPosture]:
@@ -285,16 +284,7 @@ class GraspResult(Result):
     @property
     def contacts(self) -> tuple[Contact, ...]:
         """The contacts with their forces."""
-        if "contact_names" not in self.arrays:
-            return ()
-        keys, found = ("names", "positions", "normals", "forces", "stations", "parts"), []
-        columns = [self.arrays[f"contact_{key}"] for key in keys]
-        for name, position, normal, forces, station, part in zip(*columns, strict=True):
-            n, f, lift = (float(force) for force in forces)
-            most = self.scene.friction(str(name)) * n
-            margin = 1.0 - float(np.hypot(f, lift)) / most if most > 0 else 0.0
-            found.append(Contact(str(name), position, normal, n, f, lift, margin, float(station), int(part)))
-        return tuple(found)
+        return contacts_of(self.scene, self.arrays)
 
     @check_arguments
     def contact(self, name: str) -> Contact:

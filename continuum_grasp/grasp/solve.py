@@ -34,7 +34,7 @@ from continuum_grasp.grasp.stations import (
 )
 from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.grasp.tried import Tried
-from continuum_grasp.grasp.values import REFUTED, STEADIER, Reason, Status, force_text, tension_of, verdict
+from continuum_grasp.grasp.values import REFUTED, STEADIER, UNSTABLE, Reason, Status, force_text, tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
@@ -255,11 +255,13 @@ class _Verdict:
     def _solved(self, best: Tried) -> GraspResult:
         steadied = best.solver.problem.spec.steadied
         stable, required = best.certificate.stability.stable, self.scene.stability == "require"
-        status, message = verdict(self._forces(best), stable, required, list(self._notes(best)))
+        held = f"a sum of tensions of {force_text(best.arrays, tension_of(self.scene, best.arrays))} N"
+        flaw = UNSTABLE if required else f"{UNSTABLE} (as the scene allows)"
+        notes = list(self._notes(best))
         return GraspResult(
             self.scene,
-            status,
-            message,
+            Status.FEASIBLE if notes or (required and not stable) else Status.OPTIMAL,
+            "; ".join([f"held with {held}" if stable else f"held but {flaw}: {held}", *notes]),
             best.arrays,
             best.certificate,
             # The eigenvalue's own dependence on the scene's numbers is not in the problem.
@@ -298,9 +300,6 @@ class _Verdict:
             yield f"{self._cut()}, not all starts were tried"
         if self.interrupted:
             yield "the search was interrupted, not all starts were tried"
-
-    def _forces(self, tried: Tried) -> str:
-        return f"a sum of tensions of {force_text(tried.arrays, tension_of(self.scene, tried.arrays))} N"
 
     def _infeasible(self, reasons: list[Reason], closest: Tried | None) -> GraspResult:
         advice = "Any one of these repairs it: " + "; ".join(reason.repair for reason in reasons) + "."

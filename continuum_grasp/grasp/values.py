@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -185,28 +185,18 @@ class Sensitivity:
     unit: str  # of the number that changes
 
 
-def verdict(forces: str, stable: bool, required: bool, notes: Sequence[str]) -> tuple[Status, str]:
-    """Status and message of a verified grasp.
-
-    Parameters
-    ----------
-    forces : str
-        With what it is held.
-    stable, required : bool
-        Whether small motions raise its energy, and whether they must.
-    notes : sequence of str
-        Why something better may have been missed.
-
-    Returns
-    -------
-    Status
-        ``optimal`` where it is what the scene asks for and there are no notes.
-    str
-        One sentence.
-    """
-    flaw = UNSTABLE if required else f"{UNSTABLE} (as the scene allows)"
-    head = f"held with {forces}" if stable else f"held but {flaw}: {forces}"
-    return Status.FEASIBLE if notes or (required and not stable) else Status.OPTIMAL, "; ".join([head, *notes])
+def contacts_of(scene: GraspScene, arrays: Mapping[str, Array]) -> tuple[Contact, ...]:
+    """The contacts of a grasp with their forces, by its stored numbers; none where there are no numbers."""
+    if "contact_names" not in arrays:
+        return ()
+    keys, found = ("names", "positions", "normals", "forces", "stations", "parts"), []
+    columns = [arrays[f"contact_{key}"] for key in keys]
+    for name, position, normal, forces, station, part in zip(*columns, strict=True):
+        n, f, lift = (float(force) for force in forces)
+        most = scene.friction(str(name)) * n
+        margin = 1.0 - float(np.hypot(f, lift)) / most if most > 0 else 0.0
+        found.append(Contact(str(name), position, normal, n, f, lift, margin, float(station), int(part)))
+    return tuple(found)
 
 
 def tension_of(scene: GraspScene, arrays: Mapping[str, Array]) -> float:

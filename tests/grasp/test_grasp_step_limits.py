@@ -254,7 +254,7 @@ def effort_in_error():
     run = JointSolverRun(scene, start, np.zeros((1, 6)))
 
     def cut(solve, problem, start, *_):
-        seen.append(run._ps(start.p)[1][run.others[0].problem.numbers.at["effort weight"]])
+        seen.append(run._ps(start.p)[1][run._solvers[1].problem.numbers.at["effort weight"]])
         return nlp.Attempt(Status.FAILED, "", start.x, start.lower, 0.0, None, 0, 0.0, 0.0, 0.0), start.p
 
     with pytest.MonkeyPatch.context() as patch:
@@ -277,8 +277,8 @@ def says_nothing(excess):
 def slack(pull):
     """Whether a finger that pulls by so much more than it must, per force on the object, is slack."""
     finger, tendons = Some(tensions=np.array([1.0 + pull, 1.0])), Some(name="finger", tendons=Some(min_tension=1.0))
-    contacts, scene = [Some(normal_force=1.0)], Some(setups=[tendons])
-    return GraspResult._slack.fget(Some(contacts=contacts, scene=scene, fingers={"finger": finger}))
+    held = Some(greatest_normal_force=1.0, scene=Some(setups=[tendons]), fingers={"finger": finger})
+    return GraspResult._slack.fget(held)
 
 
 def reached(beyond):

@@ -76,9 +76,7 @@ def worst(*values: float) -> float:
 
 def mode_check(grasp: RecomputedGrasp) -> Check:
     """Number of contacts that are missing, unknown, there twice, or there although they are off."""
-    switches: dict[str, str] = {}
-    for setup in grasp.setups:
-        switches |= dict(zip(setup.middle_names, setup.middles, strict=True)) | {setup.tip_name: setup.tip}
+    switches = {name: switch for setup in grasp.setups for name, switch in setup.switches.items()}
     present = Counter(grasp.names)
     wrong = sum(count - 1 for count in present.values())
     wrong += len(set(present) - set(known_contacts(grasp.scene)))

@@ -107,6 +107,6 @@ def _moment_left_out(bent: RecomputedFinger, problem: RodProblem) -> float:
     shape = bent.length * bent.shape.curvature(bent.length * equations.mesh.nodes)
     gap = equations.balance(shape).missing
     # Less than this is rounding: the share of a straight finger's moment means nothing.
-    least = EXACT * bent.moment_scale(0.0) * bent.length / problem.stiffness
+    least = EXACT * bent.moment_scale * bent.length / problem.stiffness
     moment = equations.bending_stiffness * (shape - equations.rest) - gap
     return float(np.abs(gap).max() / max(np.abs(moment).max(), least))

@@ -95,13 +95,13 @@ class RecomputedFinger:
         """Position of a joint along the finger [m]."""
         return float(self.rod.joints[joint])
 
-    def moment_scale(self, force: float) -> float:
-        """Greatest moment in play [N m], with a floor for straight fingers under forces of up to ``force`` [N]."""
+    @property
+    def moment_scale(self) -> float:
+        """Greatest moment in play [N m], with a floor for straight fingers."""
         # 1 %: a straight finger under a force along it has no moment at all, and rounding would count.
         bent = float(np.abs(self.shape.moment(self.rod.nodes)).max())
-        least = 0.01 * max(force * self.length, self.stiffness / self.length)
         drive = float(np.abs(self.shape.actuation(self.rod.nodes, self.amplitudes)).max())
-        return float(np.max([drive, bent, least]))
+        return float(np.max([drive, bent, 0.01 * (self.stiffness / self.length)]))
 
     @property
     def load_moment(self) -> float:
@@ -116,10 +116,8 @@ class RecomputedFinger:
             moment += np.where(s <= s[edge], arm[:, 0] * load.force[1] - arm[:, 1] * load.force[0] + load.couple, 0.0)
             greatest = max(greatest, float(np.hypot(*load.force)))
         # A force along a straight finger has no moment, but counts by 1 % of what it had across.
-        bent = self.moment_scale(0.0)
-        return float(
-            np.max([np.abs(moment).max(), 0.01 * greatest * self.length, 0.1 * self.weight * self.length, SHARE * bent])
-        )
+        least = 0.01 * greatest * self.length, 0.1 * self.weight * self.length, SHARE * self.moment_scale
+        return float(np.max([np.abs(moment).max(), *least]))
 
     @property
     def weight(self) -> float:

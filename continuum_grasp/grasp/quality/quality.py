@@ -14,6 +14,7 @@ from continuum_grasp.arguments import instance
 from continuum_grasp.grasp.quality.contact_set import ContactSet, cone_edges, epsilon_l1
 from continuum_grasp.grasp.quality.resistance import Resistance, resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
+from continuum_grasp.grasp.values import contacts_of
 from continuum_grasp.scene.grasp import GraspScene
 
 Array = NDArray[Any]
@@ -66,12 +67,8 @@ class Quality:
     @cached_property
     def friction_margins(self) -> dict[str, float]:
         """1 - |friction force| / (coefficient * normal force) by contact; contacts without friction are not listed."""
-        contacts = self._contacts
-        margins = {}
-        for name, (normal, friction, lift), mu in zip(contacts.names, contacts.forces, contacts.friction, strict=True):
-            if mu > 0.0:
-                margins[name] = float(1.0 - np.hypot(friction, lift) / (mu * normal)) if normal > 0.0 else 0.0
-        return margins
+        contacts = contacts_of(self.scene, self.arrays)
+        return {one.name: one.friction_margin for one in contacts if self.scene.friction(one.name) > 0.0}
 
     @property
     def friction_margin(self) -> float:
