@@ -7,7 +7,7 @@ doi:10.1007/BF00934096. It begins with a grasp of the scene as it is.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -41,45 +41,6 @@ def tried_errors(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any]) -
     return with_states(InError(scene, arrays).distinct(corners(bounds)), extremes(scene, arrays))
 
 
-@dataclass(frozen=True)
-class Found:
-    """Result of the search.
-
-    Attributes
-    ----------
-    arrays : mapping
-        Of the grasp, or, where the solver found none, of the last one.
-    certificate : Certificate
-        Of that.
-    optimal : bool
-        Whether it is a local optimum to the full tolerance.
-    iterations : int
-        Of all runs of the solver.
-    errors : ndarray, shape (K, 6 + S)
-        The corners that are part of its problem.
-    touching : sequence of mapping
-        Which contacts are on in the posture of each of these (K), and where.
-    responses : sequence of Response
-        Of that grasp to all corners.
-    first : sequence of Response
-        Of the grasp that the search began with.
-    """
-
-    arrays: Mapping[str, Array]
-    certificate: Certificate
-    optimal: bool
-    iterations: int
-    errors: Array
-    touching: Sequence[Mapping[str, ContactStart]]
-    responses: Sequence[Response]
-    first: Sequence[Response]
-
-    @property
-    def holds(self) -> bool:
-        """Whether it passes its certificate and holds at all corners."""
-        return self.certificate.passed and all(response.holds for response in self.responses)
-
-
 class Exchange:
     """Errors that are tried, and those of them that the problem of a grasp must have: they grow until none fails.
 
@@ -95,12 +56,20 @@ class Exchange:
 
     Attributes
     ----------
-    responder : Responder
+    arrays : mapping
         Of the grasp that was tried last.
-    responses : sequence of Response
-        Of that grasp to all errors.
+    responder : Responder
+        Of that grasp.
+    responses, first : sequence of Response
+        Of that grasp, and of the one that it begins with, to all errors.
     chosen : list of int
         Which of these the problem must have.
+    touching : sequence of mapping
+        Which contacts are on in the posture of each of those that the problem has, and where.
+    iterations : int
+        Of all runs of the solver.
+    optimal : bool
+        Whether the grasp is a local optimum to the full tolerance.
     """
 
     responder: Responder
@@ -108,49 +77,60 @@ class Exchange:
     def __init__(
         self, scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget, errors: Sequence[Array] = ()
     ) -> None:
-        self.scene, self.budget, self.responses = scene, budget, list[Response]()
+        self.scene, self.budget, self.arrays = scene, budget, arrays
+        self.responses, self.first = list[Response](), list[Response]()
         tried = {error.tobytes(): error for error in (*errors, *tried_errors(scene, bounds, arrays))}
         self._errors, self.chosen = list(tried.values()), list(range(len(errors)))
+        self.touching: Sequence[Mapping[str, ContactStart]] = ()
+        self.iterations, self.optimal = 0, True
 
     def active(self, arrays: Mapping[str, Any]) -> list[Response]:
         """Responses of a grasp to what its problem must have, the worst that fail now included; none where none fails,
         or no more are taken in.
         """
-        self.responder = Responder(self.scene, arrays, self.budget)
+        self.arrays, self.responder = arrays, Responder(self.scene, arrays, self.budget)
+        self.__dict__.pop("certificate", None)  # of the grasp before
         self.responses = [self.responder.to(error) for error in self._errors]
         self.responses += list(descended(self.responder, self.responses))
+        self.first = self.first or self.responses
         self._errors = [response.error for response in self.responses]
         order = np.argsort([response.reserve for response in self.responses], kind="stable")
         worse = [int(k) for k in order if not self.responses[k].holds and k not in self.chosen]
         if not worse or len(self.chosen) >= EXCHANGES * MOST or self.budget.over:
             return []
         self.chosen += worse[:MOST]
-        return [self.responses[k] for k in self.chosen]
+        active = [self.responses[k] for k in self.chosen]
+        self.touching = [response.begin.contacts for response in active]
+        return active
+
+    @property
+    def errors(self) -> Array:
+        """The errors (K, 6 + S) that are part of the problem."""
+        return np.array([self.responses[k].error for k in self.chosen]).reshape(len(self.chosen), self._errors[0].size)
+
+    @cached_property
+    def certificate(self) -> Certificate:
+        """Of the grasp that was tried last."""
+        return certify_reached(self.scene, self.arrays)
 
     @property
     def holds(self) -> bool:
-        """Whether the grasp that was tried last holds for all errors."""
-        return all(response.holds for response in self.responses)
+        """Whether the grasp that was tried last passes its certificate and holds for all errors."""
+        return all(response.holds for response in self.responses) and self.certificate.passed
 
 
-def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget) -> Found:
-    """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds."""
-    exchange = Exchange(scene, bounds, arrays, budget)
-    touching: Sequence[Mapping[str, ContactStart]] = ()
-    iterations, optimal = 0, True
-    first: Sequence[Response] = ()
-    while active := exchange.active(arrays):
-        first = first or exchange.responses
-        touching = [response.begin.contacts for response in active]
-        attempt, new = _solved(exchange.responder, active, budget)
-        iterations += attempt.iterations
+def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], budget: Budget) -> Exchange:
+    """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds; where the solver
+    finds none, the last one.
+    """
+    found = Exchange(scene, bounds, arrays, budget)
+    while active := found.active(arrays):
+        attempt, new = _solved(found.responder, active, budget)
+        found.iterations += attempt.iterations
         if new is None:
             break
-        arrays, optimal = new, attempt.status is nlp.Status.SOLVED
-    responses = exchange.responses
-    errors = np.array([responses[k].error for k in exchange.chosen]).reshape(len(touching), responses[0].error.size)
-    certificate = certify_reached(scene, arrays)
-    return Found(arrays, certificate, optimal, iterations, errors, touching, responses, first or responses)
+        arrays, found.optimal = new, attempt.status is nlp.Status.SOLVED
+    return found
 
 
 def _solved(

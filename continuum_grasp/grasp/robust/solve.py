@@ -25,7 +25,7 @@ from continuum_grasp.grasp.robust.errors import (
 )
 from continuum_grasp.grasp.robust.response import Responder, Response
 from continuum_grasp.grasp.robust.result import Robustness, Trials
-from continuum_grasp.grasp.robust.search import Found, find_robust, with_postures
+from continuum_grasp.grasp.robust.search import Exchange, find_robust, with_postures
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.grasp.tried import NEAR, Tried
@@ -154,7 +154,7 @@ def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, 
             yield found.arrays
 
 
-def _none(result: GraspResult, robustness: Robustness, found: Found, bounds: Robust, budget: Budget) -> GraspResult:
+def _none(result: GraspResult, robustness: Robustness, found: Exchange, bounds: Robust, budget: Budget) -> GraspResult:
     """No robust grasp: with which part of the bounds, or of the friction of the fingers, there is one."""
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
