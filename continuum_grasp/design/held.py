@@ -28,7 +28,7 @@ from scipy.linalg import LinAlgError, LinAlgWarning, lstsq, solve
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
-from continuum_grasp.grasp.problem.structure import ProblemSpec, support_of
+from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.values import moved_features, tension_weight
 from continuum_grasp.grasp.robust.joint import JointSolverRun
 from continuum_grasp.grasp.starts.supports import support_contacts
@@ -287,7 +287,7 @@ def moved_start(before: GraspScene, after: GraspScene, start: Start) -> Start:
     contacts = dict(start.contacts)
     if after.object.free is None:
         # Where a fixed object touches a support is no unknown but given.
-        supports = {support for name in contacts if (support := support_of(name, after))}
+        supports = {support.name for name in contacts if (support := after.support_of(name)) is not None}
         touched = support_contacts(after, after.object.pose, supports)
         contacts |= {name: touched[name] for name in contacts if name in touched}
     return replace(start, fingers=fingers, contacts=contacts)

@@ -319,10 +319,12 @@ class GraspScene(Configuration, Supported):
         """Friction coefficient of a contact by its name [1]."""
         if (own := self._finger_of(contact)) is not None:
             return own.friction
-        for body in self.places:
-            if (contact == body.name or contact.startswith(body.name + ".")) and body.friction is not None:
-                return body.friction
-        return self.contacts.friction
+        body = self.support_of(contact)
+        return self.contacts.friction if body is None or body.friction is None else body.friction
+
+    def support_of(self, contact: str) -> Place | None:
+        """The wall or peg of a contact by its name; None for a finger's."""
+        return next((one for one in self.places if contact in (one.name, f"{one.name}.1", f"{one.name}.2")), None)
 
     def held_friction(self, contact: str) -> float:
         """Friction coefficient less ``contacts.reserve``, with which grasps are sought and certified [1]."""

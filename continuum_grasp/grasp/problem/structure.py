@@ -13,6 +13,7 @@ from continuum_grasp.model.surfaces.surface import Surface
 from continuum_grasp.scene.finger import Finger, PointMass
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
+from continuum_grasp.scene.supports import Peg
 
 _RANGES = (1.0, 2.1, 3.15, 4.5, 6.3)
 """Bending ranges of models [rad]: a scene takes the next larger one, so that many scenes share a solver."""
@@ -166,14 +167,13 @@ class ProblemSpec:
         for i, setup in enumerate(setups):
             places |= {name: (i, k) for k, name in enumerate(setup.middle_names)}
             places[setup.tip_name] = (i, -1)
-        pegs = {peg.name for peg in scene.pegs}
         bounded = {wall.name for wall in scene.walls if math.isfinite(wall.half_length)}
         surfaces = tuple(surface_of(part) for part in scene.object.parts)
         specs = []
         for name, start in contacts.items():
-            support = support_of(name, scene)
-            place = places.get(name, (-1, -2))
-            specs.append(ContactSpec(name, *place, support in pegs, surfaces[start.part], support in bounded))
+            support, place = scene.support_of(name), places.get(name, (-1, -2))
+            finite = support is not None and support.name in bounded
+            specs.append(ContactSpec(name, *place, isinstance(support, Peg), surfaces[start.part], finite))
         disturbed = "greatest_disturbance" in aims
         index = {setup.name: k for k, setup in enumerate(setups)}
         return ProblemSpec(
@@ -183,7 +183,7 @@ class ProblemSpec:
             obstacles=min(len(scene.object.pieces), _NEAREST),
             planes=len(scene.walls) - len(bounded),
             edges=len(bounded),
-            pegs=len(pegs),
+            pegs=len(scene.pegs),
             pairs=tuple((index[one.name], index[other.name]) for one, other in scene.pairs),
             free=scene.object.free is not None,
             gravity=gravity.mode,
@@ -206,9 +206,3 @@ class ProblemSpec:
     def lands(self, contact: ContactSpec) -> bool:
         """Whether a contact stays where it landed on the object: of a finger that slides along it, none does."""
         return self.landed and contact.finger >= 0 and not any(self.fingers[contact.finger].touching)
-
-
-def support_of(contact: str, scene: GraspScene) -> str:
-    """Name of the wall or peg of a contact; empty for a finger's."""
-    names = [body.name for body in scene.places]
-    return next((n for n in names if contact in (n, f"{n}.1", f"{n}.2")), "")

@@ -15,7 +15,7 @@ from continuum_grasp.grasp.certificate.drives import SOFT, WoundTendons
 from continuum_grasp.grasp.certificate.friction import friction_of
 from continuum_grasp.grasp.problem.curves import curve_numbers
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
-from continuum_grasp.grasp.problem.structure import inner_masses, support_of
+from continuum_grasp.grasp.problem.structure import inner_masses
 from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
@@ -25,6 +25,7 @@ from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.objects.body import Freedom, Pose, pose_bounds
+from continuum_grasp.scene.supports import Wall
 
 Array = NDArray[Any]
 Values = dict[str, Any]
@@ -343,13 +344,11 @@ def _contact_values(scene: GraspScene, name: str, start: ContactStart, feature: 
         "curvature": feature.curvature * m,
         "support curvature": 0.0,
     }
-    support = support_of(name, scene)
-    for wall in scene.walls:
-        if wall.name == support:
-            values |= {"wall normal": wall.normal, "wall point": units.point(wall.point)}
-            values["half length"] = wall.half_length / m
-    for peg in scene.pegs:
-        if peg.name == support:
-            values |= {"position": units.point(peg.position), "radius": peg.radius / m}
-            values["support curvature"] = m / max(peg.radius, SHARP)
+    support = scene.support_of(name)
+    if isinstance(support, Wall):
+        values |= {"wall normal": support.normal, "wall point": units.point(support.point)}
+        values["half length"] = support.half_length / m
+    elif support is not None:
+        values |= {"position": units.point(support.position), "radius": support.radius / m}
+        values["support curvature"] = m / max(support.radius, SHARP)
     return {f"{name}.{key}": value for key, value in values.items()}

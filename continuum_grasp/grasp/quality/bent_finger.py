@@ -17,6 +17,7 @@ from continuum_grasp.grasp.shape import FingerShape, skin
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.grasp_options import PlanarGravity
+from continuum_grasp.scene.supports import Peg
 
 Array = NDArray[Any]
 
@@ -184,14 +185,12 @@ def finger_rolling(contacts: ContactSet, contact: int, section: Section) -> Roll
 
 def support_rolling(contacts: ContactSet, contact: int) -> Rolling:
     """Rolling of the object on a wall or peg; a flat face on a wall touches at two points and does not roll."""
-    scene, name = contacts.scene, contacts.names[contact]
-    for peg in scene.pegs:
-        if peg.name == name:
-            other = 1.0 / peg.radius if peg.radius > 0.0 else math.inf
-            return Rolling.of(contacts.curvature(contact), other, scene.object.size)
-    for wall in scene.walls:
-        if wall.name == name:
-            offset = contacts.positions[contact] - np.asarray(wall.point)
-            at_end = abs(float(np.hypot(*offset)) - wall.half_length) <= CORNER * scene.object.size
-            return Rolling.of(contacts.curvature(contact), math.inf if at_end else 0.0, scene.object.size)
-    return Rolling(0.0, 0.0, 0.0)
+    size, support = contacts.scene.object.size, contacts.scene.support_of(contacts.names[contact])
+    if support is None or support.name != contacts.names[contact]:
+        return Rolling(0.0, 0.0, 0.0)
+    if isinstance(support, Peg):
+        other = 1.0 / support.radius if support.radius > 0.0 else math.inf
+    else:
+        offset = contacts.positions[contact] - np.asarray(support.point)
+        other = math.inf if abs(float(np.hypot(*offset)) - support.half_length) <= CORNER * size else 0.0
+    return Rolling.of(contacts.curvature(contact), other, size)

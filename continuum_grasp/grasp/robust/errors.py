@@ -85,9 +85,8 @@ def extremes(scene: GraspScene, arrays: Mapping[str, Any]) -> Array:
         return np.zeros((1, 0))
     slid = [pulled_states(setup, FingerShape(setup, arrays)) for setup in setups]
     pulled = [np.where(own < 0.0, -1.0, 1.0) for own in slid]
-    ways = [way for way in product((1.0, -1.0), repeat=len(setups)) if len(set(way)) > 1]
-    alike = [(sign,) * len(setups) for sign in (1.0, -1.0)]
-    return np.array([np.concatenate([w * own for w, own in zip(way, pulled, strict=True)]) for way in (*alike, *ways)])
+    ways = sorted(product((1.0, -1.0), repeat=len(setups)), key=lambda way: len(set(way)))
+    return np.array([np.concatenate([w * own for w, own in zip(way, pulled, strict=True)]) for way in ways])
 
 
 def with_states(errors: Array, states: Array) -> Array:
@@ -117,10 +116,9 @@ class InError:
         self.scene = scene.model_copy(update={"robust": None, "objective": "greatest_friction_margin"})
         x, y, angle = (float(value) for value in arrays["object.pose"])
         self.pose: Pose = (x, y, angle)
-        ends = {name: (name, f"{name}.1", f"{name}.2") for name in (body.name for body in scene.places)}
         # Supports that the object touches; two contacts with one: a face lies on it and has no error of its angle.
-        self.on = frozenset(name for name, contacts in ends.items() if set(contacts) & set(names))
-        self.flat = any(set(contacts[1:]) <= set(names) for contacts in ends.values())
+        supports = [support.name for name in names if (support := scene.support_of(name)) is not None]
+        self.on, self.flat = frozenset(supports), len(supports) > len(set(supports))
 
         # Coordinates of its pose that the supports leave.
         self._lies: dict[bytes, Pose] = {}
