@@ -6,6 +6,7 @@ of cable and tendon per tension at the drive, the latter by the share of the ten
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.friction import TendonFriction, cell_nodes
+from continuum_grasp.grasp.certificate.friction import TendonFriction, cell_nodes, friction_of
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.grasp import FingerSetup
@@ -171,6 +172,21 @@ class WoundTendons:
         if drive.position_gain is not None:
             command = position + torque / drive.position_gain
         return DriveState(tendons, position, torque, abs(torque) + drive.coulomb_friction, current, command)
+
+
+class StoredFinger:
+    """A finger of a grasp by its stored numbers alone: its shape, tensions (2,) [N], base (3,), friction and drives;
+    ``arrays`` as `continuum_grasp.grasp.certify` takes them.
+    """
+
+    def __init__(self, setup: FingerSetup, arrays: Mapping[str, Any]) -> None:
+        self.setup, self.name, self.finger, self.profile = setup, setup.name, setup.finger, setup.finger.profile
+        self.shape = FingerShape(setup, arrays)
+        self.tensions, self.base = (np.asarray(arrays[f"{self.name}.{k}"], dtype=float) for k in ("tensions", "base"))
+        # Of states that are stored, or of pulling from the straight finger on; None without friction.
+        self.friction, self.dry = friction_of(setup, self.shape, arrays.get(f"{self.name}.friction_states"))
+        law = setup.drive
+        self.wound = None if law is None else WoundTendons(setup, law, self.shape, self.tensions, self.friction)
 
 
 def _softened(length: Array) -> Array:

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.drives import WoundTendons
-from continuum_grasp.grasp.certificate.friction import friction_of
+from continuum_grasp.grasp.certificate.drives import StoredFinger
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
-from continuum_grasp.grasp.shape import FingerShape, skin
+from continuum_grasp.grasp.shape import skin
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspGravity, PlanarGravity
@@ -47,24 +46,15 @@ class FingerLoad:
     couple: float  # of the friction force, which acts at the surface, about the backbone [N m]
 
 
-class RecomputedFinger:
-    """Shape, loads and potential of one finger of a grasp; ``arrays`` as `continuum_grasp.grasp.certify` takes them."""
+class RecomputedFinger(StoredFinger):
+    """Shape, loads and potential of one finger of a grasp."""
 
     def __init__(self, setup: FingerSetup, gravity: GraspGravity, arrays: Mapping[str, Any]) -> None:
-        self.setup, self.name, self.finger = setup, setup.name, setup.finger
-
-        def stored(key: str) -> Array:
-            return np.asarray(arrays[f"{setup.name}.{key}"], dtype=float)
-
-        self.shape = FingerShape(setup, arrays)
-        # Of states that are stored, or of pulling from the straight finger on; None without friction.
-        self.friction, self.dry = friction_of(setup, self.shape, arrays.get(f"{setup.name}.friction_states"))
+        super().__init__(setup, arrays)
         self.q, self.lengths, self.matches_tip = self.shape.q, self.shape.lengths, self.shape.matches_tip
-        self.tensions, self.base = stored("tensions"), stored("base")
-        law = setup.drive
-        self.wound = None if law is None else WoundTendons(setup, law, self.shape, self.tensions, self.friction)
-        self.stored_tip_curvature, self.stored_backbone = float(stored("tip_curvature")), stored("backbone")
-        self.profile, self.length, self.stiffness = self.finger.profile, self.finger.profile.length, setup.stiffness
+        self.stored_tip_curvature = float(self.shape.tip)
+        self.stored_backbone = np.asarray(arrays[f"{self.name}.backbone"], dtype=float)
+        self.length, self.stiffness = self.profile.length, setup.stiffness
         self.gravity = gravity_vector(gravity)
         self.rod = DenseRod(self.finger, self.shape.joints, base=self.base)  # 400 panels at least
         self.curvature = self.shape.curvature(self.rod.nodes)  # at the Gauss points

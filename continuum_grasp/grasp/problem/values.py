@@ -11,13 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.drives import SOFT, WoundTendons
-from continuum_grasp.grasp.certificate.friction import friction_of
+from continuum_grasp.grasp.certificate.drives import SOFT, StoredFinger
 from continuum_grasp.grasp.problem.curves import curve_numbers
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import inner_masses
 from continuum_grasp.grasp.problem.unknowns import Layout
-from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.offset_polygon import SHARP
@@ -271,12 +269,10 @@ def held_values(setup: FingerSetup, arrays: Mapping[str, Any]) -> Array:
     """Quantities that the drives of a finger of a grasp hold, in units of its problem."""
     length = setup.finger.rod.length
     pulls = setup.tendons.offset * length / setup.stiffness
-    if setup.drive is None:
+    wound = None if setup.drive is None else StoredFinger(setup, arrays).wound
+    if wound is None:
         return np.asarray(pulls * arrays[f"{setup.name}.tensions"])
-    shape = FingerShape(setup, arrays)
-    friction, _ = friction_of(setup, shape, arrays.get(f"{setup.name}.friction_states"))
-    wound = WoundTendons(setup, setup.drive, shape, np.asarray(arrays[f"{setup.name}.tensions"]), friction)
-    return np.asarray(wound.held / length if setup.drive.locks else wound.held * pulls)
+    return np.asarray(wound.held / length if wound.law.locks else wound.held * pulls)
 
 
 def tolerance_of(setup: FingerSetup, scene: GraspScene) -> float:

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from continuum_grasp.grasp.certificate.drives import WoundTendons
-from continuum_grasp.grasp.certificate.friction import friction_of
+from continuum_grasp.grasp.certificate.drives import StoredFinger
 from continuum_grasp.grasp.quality.contact_set import CORNER, ContactSet
-from continuum_grasp.grasp.shape import FingerShape, skin
+from continuum_grasp.grasp.shape import skin
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.grasp_options import PlanarGravity
@@ -41,7 +40,7 @@ class Section:
     lean: float  # its slope [1]
 
 
-class BentFinger:
+class BentFinger(StoredFinger):
     """A finger in its stored shape; the n unknowns are changes of curvature [1/m], linear in each cell.
 
     They are continuous but at the middle contacts, where a couple of friction makes them jump. ``tip_turn`` (n,) is the
@@ -51,17 +50,16 @@ class BentFinger:
     """
 
     def __init__(self, setup: FingerSetup, arrays: Mapping[str, Any], contacts: ContactSet) -> None:
-        self.finger, self._contacts, self._shape = setup.finger, contacts, FingerShape(setup, arrays)
-        base = np.asarray(arrays[f"{setup.name}.base"], dtype=float)
+        super().__init__(setup, arrays)
+        self._contacts, dry = contacts, self.dry
         self.touching = contacts.of(setup.name)  # the contacts of this finger
-        self.length, self.stiffness = float(self._shape.joints[-1]), setup.stiffness
+        self.length, self.stiffness = float(self.shape.joints[-1]), setup.stiffness
         self._tip = setup.tip_name
         inner = [float(contacts.stations[k]) for k in self.touching if contacts.names[k] != self._tip]
-        friction, dry = friction_of(setup, self._shape)
         marks = [*inner, *(mass.at for mass in self.finger.masses)]
         marks += [] if dry is None else dry.edges[1:-1].tolist()
-        self.rod = DenseRod(self.finger, self._shape.joints, 1.0 / CELLS, base, marks=marks)
-        bent, profile = self._shape.curvature(self.rod.nodes), self.finger.profile
+        self.rod = DenseRod(self.finger, self.shape.joints, 1.0 / CELLS, self.base, marks=marks)
+        bent = self.shape.curvature(self.rod.nodes)
         self._angles = self.rod.edge_angle(bent)
         mesh, hats = self.rod.mesh, self._hats(inner)
         self.size = hats.shape[1]  # n
@@ -72,25 +70,23 @@ class BentFinger:
         # A turn of a section moves all beyond it along the normal: the derivative of the tangent by the angle.
         normals = -np.cos(angle), -np.sin(angle)
         self._shifts = np.stack([mesh.to_edges(normal * self._spins.T).T for normal in normals], axis=1)
-        stiffness = mesh.weights * profile.bending_stiffness(mesh.nodes)
+        stiffness = mesh.weights * self.profile.bending_stiffness(mesh.nodes)
         self.bending = hats.T @ (stiffness[:, None] * hats)  # (n, n) [N m2 m]
         if dry is not None:
             # Branches that stick as the grasp is reached are springs on the turn of their cells.
             turned = mesh.to_edges(dry.per_base(mesh.nodes) * hats.T).T
             turns = np.diff(turned[[self.rod.edge_index(s) for s in dry.edges]], axis=0)
             self.bending += turns.T @ (dry.sticking[:, None] * turns)
-        self._density = profile.linear_density(mesh.nodes)
+        self._density = self.profile.linear_density(mesh.nodes)
         self.tip_turn = self._turns[-1]
         # A scene has one pair of tendons that run alike; the one that pulls more is that whose tension changes.
         (channel,) = self.finger.channels
-        left, right = np.asarray(arrays[f"{setup.name}.tensions"], dtype=float)
+        left, right = self.tensions
         shares = np.ones(mesh.panels)
-        if friction is not None:
+        if self.friction is not None:
             arm, middles = channel.arms[0 if left >= right else 1], 0.5 * (self.rod.edges[1:] + self.rod.edges[:-1])
-            shares = friction.shares(arm, middles)
-        law, pair = setup.drive, np.array([left, right])
+            shares = self.friction.shares(arm, middles)
         self.arm = abs(channel.arms[0])
-        self.wound = None if law is None else WoundTendons(setup, law, self._shape, pair, friction)
         paths = mesh.to_edges(channel.shape(mesh.nodes) * hats.T).T
         self.tendon_path = paths[-1]
         self.tendon_work = channel.arms[0] * (shares @ np.diff(paths, axis=0))
@@ -139,9 +135,9 @@ class BentFinger:
     def _curvature(self, edge: int) -> float:
         """Curvature of the section at an edge [1/m], the mean of both sides where it jumps."""
         s = self.rod.edges[edge]
-        sides = [self._shape.curvature(np.array(s), tip_side=side) for side in (False, True)]
+        sides = [self.shape.curvature(np.array(s), tip_side=side) for side in (False, True)]
         for k in np.flatnonzero(self.rod.joints[1:-1] == s):
-            sides = [self._shape.curvatures[k, -1], self._shape.curvatures[k + 1, 0]]
+            sides = [self.shape.curvatures[k, -1], self.shape.curvatures[k + 1, 0]]
         return float(np.mean(sides))
 
 
