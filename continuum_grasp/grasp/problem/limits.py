@@ -108,10 +108,6 @@ def _keep_apart(problem: Unknowns, pair: tuple[int, int], places: tuple[ca.SX, c
     problem.rows.require(f"overlap of fingers, {name}", spare, "m", "overlap", upper=ca.inf)
 
 
-def _part_numbers(problem: Unknowns, part: int) -> ca.SX:
-    return problem.numbers(f"part_{part}", problem.spec.surfaces[part].number_count)
-
-
 def _keep_limits(problem: Unknowns, finger: UnitFinger) -> None:
     require, slack, number = problem.rows.require, problem.slack, finger.number
     name = finger.spec.name
@@ -145,7 +141,7 @@ def _keep_object_clear(problem: Unknowns) -> None:
     for k in range(spec.planes):
         normal, at = number(f"plane_{k}.normal", 2), number(f"plane_{k}.point", 2)
         for part, surface in enumerate(spec.surfaces):
-            angle, shape = number(f"plane_{k}.angle"), _part_numbers(problem, part)
+            angle, shape = number(f"plane_{k}.angle"), number(f"part_{part}", surface.number_count)
             spare += surface.wall_clearance(normal, at, angle, problem.pose, shape)
     for k in range(spec.pegs):
         local = back @ (number(f"peg_{k}.position", 2) - problem.pose[:2])

@@ -92,19 +92,16 @@ def _stronger_motors(scene: GraspScene, relaxed: GraspScene) -> str:
     return f", drive.torque_max = {max(torques):.4g} N m" if torques else ""
 
 
-def _contacts(key: str) -> Callable[[GraspScene, float], GraspScene]:
-    """Changes that raise a limit of contacts wherever the scene has a number for it."""
+def with_contacts_changed(scene: GraspScene, key: str, change: Callable[[float], float]) -> GraspScene:
+    """The scene with a limit of contacts changed wherever it has a number for it."""
 
-    def raised(scene: GraspScene, amount: float) -> GraspScene:
-        def more(value: V) -> V:
-            given = getattr(value, key, None)
-            return value if given is None else _with(value, **{key: given + amount})
+    def changed(value: V) -> V:
+        given = getattr(value, key, None)
+        return value if given is None else _with(value, **{key: change(given)})
 
-        fingers = _fingers(scene, lambda setup: _with(setup.finger, contacts=more(setup.finger.contacts)))
-        supports = {name: more(support) for name, support in scene.supports.items()}
-        return _with(fingers, contacts=more(scene.contacts), supports=supports)
-
-    return raised
+    fingers = _fingers(scene, lambda setup: _with(setup.finger, contacts=changed(setup.finger.contacts)))
+    supports = {name: changed(support) for name, support in scene.supports.items()}
+    return _with(fingers, contacts=changed(scene.contacts), supports=supports)
 
 
 def _strain(scene: GraspScene, amount: float) -> GraspScene:
@@ -182,7 +179,7 @@ RELAXATIONS = (
         "friction is too low: coefficient {limit:.4g}, {needed:.4g} needed",
         start=lambda s: 0.5,
         limit=lambda s: min([setup.friction for setup in s.setups] + [s.contacts.friction]),
-        relaxed=_contacts("friction"),
+        relaxed=lambda s, amount: with_contacts_changed(s, "friction", lambda given: given + amount),
         most=lambda s: 20.0,
         bounds_shape=False,
     ),
@@ -193,7 +190,7 @@ RELAXATIONS = (
         "a contact must bear more: {limit:.4g} N allowed, {needed:.4g} N needed",
         start=_normal_max,
         limit=_normal_max,
-        relaxed=_contacts("normal_force_max"),
+        relaxed=lambda s, amount: with_contacts_changed(s, "normal_force_max", lambda given: given + amount),
         bounds_shape=False,
     ),
     Relaxation(

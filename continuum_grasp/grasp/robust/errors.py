@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.friction import pulled_states
 from continuum_grasp.grasp.certificate.held import YIELDS
+from continuum_grasp.grasp.problem.relaxations import with_contacts_changed
 from continuum_grasp.grasp.problem.solver_run import GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.values import Units
@@ -40,7 +41,7 @@ from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.grasp.starts.supports import object_outlines, pinned_by, settle, support_contacts
 from continuum_grasp.grasp.starts.values import ContactStart, Start
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import GraspFinger, Robust
+from continuum_grasp.scene.grasp_options import Robust
 from continuum_grasp.scene.objects.body import Freedom, Pose
 from continuum_grasp.scene.shape import Shape
 
@@ -205,17 +206,8 @@ class InError:
         free = Freedom(**ranges) if self.yields or self.scene.object.free is not None else None
         pose = {"position": (x, y), "angle": angle, "free": free}
         body = scene.object.model_copy(update={**pose, "mass": mass * scene.object.mass})
-
-        def slippery(value: Any) -> Any:
-            return value if value.friction is None else value.model_copy(update={"friction": friction * value.friction})
-
-        def with_finger(finger: GraspFinger) -> GraspFinger:
-            return finger.model_copy(update={"contacts": slippery(finger.contacts)})
-
-        supports = {name: slippery(support) for name, support in scene.supports.items()}
-        changed = {"object": body, "contacts": slippery(scene.contacts), "supports": supports}
-        fingers = {name: with_finger(finger) for name, finger in scene.named_fingers.items()}
-        return scene.model_copy(update=changed).with_fingers(fingers)
+        changed = with_contacts_changed(scene, "friction", lambda given: friction * given)
+        return changed.model_copy(update={"object": body})
 
     def _sized(self, error: Array) -> GraspScene:
         """The scene with an object of another size."""
