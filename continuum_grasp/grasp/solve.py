@@ -26,12 +26,7 @@ from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.words import out_of_reach
 from continuum_grasp.grasp.result import GraspResult, flawed
 from continuum_grasp.grasp.search import Search
-from continuum_grasp.grasp.stations import (
-    find_station_reasons,
-    search_stations,
-    with_twice_the_stations,
-    without_stations,
-)
+from continuum_grasp.grasp.stations import find_station_reasons, search_stations, without_stations
 from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import REFUTED, STEADIER, UNSTABLE, Reason, Status, force_text, tension_of
@@ -67,9 +62,8 @@ def optimize_grasp(
     raise_on_failure : bool, optional
         Raise where there is no verified grasp; False: return the result with its ``status``.
     fine : bool, optional
-        Solve once more with a fine model and report in the result's ``fine`` what that changes, and of a scene with
-        stations in ``statistics["fine_stations"]`` what twice as many change; takes some seconds. Not for a scene with
-        ``robust`` or tendons whose friction states must not matter.
+        Solve once more with a fine model and report in the result's ``fine`` what that changes; takes some seconds. Not
+        for a scene with ``robust`` or tendons whose friction states must not matter.
     progress : callable, optional
         Takes a line of text now and then: the best so far, and what is left.
 
@@ -109,8 +103,6 @@ def optimize_grasp(
             budget.tell(f"held with {result.tension:.4g} N; compared with a fine model")
             try:
                 result = with_fine(result, budget)
-                if any(setup.stations for setup in scene.setups):
-                    result = with_twice_the_stations(result, budget)
             except KeyboardInterrupt:
                 result = replace(result, statistics={**result.statistics, "fine_model": "interrupted"})
     else:

@@ -19,13 +19,11 @@ from continuum_grasp.grasp.changes import FIRST
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.words import ordered
-from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import FingerStart, Start, start_from, with_contacts
 from continuum_grasp.grasp.tried import NEAR
-from continuum_grasp.grasp.values import Reason, tension_of
-from continuum_grasp.nlp import Budget
+from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 Array = NDArray[Any]
@@ -34,8 +32,6 @@ MOST = 60
 """Iterations of an exchange: 40 stop two stations of the mug, which are best, before they balance."""
 STARTS, EXCHANGES = 3, 24
 """Grasps with one middle contact from which sets of stations are sought, and sets that are tried next to the best."""
-LESS = 0.01
-"""Part by which half the distance between stations may lower the tension before the first line says so."""
 
 
 def without_stations(scene: GraspScene) -> GraspScene:
@@ -94,40 +90,6 @@ def find_station_reasons(search: Search, before: Search, known: Repairs) -> list
             else:
                 break
     return ordered((enough | {reason.title: reason for reason in repairs.reasons()}).values())
-
-
-def with_twice_the_stations(result: GraspResult, budget: Budget) -> GraspResult:
-    """The result with what half the distance between stations changes, in its statistics and, where that takes
-    `LESS` tension, in its message.
-    """
-    scene = result.scene
-    denser = _denser(scene)
-    search = Search(denser, budget)
-    _begin(search, scene, result.arrays)
-    _exchange(search)
-    count = max(len(setup.stations) for setup in denser.setups)
-    if search.best is None:
-        note = f"with {count} stations no grasp was found next to this one, which says nothing"
-        return replace(result, statistics={**result.statistics, "fine_stations": note})
-    tension = tension_of(scene, search.best.arrays)
-    part = tension / result.tension - 1.0 if result.tension else 0.0
-    note = f"with {count} stations the tension changes by {part:+.2%} to {tension:#.4g} N"
-    less = scene.objective == "least_tension" and part < -LESS
-    message = f"{result.message}; {note}" if less else result.message
-    return replace(result, message=message, statistics={**result.statistics, "fine_stations": note})
-
-
-def _denser(scene: GraspScene) -> GraspScene:
-    """The scene with one more station between every two, and elements between all."""
-    fingers = {}
-    for setup in scene.setups:
-        count = 2 * len(setup.stations) - 1
-        fidelity = (setup.finger.fidelity or scene.fidelity).replaced(elements=max(setup.elements, count + 1))
-        # Copied unchecked: there may be more than a scene may ask for.
-        contacts = setup.finger.contacts.model_copy(update={"stations": count, "middle_after": None})
-        change = {"contacts": contacts, "fidelity": fidelity} if setup.stations else {}
-        fingers[setup.name] = setup.finger.model_copy(update=change)
-    return scene.with_fingers(fingers)
 
 
 def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Array]) -> Start:

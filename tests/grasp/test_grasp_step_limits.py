@@ -288,20 +288,6 @@ def reached(beyond):
         return words.out_of_reach(SCENE) is None
 
 
-def as_good(less):
-    """Whether the message of a grasp stays as it is where twice the stations take so much less tension."""
-    scene = Some(objective="least_tension", named_fingers=["finger"])
-    better = Some(arrays={"finger.tensions": np.array([1.0 - less])})
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(stations, "_denser", lambda _: Some(setups=[Some(stations=(0.1, 0.2))]))
-        patch.setattr(stations, "Search", lambda *_: Some(best=better))
-        patch.setattr(stations, "_begin", lambda *_: None)
-        patch.setattr(stations, "_exchange", lambda *_: None)
-        patch.setattr(stations, "replace", lambda some, **changes: Some(**changes))
-        result = Some(scene=scene, arrays={}, tension=1.0, message="held", statistics={})
-        return stations.with_twice_the_stations(result, Budget()).message == "held"
-
-
 def holds(reserve):
     return Response(*[None] * 2, reserve, *[None] * 6).holds
 
@@ -337,7 +323,6 @@ LIMITS = [
     ("part above what no grasp is below", 0.02, says_nothing),
     ("pull of tendons that are slack", 1e-3, slack),
     ("distance beyond reach", 1e-9, reached),
-    ("tension that twice the stations save", 0.01, as_good),
 ]  # fmt: skip
 
 
