@@ -47,7 +47,8 @@ class FingerShape:
         self.joints = np.concatenate([[0.0], np.cumsum(self.lengths)])
         self._family = FAMILIES[setup.family]
         self.matches_tip = self._family.matches_tip
-        self.amplitudes = self.of_channels(stored("tensions"))
+        # Of the channels at the stored tensions [N m].
+        self.amplitudes = [np.dot(channel.arms, stored("tensions")) for channel in self.channels]
         # Only the difference to what is linear on each element matters: none for tendons of constant offset to the tip.
         self._inside = [
             (channel.shape, amplitude)
@@ -88,14 +89,9 @@ class FingerShape:
         elastic = self.moment(places.ravel()).reshape(places.shape) / self._stiffness
         return np.asarray(elastic + self._at_places(self.profile.rest_curvature))
 
-    def of_channels(self, tensions: Array) -> Array:
-        """Amplitudes [N m] of the finger's channels at tensions [N]."""
-        return np.array([np.dot(channel.arms, tensions) for channel in self.channels])
-
-    def actuation(self, s: Array, amplitudes: Array | None = None) -> Array:
+    def actuation(self, s: Array) -> Array:
         """Bending moment [N m] of the tendons at positions [m]; at the end of a tendon, that of its inside."""
-        given = self.amplitudes if amplitudes is None else amplitudes
-        moments = [a * channel.shape(s) for a, channel in zip(given, self.channels, strict=True)]
+        moments = [a * channel.shape(s) for a, channel in zip(self.amplitudes, self.channels, strict=True)]
         return np.asarray(np.sum(moments, axis=0)) if moments else np.zeros(np.shape(s))
 
     def moment(self, s: Array, q: Array | None = None) -> Array:

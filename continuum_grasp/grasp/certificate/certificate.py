@@ -283,7 +283,9 @@ def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
     imbalance = float(np.max(np.abs(finger.virtual_work())))
     yield Check(f"finger equilibrium, {finger.name}", imbalance / scale, EXACT, "1", reference)
     if finger.matches_tip:
-        gap = float(finger.shape.moment(np.array(finger.length))) - finger.tip_moment - finger.tip_couple
+        tip, end = np.array(finger.length), finger.lengths.size
+        couples = sum(load.couple for load in finger.loads if load.joint == end)
+        gap = float(finger.shape.moment(tip) - finger.shape.actuation(tip)) - couples
         yield Check(f"tip moment balance, {finger.name}", abs(gap) / scale, EXACT, "1", reference)
 
 

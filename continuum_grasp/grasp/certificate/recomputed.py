@@ -66,21 +66,6 @@ class RecomputedFinger(StoredFinger):
         self.joint_edges = np.searchsorted(self.rod.edges, self.rod.joints)
         self.loads: list[FingerLoad] = []
 
-    @property
-    def amplitudes(self) -> Array:
-        """Moments [N m] of the channels of the tendons."""
-        return self.shape.of_channels(self.tensions)
-
-    @property
-    def tip_moment(self) -> float:
-        """Moment of the tendons at the tip [N m]."""
-        return float(self.shape.actuation(np.array(self.length), self.amplitudes))
-
-    @property
-    def tip_couple(self) -> float:
-        """Couples of contacts at the tip [N m]."""
-        return sum(load.couple for load in self.loads if load.joint == self.lengths.size)
-
     def joint_position(self, joint: int) -> float:
         """Position of a joint along the finger [m]."""
         return float(self.rod.joints[joint])
@@ -90,7 +75,7 @@ class RecomputedFinger(StoredFinger):
         """Greatest moment in play [N m], with a floor for straight fingers."""
         # 1 %: a straight finger under a force along it has no moment at all, and rounding would count.
         bent = float(np.abs(self.shape.moment(self.rod.nodes)).max())
-        drive = float(np.abs(self.shape.actuation(self.rod.nodes, self.amplitudes)).max())
+        drive = float(np.abs(self.shape.actuation(self.rod.nodes)).max())
         return float(np.max([drive, bent, 0.01 * (self.stiffness / self.length)]))
 
     @property
@@ -151,7 +136,7 @@ class RecomputedFinger(StoredFinger):
     def _tendon_moment(self, s: Array) -> Array:
         """Bending moment of the tendons (G,) at positions [m] past the friction of the guides, of the stored shape."""
         if self.friction is None:
-            return self.shape.actuation(s, self.amplitudes)
+            return self.shape.actuation(s)
         return self.friction.moment(s, self.tensions)
 
 
