@@ -17,8 +17,8 @@ Array = NDArray[Any]
 Recompute = Callable[[Mapping[str, Any]], tuple[list[Check], RecomputedGrasp | None]]
 
 YIELDS = 0.1
-"""Distance by which an object that fingers alone hold may move as friction or its errors change: part of its size, and
-rad."""
+"""Distance by which an object that fingers alone hold may move as friction, its errors or disturbances change: part of
+its size, and rad."""
 
 
 def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Recompute) -> Iterator[Check]:

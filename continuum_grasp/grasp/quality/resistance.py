@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.drives import TAUT
+from continuum_grasp.grasp.certificate.held import YIELDS
 from continuum_grasp.grasp.quality.lp import INWARD, Cones, solve_socp
 from continuum_grasp.grasp.quality.response import GraspResponse, Tendons
 from continuum_grasp.scene.grasp import FingerSetup
 
 Array = NDArray[Any]
 
-DISPLACEMENT_LIMIT = 0.1
-"""Greatest motion of the object: as a part of its size, and in rad; finger tips may turn three times as much."""
 UNLIMITED = 1e4
 """A disturbance that makes forces this many times the greatest limit of a contact counts as unlimited."""
 TURN = 3.0
@@ -54,7 +53,7 @@ def resistance(
     *,
     wrenches: Sequence[Sequence[float]] | None = None,
     tendons: Tendons | None = None,
-    displacement_limit: float = DISPLACEMENT_LIMIT,
+    displacement_limit: float = YIELDS,
 ) -> Resistance:
     """Greatest multiples of disturbances that a grasp resists, one disturbance at a time: until a contact slips, parts
     or is pressed too hard, a tendon is at its limit, or the grasp yields too much.
