@@ -72,7 +72,7 @@ def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None, res
     if result.arrays and not result.solved:
         lead = '<p class="quiet">Where the search came closest: its forces are not in balance, or break limits.</p>'
         found = [details("Numbers of the closest attempt, which is no grasp", "\n".join((lead, *found)))]
-    searched = {k: v for k, v in result.statistics.items() if not k.startswith("fine")}
+    searched = {k: v for k, v in result.statistics.items() if k != "fine_model"}
     return report(
         scene.name or "grasp",
         result.status.value,

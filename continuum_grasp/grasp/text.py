@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -202,14 +202,9 @@ def _certificate(certificate: Certificate) -> Part:
 
 
 def _fine(result: GraspResult) -> Part:
-    """Statistics about the grasp in a fine model."""
-    found = []
-    for key, value in result.statistics.items():
-        if key.startswith("fine") and value is not None:
-            each = value.items() if isinstance(value, Mapping) else [("", value)]
-            found += [(" ".join(part for part in (key, name) if part).replace("_", " "), v) for name, v in each]
-    rows = [(name, _short(v) if isinstance(v, float) else str(v)) for name, v in found]
-    return Part("The same grasp in a fine model", ("", ""), rows)
+    """What a fine model changes, where that was asked for."""
+    said = result.statistics.get("fine_model")
+    return Part("The same grasp in a fine model", ("", ""), [("fine model", said)] if said else ())
 
 
 def _trials(result: GraspResult) -> Part:
@@ -265,7 +260,8 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
         found["plants"] = result.plants.data()
     if result.robustness is not None:
         found["robustness"] = result.robustness.data()
-    found |= {key: value for key, value in result.statistics.items() if key.startswith("fine") and value is not None}
+    if "fine_model" in result.statistics:
+        found["fine_model"] = result.statistics["fine_model"]
     certificate = result.certificate
     if result.solved and certificate is not None:
         found["certificate"] = {

@@ -21,7 +21,7 @@ from continuum_grasp.grasp import certify
 from continuum_grasp.grasp.page import page as page_of
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.text import further_advice, result_text, result_yaml
-from continuum_grasp.grasp.values import Reason, Status, force_text
+from continuum_grasp.grasp.values import Change, Reason, Status, force_text
 from continuum_grasp.plotting.grasp.friction import plot_friction
 from continuum_grasp.plotting.grasp.picture import plot_grasp
 from continuum_grasp.plotting.grasp.resistance import plot_resistance, resistance_extremes, resistance_words
@@ -82,10 +82,11 @@ def test_result_yaml_says_why_there_is_none():
 
 
 def test_what_a_fine_model_changes_is_reported():
-    result = replace(held(), statistics={"fine_model": {"tension_change": 0.0125, "elements": 24}})
-    assert re.search(r"fine model tension change +0\.0125", result_text(result))
-    assert yaml.safe_load(result_yaml(result))["fine_model"]["elements"] == 24
-    assert "0.0125" in Page(page_of(result)).text
+    change = str(Change({"finger": 24}, 42.0, 0.0125, 1e-5, 0.1))
+    result = replace(held(), statistics={"fine_model": change})
+    assert re.search(r"fine model +with 24 elements the tension changes by \+1\.25%", result_text(result))
+    assert yaml.safe_load(result_yaml(result))["fine_model"] == change
+    assert "+1.25%" in Page(page_of(result)).text
 
 
 @pytest.mark.parametrize("name", SCENES)
