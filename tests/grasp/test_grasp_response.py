@@ -108,7 +108,8 @@ def test_what_the_weight_takes_of_the_cone_out_of_the_plane(tendons):
 def test_the_give_limits_what_the_first_order_may_say(friction, given, limit):
     response = GraspResponse(*axial_pinch(0.08, friction))
     held = resistance(response, wrenches=WRENCHES, tendons="locked", **given)
-    assert held.motions[1, 1] == pytest.approx(limit * RADIUS, rel=1e-9)
+    moved = held.factors[1] * (response.to_wrenches("locked").pose @ WRENCHES[1])
+    assert moved[1] == pytest.approx(limit * RADIUS, rel=1e-9)
     assert held.limiting[1] == ("the object moves",)
 
 

@@ -24,9 +24,8 @@ UNLIMITED = 1e4
 TURN = 3.0
 """Allowed turn of a finger's tip, per allowed turn of the object: soft fingers turn more than what they hold."""
 
-Answer = tuple[float, tuple[str, ...], Array]
-"""Greatest factor, what limits it, motion of the object there: center of mass [m], angle [rad]."""
-_NOWHERE = np.full(3, np.nan)
+Answer = tuple[float, tuple[str, ...]]
+"""Greatest factor, and what limits it."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +37,6 @@ class Resistance:
     # is unstable or beyond a limit by itself.
     factors: Array
     limiting: tuple[tuple[str, ...], ...]  # what stops each from growing
-    motions: Array  # (K, 3) of the object at this factor: center of mass [m], angle [rad]; NaN where not limited
     tendons: Tendons
     stable: bool  # whether the grasp is stable with its tendons so
 
@@ -72,9 +70,8 @@ def resistance(
         limits = _Limits(response, kind, displacement_limit)
         answers = [limits.greatest(wrench) for wrench in given]
     else:
-        answers = [(0.0, ("unstable",), np.zeros(3))] * len(given)
-    factors, motions = np.array([answer[0] for answer in answers]), np.array([answer[2] for answer in answers])
-    return Resistance(given, factors, tuple(a[1] for a in answers), motions.reshape(-1, 3), kind, stable)
+        answers = [(0.0, ("unstable",))] * len(given)
+    return Resistance(given, np.array([a[0] for a in answers]), tuple(a[1] for a in answers), kind, stable)
 
 
 class _Limits:
@@ -114,7 +111,7 @@ class _Limits:
         count, free = len(self.names), self.free
         reach = float(np.abs(along).max(initial=0.0))
         if reach == 0.0:
-            return math.inf, (), _NOWHERE
+            return math.inf, ()
         unit, spans = self.scale / reach, np.abs(self.ranges[free]).max(axis=1)
         both = np.concatenate([spans, -spans])
         # Unknowns, all from zero: the factor, how much each free difference of tensions grows, and how much it falls.
@@ -143,16 +140,15 @@ class _Limits:
         upper = np.concatenate([[most], self.ranges[free, 1] / spans, -self.ranges[free, 0] / spans])
         found = solve_socp(np.append(-1.0, np.full(both.size, INWARD)), rows, row_low, row_high, 0.0, upper, cones)
         if found.status == "infeasible":
-            return 0.0, self._reached(self.forces, 0.0 * differences, 0.0 * motion), np.zeros(3)
+            return 0.0, self._reached(self.forces, 0.0 * differences, 0.0 * motion)
         if not found.optimal:
-            return math.nan, ("not computed",), _NOWHERE
+            return math.nan, ("not computed",)
         self._cuts = cones.cuts
         if found.x[0] >= most * (1.0 - 1e-9):
-            return math.inf, (), _NOWHERE
+            return math.inf, ()
         forces = self.forces.copy()
         forces[:, :2] += self.scale * (effect @ found.x)
-        way_there = moves @ found.x
-        return float(found.x[0] * unit), self._reached(forces, pulls @ found.x, way_there), way_there[:3]
+        return float(found.x[0] * unit), self._reached(forces, pulls @ found.x, moves @ found.x)
 
     def _reached(self, forces: Array, changes: Array, motion: Array) -> tuple[str, ...]:
         """Names of the limits that are reached or passed."""
