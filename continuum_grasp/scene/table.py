@@ -53,7 +53,6 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
     header_line: int
-    separator: str = ","
     comma: bool = False
     """Whether numbers have decimal commas."""
 
@@ -184,7 +183,7 @@ def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
             raise InputError(f"expected {len(headings)} cells, got {len(row)}", file=name, line=line)
     every = [cell for row in rows for cell in row]
     comma = separator != "," and not any(map(_POINT.fullmatch, every)) and any(map(_COMMA.fullmatch, every))
-    table = Table(name, headings, units, rows, tuple(k for k, _ in numbered[top:]), header_line, separator, comma)
+    table = Table(name, headings, units, rows, tuple(k for k, _ in numbered[top:]), header_line, comma)
     return table if lines[0].partition(separator)[0].strip() != "scorer" else _sure(table)
 
 
