@@ -74,8 +74,7 @@ COSTLY = [
     f"continuum_grasp.{name}"
     for name in (
         *("accuracy_report", "run_closed_loop", "plan", "grasp.closing_path", "mission.check_mission"),
-        "plotting.plot_accuracy",
-        *("operators.TorchOperators", "plotting.plot_closing", "plotting.plot_grasp", "plotting.plot_robustness"),
+        "operators.TorchOperators",
     )
 ]
 

@@ -29,27 +29,8 @@ _COSTS = {"evaluation [ns]": "forward dynamics [ns]", "real-time factor": "times
 def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Draw errors of the choices against their cost, and the front that no choice beats.
 
-    Parameters
-    ----------
-    report : AccuracyReport
-        What `accuracy_report` found.
-    ax : sequence of matplotlib.axes.Axes, optional
-        For static error, first frequency and motion, of which a report has the first, the first two or all; axes of a
-        new figure where not given.
-
-    Returns
-    -------
-    list of matplotlib.axes.Axes
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp.plotting import plot_accuracy
-    >>> rod = {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.006}
-    >>> scene = cg.Scene(finger={"rod": rod, "base": {"angle": -1.5708}}, gravity=(0.0, -9.81))
-    >>> report = cg.accuracy_report(scene, counts=(1, 2))
-    >>> [ax.get_ylabel() for ax in plot_accuracy(report)]
-    ['static tip error / L']
+    Axes that are given are for static error, first frequency and motion, of which a report has the first, the first two
+    or all.
     """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 

@@ -102,9 +102,9 @@ def _draw_surroundings(ax: Axes, run: ControlRun, *, moving: bool = False) -> No
         bodies.draw_object(ax, bodies.object_outlines(scene.object, np.asarray(scene.object.pose)))
 
 
-def plot_inputs(run: ControlRun | Plan, *, ax: Axes | None = None) -> Axes:
+@axes.over_time()
+def plot_inputs(ax: Axes, run: ControlRun | Plan) -> str:
     """Draw the commands over time, with their limits."""
-    ax = axes.new_axes(ax)
     linear = isinstance(run.scene, PlanScene) and run.scene.input.form == "linear"
     for column, name, color in zip(np.asarray(run.u).T, run.u_names, axes.colors(len(run.u_names)), strict=True):
         look: dict[str, Any] = {"color": color, "linewidth": 1.4, "label": axes.words(name)}
@@ -114,16 +114,14 @@ def plot_inputs(run: ControlRun | Plan, *, ax: Axes | None = None) -> Axes:
             ax.stairs(column[: len(run.t) - 1], run.t, baseline=None, **look)
     for limit in np.unique(run.scene.input_limits):
         ax.axhline(limit, color=GRAY, linewidth=0.9, linestyle="--", zorder=1)
-    if isinstance(run.scene, PlanScene):
-        ax.margins(x=0.0)
-    return axes.time_axes(ax, f"input [{unit_of(run.u_names[0])}]", run.name)
+    return f"input [{unit_of(run.u_names[0])}]"
 
 
-def plot_tracking(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+@axes.over_time()
+def plot_tracking(ax: Axes, run: ControlRun) -> str:
     """Draw tracked quantities and setpoints over time; of several units, the first on the left, the second on the
     right.
     """
-    ax = axes.new_axes(ax)
     groups = run.tracked_groups
     units = list(dict.fromkeys(group.unit for group in groups))[:2]
     columns = [(k, group.unit) for group in groups for k in group.columns if group.unit in units]
@@ -137,14 +135,14 @@ def plot_tracking(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     ax.plot([], [], color=GRAY, linewidth=1.0, linestyle="--", label="setpoint")
     if right is not ax:
         right.set_ylabel(f"tracked [{units[1]}]", color=INK)
-    return axes.time_axes(ax, f"tracked [{units[0]}]", run.name)
+    return f"tracked [{units[0]}]"
 
 
-def plot_tracking_error(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+@axes.over_time()
+def plot_tracking_error(ax: Axes, run: ControlRun) -> str:
     """Draw the distance of the tip from its setpoint over time, or else the greatest error of the first tracked
     quantity.
     """
-    ax = axes.new_axes(ax)
     if run.tip_reference is not None:
         size, name, unit = 1e3 * np.linalg.norm(run.tip - run.tip_reference, axis=1), "tip", "mm"
     else:
@@ -154,24 +152,24 @@ def plot_tracking_error(run: ControlRun, *, ax: Axes | None = None) -> Axes:
         size = np.abs(run.tracked[:, columns] - run.r[:, columns]).max(axis=1)
     ax.plot(run.t, size, color=BLUE, linewidth=1.4)
     ax.set_ylim(bottom=0.0)
-    return axes.time_axes(ax, f"error of the {name.replace('_', ' ')} [{unit}]", run.name)
+    return f"error of the {name.replace('_', ' ')} [{unit}]"
 
 
-def plot_bounds(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+@axes.over_time()
+def plot_bounds(ax: Axes, run: ControlRun) -> str:
     """Draw how far each bound is away over time, as a share of its scale; above zero it is exceeded."""
-    ax = axes.new_axes(ax)
-    for bound, color in zip(run.bounds, axes.colors(len(run.bounds)), strict=True):
-        ax.plot(run.t, bound.excess / bound.scale, color=color, linewidth=1.3, label=axes.words(bound.name))
+    shares = [bound.excess / bound.scale for bound in run.bounds]
+    axes.curves(ax, run.t, shares, [axes.words(bound.name) for bound in run.bounds])
     top = max(0.02, 1.1 * max(float(np.max(b.excess)) / b.scale for b in run.bounds))
     bottom = min(-0.3, ax.get_ylim()[0])
     ax.axhspan(0.0, top, color=FORBIDDEN["facecolor"], alpha=0.75, zorder=Z.ZONE)
     ax.set_ylim(max(bottom, -1.05), top)  # what is farther away than its scale does not matter
-    return axes.time_axes(ax, "beyond the bound [share of its scale]", run.name)
+    return "beyond the bound [share of its scale]"
 
 
-def plot_disturbances(run: ControlRun, *, ax: Axes | None = None) -> Axes:
+@axes.over_time(columns=2)
+def plot_disturbances(ax: Axes, run: ControlRun) -> str:
     """Draw the estimated disturbances of the first one's unit, with two standard deviations either way."""
-    ax = axes.new_axes(ax)
     names = run.disturbance_names
     unit = unit_of(names[0]) if names else ""
     chosen = [k for k, name in enumerate(names) if unit_of(name) == unit]
@@ -179,7 +177,7 @@ def plot_disturbances(run: ControlRun, *, ax: Axes | None = None) -> Axes:
         value, spread = run.disturbance[:, k], 2.0 * run.disturbance_std[:, k]
         ax.fill_between(run.t[:-1], value - spread, value + spread, color=color, alpha=0.15, linewidth=0.0)
         ax.plot(run.t[:-1], value, color=color, linewidth=1.4, label=axes.words(names[k]))
-    return axes.time_axes(ax, f"estimated disturbance [{unit}]", run.name, columns=2)
+    return f"estimated disturbance [{unit}]"
 
 
 def plot_controller_times(run: ControlRun, *, ax: Axes | None = None) -> Axes:

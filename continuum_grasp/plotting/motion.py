@@ -32,38 +32,12 @@ _FORCE = 0.25
 _QUANTITY = {"rad": "bending angle", "1/m": "curvature"}
 
 
-def plot_snapshots(
-    trajectory: Trajectory,
-    *,
-    times: Sequence[float] | int = 12,
-    ax: Axes | None = None,
-) -> Axes:
+def plot_snapshots(trajectory: Trajectory, *, times: Sequence[float] | int = 12, ax: Axes | None = None) -> Axes:
     """Draw the finger at several instants, colored by time, with clamp, point masses and forces to scale.
 
-    An object is drawn at the same instants, filled at the last of them, with its supports. The backbones are the first
-    collection of the axes, arrows of each kind of force a quiver.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Its ``t``, ``backbone`` and ``loads_at`` are drawn, and the point masses of its ``scene``.
-    times : sequence of float, or int
-        Instants [s]; the nearest computed ones are drawn. A number: so many, evenly spaced from first to last.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
-
-    Raises
-    ------
-    InputError
-        No instant is asked for, or one outside the trajectory.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp import plotting
-    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
-    >>> len(plotting.plot_snapshots(motion, times=[0.0, 0.05]).collections[0].get_segments())
-    2
+    ``times`` are instants [s], of which the nearest computed ones are drawn, or how many, evenly spaced from first to
+    last. An object is drawn at the same instants, filled at the last of them, with its supports. The backbones are the
+    first collection of the axes, arrows of each kind of force a quiver.
     """
     t, scene = np.asarray(trajectory.t), trajectory.scene
     indices = _nearest(t, times)
@@ -153,22 +127,7 @@ def _forces_and_box(
 
 
 def plot_shape(found: Equilibrium, *, ax: Axes | None = None) -> Axes:
-    """Draw a finger at rest, with clamp, point masses and forces to scale.
-
-    Parameters
-    ----------
-    found : Equilibrium
-        Its ``backbone`` and ``forces`` are drawn, and the point masses of its finger.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp import plotting
-    >>> plotting.plot_shape(cg.equilibrium("configs/simulate/hanging.yaml")).get_ylabel()
-    'y [m]'
-    """
+    """Draw a finger at rest, with clamp, point masses and forces to scale."""
     finger = found.model.finger
     shape, masses, forces = found.backbone(bodies.backbone_points(finger)), bodies.masses_of(finger), found.forces
     scale = force_scale(forces, _FORCE * finger.rod.length)
@@ -187,23 +146,7 @@ def plot_shape(found: Equilibrium, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
-    """Draw where the tip goes in the plane, colored by time; the path is the first collection of the axes.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Its ``t`` (T,) [s] and ``tip`` (T, 2) [m, world] are drawn.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp import plotting
-    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
-    >>> plotting.plot_tip_path(motion).get_xlabel()
-    'x [m]'
-    """
+    """Draw where the tip goes in the plane, colored by time; the path is the first collection of the axes."""
     t, tip = np.asarray(trajectory.t), np.asarray(trajectory.tip)
     span = np.nanmax(tip, axis=0) - np.nanmin(tip, axis=0)
     size = max(float(span.max()), 0.02 * trajectory.length)  # a tip that rests shows where it rests
@@ -215,99 +158,36 @@ def plot_tip_path(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def plot_coordinates(trajectory: Trajectory | Plan, *, ax: Axes | None = None) -> Axes:
-    """Draw every bending coordinate over time, one line each, in order.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Its ``t`` (T,) [s] and the first ``n`` columns of ``x`` are drawn: angles [rad] or nodal curvatures [1/m].
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp import plotting
-    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
-    >>> len(plotting.plot_coordinates(motion).lines) == motion.n
-    True
-    """
-    ax = axes.new_axes(ax)
+@axes.over_time(columns=8)
+def plot_coordinates(ax: Axes, trajectory: Trajectory | Plan) -> str:
+    """Draw every bending coordinate over time, in order."""
     names = [split_unit(name) for name in trajectory.x_names[: trajectory.n]]
-    values = np.asarray(trajectory.x)[:, : trajectory.n]
+    symbols, units = [axes.symbol(name) for name, _ in names], ", ".join(dict.fromkeys(unit for _, unit in names))
     alone = len(names) == 1  # which the axis names; the others have a legend
-    for k, color in enumerate(axes.colors(trajectory.n)):
-        ax.plot(
-            trajectory.t, values[:, k], color=color, linewidth=1.5, label=None if alone else axes.symbol(names[k][0])
-        )
-    units = ", ".join(dict.fromkeys(unit for _, unit in names))
-    quantity = _QUANTITY.get(units, "bending coordinate") + (f" {axes.symbol(names[0][0])}" if alone else "")
-    ax.margins(x=0.0)
-    return axes.time_axes(ax, f"{quantity} [{units}]", trajectory.name, columns=8)
+    axes.curves(ax, trajectory.t, np.asarray(trajectory.x)[:, : trajectory.n].T, [None] if alone else symbols)
+    return f"{_QUANTITY.get(units, 'bending coordinate')}{f' {symbols[0]}' if alone else ''} [{units}]"
 
 
-def plot_energy(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
-    """Draw kinetic, potential and total energy over time.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Its ``t`` (T,) [s], ``kinetic`` (T,) [J] and ``potential`` (T,) [J] are drawn.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp import plotting
-    >>> motion = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
-    >>> [line.get_label() for line in plotting.plot_energy(motion).lines]
-    ['kinetic', 'potential', 'total']
-    """
-    ax = axes.new_axes(ax)
+@axes.over_time()
+def plot_energy(ax: Axes, trajectory: Trajectory) -> str:
+    """Draw kinetic, potential and total energy over time."""
     kinetic, potential = np.asarray(trajectory.kinetic), np.asarray(trajectory.potential)
     ax.plot(trajectory.t, kinetic, color=ORANGE, linewidth=1.3, label="kinetic")
     ax.plot(trajectory.t, potential, color=BLUE, linewidth=1.3, label="potential")
     ax.plot(trajectory.t, kinetic + potential, color=INK, linewidth=1.8, label="total")
-    ax.margins(x=0.0)
-    return axes.time_axes(ax, "energy [J]", trajectory.name)
+    return "energy [J]"
 
 
-def plot_contact_forces(trajectory: Trajectory | Plan, *, ax: Axes | None = None) -> Axes:
-    """Draw the normal force of every contact over time, and dashed the size of its friction force.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Its ``t`` (T,) [s] and ``contacts`` are drawn; contacts that never touch are left out.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
-
-    Raises
-    ------
-    InputError
-        There is no object.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp import plotting
-    >>> motion = cg.simulate(cg.load("configs/simulate/swing_against_disc.yaml", ["time.duration=0.02"]))
-    >>> plotting.plot_contact_forces(motion).get_ylabel()
-    'normal force, dashed: friction [N]'
-    """
+@axes.over_time()
+def plot_contact_forces(ax: Axes, trajectory: Trajectory | Plan) -> str:
+    """Draw the normal force of every contact that ever touches over time, and dashed the size of its friction force."""
     contacts = trajectory.contacts
     if contacts is None:
         raise InputError("there are no contacts to draw: the scene has no object", key="object")
-    ax = axes.new_axes(ax)
-    normal, shear = np.asarray(contacts.normal_force), np.asarray(contacts.shear)
-    touching = [k for k in range(len(contacts.names)) if np.any(normal[:, k] > 0.0)]
-    for k, color in zip(touching, axes.colors(len(touching)), strict=True):
-        ax.plot(trajectory.t, normal[:, k], color=color, linewidth=1.5, label=contacts.names[k])
-        ax.plot(trajectory.t, shear[:, k], color=color, linewidth=1.0, linestyle="--")
-    ax.margins(x=0.0)
-    return axes.time_axes(ax, "normal force, dashed: friction [N]", trajectory.name)
+    touching = [k for k in range(len(contacts.names)) if np.any(contacts.normal_force[:, k] > 0.0)]
+    axes.curves(ax, trajectory.t, contacts.normal_force[:, touching].T, [contacts.names[k] for k in touching])
+    axes.curves(ax, trajectory.t, contacts.shear[:, touching].T, [None] * len(touching), linewidth=1.0, linestyle="--")
+    return "normal force, dashed: friction [N]"
 
 
 def plot_modes(
@@ -319,29 +199,8 @@ def plot_modes(
 ) -> list[Axes]:
     """Draw each mode shape at plus and minus an amplitude about the equilibrium, in axes of its own.
 
-    Parameters
-    ----------
-    modes : Modes
-        Frequencies [Hz], damping ratios, equilibrium backbone (points, 2) [m] and shapes (m, points, 2).
-    count : int, optional
-        How many modes to draw, from the lowest; None: as many as there are axes, at most six in a new figure.
-    amplitude : float
-        Greatest displacement drawn, in lengths of the finger.
-    ax : sequence of matplotlib.axes.Axes, or Axes, optional
-        One for each mode; None: axes in a new figure.
-
-    Raises
-    ------
-    InputError
-        There are fewer axes than modes asked for, or fewer modes.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp import plotting
-    >>> found = cg.modes("configs/simulate/standing.yaml")
-    >>> [ax.get_xlabel() for ax in plotting.plot_modes(found, count=1)]
-    ['x [m]']
+    ``count`` modes from the lowest, as many as there are axes where not given, at most six in a new figure; what is
+    displaced most is by ``amplitude`` lengths of the finger.
     """
     present = len(modes.frequencies_hz)
     given = None if ax is None else list(np.ravel(np.asarray(ax, dtype=object)))

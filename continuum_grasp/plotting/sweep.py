@@ -23,26 +23,7 @@ _SHADES = ("#BFBFBF", "#D9D9D9", "#CFC4B8", "#C3CBD3", "#D8C8D0", "#C9D3C3", "#E
 
 
 def plot_map(drawn: Map, *, ax: Axes | None = None) -> Axes:
-    """Draw a quantity over two columns in color; places without a grasp are hatched, or crossed, by reason.
-
-    Parameters
-    ----------
-    drawn : Map
-        Of `continuum_grasp.sweeps`.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; new axes where not given.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from continuum_grasp import plotting
-    >>> from continuum_grasp.sweeps import Map
-    >>> labels = "diameter [m]", "friction [1]", "tension [N]"
-    >>> points = np.array([0.07, 0.08]), np.array([0.3, 0.4]), np.array([5.0, 4.0]), np.array(["", ""])
-    >>> ax = plotting.plot_map(Map(*points, labels))
-    >>> ax.get_xlabel()
-    'diameter [m]'
-    """
+    """Draw a quantity over two columns in color; places without a grasp are hatched, or crossed, by reason."""
     ax = new_axes(ax, 6.6, 4.9)
     ax.grid(False)
     kinds = [str(kind) for kind in dict.fromkeys(drawn.kind[drawn.kind != ""].tolist())]
@@ -56,25 +37,7 @@ def plot_map(drawn: Map, *, ax: Axes | None = None) -> Axes:
 
 
 def plot_front(drawn: Front, *, ax: Axes | None = None) -> Axes:
-    """Draw two quantities against each other, and the front of what no other beats in both.
-
-    Parameters
-    ----------
-    drawn : Front
-        Of `continuum_grasp.sweeps`.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; new axes where not given.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from continuum_grasp import plotting
-    >>> from continuum_grasp.sweeps import Front
-    >>> x, y, best = np.array([1.0, 2.0, 3.0]), np.array([3.0, 1.0, 2.0]), np.array([0, 1])
-    >>> front = Front(x, y, None, best, ("mass [kg]", "tension [N]", ""), "least x and least y are best")
-    >>> plotting.plot_front(front).get_ylabel()
-    'tension [N]'
-    """
+    """Draw two quantities against each other, and the front of what no other beats in both."""
     ax = new_axes(ax, 6.6, 4.9)
     size = _size(drawn.x, 18.0, 5.0)
     if drawn.color is None:

@@ -21,60 +21,16 @@ _INSTANTS = 12
 _STYLES: tuple[Literal["-", "--", ":", "-."], ...] = ("-", "--", ":", "-.")
 
 
-def plot_tensions(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
-    """Draw the tension of every tendon at its drive over time.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Of a finger whose tendons have friction or are wound up: its ``t`` (T,) [s] and ``tensions`` (T, tendons) [N].
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
-
-    Raises
-    ------
-    InputError
-        If tensions are what is commanded.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp import plotting
-    >>> motion = cg.simulate(cg.load("configs/simulate/winch_loop.yaml", ["time.duration=0.05"]))
-    >>> len(plotting.plot_tensions(motion).lines)
-    2
-    """
-    tensions = np.array([along[:, 0] for _, along in _along(trajectory)])
-    ax = axes.new_axes(ax)
-    for k, (own, color) in enumerate(zip(tensions, axes.colors(len(tensions)), strict=True)):
-        ax.plot(trajectory.t, own, color=color, linewidth=1.5, label=f"tendon {k + 1}")
-    ax.margins(x=0.0)
-    return axes.time_axes(ax, "tension at the drive [N]", trajectory.name)
+@axes.over_time()
+def plot_tensions(ax: Axes, trajectory: Trajectory) -> str:
+    """Draw the tension of every tendon at its drive over time."""
+    tensions = [along[:, 0] for _, along in _along(trajectory)]
+    axes.curves(ax, trajectory.t, tensions, [f"tendon {k + 1}" for k in range(len(tensions))])
+    return "tension at the drive [N]"
 
 
 def plot_tensions_along(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
-    """Draw the tension of every tendon along the finger at some instants, colored by time.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Of a finger whose tendons have friction or are wound up: its ``tensions_along``.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
-
-    Raises
-    ------
-    InputError
-        If tensions are what is commanded.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp import plotting
-    >>> motion = cg.simulate(cg.load("configs/simulate/winch_loop.yaml", ["time.duration=0.05"]))
-    >>> plotting.plot_tensions_along(motion).get_xlabel()
-    'position along the finger [m]'
-    """
+    """Draw the tension of every tendon along the finger at some instants, colored by time."""
     along, t = _along(trajectory), np.asarray(trajectory.t)
     chosen = np.unique(np.linspace(0, len(t) - 1, _INSTANTS).round().astype(int))
     ax = axes.new_axes(ax)
@@ -92,28 +48,7 @@ def plot_tensions_along(trajectory: Trajectory, *, ax: Axes | None = None) -> Ax
 
 
 def plot_tension_loop(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes:
-    """Draw the angle of the tip over the tension at the drive, per tendon: friction opens loops.
-
-    Parameters
-    ----------
-    trajectory : Trajectory
-        Of a finger whose tendons have friction or are wound up: its ``tensions`` and ``tip_angle``.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
-
-    Raises
-    ------
-    InputError
-        If tensions are what is commanded.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp import plotting
-    >>> motion = cg.simulate(cg.load("configs/simulate/winch_loop.yaml", ["time.duration=0.05"]))
-    >>> plotting.plot_tension_loop(motion).get_ylabel()
-    'angle of the tip [rad]'
-    """
+    """Draw the angle of the tip over the tension at the drive, per tendon: friction opens loops."""
     along = _along(trajectory)
     ax = axes.new_axes(ax)
     for k, ((_, tensions), color) in enumerate(zip(along, axes.colors(len(along)), strict=True)):

@@ -173,11 +173,12 @@ class Result(Summarized):
         Parameters
         ----------
         ax : matplotlib.axes.Axes, optional
-            Where to draw; axes in a new figure, unknown to pyplot, where not given.
+            Where to draw, of a picture with panels some of them; axes in a new figure, unknown to pyplot, where not
+            given.
         picture : str, optional
             Its name, of `drawable`; the main one where not given.
         **options
-            What else the function that draws it takes, as ``times`` of `continuum_grasp.plotting.plot_snapshots`.
+            What else the function that draws it takes, as ``times`` of snapshots; a wrong one is told what there is.
 
         Returns
         -------
@@ -187,7 +188,7 @@ class Result(Summarized):
         Raises
         ------
         InputError
-            There is no such picture, it takes no such option, or it has panels and ``ax`` is given.
+            There is no such picture, it takes no such option, or it has a figure of its own and ``ax`` is given.
         """
         drawable = {one.name: one for one in (*self.drawable(), *self.on_request)}
         known = ", ".join(drawable) or "none: there is nothing to draw"
@@ -195,21 +196,20 @@ class Result(Summarized):
             raise InputError(f"no such picture of this result: {picture!r}; there are {known}", key="picture")
         chosen = drawable[picture] if picture is not None else next(iter(drawable.values()))
         if ax is not None:
-            if chosen.panels:
-                raise InputError(
-                    f"{chosen.name} has panels in a figure of its own: leave ax out, and take the figure's axes",
-                    key="ax",
-                )
-            if not hasattr(ax, "get_xlim"):
+            takes, several = "ax" in _options_of(chosen), isinstance(ax, list | tuple) or hasattr(ax, "flat")
+            if chosen.panels and not (takes and several):
+                instead = "leave ax out" + (", or give a list of axes" if takes else "")
+                raise InputError(f"{chosen.name} has panels in a figure of its own: {instead}", key="ax")
+            wrong = [one for one in (ax if chosen.panels else [ax]) if not hasattr(one, "get_xlim")]
+            if wrong:
                 named = f"; write picture={ax!r}" if isinstance(ax, str) else ""
-                raise InputError(f"expected matplotlib axes, got {type(ax).__name__}{named}", key="ax")
+                raise InputError(f"expected matplotlib axes, got {type(wrong[0]).__name__}{named}", key="ax")
             options["ax"] = ax
         return self._drawn(chosen, options)
 
     def _drawn(self, picture: Picture, options: Mapping[str, Any]) -> Any:
-        maker = maker_of(picture.maker)
+        maker, taken = maker_of(picture.maker), _options_of(picture)
         given = {**picture.options, **options}
-        taken = {name: one for name, one in inspect.signature(maker).parameters.items() if one.kind is one.KEYWORD_ONLY}
         needed = [name for name, one in taken.items() if one.default is one.empty and name not in given]
         known = ", ".join(name for name in taken if name != "ax") or "none"
         for name in (*(name for name in given if name not in taken), *needed):
@@ -321,6 +321,12 @@ class Result(Summarized):
                 f"expected the folder of a run of {cls.kind}, got that of {run.meta.get('kind')}", file=str(folder)
             )
         return run
+
+
+def _options_of(picture: Picture) -> dict[str, inspect.Parameter]:
+    """What the function that draws a picture takes by name."""
+    parameters = inspect.signature(maker_of(picture.maker)).parameters
+    return {name: one for name, one in parameters.items() if one.kind is one.KEYWORD_ONLY}
 
 
 def _is_there(value: Any) -> bool:

@@ -73,7 +73,7 @@ def map_of(table: SweepTable, x: str, y: str, color: str, reduce: str = "median"
     Returns
     -------
     Map
-        Drawn by `continuum_grasp.plotting.plot_map`.
+        What ``table.plot(picture="map", ...)`` draws.
 
     Raises
     ------
@@ -137,7 +137,7 @@ def front_of(
     Returns
     -------
     Front
-        Drawn by `continuum_grasp.plotting.plot_front`.
+        What ``table.plot(picture="pareto", ...)`` draws.
 
     Raises
     ------

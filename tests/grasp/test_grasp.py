@@ -16,7 +16,6 @@ from benchmarks.grasp_oracle.scenes import one_finger
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.grasp import Status, certify, optimize_grasp
-from continuum_grasp.plotting import plot_grasp
 from continuum_grasp.results import read_run
 from continuum_grasp.scene.finger import PointMass
 from continuum_grasp.scene.grasp import GraspScene
@@ -245,7 +244,7 @@ def test_table_tells_the_figures(mug):
 
 
 def test_picture(mug, tmp_path):
-    assert plot_grasp(mug).get_xlabel() == "x [mm]"
+    assert mug.plot().get_xlabel() == "x [mm]"
     assert [file.name for file in mug.save_pictures(tmp_path)] == ["grasp.png", "report.html"]
     assert (tmp_path / "grasp.png").stat().st_size > 10_000
 

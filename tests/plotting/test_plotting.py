@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from continuum_grasp import plotting
 from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.plotting import motion as plotting
 from continuum_grasp.results import MotionResult, save_picture
 from continuum_grasp.scene import Finger, Rod
 from continuum_grasp.simulation import Trajectory

@@ -103,8 +103,8 @@ def test_a_motion_shows_thickness_and_tendons():
         initial={"pose": "straight"},
         time={"duration": 0.01, "step": 0.005},
     )
-    from continuum_grasp import plotting
+    from continuum_grasp.plotting.motion import plot_snapshots
 
-    ax = plotting.plot_snapshots(cg.simulate(scene), times=[0.0, 0.01])
+    ax = plot_snapshots(cg.simulate(scene), times=[0.0, 0.01])
     assert sum(patch.get_zorder() == Z.BODY for patch in ax.patches) == 2
     assert sum(line.get_zorder() == Z.TENDON for line in ax.lines) == 2  # its run, and its end

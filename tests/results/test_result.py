@@ -254,6 +254,9 @@ def test_pictures_are_drawn_where_and_as_asked_for(several: list[Result]) -> Non
                 assert ax.has_data()
     motion = several[0]
     assert len(motion.plot(times=[0.0, 0.05]).collections[0].get_segments()) == 2
+    modes = next(result for result in several if isinstance(result, Modes))
+    figure = Figure()
+    assert modes.plot([figure.add_subplot()]) is figure
 
 
 @pytest.mark.parametrize(

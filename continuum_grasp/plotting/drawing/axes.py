@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.labels import name_of
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW, Z
@@ -116,11 +116,27 @@ def head(ax: Axes, name: str | None, columns: int = 4) -> None:
         ax.set_title(name or " ", fontsize=10, color=INK, loc="left", pad=7.0 + 15.0 * rows)
 
 
-def time_axes(ax: Axes, text: str, name: str | None, columns: int = 4) -> Axes:
-    """Finish axes over time: what is drawn, with its unit, and what stands above."""
-    label(ax, "time [s]", text)
-    head(ax, name, columns)
-    return ax
+def over_time(columns: int = 4) -> Callable[[Callable[[Axes, Any], str]], Callable[..., Axes]]:
+    """Make a picture of what draws curves of a result over time into axes, and returns what they are, with the unit."""
+
+    def decorate(draw: Callable[[Axes, Any], str]) -> Callable[..., Axes]:
+        def plot(result: Any, *, ax: Axes | None = None) -> Axes:
+            ax = new_axes(ax)
+            ax.margins(x=0.0)
+            label(ax, "time [s]", draw(ax, result))
+            head(ax, result.name, columns)
+            return ax
+
+        plot.__doc__ = draw.__doc__
+        return plot
+
+    return decorate
+
+
+def curves(ax: Axes, t: ArrayLike, rows: Iterable[ArrayLike], names: Sequence[str | None], **style: Any) -> None:
+    """Draw rows (T,) over instants t (T,), each in a color of its own."""
+    for values, name, color in zip(rows, names, colors(len(names)), strict=True):
+        ax.plot(t, values, **{"color": color, "linewidth": 1.4, "label": name, **style})
 
 
 def words(name: str) -> str:

@@ -31,21 +31,6 @@ def plot_closing(result: GraspResult, *, ax: Axes | None = None) -> Axes:
 
     Lines are the fingers' central lines, darker the farther the tensions have grown; dots are places that press on the
     object, as large as they press; the dashed line is the grasp.
-
-    Parameters
-    ----------
-    result : GraspResult
-        Of a scene with ``closing``.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp import plotting
-    >>> result = cg.optimize_grasp(cg.load("configs/grasp/pinch.yaml", ["closing={}"]))
-    >>> plotting.plot_closing(result).get_xlabel()
-    'x [mm]'
     """
     view, path = GraspView(result), result.closing
     if path is None:

@@ -27,21 +27,6 @@ def plot_friction(result: GraspResult, *, ax: Axes | None = None) -> Axes:
 
     Friction in the plane is drawn to the right, lift upward. A dot on the rim is about to slip: its distance from the
     rim is the friction margin. Nothing is drawn where there is no grasp.
-
-    Parameters
-    ----------
-    result : GraspResult
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp import plotting
-    >>> result = cg.optimize_grasp("configs/grasp/mug_arcs.yaml")
-    >>> ax = plotting.plot_friction(result)
-    >>> [text.get_text() for text in ax.texts][1:]
-    ['finger.middle', 'finger.tip', 'palm']
     """
     from matplotlib.patches import Circle
 

@@ -55,31 +55,13 @@ def plot_grasp(
     """Draw a grasp in the plane of the fingers, in millimeters.
 
     Arrows are the forces that the object bears, and its weight; the light wedges are the friction cones. Where
-    friction carries weight out of the plane, the darker part of a wedge is what lift leaves for friction in it.
+    friction carries weight out of the plane, the darker part of a wedge is what lift leaves for friction in it. Where
+    there is no verified grasp the closest attempt is drawn in gray and without forces, and where there is none the
+    scene as it starts; the title reports it, and why.
 
-    Parameters
-    ----------
-    result : GraspResult
-        Where there is no verified grasp the closest attempt is drawn in gray and without forces, and where there is
-        none the scene as it starts; the title reports it, and why.
-    ax : matplotlib.axes.Axes, optional
-        Where to draw; None: axes in a new figure.
-    tendons : bool, optional
-        Draw the tendons.
-    numbers : bool, optional
-        Write the forces: beside the drawing in a new figure, with the friction by contact where it acts out of the
-        plane too; in the labels in axes that are given.
-    resisted : array_like, shape (D, 2), optional
-        Greatest resisted force in each of D directions around the circle [N], drawn below the numbers.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp import plotting
-    >>> scene = cg.load("configs/grasp/pinch.yaml", ["solver.max_iterations=1"])
-    >>> result = cg.optimize_grasp(scene, raise_on_failure=False)
-    >>> plotting.plot_grasp(result).get_xlabel()
-    'x [mm]'
+    ``numbers`` writes the forces: beside the drawing in a new figure, with the friction by contact where it acts out of
+    the plane too; in the labels in axes that are given. ``resisted`` (D, 2) is the greatest resisted force in each of D
+    directions around the circle [N], drawn below the numbers.
     """
     view = GraspView(result)
     alone = ax is None

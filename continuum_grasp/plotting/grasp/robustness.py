@@ -32,24 +32,6 @@ def plot_robustness(result: GraspResult) -> list[Axes]:
     """Draw the grasp for all errors and that without errors, and the friction margins of both in random draws.
 
     Of tendons with friction also postures with other friction states.
-
-    Parameters
-    ----------
-    result : GraspResult
-        Of a scene with ``robust``, or of tendons whose friction states must not matter.
-
-    Returns
-    -------
-    list of matplotlib.axes.Axes
-        Of the shapes, and of the margins.
-
-    Examples
-    --------
-    >>> import continuum_grasp as cg
-    >>> from continuum_grasp.plotting import plot_robustness
-    >>> scene = cg.load("configs/grasp/mug_arcs.yaml").changed({"robust": {"friction": 0.1, "draws": 10}})
-    >>> [ax.get_xlabel() for ax in plot_robustness(cg.optimize_grasp(scene))]
-    ['x [m]', 'least friction margin of a draw [1]']
     """
     if result.robustness is None:
         raise InputError(
