@@ -77,7 +77,7 @@ def test_an_import_is_finished_first(tmp_path):
 @pytest.mark.parametrize("name", ["fsync", "replace"])
 def test_a_file_that_is_complete_gets_its_name_first(tmp_path, name):
     code = """
-        from continuum_grasp.results import replacing
+        from continuum_grasp.results.atomic import replacing
         real = getattr(os, sys.argv[2])
         def pressing(*arguments):
             press()
@@ -97,7 +97,7 @@ def test_a_file_that_is_complete_gets_its_name_first(tmp_path, name):
 
 def test_a_file_that_is_not_complete_is_not_there(tmp_path):
     code = """
-        from continuum_grasp.results import replacing
+        from continuum_grasp.results.atomic import replacing
         with interrupt.listening():
             try:
                 with replacing(sys.argv[1]) as temporary:

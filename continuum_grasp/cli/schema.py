@@ -26,7 +26,7 @@ def schema(
     out: Annotated[Path | None, out_option("Write all schemas into this folder.")] = None,
 ) -> None:
     """JSON Schema of the configurations, for editors."""
-    from continuum_grasp.results import write_text
+    from continuum_grasp.results.atomic import write_text
     from continuum_grasp.scene.kinds import KINDS
     from continuum_grasp.scene.schema import json_schema, schema_files, schema_text
 

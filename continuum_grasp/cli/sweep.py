@@ -43,7 +43,7 @@ def sweep(
     folder = output.folder
     output.check_folder()
     if plot_only:
-        from continuum_grasp.results import begin_run
+        from continuum_grasp.results.record import begin_run
         from continuum_grasp.sweeps import sweep_table
         from continuum_grasp.sweeps.folder import PLAN
         from continuum_grasp.sweeps.plan import plan_of

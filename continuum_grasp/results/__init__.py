@@ -11,22 +11,20 @@ from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
     from continuum_grasp.results.animation import save_picture as save_picture
-    from continuum_grasp.results.atomic import replacing as replacing
-    from continuum_grasp.results.atomic import write_text as write_text
     from continuum_grasp.results.declared import Dimension as Dimension
     from continuum_grasp.results.declared import File as File
     from continuum_grasp.results.declared import Picture as Picture
     from continuum_grasp.results.declared import Stored as Stored
     from continuum_grasp.results.motion import MotionResult as MotionResult
-    from continuum_grasp.results.record import begin_run as begin_run
-    from continuum_grasp.results.record import kind_of_run as kind_of_run
-    from continuum_grasp.results.record import note_part as note_part
     from continuum_grasp.results.result import Result as Result
     from continuum_grasp.results.run_folder import Run as Run
-    from continuum_grasp.results.run_folder import pack_run as pack_run
     from continuum_grasp.results.run_folder import read_run as read_run
     from continuum_grasp.results.run_folder import write_run as write_run
 
 _MODULES = checked_imports(__name__)
 __all__ = [name for names in _MODULES.values() for name in names]
-__getattr__, __dir__ = lazy_names(__name__, _MODULES)
+_GONE = dict.fromkeys(
+    ("begin_run", "kind_of_run", "note_part", "pack_run", "replacing", "write_text"),
+    "of the package alone; write_run and result.save write whole files",
+)
+__getattr__, __dir__ = lazy_names(__name__, _MODULES, _GONE)

@@ -13,13 +13,7 @@ from continuum_grasp.results.record import note_file
 
 
 def check_folder(folder: str | os.PathLike[str]) -> None:
-    """Refuse a folder that is a file, or that cannot be made or written; nothing is written.
-
-    Raises
-    ------
-    InputError
-        The folder, or the nearest one above it that exists, is no folder or cannot be written.
-    """
+    """Refuse a folder that is a file, or that cannot be made or written; nothing is written."""
     path = Path(folder)
     there = next(place for place in (path, *path.absolute().parents) if place.exists())
     if not there.is_dir():
@@ -30,41 +24,13 @@ def check_folder(folder: str | os.PathLike[str]) -> None:
 
 @contextlib.contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Write a file under a temporary name and give it its own name once it is complete.
+    """Write a file under a temporary name and give it its own name once it is complete; folders are made.
 
-    The body writes the path it is given, which lies in the same folder, ends in the same suffix and begins
-    with ``.tmp-``. When the body ends without an error the file is flushed to the disk and renamed over
-    ``path``; whoever opens ``path`` sees the old content or the new one, never a part. When the body raises,
-    ``path`` is as before and the temporary file is removed. A killed process leaves ``path`` as before and
-    may leave the temporary file. In the folder of a run the file is recorded as the run's.
-
-    Parameters
-    ----------
-    path : path-like
-        File to write; missing folders are made.
-
-    Yields
-    ------
-    pathlib.Path
-        Where the body is to write.
-
-    Raises
-    ------
-    OSError
-        The folder cannot be made or the file not be written; it names the file.
-    FileNotFoundError
-        The body wrote nothing.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from tempfile import mkdtemp
-    >>> from continuum_grasp.results import replacing
-    >>> path = Path(mkdtemp()) / "numbers.csv"
-    >>> with replacing(path) as temporary:
-    ...     count = temporary.write_text("1,2")
-    >>> path.read_text()
-    '1,2'
+    The body writes the path it is given, which lies in the same folder, ends in the same suffix and begins with
+    ``.tmp-``. When the body ends without an error the file is flushed to the disk and renamed over ``path``; whoever
+    opens ``path`` sees the old content or the new one, never a part. When the body raises, ``path`` is as before and
+    the temporary file is removed. A killed process leaves ``path`` as before and may leave the temporary file. In the
+    folder of a run the file is recorded as the run's.
     """
     target = Path(path)
     with naming(target):
@@ -83,20 +49,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def write_text(text: str, path: str | os.PathLike[str]) -> Path:
-    """Write a text file, UTF-8 with line feeds, whole or not at all; returns its path.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-
-    Examples
-    --------
-    >>> from tempfile import mkdtemp
-    >>> from continuum_grasp.results import write_text
-    >>> write_text("held", mkdtemp() + "/report.txt").read_text()
-    'held'
-    """
+    """Write a text file, UTF-8 with line feeds, whole or not at all; returns its path."""
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
     return Path(path)

@@ -54,35 +54,8 @@ def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, retain
     """Make a folder that of a new run: what an earlier run wrote and has not been changed since is removed.
 
     A file is recorded with its content's SHA-256 before it gets its name, so a process killed at any instant leaves
-    no file of its own unrecorded. Files that no run wrote, and files changed since, stay.
-
-    Parameters
-    ----------
-    folder : path-like
-        Made where missing.
-    kind : str, optional
-        What the run is: the name of a command.
-    retained : collection of str, optional
-        Files that stay: the caller replaces them next, or they are of this run already.
-
-    Returns
-    -------
-    pathlib.Path
-        The folder.
-
-    Raises
-    ------
-    OSError
-        The folder cannot be written.
-
-    Examples
-    --------
-    >>> from tempfile import mkdtemp
-    >>> from continuum_grasp.results import begin_run, write_text
-    >>> folder = begin_run(mkdtemp(), "grasp")
-    >>> path = write_text("a picture", folder / "grasp.svg")
-    >>> path.exists(), begin_run(folder, "grasp") == folder, path.exists()
-    (True, True, False)
+    no file of its own unrecorded. Files that no run wrote, and files changed since, stay; so do those of ``retained``,
+    which the caller replaces next, or which are of this run already. ``kind`` is the command that makes the run.
     """
     target = Path(folder)
     target.mkdir(parents=True, exist_ok=True)
@@ -99,19 +72,7 @@ def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, retain
 
 
 def kind_of_run(folder: str | os.PathLike[str]) -> str | None:
-    """The command whose run or C package is in a folder; None where there is none, or it does not say.
-
-    Parameters
-    ----------
-    folder : path-like
-
-    Examples
-    --------
-    >>> from tempfile import mkdtemp
-    >>> from continuum_grasp.results import begin_run, kind_of_run
-    >>> kind_of_run(begin_run(mkdtemp(), "grasp"))
-    'grasp'
-    """
+    """The command whose run or C package is in a folder; None where there is none, or it does not say."""
     kind = _read(Path(folder))["kind"]
     if isinstance(kind, str):
         return kind
@@ -132,22 +93,7 @@ def note_file(target: Path, content: Path) -> None:
 
 
 def note_part(folder: Path, name: str) -> None:
-    """Record that the run in a folder below belongs to this one.
-
-    Parameters
-    ----------
-    folder : pathlib.Path
-        Of a run.
-    name : str
-        Of a folder in it.
-
-    Examples
-    --------
-    >>> from tempfile import mkdtemp
-    >>> from continuum_grasp.results import begin_run, note_part
-    >>> folder = begin_run(mkdtemp(), "mpc")
-    >>> note_part(folder, "grasp")  # the next run in the folder removes that one too
-    """
+    """Record that the run in a folder below, of this name, belongs to this one: the next run here removes it too."""
     record = _read(folder)
     if record["known"]:
         _write(folder, {**record, "parts": sorted({*record["parts"], name})})

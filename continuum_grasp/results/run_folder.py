@@ -132,32 +132,7 @@ def write_run(folder: str | os.PathLike[str], arrays: Mapping[str, Any], meta: M
 
 
 def pack_run(arrays: Mapping[str, Any], meta: Mapping[str, Any] | None = None) -> bytes:
-    """The content of ``result.npz`` alone, for who writes many runs and does that elsewhere; `read_run` reads it.
-
-    Parameters
-    ----------
-    arrays, meta : mapping
-        As in `write_run`.
-
-    Returns
-    -------
-    bytes
-
-    Raises
-    ------
-    InputError
-        As in `write_run`.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from tempfile import mkdtemp
-    >>> from continuum_grasp.results import pack_run, read_run
-    >>> folder = Path(mkdtemp())
-    >>> count = (folder / "result.npz").write_bytes(pack_run({"force": [1.0, 2.0]}))
-    >>> read_run(folder).arrays["force"]
-    array([1., 2.])
-    """
+    """The content of ``result.npz`` alone, for who writes many runs and does that elsewhere; `read_run` reads it."""
     return _packed(arrays, json.dumps(_complete(meta or {}), separators=(",", ":"), allow_nan=False))
 
 

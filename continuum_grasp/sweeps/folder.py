@@ -17,9 +17,8 @@ from pathlib import Path
 from typing import IO, Any
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.results import begin_run, kind_of_run, write_text
-from continuum_grasp.results.atomic import naming
-from continuum_grasp.results.record import created_now, versions
+from continuum_grasp.results.atomic import naming, write_text
+from continuum_grasp.results.record import begin_run, created_now, kind_of_run, versions
 from continuum_grasp.scene.document import refuse_what_is_no_file
 from continuum_grasp.sweeps.plan import Plan, differences
 

@@ -16,7 +16,7 @@ from typing import Any
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments, choice, whole
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted, SolverError
-from continuum_grasp.results import begin_run
+from continuum_grasp.results.record import begin_run
 from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.grasp import GraspScene

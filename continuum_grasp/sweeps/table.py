@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
-from continuum_grasp.results import replacing
+from continuum_grasp.results.atomic import replacing
 from continuum_grasp.results.declared import Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.problems import nearest

@@ -13,7 +13,7 @@ from continuum_grasp.export import export_c, export_fmu, export_mjcf, export_web
 from continuum_grasp.export.destination import is_marked
 from continuum_grasp.export.fmu import write as units
 from continuum_grasp.export.manifest import write_package
-from continuum_grasp.results import write_text
+from continuum_grasp.results.atomic import write_text
 from tests.export_cases import TENDONS, scene
 
 FILES = {export_web: "page.html", export_mjcf: "chain.xml"}

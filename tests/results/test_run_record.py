@@ -17,8 +17,9 @@ from continuum_grasp.cli import app
 from continuum_grasp.core.cache import cache_folder, library_for
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError
-from continuum_grasp.results import begin_run, kind_of_run, note_part, read_run, replacing, write_run
-from continuum_grasp.results.atomic import naming
+from continuum_grasp.results import read_run, write_run
+from continuum_grasp.results.atomic import naming, replacing
+from continuum_grasp.results.record import begin_run, kind_of_run, note_part
 from continuum_grasp.sweeps.folder import write_run_files
 from tests.said import said
 

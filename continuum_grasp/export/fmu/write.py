@@ -32,7 +32,7 @@ from continuum_grasp.export.fmu.variable import Unit
 from continuum_grasp.export.manifest import manifest_text, strict_flags, write_files
 from continuum_grasp.export.source import chosen, names_of, prefix_of
 from continuum_grasp.export.template import fill
-from continuum_grasp.results import replacing
+from continuum_grasp.results.atomic import replacing
 from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of

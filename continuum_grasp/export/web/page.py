@@ -34,7 +34,7 @@ from continuum_grasp.export.template import fill
 from continuum_grasp.export.web.plant import PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.export.web.record import Record, loop_record, rounded, trajectory_record
 from continuum_grasp.export.web.wasm import add_sizes, compiled
-from continuum_grasp.results import write_text
+from continuum_grasp.results.atomic import write_text
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
