@@ -9,8 +9,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.model.collocated import CollocatedLink
-from continuum_grasp.model.family import Array, Family, Rod, mean
+from continuum_grasp.model.family import Family, Rod, mean
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import collocation, node_count

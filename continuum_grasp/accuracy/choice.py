@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.accuracy.truth import STATIONS, TrueCase, Truth
+from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
@@ -161,7 +161,6 @@ def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> fl
     return next((r for r in RANGES if r >= wanted), None)
 
 
-Array = NDArray[np.float64]
 Curve = Callable[[Array], Array]
 
 

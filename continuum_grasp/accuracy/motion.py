@@ -9,10 +9,10 @@ from time import get_clock_info, perf_counter, thread_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.accuracy.choice import choices
 from continuum_grasp.accuracy.truth import Truth
+from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel
@@ -22,8 +22,6 @@ from continuum_grasp.scene.simulate import Scene, Timing
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.simulate import simulate
-
-Array = NDArray[np.float64]
 
 _FINE = (8, 12)
 """Clothoids of the two reference motions; their difference shows how good the second is, by the fourth order."""

@@ -12,9 +12,9 @@ from itertools import accumulate
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.accuracy.choice import coordinates_near, relative_errors
+from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, NumericalError, SolverError
 from continuum_grasp.model import FingerModel
@@ -27,8 +27,6 @@ from continuum_grasp.simulation.simulate import simulate
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import equilibrium
 from continuum_grasp.simulation.trajectory import Trajectory, backbones
-
-Array = NDArray[np.float64]
 
 _BELIEVED = 0.5
 """Share of a family's order of convergence that is believed [1]: few elements, tapers and friction reach no more. Of

@@ -9,16 +9,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import SolverError
 from continuum_grasp.rod.elastica import Elastica, solve_elastica
 from continuum_grasp.rod.frequencies import natural_frequencies
 from continuum_grasp.scene.loads import Actuation, ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.simulate import SEVERAL_MODELS, Scene
 from continuum_grasp.simulation.signals import interpolate, value_of
-
-Array = NDArray[np.float64]
 
 STATIONS = 101
 """Places along the finger, base and tip among them, at which shapes are compared: 1 % of the length apart."""

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.design.expression import Expression
 from continuum_grasp.design.grasps import CaseGrasps, Effort, LostGrasp, fingers_mass
 from continuum_grasp.design.held import Along, Stencil, StructureChanges
@@ -19,7 +18,6 @@ from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.scene.design_space import DesignSpace
 from continuum_grasp.scene.grasp import GraspScene
 
-Array = NDArray[Any]
 Signs = tuple[float, ...]
 """Errors of what is tolerated, as parts of the greatest error, -1 to 1."""
 

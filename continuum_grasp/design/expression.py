@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping
-from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.scene.design import names_in
-
-Array = NDArray[Any]
 
 _FUNCTIONS = {"sqrt": ca.sqrt, "exp": ca.exp, "log": ca.log}
 

@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.design.held import HeldGrasp, Stencil, moved_start
 from continuum_grasp.grasp.certificate.certificate import certify
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
@@ -26,8 +26,6 @@ from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
-
-Array = NDArray[Any]
 
 MASS = next(one for one in RELAXATIONS if one.name == "mass")
 SAME = 1e-4

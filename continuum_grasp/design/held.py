@@ -23,9 +23,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, LinAlgWarning, lstsq, solve
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
 from continuum_grasp.grasp.problem.structure import ProblemSpec
@@ -36,7 +36,6 @@ from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.grasp import GraspScene
 
-Array = NDArray[Any]
 Along = Callable[[float], GraspScene]
 """Scenes along a direction of designs, by the distance from here."""
 

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import Bounds, minimize
 from scipy.stats.qmc import Halton
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.design.evaluation import DesignProblem, Evaluation
 from continuum_grasp.design.grasps import SAME, LostGrasp
 from continuum_grasp.design.manufacture import HOLDS, worse_than_known, worst_cases
@@ -26,7 +26,6 @@ from continuum_grasp.scene.design import Design
 from continuum_grasp.scene.design_space import DesignSpace, design_space_of
 from continuum_grasp.scene.load import placed_scene_of
 
-Array = NDArray[Any]
 Acting = tuple[tuple[float, ...], ...]
 
 _LOST = 1e2

@@ -8,17 +8,14 @@ from enum import StrEnum
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.design.evaluation import Evaluation, Signs
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.design import QUANTITIES, Design
 from continuum_grasp.scene.design_space import DesignSpace
-
-Array = NDArray[Any]
-
 
 _MOST_WARNINGS = 3
 """Warnings of grasps that are listed: cases of one finger have the same as a rule."""

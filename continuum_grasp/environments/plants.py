@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.closed_loop.readings import tracked_expression
 from continuum_grasp.control.ocp.cost_terms import Outputs
@@ -30,8 +31,6 @@ from continuum_grasp.scene.value import doubt
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.sweeps.plan import Plan, Point, plan_of
 from continuum_grasp.sweeps.worker import scene_data, scene_of_data
-
-Array = NDArray[np.float64]
 
 MOST_SCENES = 10_000
 """Scenes of a sweep that an environment draws from [1]: each is checked beforehand, in about 5 ms."""

@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import sensor_expressions
 from continuum_grasp.closed_loop.readings import tracked_expression
 from continuum_grasp.control.estimation.noise import measurement_std
@@ -20,8 +21,6 @@ from continuum_grasp.core.call import pointer
 from continuum_grasp.core.source import filled, in_lanes, template
 from continuum_grasp.environments.plants import Plants
 from continuum_grasp.errors import InputError
-
-Array = NDArray[np.float64]
 
 STATE = "state"
 """Sensor that reads the whole state of the plant, exactly and at once."""

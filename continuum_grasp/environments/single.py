@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.environments.vector import FingerVectorEnv
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.sweep import Sweep
@@ -18,8 +18,6 @@ from continuum_grasp.scene.sweep import Sweep
 # isort: split
 import gymnasium
 from gymnasium.vector import AutoresetMode
-
-Array = NDArray[np.float64]
 
 
 class FingerEnv(gymnasium.Env[Array, Array]):

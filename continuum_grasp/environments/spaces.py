@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.estimation.noise import measurement_range
 from continuum_grasp.control.ocp.cost_terms import UNLIMITED
 from continuum_grasp.environments.plants import Plants
 from continuum_grasp.environments.sensing import STATE, Sensing
-
-Array = NDArray[np.float64]
 
 _FRICTION = 2.0
 """Greatest friction state of a contact [1]; one that slides is 1, and a step may overshoot."""

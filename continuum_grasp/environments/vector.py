@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments, whole
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import choose_method
 from continuum_grasp.environments.plants import Plants, plants_of, rows_of, scenes_of
 from continuum_grasp.environments.sensing import sensing_of
@@ -28,8 +29,6 @@ try:
     from gymnasium.vector.utils import batch_space
 except ImportError as error:
     raise InputError("environments need the extra 'gym': pip install 'continuum-grasp[gym]'") from error
-
-Array = NDArray[np.float64]
 
 
 class Ended(Enum):

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from continuum_grasp.model.family import Array, Family, Rod, mean
+from continuum_grasp.arrays import Array
+from continuum_grasp.model.family import Family, Rod, mean
 from continuum_grasp.model.graded import GradedLink, Shapes, measured_rule
 from continuum_grasp.model.link import Bias, Inertia, Link, LoadedLink, Section, is_end
 from continuum_grasp.model.planar import Rotation, Scalar, Vec, weighted_sum

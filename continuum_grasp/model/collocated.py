@@ -21,11 +21,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.model.link import Bias, Inertia, Link, Section, is_end
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec
 from continuum_grasp.model.quadrature import Collocation
 from continuum_grasp.model.stumpff import rotation
-from continuum_grasp.model.tabulated import Array, Directions, LinkTable, TabulatedLink
+from continuum_grasp.model.tabulated import Directions, LinkTable, TabulatedLink
 
 
 class CollocatedLink(Link):

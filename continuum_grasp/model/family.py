@@ -15,14 +15,12 @@ from itertools import accumulate
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.profile import Curve, integral, smooth_parts
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,7 @@ class Mesh:
         """Parts of an element [m] on which curves are smooth, from base to tip."""
         return smooth_parts(self.ends[-1], curves, *self.span(element))
 
-    def integral(self, a: float, b: float, values: Callable[[Array], Array], *curves: Curve) -> NDArray[np.float64]:
+    def integral(self, a: float, b: float, values: Callable[[Array], Array], *curves: Curve) -> Array:
         """Integral (...) from a to b [m] of values (..., M) at places (M,), smooth where curves are."""
         return integral(values, smooth_parts(self.ends[-1], curves, a, b))
 

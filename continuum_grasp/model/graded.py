@@ -9,9 +9,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.collocated import CollocatedLink
-from continuum_grasp.model.family import Array, Rod
+from continuum_grasp.model.family import Rod
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.quadrature import STRICT, Collocation, graded_collocation
 from continuum_grasp.scene.profile import Curve, integral, nodes_of, smooth_parts

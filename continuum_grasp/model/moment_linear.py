@@ -15,8 +15,9 @@ from functools import cached_property
 
 import numpy as np
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.model.collocated import CollocatedLink
-from continuum_grasp.model.family import Array, Family, Mesh, Rod, mean
+from continuum_grasp.model.family import Family, Mesh, Rod, mean
 from continuum_grasp.model.graded import GradedLink, Shapes, measured_rule
 from continuum_grasp.model.link import LoadedLink
 from continuum_grasp.model.planar import Scalar

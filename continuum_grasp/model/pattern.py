@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.model.arc import Arc
 from continuum_grasp.model.collocated import CollocatedLink
-from continuum_grasp.model.family import Array, Family, Rod
+from continuum_grasp.model.family import Family, Rod
 from continuum_grasp.model.link import is_end
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.model.structure import Structure

@@ -23,15 +23,13 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.equations import Equations
 from continuum_grasp.model.laws.section import STATEFUL, Bend, Port, SectionLaw
 from continuum_grasp.model.link import EndBody
 from continuum_grasp.model.planar import ZERO, Rotation, Scalar, Vec, column
-
-Array = NDArray[np.float64]
 
 SECTION = 3
 """Entries of the velocity of a section: two of its position, one of its angle [1]."""

@@ -14,13 +14,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.model.link import Bias, Inertia, Section
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
 from continuum_grasp.model.stumpff import rotation
-
-Array = NDArray[np.float64]
 
 
 class Directions:

@@ -14,14 +14,12 @@ from itertools import pairwise
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.model.family import Family
 from continuum_grasp.model.planar import Scalar
 from continuum_grasp.scene.profile import Channel, Curve
 from continuum_grasp.scene.tendons import Tendon
-
-Array = NDArray[np.float64]
 
 _BEND_ROUNDING = 1e-3
 """Bend of the whole finger below which the capstan law is rounded off to stay smooth [rad]: with a coefficient of 0.5

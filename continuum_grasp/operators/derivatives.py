@@ -19,10 +19,9 @@ from functools import cached_property
 from typing import Any, Protocol
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.arguments import choice
+from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.core.batches import Batch, Scan
 from continuum_grasp.core.calls import straight_function
@@ -30,7 +29,6 @@ from continuum_grasp.core.integrators import differentiated_step, step_function
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.integrators import CONTROL_METHODS, SIMULATION_METHODS
 
-Array = NDArray[np.float64]
 Arrays = list[Any]
 """Arrays of a toolkit, rows first."""
 Check = Callable[[Sequence[Array]], None]

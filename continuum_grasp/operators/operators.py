@@ -10,9 +10,9 @@ from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments, choice, positive, shown, whole
+from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.core.call import check_moment, finite, functions_of, section_check
 from continuum_grasp.errors import InputError, NumericalError
@@ -22,8 +22,6 @@ from continuum_grasp.model.remade import Remade
 from continuum_grasp.operators.derivatives import Operator, Point, Recursion, held_step
 from continuum_grasp.scene.integrators import INTEGRATORS
 from continuum_grasp.summary import Summarized
-
-Array = NDArray[np.float64]
 
 
 class Operators(Remade, Summarized, ABC):

@@ -14,11 +14,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arrays import Array, Indices
 from continuum_grasp.nlp import NLP, Constraints, Multipliers, Start
 from continuum_grasp.planning.shooting import Term
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 OBJECTIVE = -1
 """Row number that stands for the objective."""

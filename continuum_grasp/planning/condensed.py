@@ -15,16 +15,14 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from continuum_grasp import interrupt
+from continuum_grasp.arrays import Array
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Status
 from continuum_grasp.nlp.optimality import optimality_error
 from continuum_grasp.planning.problem import PlanProblem
-
-Array = NDArray[np.float64]
 
 _FIRST_RADIUS, _LARGEST, _SMALLEST = 1.0, 1e3, 1e-9
 """Radius of the trust region [units of the problem]: at first inputs change by as much as their range."""

@@ -7,10 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.nlp import Attempt, Violation
 from continuum_grasp.planning.problem import PlanProblem
-
-Array = NDArray[np.float64]
 
 _OUTSIDE = 1e-5
 """Excess of a bound, in units of the problem, that counts as none."""

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, Signal
@@ -21,8 +21,6 @@ from continuum_grasp.planning.motion import Motion, parameters_over_time
 from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.result import Deviation, Plan, PlanStatus
 from continuum_grasp.scene.plan import PlanScene
-
-Array = NDArray[np.float64]
 
 PARTS = 4
 """Parts of an interval at which bounds are looked at."""

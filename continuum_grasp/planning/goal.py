@@ -6,14 +6,12 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import Term, derived
 from continuum_grasp.scene.reach import check_reach
-
-Array = NDArray[np.float64]
 
 _STILL_WHEN_RELAXED = 1e4
 """Weight of rest against the distance from a goal that cannot be reached: the nearest plan ends at rest too."""

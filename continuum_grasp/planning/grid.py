@@ -7,17 +7,14 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array, Indices
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.errors import InputError
 from continuum_grasp.nlp import Block
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import Term, derived, shooting_interval
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _LONGER = 2.0
 """Factor by which a duration is expected to be longer than where the search begins."""

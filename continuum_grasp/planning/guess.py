@@ -10,8 +10,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.prediction import Prediction, start_state
 from continuum_grasp.errors import InputError, Interrupted, SolverError
 from continuum_grasp.planning.goal import GoalPart
@@ -19,8 +19,6 @@ from continuum_grasp.planning.motion import Motion
 from continuum_grasp.scene.finger import BasePose
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.plan import PlanScene, RowAim
-
-Array = NDArray[np.float64]
 
 _ITERATIONS = 60
 """Most steps of the least squares for the final posture [1]; the plan's solver closes what they leave."""

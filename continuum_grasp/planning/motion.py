@@ -8,8 +8,9 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.ocp.bounds import HARD, state_bounds
 from continuum_grasp.control.ocp.cost_terms import Outputs, cost_terms
 from continuum_grasp.control.ocp.setpoints import missed_setpoints, setpoints
@@ -19,8 +20,6 @@ from continuum_grasp.planning.shooting import Term, compiled, derived
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.signals import interpolate
-
-Array = NDArray[np.float64]
 
 _COMPILE_FROM = 150_000
 """Instructions of the second derivatives at all intervals from which on compiling them pays."""

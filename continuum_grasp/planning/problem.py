@@ -7,17 +7,14 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array, Indices
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.goal import goal_parts
 from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting, default_substeps
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import derived
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _BACKWARDS = 1e3
 """Unit of sliding, per the usual sliding [1]. Constraints hold to 1e-5; sliding back at a hundredth of the usual speed

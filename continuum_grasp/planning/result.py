@@ -11,8 +11,9 @@ from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.model import System
 from continuum_grasp.planning.motion import parameters_over_time
@@ -20,8 +21,6 @@ from continuum_grasp.results.declared import TIME, XY, Dimension, Picture, Store
 from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.contacts import ContactForces
-
-Array = NDArray[np.float64]
 
 _ACTIVE = 1e-6
 """Multiplier above which a bound counts as active, in the units of `Constraint.multipliers`."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, new_solver
 from continuum_grasp.planning.condensed import Condensed
@@ -26,8 +27,6 @@ from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.problem import OneWay, PlanProblem
 from continuum_grasp.planning.result import Plan
 from continuum_grasp.scene.plan import PlanScene
-
-Array = NDArray[np.float64]
 
 FEASIBLE = 1e-6
 """Violation below which constraints count as satisfied [units of the problem]: 100 times the solver's tolerance."""

@@ -8,10 +8,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.nlp import Attempt
 from continuum_grasp.planning.diagnosis import missed_goals
@@ -25,8 +25,6 @@ from continuum_grasp.scene.plan import PlanScene
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
-
-Array = NDArray[np.float64]
 
 
 @interrupt.listening()

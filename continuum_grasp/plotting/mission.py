@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.plotting.drawing import bodies
 from continuum_grasp.plotting.drawing.axes import Box, bend_box, colors, head, new_figure, quiet, show_box, words
 from continuum_grasp.plotting.drawing.film import Film
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from continuum_grasp.mission.outcomes import Outcome
     from continuum_grasp.mission.result import MissionRun
 
-Array = NDArray[Any]
 
 _SEEN = 0.05
 """Share of the greatest force below which a force is not drawn: its arrow would be shorter than its head."""

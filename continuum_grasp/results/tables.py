@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import split_unit
 from continuum_grasp.results.declared import Stored
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-Array = NDArray[Any]
 # Results are Any here: they import this module.
 
 
@@ -128,9 +128,7 @@ def _unit(one: Stored) -> str:
     return "" if one.unit == "text" else one.unit
 
 
-def pareto(
-    x: NDArray[np.float64], y: NDArray[np.float64], x_greatest: bool = False, y_greatest: bool = False
-) -> NDArray[np.int64]:
+def pareto(x: Array, y: Array, x_greatest: bool = False, y_greatest: bool = False) -> NDArray[np.int64]:
     """Positions of the points that no other point beats: none is as good in both and better in one.
 
     With increasing x; of equal points the first.

@@ -41,7 +41,8 @@ from continuum_grasp.scene.value import (
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from continuum_grasp.scene.profile import Array, Channel, Curve, Profile
+    from continuum_grasp.arrays import Array
+    from continuum_grasp.scene.profile import Channel, Curve, Profile
 
 
 class PointMass(Value):

@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.scene.graded import Along, RodFactors, RodSamples, RodSection, SpiRob, Varying, ends
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-Array = NDArray[np.float64]
 
 _SAME = 1e-9
 """Distance per length up to which two positions are the same [1]: above the rounding of sums of lengths."""

@@ -14,11 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.document import text_of
 from continuum_grasp.scene.units import factor_to_si
-
-Array = NDArray[np.float64]
 
 MAX_BYTES = 200_000_000
 """Greatest size of a file: cells as Python texts take some ten times that in memory."""

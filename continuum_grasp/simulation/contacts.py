@@ -8,16 +8,14 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.model.planar import Vec
 from continuum_grasp.model.surfaces import nearest
 from continuum_grasp.results.declared import Dimension, Stored
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.profile import Curve
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

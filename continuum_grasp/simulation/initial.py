@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.memory import state_of
 from continuum_grasp.model.structure import tip_moment_jumps
@@ -16,8 +16,6 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.static_shape import friction_history, friction_states, states_of_motors
 from continuum_grasp.simulation.statics import at_start, friction_of, statics_model
-
-Array = NDArray[np.float64]
 
 
 @check_arguments

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments, whole
+from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.laws.section import STATEFUL
@@ -31,8 +32,6 @@ from continuum_grasp.simulation.slack import SLACK
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import equilibrium
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

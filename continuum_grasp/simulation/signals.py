@@ -7,15 +7,13 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.loads import ForceLoad, Load, Samples, VectorSamples
 from continuum_grasp.scene.simulate import Scene
-
-Array = NDArray[np.float64]
-
 
 Value = float | tuple[float, float] | Samples | VectorSamples
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 from time import perf_counter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel
@@ -32,7 +32,6 @@ from continuum_grasp.simulation.spectrum import (
 from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
 from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 _FAST, _STIFF, _STIFF_SWEPT = "rk4", "rodas", "extrapolated_euler"

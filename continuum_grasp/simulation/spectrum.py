@@ -9,10 +9,9 @@ from itertools import chain, product
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, System
-
-Array = NDArray[np.float64]
 
 _EVEN, _EXTREME = 12, 6
 """States that are spread evenly over a motion, and those of greatest force or fastest friction [1]."""

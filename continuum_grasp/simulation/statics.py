@@ -8,9 +8,10 @@ from dataclasses import replace
 from typing import Any, TypedDict
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments, choice, real_array
+from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.model import FingerModel
@@ -23,8 +24,6 @@ from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.spectrum import damping_matrix, in_mass_metric, poles
 from continuum_grasp.simulation.static_shape import Equilibrium, friction_history, slid
 from continuum_grasp.simulation.trajectory import LOST, limit_warnings
-
-Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-11
 """Missing force per that of the forces that balance [1]; a few digits above rounding."""

@@ -10,9 +10,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
+from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.core.rollouts import signal
 from continuum_grasp.errors import Interrupted, NumericalError
@@ -23,7 +23,6 @@ from continuum_grasp.simulation.contacts import greatest_motion
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.trajectory import acting_input
 
-Array = NDArray[np.float64]
 Stop = NumericalError | Interrupted
 
 _KNOWN_SHRINK = 0.6

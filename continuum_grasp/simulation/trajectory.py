@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.layout import WIDEST
@@ -22,8 +23,6 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.contacts import CONTACT, ContactForces
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
 from continuum_grasp.simulation.slack import SlackTime, slack_times
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -322,7 +321,7 @@ LOST = 3.0
 """Multiple of the declared bending range beyond which the model means nothing."""
 
 
-def limit_warnings(model: FingerModel, use: NDArray[np.float64], t: ArrayLike | None = None) -> tuple[str, ...]:
+def limit_warnings(model: FingerModel, use: Array, t: ArrayLike | None = None) -> tuple[str, ...]:
     """Warnings about bends beyond the declared range and of strains beyond the limit.
 
     ``use`` (T, elements) is the share of its bending range that each element uses, at instants (T,) [s] of a motion.

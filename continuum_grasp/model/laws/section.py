@@ -19,7 +19,8 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 
-from continuum_grasp.model.family import Array, Family, gathered
+from continuum_grasp.arrays import Array
+from continuum_grasp.model.family import Family, gathered
 from continuum_grasp.model.memory import IN_MOTION, Instant, Memory
 from continuum_grasp.model.planar import Scalar, is_zero
 from continuum_grasp.scene.profile import Curve

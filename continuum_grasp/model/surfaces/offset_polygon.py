@@ -19,12 +19,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.model.planar import Rotation, Scalar, Vec
 from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk, picked
 from continuum_grasp.model.surfaces.surface import (
@@ -36,8 +35,6 @@ from continuum_grasp.model.surfaces.surface import (
     length,
 )
 from continuum_grasp.scene.parts import OffsetPolygon, Point
-
-Array = NDArray[Any]
 
 SHARP = 1e-7
 """Radius that a sharp corner has where contacts roll over it [m]: far below any real edge, and its curvature of 1e7 1/m

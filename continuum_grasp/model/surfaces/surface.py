@@ -9,17 +9,16 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.model.planar import Scalar, Vec
 from continuum_grasp.model.surfaces.outline import Frame, Outline
 from continuum_grasp.scene.parts import Part
 
-Array = NDArray[Any]
 P = TypeVar("P", bound=Part)
 
 ROUND = 1e-9

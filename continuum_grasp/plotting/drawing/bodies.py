@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.plotting.drawing.style import BLUE, CLAMP, EDGE, FAINT, FORBIDDEN, INK, MATERIAL, OBJECT, Z
 from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.supports import VGroove
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.supports import Support
     from continuum_grasp.scene.tendons import Tendon
 
-Array = NDArray[Any]
 
 _CLAMP_WIDTH, _CLAMP_DEPTH = 0.12, 0.035
 """As parts of the finger's length."""

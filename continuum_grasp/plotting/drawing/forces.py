@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.plotting.drawing.axes import head
 from continuum_grasp.plotting.drawing.style import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW, Z
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.quiver import Quiver
     from matplotlib.text import Annotation
 
-Array = NDArray[Any]
 
 Force = tuple[Array, Array, str]
 """Point of action (2,) [m], force (2,) [N], and its kind."""

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.plotting.drawing.axes import label, new_axes, show_box
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
 
     from continuum_grasp.grasp.result import GraspResult
 
-Array = NDArray[Any]
 
 _DRAWN = 8
 """Postures that are drawn."""

@@ -7,8 +7,9 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.plotting.drawing.axes import label, new_figure, quiet, show_box
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_clamp, draw_object, draw_supports, side_path
 from continuum_grasp.plotting.drawing.forces import draw_arrow
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.values import Contact
     from continuum_grasp.scene.tendons import Tendon
 
-Array = NDArray[Any]
 
 _DRAWING = (4.8, 5.4)
 """Greatest width and height of the drawing [inch]: on a small screen, where a page shows it alone, labels are read."""

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.plotting.drawing.axes import label, new_axes, show_box
 from continuum_grasp.plotting.drawing.style import BLUE, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Array = NDArray[Any]
 
 
 def plot_resistance(resisted: ArrayLike, *, ax: Axes | None = None) -> Axes:

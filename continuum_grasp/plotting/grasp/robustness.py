@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.plotting.drawing.axes import head, label, new_figure, quiet, show_box
 from continuum_grasp.plotting.drawing.bodies import draw_body, draw_object, draw_supports, finger_outline
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
     from continuum_grasp.grasp.robust.result import Robustness
 
-Array = NDArray[Any]
 
 _LOWEST = -0.5
 """Least margin that is drawn: draws below, contacts that part among them, are in the first bar."""

@@ -9,8 +9,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.plotting.drawing.bodies import CIRCLE, finger_outline, object_outlines
 from continuum_grasp.plotting.drawing.style import BLUE, GREEN, ORANGE, SLATE
 from continuum_grasp.scene.grasp_options import GraspFinger, OutOfPlaneGravity, PlanarGravity
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
     from continuum_grasp.grasp.values import Contact
 
-Array = NDArray[Any]
 
 MM = 1e3
 """Grasps are drawn in millimeters: objects for hands have some tens of them."""
