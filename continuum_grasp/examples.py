@@ -23,18 +23,8 @@ _SENTENCE = re.compile(r".*?[.?!](?=\s|$)")
 
 @dataclass(frozen=True)
 class Example:
-    """A shipped configuration.
-
-    Attributes
-    ----------
-    name : str
-        Folder and name of its file, such as ``grasp/mug``.
-    path : pathlib.Path
-        Its file.
-    kind : str
-        Kind of configuration, as in ``continuum-grasp schema KIND``.
-    summary : str
-        The first sentence of the comment at the head of the file.
+    """A shipped configuration: folder and name of its file such as ``grasp/mug``, the file, its kind as in
+    ``continuum-grasp schema KIND``, and the first sentence of the comment at its head.
     """
 
     name: str
@@ -72,19 +62,7 @@ class Example:
 
 
 def shipped_folder() -> Path:
-    """The folder that has ``configs`` and ``schema``: the package of a wheel, or the root of a checkout.
-
-    Raises
-    ------
-    InputError
-        If the installation has lost them.
-
-    Examples
-    --------
-    >>> from continuum_grasp.examples import shipped_folder
-    >>> (shipped_folder() / "configs/grasp/mug.yaml").is_file()
-    True
-    """
+    """The folder that has ``configs`` and ``schema``: the package of a wheel, or the root of a checkout."""
     package = Path(__file__).absolute().parent
     for folder in (package, package.parent):
         if (folder / "configs").is_dir():
@@ -94,15 +72,7 @@ def shipped_folder() -> Path:
 
 @cache
 def examples() -> dict[str, Example]:
-    """All shipped examples by name, in the order of their kinds.
-
-    Examples
-    --------
-    >>> from continuum_grasp.examples import examples
-    >>> mug = examples()["grasp/mug"]
-    >>> mug.kind, mug.arguments
-    ('grasp', ('grasp', 'configs/grasp/mug.yaml'))
-    """
+    """All shipped examples by name, in the order of their kinds."""
     from continuum_grasp.scene.kinds import KINDS
 
     found = [_example(path) for path in sorted((shipped_folder() / "configs").glob("*/*.yaml"))]
@@ -110,19 +80,7 @@ def examples() -> dict[str, Example]:
 
 
 def example(name: str) -> Example:
-    """The example of a name.
-
-    Raises
-    ------
-    InputError
-        If there is none; the message has names that are near.
-
-    Examples
-    --------
-    >>> from continuum_grasp.examples import example
-    >>> example("grasp/egg").files[1].as_posix()
-    'configs/fingers/short_finger.yaml'
-    """
+    """The example of a name; where there is none, the InputError has names that are near."""
     from continuum_grasp.scene.problems import nearest
 
     if name not in examples():
@@ -133,34 +91,9 @@ def example(name: str) -> Example:
 def copy_example(name: str, folder: Path) -> list[Path]:
     """Copy an example, with every file that it needs, into a folder, laid out as they are shipped.
 
-    Files that are there already and say the same stay as they are, so that one folder takes several examples.
-
-    Parameters
-    ----------
-    name : str
-        Of the example.
-    folder : path
-        Where to; made where it is missing.
-
-    Returns
-    -------
-    list of path
-        The files in the folder, the example's own first.
-
-    Raises
-    ------
-    InputError
-        If there is no such example, if data that it needs are not shipped, or if the folder has another file where
-        one would be written; nothing is written then.
-
-    Examples
-    --------
-    >>> from pathlib import Path
-    >>> from tempfile import mkdtemp
-    >>> from continuum_grasp.examples import copy_example
-    >>> folder = Path(mkdtemp())
-    >>> [file.relative_to(folder).as_posix() for file in copy_example("simulate/hanging", folder)][:2]
-    ['configs/simulate/hanging.yaml', 'configs/fingers/nitinol_60cm.yaml']
+    Files that are there already and say the same stay as they are, so that one folder takes several examples. Returns
+    the files in the folder, the example's own first. Where there is no such example, data that it needs are not
+    shipped, or the folder has another file where one would be written, nothing is written: InputError.
     """
     from continuum_grasp.results.atomic import replacing
 

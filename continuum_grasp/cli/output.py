@@ -24,14 +24,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Output:
     """Request to a verb, and its output: text for people, or one JSON object for programs; warnings always go to the
-    error stream.
-
-    Attributes
-    ----------
-    as_json, quiet, verbose, pictures, animation, config, out, changes
-        Options that verbs share, as given.
-    verb : str
-        Of which the folder of a run is.
+    error stream. Fields are the options that verbs share, as given, and the verb, of which the folder of a run is.
     """
 
     as_json: bool = False

@@ -61,15 +61,7 @@ class StructureChanges(InputError):
 
 @dataclass(frozen=True)
 class Stencil:
-    """Scenes along a direction of designs, by which numbers are differentiated.
-
-    Attributes
-    ----------
-    offsets : tuple of int
-        Distances from here, in steps.
-    weights : tuple of float
-    scenes : tuple of GraspScene
-    """
+    """Scenes along a direction of designs, by which numbers are differentiated; ``offsets`` are in steps from here."""
 
     offsets: tuple[int, ...]
     weights: tuple[float, ...]
@@ -77,13 +69,7 @@ class Stencil:
 
     @classmethod
     def of(cls, along: Along) -> Stencil:
-        """The first stencil whose scenes make sense: to both sides, else to one.
-
-        Raises
-        ------
-        InputError
-            Scenes on both sides make no sense.
-        """
+        """The first stencil whose scenes make sense: to both sides, else to one; InputError where there is none."""
         failures: list[InputError] = []
         for offsets, weights in _SHAPES:
             try:

@@ -29,16 +29,9 @@ STATE = "state"
 class Periods:
     """Control periods of plants that differ by parameters alone.
 
-    Parameters
-    ----------
-    slope : casadi.Function
-        (x, u, w, p) -> xd (nx).
-    cost : casadi.Function
-        (x, u, held, w, p, r) -> cost at the start of the period [1]; ``held`` is the input before.
-    readings : casadi.Function
-        (x, u, w, p) -> y (ny), read at its end.
-    use : int
-        Which of these is greater than 1 where the model is not valid.
+    ``slope`` is (x, u, w, p) -> xd (nx), ``cost`` (x, u, held, w, p, r) -> cost at the start of the period [1], before
+    which the input was ``held``, ``readings`` (x, u, w, p) -> y (ny), read at its end; y[``use``] is greater than 1
+    where the model is not valid.
     """
 
     def __init__(self, slope: ca.Function, cost: ca.Function, readings: ca.Function, use: int) -> None:

@@ -17,18 +17,9 @@ from continuum_grasp.model.tendon_forces import Held, TendonForces
 class Acting:
     """Generalized forces of drives, tendons and sections, and the rates of their states.
 
-    A finger that moves and one at rest differ in how states are known, and in nothing else.
-
-    Parameters
-    ----------
-    structure : Structure
-    at : Instant
-    drives : sequence of Drive
-        Amplitudes of the moments of each source.
-    states : mapping
-        States by the groups of ``Structure.states``; none of winches that are at rest.
-    commands : sequence of Scalar
-        Of the winches, if there are any; None where tendons have a tension ``pulled`` [N].
+    A finger that moves and one at rest differ in how states are known, and in nothing else. ``drives`` are amplitudes
+    of the moments of each source, ``states`` those by the groups of ``Structure.states``, none of winches at rest.
+    ``commands`` are those of the winches, None where tendons have a tension ``pulled`` [N].
     """
 
     def __init__(

@@ -31,13 +31,7 @@ _MOST_NODES = 16
 class Panel(ABC):
     """A part of an element along which the curvature is smooth, as expressions: all of an element that is uniform.
 
-    Parameters
-    ----------
-    rule : Collocation
-    start, length : Scalar
-        Where it begins along the finger, and its length.
-    point, angle : SX of shape (2,), Scalar
-        Of its first section.
+    It begins at ``start`` along the finger, with a section at ``point`` (2,) with ``angle``.
     """
 
     def __init__(self, rule: Collocation, start: Scalar, length: Scalar, point: ca.SX, angle: Scalar) -> None:
@@ -96,13 +90,7 @@ def _tangents(angles: ca.SX) -> ca.SX:
 class Backbone:
     """Functions of the places of a finger of uniform elements, and of its equilibrium; see `FingerModel.backbone`.
 
-    Attributes
-    ----------
-    lengths : sequence of Scalar
-        Of the elements.
-    p : SX
-        Run-time arguments of the functions.
-    elements : list of list of Panel
+    ``lengths`` are those of the elements, ``p`` the run-time arguments of the functions.
     """
 
     def __init__(self, equations: Equations, lengths: Sequence[Scalar] | None = None, p: ca.SX | None = None) -> None:

@@ -27,15 +27,9 @@ def friction_parameter(station: str) -> str:
 class Contacts:
     """The body of some surroundings, and all contacts with it; nothing where they have no object.
 
-    Parameters
-    ----------
-    around : Surroundings, optional
-    stations : sequence of Station
-        Where the finger may touch; their contacts come first, then those of supports, then of the table.
-    given : mapping
-        Run-time arguments by name, of ``OBJECT_PARAMETERS`` and of ``friction_parameter``.
-    pressed : bool
-        Whether the gaps are smaller by run-time numbers ``press`` [m], one per contact.
+    Contacts at ``stations``, where the finger may touch, come first, then those of supports, then of the table.
+    ``given`` are run-time arguments by name, of ``OBJECT_PARAMETERS`` and of ``friction_parameter``. Where contacts are
+    ``pressed``, gaps are smaller by run-time numbers ``press`` [m], one per contact.
     """
 
     def __init__(

@@ -83,17 +83,8 @@ IN_MOTION = Memory()
 
 @dataclass(frozen=True)
 class Instant:
-    """State of a finger as laws see it.
-
-    Attributes
-    ----------
-    lengths : sequence of Scalar
-        Of the elements [m].
-    full, rates : sequence of Scalar
-        Full coordinates and their rates.
-    memory : Memory
-    named : mapping
-        States and inputs by name and unit.
+    """State of a finger as laws see it: lengths of the elements [m], full coordinates and their rates, knowledge of
+    friction states, and states and inputs by name and unit.
     """
 
     lengths: Sequence[Scalar]

@@ -58,17 +58,8 @@ class Kernels:
     the accelerations at the start of a link, ``rates`` those of the coordinates that it does not share with the link
     before. ``turns`` are those of the loaded links, one after the other, ``force`` has a column per load, and
     per link where tendons with a tension of their own or dry friction act. Inputs of no
-    use are empty.
-
-    Attributes
-    ----------
-    rows : (N, T) array
-        Numbers of each link.
-    loaded : tuple of int
-        The link of each load.
-    shared : int
-        Coordinates that neighbors share.
-    unknowns : int
+    use are empty. ``rows`` (N, T) are numbers of each link, ``loaded`` is the link of each load, and ``shared`` the
+    number of coordinates that neighbors share.
     """
 
     head: ca.Function

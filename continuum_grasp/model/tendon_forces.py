@@ -48,16 +48,9 @@ class Held:
 
 
 class TendonForces:
-    """Generalized forces of the tendons of a model, and the rates of their friction states.
+    """Generalized forces of the tendons of a model, and the rates of their friction ``states``.
 
-    Parameters
-    ----------
-    structure : Structure
-    at : Instant
-    pulls : sequence of Scalar, or of Held
-        Tension of each tendon at its drive [N], or the winches that hold them.
-    states : sequence of Scalar
-        Friction states.
+    ``pulls`` are the tension of each tendon at its drive [N], or the winches that hold them.
     """
 
     def __init__(

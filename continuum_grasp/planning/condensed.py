@@ -48,16 +48,10 @@ class _Point:
 
 
 class Condensed:
-    """A problem of multiple shooting whose states are eliminated, and its solver.
+    """A problem of multiple shooting, with Hessians of Gauss and Newton, whose states are eliminated, and its solver.
 
-    Parameters
-    ----------
-    problem : PlanProblem
-        By multiple shooting, with Hessians of Gauss and Newton.
-    tolerance : float
-        Reduction of objective and violations that a QP must predict, relative to the objective, to go on.
-    feasible : float
-        Greatest violation of a solution.
+    It goes on while a QP predicts to reduce objective and violations by ``tolerance``, relative to the objective;
+    ``feasible`` is the greatest violation of a solution.
     """
 
     def __init__(self, problem: PlanProblem, tolerance: float, feasible: float) -> None:

@@ -34,32 +34,14 @@ def check_reach(
     """Refuse goals and setpoints that a finger cannot meet, however it bends.
 
     A section of an inextensible rod is as far from its base as it is along the rod, or nearer. An object is touched
-    where it is as far as the tip, or farther by its own extent and half the finger's thickness. Contacts push.
+    where it is as far as the tip, or farther by its own extent and half the finger's thickness. Contacts push. The
+    error has the key of the first that is out of reach, below ``key``, where they stand in the scene.
 
-    Parameters
-    ----------
-    finger : Finger
-    key : str
-        Where they stand in the scene, such as ``goal``.
-    given : mapping of str to value
-        Rows, constant, over time or on a circle: x, y [m] of ``tip``, ``shape`` and of an object's ``position`` or
-        ``object_position``, ``bending``, ``tip_angle`` and ``object_angle`` [rad], ``contact_force`` [N] and ``gap``
-        [m]; nothing else is compared, nor functions of time.
-    at : sequence of float
-        Positions along the finger of the points of ``shape`` [m].
-    body : GraspObject, optional
-        The object that is to be touched.
-    ranges : sequence of float
-        Bending range of each element [rad]; without these, angles are not compared.
-    touching : sequence of float
-        Positions along the finger of the places of ``gap`` [m].
-    moves : bool
-        Whether the object moves: then a gap has no greatest value.
-
-    Raises
-    ------
-    InputError
-        With the key of the first that is out of reach, its value and the reach.
+    ``given`` are rows, constant, over time or on a circle: x, y [m] of ``tip``, ``shape`` and of an object's
+    ``position`` or ``object_position``, ``bending``, ``tip_angle`` and ``object_angle`` [rad], ``contact_force`` [N]
+    and ``gap`` [m]; nothing else is compared, nor functions of time. Points of ``shape`` are ``at`` positions along the
+    finger [m], places of ``gap`` at ``touching``; an object that ``moves`` has no greatest gap. Without ``ranges``, the
+    bending range of each element [rad], angles are not compared.
     """
     length, base = finger.rod.length, finger.base
     half = finger.thickness_radius

@@ -167,15 +167,7 @@ class SectionLaw(ABC):
 class SectionForces:
     """Generalized forces of laws, and the rates of their states: law by law, port by port.
 
-    Parameters
-    ----------
-    laws : sequence of SectionLaw
-    family : Family
-    at : Instant
-    states : mapping
-        States of the laws, by kind.
-    rest : Scalar, optional
-        Curvature at rest [1/m] where it is a run-time argument.
+    ``states`` are those of the laws, by kind, ``rest`` is the curvature at rest [1/m] where it is a run-time argument.
     """
 
     def __init__(

@@ -38,12 +38,6 @@ def nearest(parts: Sequence[Part], at: Vec) -> Nearest:
     Offset polygons are exact. On superellipses the nearest point is found by two or three Newton steps along the
     outline from the point in the same direction: exact to 1e-7 of the shorter half axis for points nearer than 0.4 of
     it, and never negative outside.
-
-    Parameters
-    ----------
-    parts : sequence of Part
-    at : Vec
-        The point [m].
     """
     found = [surface_of(part).nearest(part, at) for part in parts]
     best = found[0]
