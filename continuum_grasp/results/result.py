@@ -324,7 +324,7 @@ class Result(Summarized):
 
 
 def _options_of(picture: Picture) -> dict[str, inspect.Parameter]:
-    """What the function that draws a picture takes by name."""
+    """Parameters of the function that draws a picture, by name."""
     parameters = inspect.signature(maker_of(picture.maker)).parameters
     return {name: one for name, one in parameters.items() if one.kind is one.KEYWORD_ONLY}
 
