@@ -67,42 +67,16 @@ class FingerEnv(gymnasium.Env[Array, Array]):
         self.metadata = {"render_modes": []}
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Begin a new episode.
-
-        Parameters
-        ----------
-        seed : int, optional
-            Of all draws and noise from now on.
-        options : dict, optional
-            ``scene``: number of the scene; drawn where not given.
-
-        Returns
-        -------
-        (observations,) ndarray, dict
-            Observation and info.
-        """
+        """Begin a new episode: observation and info. ``options["scene"]`` is the number of a scene, else drawn."""
         super().reset(seed=seed)
         self.lanes.np_random = self.np_random
         observation, info = self.lanes.reset(options=options)
         return observation[0], _of_one(info)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """Apply a command for one control period.
+        """Apply a command (nu,) for one control period, each entry in the unit that ``lanes.action_names`` states.
 
-        Parameters
-        ----------
-        action : (nu,) array_like
-            Command, each entry in the unit that ``lanes.action_names`` states.
-
-        Returns
-        -------
-        observation, reward, terminated, truncated, info
-            As of ``gymnasium.Env``.
-
-        Raises
-        ------
-        InputError
-            If the action has the wrong shape or is not finite, or the episode has ended.
+        An action of the wrong shape or that is not finite, and one after the end of the episode, are an InputError.
         """
         observation, reward, terminated, truncated, info = self.lanes.step(np.asarray(action)[None])
         return observation[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), _of_one(info)

@@ -31,18 +31,8 @@ class JaxOperators(Operators):
 
     Parameters
     ----------
-    model : FingerModel or System
-        The model.
-    nonfinite : {"raise", "nan"}
-        What rollouts do with states or inputs that are not finite: NumericalError or InputError, or NaN from there on
-        in the rows concerned.
-    compiled : bool
-        False: run on CasADi's virtual machine.
-
-    Attributes
-    ----------
-    model : FingerModel or System
-    nonfinite : {"raise", "nan"}
+    model, nonfinite, compiled
+        As of `TorchOperators`, and so are the attributes.
 
     Raises
     ------
@@ -62,12 +52,10 @@ class JaxOperators(Operators):
     [-0.13..., -0.04...]
     """
 
-    def __init__(self, model: Any, *, nonfinite: Any = "raise", compiled: bool = True) -> None:
-        super().__init__(model, nonfinite=nonfinite, compiled=compiled)
-        self._jax = toolkit("jax", "JAX")
+    TOOLKIT = ("jax", "JAX")
 
     def _arrays(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], Callable[[Array], Any]]:
-        jnp = self._jax.numpy
+        jnp = self._toolkit.numpy
         found = {}
         for name, value in given.items():
             try:
@@ -81,7 +69,7 @@ class JaxOperators(Operators):
         return {name: value.astype(kind) for name, value in found.items()}, lambda array: jnp.asarray(array, dtype=kind)
 
     def _expand(self, array: Any, shape: tuple[int, ...]) -> Any:
-        return self._jax.numpy.broadcast_to(array, shape)
+        return self._toolkit.numpy.broadcast_to(array, shape)
 
     def _apply(self, operator: Operator, arrays: list[Any]) -> list[Any]:
         return list(_primitive().bind(*arrays, operator=operator))
@@ -104,7 +92,7 @@ def _primitive() -> Any:
 
     ``custom_vjp`` would know one direction only, and of ``custom_jvp`` JAX cannot transpose what is called back.
     """
-    jax = toolkit("jax", "JAX")
+    jax = toolkit(*JaxOperators.TOOLKIT)
     jnp = jax.numpy
     ad, batching, mlir = (import_module(f"jax.interpreters.{name}") for name in ("ad", "batching", "mlir"))
     call: Any = import_module("jax.extend.core").Primitive("continuum_grasp_operator")

@@ -60,12 +60,10 @@ class TorchOperators(Operators):
     tensor([-0.1350, -0.0450], dtype=torch.float64)
     """
 
-    def __init__(self, model: Any, *, nonfinite: Any = "raise", compiled: bool = True) -> None:
-        super().__init__(model, nonfinite=nonfinite, compiled=compiled)
-        self._torch = toolkit("torch", "PyTorch")
+    TOOLKIT = ("torch", "PyTorch")
 
     def _arrays(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], Callable[[Array], Any]]:
-        torch = self._torch
+        torch = self._toolkit
         found, types = {}, []
         for name, value in given.items():
             if not isinstance(value, torch.Tensor):
@@ -93,7 +91,7 @@ class TorchOperators(Operators):
 @cache
 def _function() -> Any:
     """The autograd function of all operators; made when PyTorch is there."""
-    torch = toolkit("torch", "PyTorch")
+    torch = toolkit(*TorchOperators.TOOLKIT)
     base: Any = torch.autograd.Function
 
     class Apply(base):  # type: ignore[misc]

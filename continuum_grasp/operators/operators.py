@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from continuum_grasp.summary import Summarized
 class Operators(Remade, Summarized, ABC):
     """The functions of a model on arrays of a toolkit; see its subclasses."""
 
+    TOOLKIT: ClassVar[tuple[str, str]]
+    """Package of the toolkit, and how it is called."""
+
     @check_arguments
     def __init__(
         self,
@@ -35,6 +38,7 @@ class Operators(Remade, Summarized, ABC):
         nonfinite: Literal["raise", "nan"] = "raise",
         compiled: bool = True,
     ) -> None:
+        self._toolkit = toolkit(*self.TOOLKIT)
         self._names = functions_of(model)
         self.model: Any = model
         self.nonfinite = choice("nonfinite", nonfinite, ("raise", "nan"))
@@ -205,25 +209,9 @@ class Operators(Remade, Summarized, ABC):
         substeps: int = 1,
         method: str = "rk4",
     ) -> Any:
-        """The state after one step, from one state or from many; arguments as in ``rollout``.
+        """The state (..., nx) after one step [s], from one state or from many.
 
-        Parameters
-        ----------
-        x : (..., nx) array
-            States.
-        step : float
-            Length of the step [s].
-        u, w, p : array, optional
-            Inputs, forces and parameters that hold during it, (..., size).
-        substeps : int
-            Steps of the method.
-        method : str
-            As in ``rollout``.
-
-        Returns
-        -------
-        array
-            (..., nx).
+        Inputs u, forces w and parameters p (..., size) hold during it; everything else is as in ``rollout``.
         """
         arrays, _ = self._arrays({key: value for key, value in {"x": x, "u": u, "w": w}.items() if value is not None})
         if "x" not in arrays:

@@ -76,7 +76,7 @@ class Condensed:
         radius, penalty, count, outcome = _FIRST_RADIUS, _FIRST_PENALTY, 0, "Maximum_Iterations_Exceeded"
         passed: list[float] = []  # objectives of motions that satisfy all
         lam = Multipliers(np.zeros(start.x.size), np.zeros(start.lower.size))
-        model = self._linearized(point) if point else None
+        model = _Model(self, point) if point else None
         while point and model:
             step, slack, own = model.step(radius, penalty)
             # The penalty is high enough if the step takes away a share of what can be taken away (section 18.5).
@@ -86,7 +86,8 @@ class Condensed:
                 step, slack, own = model.step(radius, penalty)
             lam = model.multipliers(own)
             predicted = -model.change(step) + penalty * (point.violated - slack)
-            least, satisfied = self.tolerance * max(1.0, abs(point.f)), self._violation(point) <= self.feasible
+            satisfied = start.violation(point.w, point.g) <= self.feasible
+            least = self.tolerance * max(1.0, abs(point.f))
             if predicted <= least or (satisfied and -model.change(step) <= least):
                 outcome = "Solve_Succeeded" if satisfied else "Restoration_Failed"
                 break
@@ -106,7 +107,7 @@ class Condensed:
                 radius = min(2.5 * radius, _LARGEST)
             if new is not None:
                 passed = passed if satisfied else []
-                point, model = new, self._linearized(new)
+                point, model = new, _Model(self, new)
             elif radius < _SMALLEST:
                 outcome = "Search_Direction_Becomes_Too_Small"
                 break
@@ -145,9 +146,6 @@ class Condensed:
         w[self._free] += step
         return np.asarray(np.clip(w, self._start.low, self._start.high))
 
-    def _violation(self, point: _Point) -> float:
-        return self._start.violation(point.w, point.g)
-
     def _moved(self, w: Array) -> _Point | None:
         """The motion under the inputs of w; None where it is not finite."""
         grid, ns = self.problem.grid, self.problem.motion.ns
@@ -181,9 +179,6 @@ class Condensed:
     def _residual(self, point: _Point) -> Array:
         """Rows that are bounded: constraints but for the motion, and states."""
         return np.concatenate([point.g[self._others], point.w[self._states[self._bounded]]])
-
-    def _linearized(self, point: _Point) -> _Model | None:
-        return _Model(self, point)
 
 
 class _Model:
