@@ -11,12 +11,11 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.core.call import pointers
 from continuum_grasp.core.source import batch_source, scan_source
 
-Array = NDArray[np.float64]
 Load = Callable[[Callable[[], str]], ctypes.CDLL | None]
 """Gives the library of a source, which is written only where there is a compiler."""
 

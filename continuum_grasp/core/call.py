@@ -10,15 +10,14 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import real_array
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.finger_model import FUNCTIONS, FingerModel
 from continuum_grasp.model.functions import MATRICES
 from continuum_grasp.model.system import SYSTEM_FUNCTIONS, System
-
-Array = NDArray[np.float64]
 
 DOUBLES = ctypes.POINTER(ctypes.c_double)
 
@@ -192,7 +191,7 @@ def section_check(model: FingerModel, function: ca.Function) -> Callable[[Sequen
     return check
 
 
-def check_moment(model: FingerModel, u: NDArray[np.float64]) -> None:
+def check_moment(model: FingerModel, u: Array) -> None:
     """Refuse inputs in time (rollouts, rows, nu) whose tip moment varies where the model takes it to be constant."""
     structure = model.structure
     if not structure.moment_is_constant or u.shape[1] < 2:
@@ -218,7 +217,7 @@ def functions_of(given: FingerModel | System) -> tuple[str, ...]:
     return SYSTEM_FUNCTIONS if isinstance(given, System) else FUNCTIONS
 
 
-def finite(name: str, array: NDArray[np.float64]) -> NDArray[np.float64]:
+def finite(name: str, array: Array) -> Array:
     """The array itself; InputError names the first entry that is NaN or infinite."""
     if array.size and not np.isfinite(array).all():
         at = np.argwhere(~np.isfinite(array))[0]

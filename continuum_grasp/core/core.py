@@ -10,9 +10,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments, positive, real_array, whole
+from continuum_grasp.arrays import Array
 from continuum_grasp.core.batches import Batch
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.call import (
@@ -33,9 +34,6 @@ from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.integrators import INTEGRATORS, SIMULATION_METHODS
 from continuum_grasp.summary import Summarized
-
-Array = NDArray[np.float64]
-
 
 _WARNED: set[str] = set()
 """Reports of missing or failing compilers so far."""

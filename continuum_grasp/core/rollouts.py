@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import real_array
+from continuum_grasp.arrays import Array
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.call import finite, pointer, pointers
 from continuum_grasp.core.compiler import CompileError, find_compiler
 from continuum_grasp.core.source import rollout_source
 from continuum_grasp.errors import InputError
-
-Array = NDArray[np.float64]
 
 _CHUNK = 256
 """Steps per call of the virtual machine, so that Ctrl-C and a state that is not finite end the run soon [1]."""

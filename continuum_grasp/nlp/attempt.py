@@ -7,14 +7,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.scene.solver import SolverOptions
-
-Array = NDArray[Any]
 
 
 class Status(StrEnum):

@@ -15,12 +15,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.nlp.attempt import Multipliers, Start
 from continuum_grasp.nlp.problem import NLP
-
-Array = NDArray[Any]
 
 _GREATEST = 100.0
 """Greatest gradient at the start, beyond which functions are scaled, and greatest mean multiplier (IPOPT:

@@ -9,10 +9,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[Any]
-Indices = NDArray[np.int64]
+from continuum_grasp.arrays import Array, Indices
 
 
 @dataclass(frozen=True, eq=False)

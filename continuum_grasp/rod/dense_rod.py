@@ -10,9 +10,8 @@ import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.scene.finger import Finger
-
-Array = NDArray[np.float64]
 
 _SAME_PLACE = 1e-9
 """Distance per length below which two places are one [1]: far above rounding, far below any distance that matters."""

@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments, choice, real_array, within
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.rod.dense_rod import Mesh, panel_edges
 from continuum_grasp.rod.dimensionless import RodProblem, read_problem
@@ -18,7 +19,6 @@ from continuum_grasp.rod.equilibrium_path import descend, follow, newton, weakes
 from continuum_grasp.scene.loads import Load
 from continuum_grasp.scene.simulate import Scene
 
-Array = NDArray[np.float64]
 Guess = Callable[[Array], ArrayLike] | ArrayLike
 
 _COARSE, _FINE = 10, 16

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.rod.dense_rod import Mesh
 from continuum_grasp.rod.dimensionless import RodProblem, Tendon
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 BEND_ROUNDING = 1e-3

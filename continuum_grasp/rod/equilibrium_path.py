@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import SolverError
 from continuum_grasp.rod.equations import Balance, RodEquations
-
-Array = NDArray[np.float64]
 
 _CLOSE = 1e-8
 """Turn [rad] of a Newton step after which the next one, being quadratic, is the last."""
