@@ -86,9 +86,9 @@ class Trajectory(MotionResult):
         Picture("tip_path", "plotting.motion:plot_tip_path"),
         Picture("coordinates", "plotting.motion:plot_coordinates"),
         Picture("energy", "plotting.motion:plot_energy"),
-        Picture("tensions", "plotting.tendons:plot_tensions", needs="tensions"),
-        Picture("tensions_along", "plotting.tendons:plot_tensions_along", needs="tensions"),
-        Picture("tension_loop", "plotting.tendons:plot_tension_loop", needs="tensions"),
+        Picture("tensions", "plotting.motion:plot_tensions", needs="tensions"),
+        Picture("tensions_along", "plotting.motion:plot_tensions_along", needs="tensions"),
+        Picture("tension_loop", "plotting.motion:plot_tension_loop", needs="tensions"),
         Picture("contact_forces", "plotting.motion:plot_contact_forces", needs="contacts"),
     )
     frames: ClassVar[str] = "plotting.motion:motion_frames"
