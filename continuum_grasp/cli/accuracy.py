@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-import typer
-
-from continuum_grasp.cli.options import verb
+from continuum_grasp.cli.options import option, verb
 from continuum_grasp.cli.output import Output
 
 
 @verb("config", "out", "changes", "as_json", "quiet")
 def accuracy(
     output: Output,
-    most: Annotated[
-        int, typer.Option("--elements", metavar="N", min=1, max=32, help="Greatest number of elements.")
-    ] = 16,
+    most: int = option("Greatest number of elements.", "--elements", default=16, metavar="N", min=1, max=32),
 ) -> None:
     """Speed against error of every choice of model, and what a tolerance would choose."""
     from continuum_grasp.scene.simulate import Scene

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from continuum_grasp.cli.options import verb
+from continuum_grasp.cli.options import option, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import SolverError
 
@@ -21,14 +21,10 @@ _PICTURES = typer.Option("--pictures/--no-pictures", help="Draw a picture and wr
 @verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose", pictures=_PICTURES)
 def grasp(
     output: Output,
-    seed: Annotated[
-        int | None,
-        typer.Option("--seed", metavar="N", help="Seed of robust grasps' draws (default: as in the configuration)."),
-    ] = None,
-    fine: Annotated[
-        bool,
-        typer.Option("--fine/--no-fine", help="Solve once more with a fine model and report what that changes."),
-    ] = True,
+    seed: int | None = option("Seed of robust grasps' draws (default: as in the configuration).", metavar="N"),
+    fine: bool = option(
+        "Solve once more with a fine model and report what that changes.", "--fine/--no-fine", default=True
+    ),
 ) -> None:
     """Find how fingers hold an object, or why they cannot: verified, saved, drawn, reported."""
     from continuum_grasp.scene.grasp import GraspScene

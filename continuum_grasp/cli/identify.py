@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from continuum_grasp.cli.compare import compared, show_channels
-from continuum_grasp.cli.options import verb
+from continuum_grasp.cli.options import option, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
@@ -28,30 +28,16 @@ _SHOWN = 12
 @verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
 def identify(
     output: Output,
-    data: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--data",
-            metavar="FILE",
-            help="Table of measurements, or a folder; repeatable; none: those that CONFIG names.",
-        ),
-    ] = None,
-    excitation: Annotated[
-        bool,
-        typer.Option("--excitation", help="Design commands that show the unknowns, before anything is measured."),
-    ] = False,
-    apply: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--apply",
-            metavar="CONFIG",
-            help="Write this configuration with the estimates in it, beside the result; repeatable.",
-        ),
-    ] = None,
-    accept_implausible: Annotated[
-        bool,
-        typer.Option("--accept-implausible", help="Write the finger although the data cannot be those of this finger."),
-    ] = False,
+    data: list[Path] | None = option(
+        "Table of measurements, or a folder; repeatable; none: those that CONFIG names.", metavar="FILE"
+    ),
+    excitation: bool = option("Design commands that show the unknowns, before anything is measured.", default=False),
+    apply: list[Path] | None = option(
+        "Write this configuration with the estimates in it, beside the result; repeatable.", metavar="CONFIG"
+    ),
+    accept_implausible: bool = option(
+        "Write the finger although the data cannot be those of this finger.", default=False
+    ),
 ) -> None:
     """Estimate parameters from measurements, with confidence intervals, or design the commands to measure."""
     from continuum_grasp.cli.alone import EXCITATION

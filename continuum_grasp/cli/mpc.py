@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from continuum_grasp.cli.options import verb
+from continuum_grasp.cli.options import option, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError, Interrupted
 
@@ -26,24 +26,14 @@ _SHOWN = 10
 @verb("config", "out", "changes", "animation", "pictures", "as_json", "quiet", "verbose")
 def mpc(
     output: Output,
-    compare: Annotated[
-        bool,
-        typer.Option("--compare", help="Run the same with the paper's two arcs, and with NMPC solved to convergence."),
-    ] = False,
-    seed: Annotated[
-        int | None, typer.Option("--seed", metavar="N", help="Seed of the noise (default: as in the configuration).")
-    ] = None,
-    trials: Annotated[
-        str | None,
-        typer.Option(
-            "--trials",
-            metavar="N|all",
-            help="Carry a mission out on N plants that differ at random (all: as many as it says).",
-        ),
-    ] = None,
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", metavar="N", min=1, help="Processes for --trials (default: all cores).")
-    ] = None,
+    compare: bool = option(
+        "Run the same with the paper's two arcs, and with NMPC solved to convergence.", default=False
+    ),
+    seed: int | None = option("Seed of the noise (default: as in the configuration).", metavar="N"),
+    trials: str | None = option(
+        "Carry a mission out on N plants that differ at random (all: as many as it says).", metavar="N|all"
+    ),
+    jobs: int | None = option("Processes for --trials (default: all cores).", metavar="N", min=1),
 ) -> None:
     """Control a finger in closed loop with a finer model of it: saves the run, prints how well it went, draws it.
 

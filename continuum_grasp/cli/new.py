@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from continuum_grasp.cli.completion import complete_example
-from continuum_grasp.cli.options import named_path, verb
+from continuum_grasp.cli.options import named_path, option, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
     from continuum_grasp.examples import Example
-
-_DEFAULT = "grasp/mug"
 
 
 @verb("as_json", "quiet")
@@ -28,10 +26,8 @@ def new(
             metavar="DIR", parser=named_path, help="Where to; made where it is missing.", show_default=False
         ),
     ] = None,
-    name: Annotated[
-        str, typer.Option("--example", metavar="NAME", autocompletion=complete_example, help="Which one.")
-    ] = _DEFAULT,
-    listed: Annotated[bool, typer.Option("--list", help="Copy nothing: list all examples, by the command.")] = False,
+    name: str = option("Which one.", "--example", default="grasp/mug", metavar="NAME", autocompletion=complete_example),
+    listed: bool = option("Copy nothing: list all examples, by the command.", "--list", default=False),
 ) -> None:
     """Copy an example that runs, with the files that it needs, as a start for your own.
 

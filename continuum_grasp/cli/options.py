@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.models import OptionInfo
 
 from continuum_grasp.cli.completion import complete_config
 from continuum_grasp.cli.output import Output
@@ -29,6 +30,11 @@ def _format(text: str) -> str:
     if text not in ("gif", "mp4"):
         raise typer.BadParameter(f"expected gif or mp4, got {text!r}")
     return text
+
+
+def option(explained: str, *names: str, default: Any = None, **more: Any) -> Any:
+    """An option of one verb, of the name of its parameter where it has no other ``names``; ``more`` as of typer."""
+    return typer.Option(default, *names, help=explained, **more)
 
 
 def out_option(explained: str, metavar: str = "DIR") -> Any:
@@ -88,6 +94,9 @@ def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[
 
     def decorate(function: Callable[..., None]) -> Callable[..., None]:
         _, *own = inspect.signature(function, eval_str=True).parameters.values()
+        for one in own:
+            if isinstance(one.default, OptionInfo):
+                one.default.param_decls = one.default.param_decls or (f"--{one.name.replace('_', '-')}",)
         first, last = list[inspect.Parameter](), list[inspect.Parameter]()
         for name in names:
             taken, given, default = _SHARED[name]

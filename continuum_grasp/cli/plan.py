@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from continuum_grasp.cli.options import named_path, verb
+from continuum_grasp.cli.options import named_path, option, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import SolverError
 
@@ -15,19 +12,9 @@ from continuum_grasp.errors import SolverError
 @verb("config", "out", "changes", "animation", "pictures", "as_json", "quiet", "verbose")
 def plan(
     output: Output,
-    warm: Annotated[
-        Path | None,
-        typer.Option("--warm", metavar="DIR", parser=named_path, help="Run folder of a plan from which to begin."),
-    ] = None,
-    grasp: Annotated[
-        Path | None,
-        typer.Option(
-            "--grasp", metavar="DIR", parser=named_path, help="Run folder of the grasp that is to be carried out."
-        ),
-    ] = None,
-    speed: Annotated[
-        float, typer.Option("--speed", metavar="S", help="Seconds of motion per second of animation.")
-    ] = 0.1,
+    warm: Path | None = option("Run folder of a plan from which to begin.", metavar="DIR", parser=named_path),
+    grasp: Path | None = option("Run folder of the grasp that is to be carried out.", metavar="DIR", parser=named_path),
+    speed: float = option("Seconds of motion per second of animation.", default=0.1, metavar="S"),
 ) -> None:
     """Plan a whole motion to a goal: least time, least effort, smoothest input, tracking."""
     from continuum_grasp.scene.plan import PlanScene

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from continuum_grasp.cli.options import out_option, verb
+from continuum_grasp.cli.options import option, out_option, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
@@ -22,20 +22,10 @@ _PICTURES = typer.Option("--pictures/--no-pictures", help="Draw maps and Pareto 
 @verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose", out=_OUT, pictures=_PICTURES)
 def sweep(
     output: Output,
-    workers: Annotated[
-        int | None,
-        typer.Option("--workers", metavar="N", min=1, max=4096, help="Processes on this machine (default: all cores)."),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option("--scheduler", metavar="tcp://HOST:PORT", help="Work on a Dask cluster (extra: cluster)."),
-    ] = None,
-    keep: Annotated[
-        str, typer.Option("--keep", metavar="all|failed|none", help="Of which runs to keep the files.")
-    ] = "all",
-    plot_only: Annotated[
-        bool, typer.Option("--plot-only", help="Compute nothing: draw what the table holds by now.")
-    ] = False,
+    workers: int | None = option("Processes on this machine (default: all cores).", metavar="N", min=1, max=4096),
+    scheduler: str | None = option("Work on a Dask cluster (extra: cluster).", metavar="tcp://HOST:PORT"),
+    keep: str = option("Of which runs to keep the files.", default="all", metavar="all|failed|none"),
+    plot_only: bool = option("Compute nothing: draw what the table holds by now.", default=False),
 ) -> None:
     """Find the grasps of many scenes: a grid or random draws of any keys; resumes after an interruption."""
     if keep not in ("all", "failed", "none"):

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from continuum_grasp.cli.completion import complete_config
-from continuum_grasp.cli.options import named_path, verb
+from continuum_grasp.cli.options import named_path, option, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
@@ -22,10 +22,7 @@ def validate(
             metavar="FILES...", help="YAML configurations.", show_default=False, autocompletion=complete_config
         ),
     ],
-    picture: Annotated[
-        Path | None,
-        typer.Option("--picture", metavar="FILE", parser=named_path, help="Draw the object as it was understood."),
-    ] = None,
+    picture: Path | None = option("Draw the object as it was understood.", metavar="FILE", parser=named_path),
 ) -> None:
     """Check configurations, any number of them, and whether a finger can be modeled so."""
     from continuum_grasp.control.prediction import Prediction
