@@ -3,7 +3,7 @@
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.modes import Modes, modes
 from continuum_grasp.simulation.simulate import simulate
-from continuum_grasp.simulation.slack import SlackTime, TensionLimit, slack_times
+from continuum_grasp.simulation.slack import SlackTime, TensionLimit
 from continuum_grasp.simulation.static_shape import Equilibrium
 from continuum_grasp.simulation.statics import equilibrium, equilibrium_path, equilibrium_under
 from continuum_grasp.simulation.trajectory import Trajectory
@@ -20,5 +20,4 @@ __all__ = [
     "initial_state",
     "modes",
     "simulate",
-    "slack_times",
 ]

@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from continuum_grasp.arguments import check_arguments
 from continuum_grasp.scene.finger import Finger
 
 SLACK = 1e-6
@@ -32,28 +31,8 @@ class SlackTime:
     ends: float
 
 
-@check_arguments
 def slack_times(t: ArrayLike, tensions: ArrayLike) -> list[SlackTime]:
-    """Times in which tendons are slack.
-
-    Parameters
-    ----------
-    t : (T,) array_like
-        Instants [s].
-    tensions : (T, tendons) array_like
-        Tensions at the drives [N].
-
-    Returns
-    -------
-    list of SlackTime
-        By tendon and instant.
-
-    Examples
-    --------
-    >>> from continuum_grasp.simulation import slack_times
-    >>> slack_times([0.0, 0.1, 0.2, 0.3], [[1.0], [0.0], [0.0], [2.0]])
-    [SlackTime(tendon=1, begins=0.1, ends=0.3)]
-    """
+    """Times in which tendons are slack, by tendon and instant, of tensions (T, tendons) [N] at the drives."""
     instants, found = np.asarray(t, dtype=float), list[SlackTime]()
     for k, own in enumerate(np.asarray(tensions, dtype=float).T):
         slack = np.concatenate([[False], own < SLACK, [False]])

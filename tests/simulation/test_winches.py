@@ -9,8 +9,8 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene import Tendons
-from continuum_grasp.simulation import equilibrium_under, slack_times
-from continuum_grasp.simulation.slack import tension_warnings
+from continuum_grasp.simulation import equilibrium_under
+from continuum_grasp.simulation.slack import slack_times, tension_warnings
 from tests import control_cases
 
 LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
