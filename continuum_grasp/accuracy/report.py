@@ -123,18 +123,7 @@ class AccuracyReport(Result):
         return {**rows, "tables": ", ".join(table.title for table in self.tables)}
 
     def to_pandas(self, dimension: str | None = None) -> pandas.DataFrame:
-        """One of the tables; the numbers are rounded nowhere.
-
-        Parameters
-        ----------
-        dimension : str, optional
-            Title of the table; the first one, of the choices, where not given.
-
-        Raises
-        ------
-        InputError
-            There is no such table, or pandas is not installed.
-        """
+        """One of the tables, of the title ``dimension``, or the choices; the numbers are rounded nowhere."""
         known = {table.title: table for table in self.tables}
         if dimension is not None and dimension not in known:
             raise InputError(f"expected one of {', '.join(known)}, got {dimension!r}", key="dimension")

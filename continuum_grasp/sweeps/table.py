@@ -135,35 +135,12 @@ class SweepTable(Result):
 
     @check_arguments
     def save_pictures(self, folder: str | os.PathLike[str] | None = None) -> list[Path]:
-        """Draw the pictures that the configuration asks for.
-
-        Parameters
-        ----------
-        folder : path-like, optional
-            Where the files go; the sweep's own folder where not given.
-
-        Returns
-        -------
-        list of pathlib.Path
-
-        Raises
-        ------
-        OSError
-            A file cannot be written.
-        """
+        """Draw the pictures that the configuration asks for, into the sweep's own folder where no other is given."""
         return super().save_pictures(self.folder if folder is None else folder)
 
     @check_arguments
     def save(self, folder: str | os.PathLike[str]) -> Path:
-        """Write the table as arrays into another folder than the sweep's own, which has it as it grows.
-
-        Raises
-        ------
-        InputError
-            It is the sweep's own folder.
-        OSError
-            The files cannot be written.
-        """
+        """Write the table as arrays into another folder than the sweep's own, which has it as it grows."""
         if Path(folder).resolve() == self.folder.resolve():
             raise InputError("the sweep is stored in this folder already", file=str(folder))
         return super().save(folder)
