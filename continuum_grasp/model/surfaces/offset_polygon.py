@@ -168,7 +168,7 @@ class PolygonSurface(Surface[OffsetPolygon]):
 
 
 def _blunt_end(every: Sequence[Feature], at: int, side: int) -> Point | None:
-    """Where blunt corners after (+1) or before (-1) a feature turn by `SPAN` in sum; None where others end them."""
+    """Place where blunt corners after (+1) or before (-1) a feature turn by `SPAN` in all; None if others end them."""
     turned = 0.5 * every[at].turn
     while every[at].turn < BLUNT and turned < SPAN:
         before, at = every[at], (at + side) % len(every)
