@@ -147,7 +147,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "model/surfaces/offset_polygon.py",
-        ("if ax == bx and ay == by and len", "if ax != bx and ay == by and len"),
+        ("corner = ax == bx and ay == by", "corner = ax != bx and ay == by"),
         tests="model/test_contact_surface.py grasp/test_grasp_problem.py",
     ),
     *_in(

@@ -202,7 +202,7 @@ def _certificate(certificate: Certificate) -> Part:
 
 
 def _fine(result: GraspResult) -> Part:
-    """What a fine model changes, where that was asked for."""
+    """Changes by a fine model, where that was asked for."""
     said = result.statistics.get("fine_model")
     return Part("The same grasp in a fine model", ("", ""), [("fine model", said)] if said else ())
 

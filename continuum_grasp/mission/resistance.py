@@ -1,4 +1,4 @@
-"""What the contacts of a grasp resist in a mission, whose drives hold, with other friction and another mass."""
+"""Disturbances that a grasp resists in a mission, whose drives hold, with other friction and another mass."""
 
 from __future__ import annotations
 

@@ -354,7 +354,7 @@ def starts_per_limit(agreeing):
 
 def iterations_of_a_start():
     asked = []
-    run = lambda *_, iterations, **__: asked.append(iterations) or Some(x=np.full(1, np.nan))  # noqa: E731
+    run = lambda *_, iterations, **__: asked.append(iterations) or Some(x=np.full(1, np.nan), violations=[])  # noqa: E731
     Repairs(SCENE, searching(solver=lambda start: Some(run=run))).relax((TENSION,), Some())
     return asked
 

@@ -121,17 +121,20 @@ class GraspSolverRun:
         KeyboardInterrupt
             Ctrl-C was pressed meanwhile; this start has no result then.
         """
+
+        def solved(sits: dict[str, Feature], x0: Array | None, rung: int = rung) -> Attempt:
+            return self._run(scene, start, budget, sits, rung=rung, x0=x0, **options)
+
         if features is not None:
-            return self._run(scene, start, budget, features, rung=rung, x0=x0, **options)
+            return solved(features, x0)
         sits = contact_features(scene, start.contacts)
-        solved = partial(self._run, scene, start, budget, rung=rung, **options)
         circles = self._circles(scene, start, sits) if smoothed else {}
         if circles:
             found = self._round(scene, solved, sits, circles, x0, options.get("enough", np.inf))
         else:
-            found = solved(sits, x0=x0)
+            found = solved(sits, x0)
         while found not in options.get("known", ()) and (beyond := self._beyond(scene, found)) is not None:
-            other = self._run(scene, start, budget, beyond[0], rung=0, x0=beyond[1], **options)
+            other = solved(*beyond, rung=0)
             better = other.converged and other.objective < found.objective - EXACT * abs(found.objective)
             found = _after(other, found) if better else _after(found, other)
             if not better:
@@ -162,7 +165,7 @@ class GraspSolverRun:
 
         Each of many blunt corners has a minimum of its own; the best are near that of a smooth curve.
         """
-        found = smooth = solved(sits | circles, x0=x0)
+        found = smooth = solved(sits | circles, x0)
         if not smooth.converged or smooth.objective > enough:
             return found
         ends = start_from(scene, self.arrays(scene, smooth)).contacts
@@ -173,7 +176,7 @@ class GraspSolverRun:
             for name, feature in features.items():
                 place = surface_of(parts[name]).place(parts[name], feature, *ends[name].place)
                 x[self.problem.x.at[f"place, {name}"]] = place
-            found = _after(solved(sits | features, x0=x), found)
+            found = _after(solved(sits | features, x), found)
             if found.converged:
                 break
         return found

@@ -110,7 +110,7 @@ class Exchange:
 
     @cached_property
     def certificate(self) -> Certificate:
-        """Of the grasp that was tried last."""
+        """Certificate of the grasp that was tried last."""
         return certify_reached(self.scene, self.arrays)
 
     @property
