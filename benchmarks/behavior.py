@@ -190,7 +190,7 @@ def commands(folder: Path) -> Iterator[tuple[str, list[str | Path]]]:
         yield f"modes/{finger.stem}", ["modes", scene]
         yield f"accuracy/{finger.stem}", ["accuracy", scene, "--elements", "4"]
     for name in ("plant", "controller"):
-        yield f"package/{name}", ["export-c", ROOT / f"examples/c_project/{name}.yaml", "--prefix", name]
+        yield f"package/{name}", ["export", ROOT / f"examples/c_project/{name}.yaml", "--to", "c", "--prefix", name]
 
 
 def makeups() -> dict[str, tuple[cg.Finger, Values]]:

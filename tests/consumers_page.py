@@ -57,7 +57,7 @@ def reasons(kind: str) -> Iterator[str]:
     for name, one in sorted(CONSUMERS.items()):
         for key, why in getattr(one, kind).items():
             keys, verbs = found[ADVICE.sub("", why)]
-            keys[key.replace("=", ": ")] = verbs[re.split(r"[, ]", name)[0]] = None
+            keys[key.replace("=", ": ")] = verbs[re.match(r"export to \w+|[^, ]+", name)[0]] = None
     lines: defaultdict[str, list[str]] = defaultdict(list)
     for line, heading in merged({why: (tuple(keys), ", ".join(verbs)) for why, (keys, verbs) in found.items()}):
         lines[heading].append(f"- {line}")

@@ -101,7 +101,7 @@ def parts(made: Any) -> Iterator[object]:
 
 
 def chain_of_hinges(scene: Scene) -> Iterator[object]:
-    """What export-mjcf makes."""
+    """What export to mjcf makes."""
     made = export_mjcf(scene, hinges=3)
     yield made.text
     yield made.controls([0.0, 0.25, 0.85]).tolist()
@@ -133,7 +133,7 @@ def equilibrium_and_modes(scene: Scene) -> Iterator[object]:
 
 
 def package(scene: Scene) -> Iterator[object]:
-    """What export-c makes of a finger."""
+    """What export to c makes of a finger."""
     source = source_of(scene, REALS["double"])
     yield source.title, source.finger, source.step, source.finger.range_use
     subject = Subject.of(source.finger, "finger", REALS["double"], {}, source.surroundings)
@@ -163,7 +163,7 @@ def lanes(scene: ControlScene) -> Iterator[object]:
 
 
 def loop(scene: ControlScene) -> Iterator[object]:
-    """What export-c makes of a closed loop."""
+    """What export to c makes of a closed loop."""
     yield from (names_of(scene), Loop.of(scene, REALS["double"], ["mpc"]))
 
 
@@ -347,7 +347,7 @@ class Walk:
 _OF_TOUCH = ("finger.half_thickness", "finger.rod.samples.thickness", "finger.tendons.max_tension")
 """Keys of contacts and commands, which a model without them has not."""
 WALKS = (
-    Walk("export-mjcf", Scene, chain_of_hinges),
+    Walk("export to mjcf", Scene, chain_of_hinges),
     Walk(
         "plant.guides",
         Scene,
@@ -355,19 +355,19 @@ WALKS = (
         ("actuation", "initial", "loads", "time", "parameters", "fidelity", "name"),
     ),
     Walk("statics, modes", Scene, equilibrium_and_modes, _AROUND),
-    Walk("export-c, operators", Scene, package),
-    Walk("export-web", Scene, page),
-    Walk("export-fmu", Scene, unit),
+    Walk("export to c, operators", Scene, package),
+    Walk("export to web", Scene, page),
+    Walk("export to fmu", Scene, unit),
     # Ranges are those of the package; the model takes every pressure.
-    Walk("export-c, operators", Scene, model, ("time", "name", "finger.pressure.max_pressure", *_AROUND, *_OF_TOUCH)),
+    Walk("export to c, operators", Scene, model, ("time", "name", "finger.pressure.max_pressure", *_AROUND, *_OF_TOUCH)),
     Walk("accuracy by the exact rod", Scene, measured_choices, _AROUND),
     Walk("identify", Scene, fitted, _AROUND),
     Walk("environments", ControlScene, lanes),
-    Walk("export-c of closed loops", ControlScene, loop),
+    Walk("export to c of closed loops", ControlScene, loop),
     Walk("mpc", ControlScene, run),
     Walk("mpc --compare, NMPC to convergence", ControlScene, converged),
-    Walk("export-fmu", ControlScene, units_of_loop),
-    Walk("export-web", ControlScene, page_of_loop),
+    Walk("export to fmu", ControlScene, units_of_loop),
+    Walk("export to web", ControlScene, page_of_loop),
     # Plans touch fixed objects alone, and a fixed object has neither.
     Walk("plan", PlanScene, search, ("moment_of_inertia", "out_of_plane_gravity")),
     Walk("missions", MissionScene, carried_out),

@@ -194,9 +194,9 @@ MOMENTS = {
     "model": ("casadi.jacobian", 1, ["modes", RELEASE]),
     "compiler": ("subprocess.run", 1, ["simulate", RELEASE]),
     "code": ("continuum_grasp.core.core.rollout_source", 1, ["simulate", RELEASE]),
-    "written": ("os.fsync", 2, ["export-c", RELEASE, "--what", "kinematics"]),
+    "written": ("os.fsync", 2, ["export", RELEASE, "--to", "c", "--what", "kinematics"]),
     "schemas": ("os.replace", 3, ["schema"]),
-    "package": ("continuum_grasp.export.package.write_package", 1, ["export-c", RELEASE, "--what", "kinematics"]),
+    "package": ("continuum_grasp.export.package.write_package", 1, ["export", RELEASE, "--to", "c", "--what", "kinematics"]),
 }
 
 

@@ -11,7 +11,7 @@ def accuracy(
     output: Output,
     most: int = option("Greatest number of elements.", "--elements", default=16, metavar="N", min=1, max=32),
 ) -> None:
-    """Speed against error of every choice of model, and what a tolerance would choose."""
+    """Compare speed and error of every choice of model. A tolerance is answered with its choice."""
     from continuum_grasp.scene.simulate import Scene
 
     scene, folder = output.scene(Scene), output.folder

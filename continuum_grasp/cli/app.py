@@ -6,6 +6,8 @@ import errno
 import os
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pkgutil import resolve_name
 from typing import Annotated, Any
 
@@ -20,14 +22,41 @@ SOLVER_FAILED = 1
 BAD_INPUT = 2
 """Exit status, as argparse and click have it."""
 INTERRUPTED = interrupt.STATUS
+_UsageError: Any = typer.BadParameter.__bases__[0]
+"""Class of click, of which typer has a copy."""
+
+
+@contextmanager
+def _one_line() -> Iterator[None]:
+    """Print what is wrong with options like all other errors."""
+    try:
+        yield
+    except _UsageError as error:
+        if type(error).__name__ == "NoArgsIsHelpError":
+            raise
+        text = error.format_message().rstrip(".")
+        where = "" if error.ctx is None else f"; see {error.ctx.command_path} --help"
+        typer.echo(f"error: {text[0].lower()}{text[1:]}{where}", err=True)
+        raise typer.Exit(BAD_INPUT) from None
 
 
 class _Verbs(TyperGroup):
     """Turns the package's errors into one message and an exit code."""
 
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        old, _, to = args[0].partition("-")
+        if old == "export" and to:
+            raise InputError(f"{args[0]}: write export CONFIG --to {to}")
+        return super().resolve_command(ctx, args)
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        with _one_line():
+            return super().parse_args(ctx, args)
+
     def invoke(self, ctx: Any) -> Any:
         try:
-            return super().invoke(ctx)
+            with _one_line():
+                return super().invoke(ctx)
         except ContinuumGraspError as error:
             typer.echo(f"error: {error}", err=True)
             raise typer.Exit(BAD_INPUT if isinstance(error, InputError) else SOLVER_FAILED) from None
@@ -65,6 +94,7 @@ app = typer.Typer(
     cls=_Verbs,
     no_args_is_help=True,
     pretty_exceptions_enable=False,
+    rich_markup_mode=None,
     help="Planar tendon-driven continuum fingers: simulate, grasp, control, generate C.",
     epilog="Exit status: 0 done, 1 a solver failed, 2 bad input, 130 interrupted.",
 )
@@ -86,8 +116,7 @@ def _root(
 
 
 _VERBS = """
-new simulate compare grasp plan mpc replay sweep design modes accuracy identify export_c export_fmu export_mjcf
-export_web schema validate doctor
+new simulate compare grasp plan mpc replay sweep design modes accuracy identify export schema validate doctor
 """
 """Each is the function of its name in the module of its name."""
 for _name in _VERBS.split():

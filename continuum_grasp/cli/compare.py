@@ -23,7 +23,7 @@ def compare(
         typer.Argument(metavar="[DATA...]", help="Tables of measurements, or folders; none: those that CONFIG names."),
     ] = None,
 ) -> None:
-    """Compare a simulation with measurements: shapes, paths, frequencies, forces; nothing is estimated."""
+    """Compare a simulation with measurements. Nothing is estimated."""
     from continuum_grasp.scene.simulate import Scene
 
     compared(output.scene(Scene), data, output)

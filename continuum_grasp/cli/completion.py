@@ -9,7 +9,7 @@ from itertools import islice
 
 import typer
 
-_ALSO = {"modes": {"simulate"}, "accuracy": {"simulate"}, "export-c": {"simulate", "mpc"}}
+_ALSO = {"modes": {"simulate"}, "accuracy": {"simulate"}, "export": {"simulate", "mpc", "mission"}}
 """Kinds of configuration by verbs that are not the command of any kind."""
 _DEPTH = 3
 """Folders below the one that is typed in which configurations are looked for: a project has configs/KIND."""

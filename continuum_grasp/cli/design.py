@@ -9,7 +9,7 @@ from continuum_grasp.errors import SolverError
 
 @verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
 def design(output: Output) -> None:
-    """Choose numbers of a finger or scene by gradient, so that the grasps of one or many objects are best."""
+    """Choose numbers of a finger or scene by gradient. The grasps of one or many objects become best."""
     from continuum_grasp.design import optimize_design
 
     with output.computing("designing") as report:

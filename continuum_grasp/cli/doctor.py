@@ -16,7 +16,7 @@ _PACKAGES = ("casadi", "numpy", "scipy", "matplotlib", "pydantic", "pyyaml", "ty
 
 @verb("as_json")
 def doctor(output: Output) -> None:
-    """Print versions, solvers, compiler, and how fast the finger runs here."""
+    """Print versions, solvers and compiler. How fast the finger runs here is measured."""
     import platform
     from importlib.metadata import PackageNotFoundError, version
 

@@ -26,7 +26,7 @@ def grasp(
         "Solve once more with a fine model and report what that changes.", "--fine/--no-fine", default=True
     ),
 ) -> None:
-    """Find how fingers hold an object, or why they cannot: verified, saved, drawn, reported."""
+    """Find how fingers hold an object, or why they cannot."""
     from continuum_grasp.scene.grasp import GraspScene
 
     seeding = [] if seed is None else [f"solver.random_seed={seed}"]

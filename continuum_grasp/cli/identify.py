@@ -39,7 +39,7 @@ def identify(
         "Write the finger although the data cannot be those of this finger.", default=False
     ),
 ) -> None:
-    """Estimate parameters from measurements, with confidence intervals, or design the commands to measure."""
+    """Estimate parameters from measurements, with intervals. Commands to measure are designed by --excitation."""
     from continuum_grasp.cli.alone import EXCITATION
     from continuum_grasp.scene.identify import IdentifyScene
     from continuum_grasp.scene.load import load

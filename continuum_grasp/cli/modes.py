@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from itertools import zip_longest
 
-from continuum_grasp.cli.options import out_option, simulation_scene, verb
+from continuum_grasp.cli.options import out_option, resolved_scene, verb
 from continuum_grasp.cli.output import Output
 
 _OUT = out_option("Save modes and their picture in this folder; an earlier run of modes is replaced.")
@@ -15,7 +15,7 @@ _OUT = out_option("Save modes and their picture in this folder; an earlier run o
 @verb("config", "out", "changes", "as_json", "quiet", out=_OUT)
 def modes(output: Output) -> None:
     """Natural frequencies and shapes about the equilibrium."""
-    scene, note = simulation_scene(output, vibrates=True)
+    scene, note = resolved_scene(output, vibrates=True)
     if output.out is not None:
         output.check_folder()
 

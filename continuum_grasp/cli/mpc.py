@@ -35,7 +35,7 @@ def mpc(
     ),
     jobs: int | None = option("Processes for --trials (default: all cores).", metavar="N", min=1),
 ) -> None:
-    """Control a finger in closed loop with a finer model of it: saves the run, prints how well it went, draws it.
+    """Control a finger in closed loop with a finer model of it.
 
     Exit status 1 if the supervisor tripped, or a setpoint that stood was missed. A mission (its configuration has a
     grasp) takes an object from approach to release; exit status 1 if it is dropped, or not let go in the end.

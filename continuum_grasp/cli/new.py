@@ -29,7 +29,7 @@ def new(
     name: str = option("Which one.", "--example", default="grasp/mug", metavar="NAME", autocompletion=complete_example),
     listed: bool = option("Copy nothing: list all examples, by the command.", "--list", default=False),
 ) -> None:
-    """Copy an example that runs, with the files that it needs, as a start for your own.
+    """Copy an example that runs, with the files that it needs.
 
     Nothing is overwritten; one folder takes several examples.
     """

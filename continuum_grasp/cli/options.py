@@ -6,16 +6,13 @@ import inspect
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from typer.models import OptionInfo
 
 from continuum_grasp.cli.completion import complete_config
 from continuum_grasp.cli.output import Output
-
-if TYPE_CHECKING:
-    from continuum_grasp.scene.simulate import Scene
 
 
 def named_path(text: str | Path) -> Path:
@@ -116,18 +113,16 @@ def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[
     return decorate
 
 
-def simulation_scene(output: Output, *, vibrates: bool = False) -> tuple[Scene, str]:
-    """A scene for simulation, modes and code generation, its tolerance turned into a model; what was chosen and why."""
+def resolved_scene(output: Output, *others: type, vibrates: bool = False) -> tuple[Any, str]:
+    """A scene of ``simulate``, its tolerance turned into a model, or one of other kinds; what was chosen and why."""
     from continuum_grasp.scene.simulate import Scene
     from continuum_grasp.verbs import resolved
 
+    scene = output.scene(Scene, *others)
+    if not isinstance(scene, Scene):
+        return scene, ""
     with output.busy("choosing the model"):
-        scene, note = resolved(output.scene(Scene), vibrates=vibrates)
+        scene, note = resolved(scene, vibrates=vibrates)
     if note:
         output.say(f"fidelity: {note}")
     return scene, note
-
-
-def listed(words: str | None) -> list[str] | None:
-    """Words between commas."""
-    return None if words is None else [word.strip() for word in words.split(",")]

@@ -44,24 +44,13 @@ class Output:
     @property
     def folder(self) -> Path:
         """The folder of the run: as asked, or named after verb and configuration."""
-        return self.named("")
+        return self.out if self.out is not None else Path("runs") / self.verb / self.config.stem
 
     def check_folder(self) -> None:
         """Refuse, before any work, a folder that cannot be written, or that holds what another verb wrote."""
         from continuum_grasp.results.atomic import check_folder
-        from continuum_grasp.results.record import kind_of_run
 
-        check_folder(self.folder)
-        kind = kind_of_run(self.folder)
-        if kind not in (None, self.verb):
-            raise InputError(
-                f"the folder holds what continuum-grasp {kind} wrote; take another one, or remove it",
-                file=str(self.folder),
-            )
-
-    def named(self, suffix: str) -> Path:
-        """The destination: as asked, or named after verb and configuration, with a suffix."""
-        return self.out if self.out is not None else Path("runs") / self.verb / f"{self.config.stem}{suffix}"
+        check_folder(self.folder, self.verb)
 
     def scene(self, *kinds: type) -> Any:
         """The scene of the configuration, of one of some kinds."""

@@ -16,7 +16,7 @@ def plan(
     grasp: Path | None = option("Run folder of the grasp that is to be carried out.", metavar="DIR", parser=named_path),
     speed: float = option("Seconds of motion per second of animation.", default=0.1, metavar="S"),
 ) -> None:
-    """Plan a whole motion to a goal: least time, least effort, smoothest input, tracking."""
+    """Plan a whole motion to a goal. Costs: time, effort, smoothness, tracking."""
     from continuum_grasp.scene.plan import PlanScene
 
     scene = output.scene(PlanScene)

@@ -19,7 +19,7 @@ def replay(
     output: Output,
     log: Annotated[Path, typer.Argument(metavar="LOG", help="Table of instants, measurements and commands (CSV).")],
 ) -> None:
-    """Run a log through estimator, supervisor and controller: what they would have believed and commanded.
+    """Run a log through estimator, supervisor and controller.
 
     Names the sensor that disagrees, and noise, delay and lag of the log. Exit status 1 if sensors and model disagree.
     """

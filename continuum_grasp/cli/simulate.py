@@ -9,7 +9,7 @@ from continuum_grasp.errors import InputError
 
 @verb("config", "out", "changes", "animation", "pictures", "as_json", "quiet", "verbose")
 def simulate(output: Output) -> None:
-    """Move a finger in time: saves the motion, draws pictures."""
+    """Move a finger in time."""
     from continuum_grasp.scene.simulate import Scene
 
     scene: Scene = output.scene(Scene)

@@ -27,7 +27,7 @@ def sweep(
     keep: str = option("Of which runs to keep the files.", default="all", metavar="all|failed|none"),
     plot_only: bool = option("Compute nothing: draw what the table holds by now.", default=False),
 ) -> None:
-    """Find the grasps of many scenes: a grid or random draws of any keys; resumes after an interruption."""
+    """Find the grasps of many scenes. Keys vary on a grid or at random; a sweep resumes after an interruption."""
     if keep not in ("all", "failed", "none"):
         raise InputError(f"expected all, failed or none, got {keep!r}", key="--keep")
     folder = output.folder

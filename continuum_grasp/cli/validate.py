@@ -24,7 +24,7 @@ def validate(
     ],
     picture: Path | None = option("Draw the object as it was understood.", metavar="FILE", parser=named_path),
 ) -> None:
-    """Check configurations, any number of them, and whether a finger can be modeled so."""
+    """Check configurations. Whether a finger can be modeled so is part of it."""
     from continuum_grasp.control.prediction import Prediction
     from continuum_grasp.model import FingerModel
     from continuum_grasp.scene.control import ControlScene

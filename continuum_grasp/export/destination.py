@@ -8,7 +8,6 @@ from pathlib import Path
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.results.atomic import check_folder
-from continuum_grasp.results.record import kind_of_run
 
 _HEAD = 4096
 """Bytes at the begin of a file within which an export names its maker [1]."""
@@ -38,11 +37,3 @@ def check_file(file: Path, is_own: Callable[[Path], bool] = is_marked) -> None:
         raise InputError("expected the name of a file, got a folder", file=str(file))
     if file.exists() and not is_own(file):
         raise InputError("no export wrote this file: move it away, or take another name", file=str(file))
-
-
-def check_package(folder: Path) -> None:
-    """Refuse a folder that cannot be written, or that holds a run of another verb."""
-    check_folder(folder)
-    held = kind_of_run(folder)
-    if held not in (None, "export-c"):
-        raise InputError(f"the folder holds a run of {held}: take another one, or remove it", file=str(folder))

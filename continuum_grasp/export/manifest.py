@@ -15,13 +15,12 @@ from continuum_grasp import __version__
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
 from continuum_grasp.export.control.loop import Loop
-from continuum_grasp.export.destination import check_package
 from continuum_grasp.export.fields import Field, Real, Struct
 from continuum_grasp.export.layer import DIMENSIONS, Contents
 from continuum_grasp.export.part import Code
 from continuum_grasp.labels import name_of
 from continuum_grasp.model import FingerModel
-from continuum_grasp.results.atomic import write_text
+from continuum_grasp.results.atomic import check_folder, write_text
 
 FLAGS = {
     "strict": ["-std=c99", "-ffp-contract=off", "-fno-math-errno"],
@@ -203,7 +202,7 @@ def write_package(folder: Path, files: Mapping[str, str]) -> None:
     InputError, before anything is written, if a file of that name is there that no export wrote or that was changed. A
     file that an export was interrupted at, or that ends before the end of its text, is replaced.
     """
-    check_package(folder)
+    check_folder(folder, "export")
     earlier = _earlier(folder)
     for name, text in files.items():
         path = folder / name

@@ -17,7 +17,6 @@ from continuum_grasp.export.bindings import python_binding, wasm_files
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.replay import stateful_vectors
 from continuum_grasp.export.control.source import SIZES, UNKNOWN
-from continuum_grasp.export.destination import check_package
 from continuum_grasp.export.fields import REALS, Real
 from continuum_grasp.export.layer import Contents, abi_of, library_files
 from continuum_grasp.export.manifest import MANIFEST, manifest, manifest_text, write_package
@@ -35,6 +34,7 @@ from continuum_grasp.export.source import (
 from continuum_grasp.export.subject import MOST_SUBSTEPS, Subject
 from continuum_grasp.export.targets import example_files, measure, target_of
 from continuum_grasp.export.vectors import check_source, vectors_of, vectors_source
+from continuum_grasp.results.atomic import check_folder
 from continuum_grasp.scene.consumer import LEAST_COMMANDS, LIMITS_OF_BENDING, Consumer
 from continuum_grasp.scene.control import ControlScene
 
@@ -44,7 +44,7 @@ _MOST_SECTIONS = 200
 """Each is code of its own."""
 _ARGUMENT = "an argument of the functions"
 _PACKAGE = Consumer(
-    "export-c, operators",
+    "export to c, operators",
     unneeded={
         **LIMITS_OF_BENDING,
         **dict.fromkeys(("actuation", "initial", "loads.force", "loads.moment"), _ARGUMENT),
@@ -53,7 +53,7 @@ _PACKAGE = Consumer(
     },
 )
 _LOOP = Consumer(
-    "export-c of closed loops",
+    "export to c of closed loops",
     unneeded={
         **dict.fromkeys(("plant", "loads"), "the package has the controller, and no plant"),
         "controller.deadline": "the caller has the clock, and says whether the last command was late",
@@ -157,7 +157,7 @@ def export_c(
     >>> [name for name in package.files if name.startswith("src/")]
     ['src/finger.c', 'src/finger_internal.h', 'src/finger_kernels.c']
     """
-    check_package(Path(folder))
+    check_folder(folder, "export")
     asked = Asked(real, what, prefix, target, ranges, step, substeps, sections, error, measured, finger)
     files, values = package_files(given, asked)
     write_package(Path(folder), files)
@@ -249,7 +249,7 @@ def controller_of(scene: ControlScene) -> tuple[Contents, Loop]:
 
 
 _SOLVERS = Consumer(
-    "export-c of a solver", {"ranges": "a solver of a problem takes any finite number: expected no ranges"}
+    "export to c of a solver", {"ranges": "a solver of a problem takes any finite number: expected no ranges"}
 )
 
 

@@ -143,7 +143,7 @@ _REPORTED = {
     False: (("lift", "LIFTS"), ("let_go", "LETS_GO")),
 }
 """Reports that the finger that decides takes from others, and they from it, with the words in ``c/mission.h``."""
-_ONE_FINGER = Consumer("export-c of one finger", {"finger": "is for a mission of several fingers"})
+_ONE_FINGER = Consumer("export to c of one finger", {"finger": "is for a mission of several fingers"})
 
 
 def _of_mission(given: MissionScene | MissionRun, real: Real, finger: str | None) -> Source:
@@ -206,10 +206,12 @@ _UNSEEN = "this scene has no estimator: leave the part out"
 _ALONE = "contact needs an object and its contact_law in the scene: leave the part out"
 _NO_MISSION = "needs a mission (grasp, contact_law, phases, ...)"
 _PARTS = (
-    beside("export-c of no mission", lambda s: s.phases is None, "what=mission", _NO_MISSION),
-    beside("export-c of no closed loop", lambda s: s.loop is None, "what=estimator what=mpc", _NO_LOOP),
-    beside("export-c of no estimator", lambda s: not getattr(s.loop, "estimator", None), "what=estimator", _UNSEEN),
-    beside("export-c of no contact", lambda s: not (s.surroundings and s.surroundings.object), "what=contact", _ALONE),
+    beside("export to c of no mission", lambda s: s.phases is None, "what=mission", _NO_MISSION),
+    beside("export to c of no closed loop", lambda s: s.loop is None, "what=estimator what=mpc", _NO_LOOP),
+    beside("export to c of no estimator", lambda s: not getattr(s.loop, "estimator", None), "what=estimator", _UNSEEN),
+    beside(
+        "export to c of no contact", lambda s: not (s.surroundings and s.surroundings.object), "what=contact", _ALONE
+    ),
 )
 
 

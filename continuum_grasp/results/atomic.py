@@ -9,17 +9,22 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.results.record import note_file
+from continuum_grasp.results.record import kind_of_run, note_file
 
 
-def check_folder(folder: str | os.PathLike[str]) -> None:
-    """Refuse a folder that is a file, or that cannot be made or written; nothing is written."""
+def check_folder(folder: str | os.PathLike[str], verb: str | None = None) -> None:
+    """Refuse a folder that is a file, or that cannot be made or written, or that holds what another ``verb`` wrote."""
     path = Path(folder)
     there = next(place for place in (path, *path.absolute().parents) if place.exists())
     if not there.is_dir():
         raise InputError("expected a folder, got a file", file=str(there))
     if not os.access(there, os.W_OK | os.X_OK):
         raise InputError("this folder cannot be written", file=str(there))
+    kind = None if verb is None else kind_of_run(path)
+    if kind not in (None, verb):
+        raise InputError(
+            f"the folder holds what continuum-grasp {kind} wrote; take another one, or remove it", file=str(folder)
+        )
 
 
 @contextlib.contextmanager

@@ -78,7 +78,7 @@ def kind_of_run(folder: str | os.PathLike[str]) -> str | None:
         return kind
     manifest = Path(folder) / "MANIFEST.json"
     try:
-        return "export-c" if manifest.is_file() and "configuration_hash" in json.loads(manifest.read_bytes()) else None
+        return "export" if manifest.is_file() and "configuration_hash" in json.loads(manifest.read_bytes()) else None
     except (OSError, ValueError, TypeError):
         return None
 

@@ -10,6 +10,7 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
 import continuum_grasp
@@ -98,7 +99,7 @@ def test_version():
         ("simulate", RELEASE, "--out", FINGER),
         ("grasp", RELEASE),
         ("modes", FINGER),
-        ("export-c", FINGER),
+        ("export", FINGER, "--to", "c"),
         ("schema",),
         ("schema", "other"),
         ("validate", "none.yaml"),
@@ -289,10 +290,36 @@ def test_modes_prints_a_table(pretend):
     assert json.loads(run("modes", RELEASE, "--json").stdout)["frequencies_hz"] == [2.5, 15.7]
 
 
-def test_plain_c_is_casadis():
-    result = run("export-c", RELEASE, "--casadi", "tip")
+OPTIONS = {
+    "no such option: --foo": ("simulate", RELEASE, "--foo"),
+    "no such command 'foo'": ("foo",),
+    "no such option: --bad": ("--bad",),
+    "missing argument 'CONFIG'": ("simulate",),
+    "missing option '--to'": ("export", RELEASE),
+    "invalid value for '--animate'": ("simulate", RELEASE, "--animate", "avi"),
+    "--to: expected c, fmu, web, mjcf, got 'casadi'": ("export", RELEASE, "--to", "casadi"),
+    "--measure: has no effect on --to mjcf": ("export", RELEASE, "--to", "mjcf", "--measure"),
+    "export-c: write export CONFIG --to c": ("export-c", RELEASE, "--what", "step"),
+}
+
+
+@pytest.mark.parametrize("said", OPTIONS)
+def test_what_is_wrong_with_options_is_one_line(said):
+    result = run(*OPTIONS[said])
     assert result.exit_code == 2
-    assert "--casadi is gone" in result.stderr
+    assert result.stderr.startswith(f"error: {said}")
+    assert result.stderr.count("\n") == 1
+
+
+def test_help_fits_80_columns_and_no_summary_is_cut(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    for verb in ("", *get_command(app).commands):
+        text = run(*verb.split(), "--help").stdout
+        assert max(map(len, text.splitlines())) <= 80
+        assert "..." not in text.partition("Commands:")[2]
+
+
+def test_plain_c_is_casadis():
     with pytest.raises(AttributeError, match=r"write model.tip.generate\('tip.c'\)"):
         _ = continuum_grasp.export.export_casadi
 

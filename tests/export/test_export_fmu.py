@@ -506,7 +506,7 @@ def test_random_calls_under_sanitizers(units, tmp_path):
 def test_the_command(tmp_path):
     config = tmp_path / "two arcs.yaml"
     config.write_text(json.dumps(plant_scene().model_dump(mode="json")))
-    line = ["export-fmu", str(config), "--out", str(tmp_path / "out"), "--no-binary", "--fmi", "3"]
+    line = ["export", str(config), "--to", "fmu", "--out", str(tmp_path / "out"), "--no-binary", "--fmi", "3"]
     found = CliRunner().invoke(app, line)
     assert found.exit_code == 0, found.output
     assert "two_arcs_plant_fmi3.fmu" in found.output
@@ -517,7 +517,7 @@ def test_the_command(tmp_path):
     for more, words in (
         (["--fmi", "1"], "expected 2, 3 or both"),
         (["--what", "controller"], "a simulated scene has a plant alone"),
-        (["--range", "x"], "expected NAME=LEAST:MOST"),
+        (["--range", "x"], "expected NAME=MIN:MAX"),
         (["--step", "0.2", "--substeps", "1"], "too long"),
     ):
         refused = CliRunner().invoke(app, [*line, *more])

@@ -190,14 +190,14 @@ def test_the_source_is_cuda_too(real, packages, tmp_path):  # noqa: F811
 
 
 def test_the_command_line(tmp_path):
-    line = f"export-c {TENDONS} --out {tmp_path / 'out'} --real float --what step --prefix arm --target cortex-m4f"
+    line = f"export {TENDONS} --to c --out {tmp_path / 'out'} --real float --what step --prefix arm --target cortex-m4f"
     result = CliRunner().invoke(
         app, [*shlex.split(line), "--set", "parameters=[tip_mass]", "--range", "tip_mass=0:0.01"]
     )
     assert result.exit_code == 0, result.output
     assert "start with README.md" in result.output
     assert "0 to 0.01" in (tmp_path / "out/include/arm.h").read_text()
-    bad = CliRunner().invoke(app, ["export-c", str(TENDONS), "--out", str(tmp_path / "two"), "--range", "tip_mass=1"])
+    bad = CliRunner().invoke(app, ["export", str(TENDONS), "--to", "c", "--out", str(tmp_path / "two"), "--range", "tip_mass=1"])
     assert bad.exit_code == 2
     assert not (tmp_path / "two").exists()
 

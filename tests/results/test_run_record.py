@@ -130,9 +130,9 @@ def test_what_killed_processes_left_is_removed(tmp_path):
 def test_commands_have_folders_of_their_own(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run("simulate", RELEASE, *SHORT, "--no-pictures").exit_code == 0
-    assert run("export-c", RELEASE, "--what", "kinematics").exit_code == 0
-    folders = [f"runs/{command}/nitinol_release_020g" for command in ("export-c", "simulate")]
-    assert [kind_of_run(folder) for folder in folders] == ["export-c", "simulate"]
+    assert run("export", RELEASE, "--to", "c", "--what", "kinematics").exit_code == 0
+    folders = [f"runs/{command}/nitinol_release_020g" for command in ("export/c", "simulate")]
+    assert [kind_of_run(folder) for folder in folders] == ["export", "simulate"]
 
 
 def test_without_pictures_none_of_an_earlier_run_stay(tmp_path):
@@ -152,7 +152,7 @@ COMMANDS = {
     "mpc": ("mpc", ROOT / "configs/mpc/pulse.yaml"),
     "sweep": ("sweep", ROOT / "configs/sweep/finger_design.yaml"),
     "identify": ("identify", ROOT / "configs/identify/belendez_strip.yaml", "--data", "x.csv"),
-    "export-c": ("export-c", RELEASE),
+    "export": ("export", RELEASE, "--to", "c"),
 }
 
 
@@ -197,8 +197,8 @@ def test_an_empty_name_is_no_folder_in_python_either(tmp_path, monkeypatch):
         ("plan", ROOT / "configs/plan/tip_to_point.yaml", "--warm", "PIPE"),
         ("sweep", ROOT / "configs/sweep/finger_design.yaml", "--plot-only", "--out", "HOLDS sweep.json"),
         ("sweep", ROOT / "configs/sweep/finger_design.yaml", "--out", "HOLDS .lock"),
-        ("export-c", RELEASE, "--what", "kinematics", "--out", "HOLDS README.md"),
-        ("export-c", RELEASE, "--what", "kinematics", "--out", "HOLDS CMakeLists.txt"),
+        ("export", RELEASE, "--to", "c", "--what", "kinematics", "--out", "HOLDS README.md"),
+        ("export", RELEASE, "--to", "c", "--what", "kinematics", "--out", "HOLDS CMakeLists.txt"),
     ],
 )
 def test_a_pipe_is_refused_and_not_waited_for(arguments, tmp_path):
@@ -219,7 +219,7 @@ def test_a_pipe_is_refused_and_not_waited_for(arguments, tmp_path):
 
 @pytest.mark.parametrize(
     ("command", "limit"),
-    [("simulate", 0), ("modes", 600), ("export-c", 0), ("export-c", 20_000), ("schema", 80_000)],
+    [("simulate", 0), ("modes", 600), ("export", 0), ("export", 20_000), ("schema", 80_000)],
 )
 def test_a_full_disk_is_one_line_and_leaves_whole_files(command, limit, tmp_path):
     """Files that cannot grow beyond a size stand for the disk; the cache is elsewhere, and full too."""

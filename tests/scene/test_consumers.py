@@ -93,9 +93,9 @@ def test_the_key_of_what_is_refused_is_that_of_the_entry():
     two = [tendon, {**tendon, "offset": -0.005, "friction": 0.1}]
     scene = cg.load("configs/simulate/tendon_step.yaml").changed({"finger.tendons": two})
     with pytest.raises(InputError) as caught:
-        CONSUMERS["export-mjcf"].check(scene)
+        CONSUMERS["export to mjcf"].check(scene)
     assert caught.value.key == "finger.tendons[1].friction"
-    assert CONSUMERS["export-mjcf"].check(scene.changed({"finger.tendons[1].friction": 0.0})) == ()
+    assert CONSUMERS["export to mjcf"].check(scene.changed({"finger.tendons[1].friction": 0.0})) == ()
 
 
 def test_the_tables_are_what_consumers_declare():
@@ -108,7 +108,7 @@ LONG = {
     *("Rod", "RodFactors", "RodSection", "Table", "_Tensions"),
 }
 """Classes with keys of which many values are tried."""
-QUICK = {"export-mjcf", "plant.guides", "operators", "sweep", "design", "identify: read_and_sought"}
+QUICK = {"export to mjcf", "plant.guides", "operators", "sweep", "design", "identify: read_and_sought"}
 """Consumers of which most classes are tried in less than a second."""
 
 

@@ -34,7 +34,7 @@ _MOST_INSTRUCTIONS = 60_000
 _CODES = (Code.OK, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT)
 _START = "an input, which begins with what the scene has at time zero"
 _UNIT = Consumer(
-    "export-fmu",
+    "export to fmu",
     refused={"plant.guides": "a plant with guides decides its contacts in Python: leave them out"},
     unneeded={
         **LIMITS_OF_BENDING,

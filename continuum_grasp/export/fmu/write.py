@@ -44,9 +44,9 @@ VERSIONS = ("2", "3")
 _NO_LOOP = "a simulated scene has a plant alone; a controller needs a closed loop"
 _OWN = "is for a simulated scene: a closed loop has its own"
 _UNITS = (
-    beside("export-fmu of no controller", lambda of: "controller" not in of[1], "preview", "is for a controller"),
-    beside("export-fmu of a simulated scene", lambda of: isinstance(of[0], Scene), "what=controller", _NO_LOOP),
-    beside("export-fmu of a closed loop", lambda of: not isinstance(of[0], Scene), "step ranges substeps", _OWN),
+    beside("export to fmu of no controller", lambda of: "controller" not in of[1], "preview", "is for a controller"),
+    beside("export to fmu of a simulated scene", lambda of: isinstance(of[0], Scene), "what=controller", _NO_LOOP),
+    beside("export to fmu of a closed loop", lambda of: not isinstance(of[0], Scene), "step ranges substeps", _OWN),
 )
 _LONG = 20_000
 """Lines of a source from which it is compiled with less optimization, as plants of many elements are."""

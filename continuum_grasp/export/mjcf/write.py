@@ -42,9 +42,9 @@ _LONGEST_STEP = 1e-3
 """Longest step of a scene without ``time`` [s]."""
 _CONTACT = "contacts are MuJoCo's own, as stiff as the step allows"
 _PLANAR = "the chain is planar: a weight out of the plane that friction carries is not exported; set table, or 0"
-_CARRIED = needs("export-mjcf", "out_of_plane_gravity", "table", _PLANAR)
+_CARRIED = needs("export to mjcf", "out_of_plane_gravity", "table", _PLANAR)
 _CHAIN = Consumer(
-    "export-mjcf",
+    "export to mjcf",
     refused={
         "finger.tendons.drive.kind=motor": "motors are not exported, which would be hinges of their own: command "
         "lengths (kind: length) or tensions",

@@ -133,7 +133,7 @@ class WebPlant:
 
     @cached_property
     def look(self) -> tuple[Kernel, ...]:
-        """Drawn points: sections and contacts, by the kernels of ``export-c``."""
+        """Drawn points: sections and contacts, by the kernels of ``export_c``."""
         x, _, w, p = self.symbols
         own, given = x[: self.system.nx], self.given
         shape = sections_kernel("shape", self.system, self.at.tolist(), given, own, self.acting, p)
@@ -230,7 +230,7 @@ def plant_of_scene(given: Scene) -> WebPlant:
 
 
 _PAGE = Consumer(
-    "export-web",
+    "export to web",
     refused={"plant.guides": "a page has no code that integrates a chain of guides: leave it out"},
     unneeded={
         **LIMITS_OF_BENDING,

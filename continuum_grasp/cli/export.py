@@ -1,0 +1,232 @@
+"""``continuum-grasp export``."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from continuum_grasp.cli.options import out_option, resolved_scene, verb
+from continuum_grasp.cli.output import Output
+from continuum_grasp.errors import InputError
+
+if TYPE_CHECKING:
+    from continuum_grasp.export import FunctionalMockupUnit, HingeChain, Package, Page
+
+SUFFIXES = {"c": "", "fmu": "", "web": ".html", "mjcf": ".xml"}
+"""End of the name of what is written, by the word of ``--to``: folders, and files."""
+_VERSIONS = {"2": ["2"], "3": ["3"], "both": ["2", "3"]}
+_OUT = out_option("Where to (default: runs/export/TO/NAME-OF-CONFIG); an earlier export is replaced.", "DIR|FILE")
+
+
+@verb("config", "out", "changes", "as_json", "quiet", out=_OUT)
+def export(
+    output: Output,
+    to: Annotated[
+        str,
+        typer.Option("--to", metavar="c|fmu|web|mjcf", help="C package, FMUs, page for a browser, chain for MuJoCo."),
+    ],
+    what: Annotated[
+        str | None,
+        typer.Option(
+            "--what",
+            metavar="PART,...",
+            help="c: some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, "
+            "contact, metadata; of a closed loop also estimator and mpc, of a mission mpc and mission (default: of "
+            "loops and missions those two, else dynamics, step, kinematics and statics). fmu: plant, controller or "
+            "both of a closed loop (default: both).",
+        ),
+    ] = None,
+    ranges: Annotated[
+        list[str] | None,
+        typer.Option("--range", metavar="NAME=MIN:MAX", help="c, fmu: range of a run-time parameter; repeatable."),
+    ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option("--step", metavar="SECONDS", help="c, fmu: longest or internal step (default: the scene's)."),
+    ] = None,
+    substeps: Annotated[
+        int | None,
+        typer.Option("--substeps", metavar="N", help="c, fmu: Runge-Kutta steps in one (default: for stability)."),
+    ] = None,
+    real: Annotated[
+        str | None, typer.Option("--real", metavar="float|double", help="c: number type (default: the target's).")
+    ] = None,
+    prefix: Annotated[
+        str | None, typer.Option("--prefix", metavar="NAME", help="c: of all names (default: finger).")
+    ] = None,
+    target: Annotated[
+        str | None,
+        typer.Option("--target", metavar="NAME", help="c: host (default), cortex-m4f, cortex-m7 or wasm."),
+    ] = None,
+    sections: Annotated[
+        int | None,
+        typer.Option("--sections", metavar="N", help="c: sections in one call of shape, velocities (default: 25)."),
+    ] = None,
+    error: Annotated[
+        float | None, typer.Option("--error", metavar="NUMBER", help="c: greatest relative error within the ranges.")
+    ] = None,
+    measured: Annotated[
+        bool | None, typer.Option("--measure", help="c: run on the emulated target; note sizes and counts.")
+    ] = None,
+    finger: Annotated[
+        str | None, typer.Option("--finger", metavar="NAME", help="c: finger of a mission of several.")
+    ] = None,
+    fmi: Annotated[
+        str | None, typer.Option("--fmi", metavar="2|3|both", help="fmu: version of the standard (default: both).")
+    ] = None,
+    name: Annotated[
+        str | None, typer.Option("--name", metavar="NAME", help="fmu: of files and symbols (default: that of CONFIG).")
+    ] = None,
+    preview: Annotated[
+        bool | None, typer.Option("--preview", help="fmu: setpoints of every stage of the controller's horizon.")
+    ] = None,
+    binary: Annotated[
+        bool | None, typer.Option("--binary/--no-binary", help="fmu: with this machine's binary (default) or without.")
+    ] = None,
+    hinges: Annotated[
+        int | None, typer.Option("--hinges", metavar="N", help="mjcf: hinges of the finger (default: 40).")
+    ] = None,
+) -> None:
+    """Write a finger, its loop or its mission for use elsewhere.
+
+    C99 for microcontrollers and hosts (c), functional mock-up units for Simulink, Dymola and others (fmu), a page in
+    which finger and controller run as WebAssembly (web), a chain of hinges for MuJoCo (mjcf). An option says which of
+    these it is for.
+    """
+    given = {key: value for key, value in locals().items() if key not in ("output", "to") and value is not None}
+    if to not in SUFFIXES:
+        raise InputError(f"expected {', '.join(SUFFIXES)}, got {to!r:.60}", key="--to")
+    from continuum_grasp import export as package
+    from continuum_grasp.scene.control import ControlScene
+    from continuum_grasp.scene.mission import MissionScene
+
+    write = getattr(package, f"export_{to}")
+    taken = inspect.signature(write).parameters
+    for key in given.keys() - taken.keys():
+        raise InputError(f"has no effect on --to {to}", key=f"--{_SPELLED.get(key, key)}")
+    if "what" in given:
+        given["what"] = [part.strip() for part in given["what"].split(",")]
+    if "ranges" in given:
+        given["ranges"] = ranges_of(given["ranges"])
+    if "fmi" in given and given["fmi"] not in _VERSIONS:
+        raise InputError(f"expected 2, 3 or both, got {fmi!r:.60}", key="--fmi")
+    if "fmi" in given:
+        given["fmi"] = _VERSIONS[given["fmi"]]
+    output = replace(output, out=output.out or Path("runs/export") / to / f"{output.config.stem}{SUFFIXES[to]}")
+    more = {"c": (ControlScene, MissionScene), "mjcf": ()}.get(to, (ControlScene,))
+    scene = resolved_scene(output, *more)[0]
+    if to == "fmu":
+        from continuum_grasp.export.fmu.write import identifier_of
+
+        given.setdefault("name", identifier_of(output.config, scene))
+    with output.busy("writing"):
+        written = write(scene, output.out, **given)
+    _REPORTS[to](written, output)
+
+
+_SPELLED = {"measured": "measure", "ranges": "range"}
+"""Options whose name is not that of the argument in Python."""
+
+
+def _report_package(package: Package, output: Output) -> None:
+    """Print where a package is, its limits and errors, and what an emulated target counted."""
+    made = package.manifest
+    errors = [f["relative_error"] for f in made["functions"].values() if "relative_error" in f]
+    output.pairs(
+        {
+            "package": f"{package.folder} ({len(package.files)} files; start with README.md)",
+            "computes in": made["real"],
+            "configuration": made["configuration_hash"],
+            **_limits(made),
+            "test cases": sum(f["test_cases"] for f in made["functions"].values()),
+            **({"greatest relative error": f"{max(errors):g}"} if errors else {}),
+        }
+    )
+    for name, found in ((made["measured"] or {}).get("functions", {})).items():
+        output.say(f"{name}: {found['most_instructions']} instructions, {found['stack_bytes']} bytes of stack at most")
+    output.result(folder=package.folder, files=package.files, manifest=made)
+
+
+def _limits(made: Mapping[str, Any]) -> dict[str, str]:
+    """Longest step, where the package steps; memory of estimator and controller."""
+    found = {}
+    if "step" in made["functions"]:
+        found["longest step [s]"] = f"{made['stability']['longest_step_s']:g}"
+    memory = {k: v for f in made["functions"].values() for k, v in f.get("memory_bytes", {}).items()}
+    if memory:
+        found["memory [bytes]"] = ", ".join(f"{name} {size}" for name, size in memory.items())
+    return found
+
+
+def _report_units(units: Sequence[FunctionalMockupUnit], output: Output) -> None:
+    """Print each unit's file, step and variables."""
+    for unit in units:
+        sizes = f"{len(unit.inputs)} inputs, {len(unit.outputs)} outputs, {len(unit.parameters)} parameters"
+        output.pairs(
+            {
+                "written": unit.file,
+                "internal step": f"{unit.step:g} s",
+                "variables": sizes,
+                "binary": unit.binary or "none, sources alone",
+            }
+        )
+    output.result(
+        units=[{f"{key}_s" if key == "step" else key: value for key, value in vars(u).items()} for u in units]
+    )
+
+
+def _report_page(page: Page, output: Output) -> None:
+    """Print where a page is, and the size of its WebAssembly."""
+    modules = ", ".join(f"{name} {size}" for name, size in page.modules.items())
+    output.pairs({"page": f"{page.file} ({page.size} bytes; open it in a browser)", "modules [bytes]": modules})
+    output.result(file=page.file, size=page.size, modules=page.modules)
+
+
+def _report_chain(chain: HingeChain, output: Output) -> None:
+    """Print where a chain of hinges is, its controls, and what differs from the scene."""
+    output.warn(f"differs: {text}" for text in chain.differences)
+    output.pairs(
+        {
+            "written": ", ".join(map(str, chain.files)),
+            "hinges": chain.hinges,
+            "controls": ", ".join(chain.control_names) or "none",
+            "first frequency": f"{chain.first_frequency:.6g} Hz, straight and unloaded",
+            "timestep": f"{chain.timestep:g} s",
+        }
+    )
+    output.result(
+        files=chain.files,
+        hinges=chain.hinges,
+        controls=chain.control_names,
+        first_frequency_hz=chain.first_frequency,
+        timestep_s=chain.timestep,
+        differences=chain.differences,
+    )
+
+
+_REPORTS: dict[str, Callable[[Any, Output], None]] = {
+    "c": _report_package,
+    "fmu": _report_units,
+    "web": _report_page,
+    "mjcf": _report_chain,
+}
+
+
+def ranges_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Ranges as NAME=MIN:MAX."""
+    found = {}
+    for word in words:
+        name, _, pair = word.partition("=")
+        try:
+            least, most = (float(part) for part in pair.split(":"))
+        except ValueError:
+            raise InputError(f"--range: expected NAME=MIN:MAX, got {word!r:.60}") from None
+        if name in found:
+            raise InputError(f"--range: {name} is given twice")
+        found[name] = (least, most)
+    return found
