@@ -1,29 +1,95 @@
-"""The pages of docs/live: python -m docs.live."""
+"""The pages of docs/live, and the moving picture of the first one: python -m docs.live.
+
+With names of pages these alone; ``--picture`` draws docs/pictures/demo.webp, which needs Chromium and playwright.
+"""
 
 from __future__ import annotations
 
+import io
+import shutil
+import sys
 from pathlib import Path
 
 import continuum_grasp as cg
 
 FOLDER = Path(__file__).parent / "live"
+DEMO = "hold_a_mug"
+HELD = {
+    "name": "A controller holds a mug",
+    "drive_tension": 90.0,
+    "plant.fidelity.elements": 3,
+    "plant.tendon_friction": 0,
+}
+"""Changes to the mission: drives with a reserve for a slippery mug, a plant that every browser follows in real time."""
+LIFTED = 2.4
+"""Instant at which the table is gone and the page takes over [s]."""
 PAGES = {
     "follow_a_target": ("mpc/steady_tip", {"name": "Follow a target"}),
     "grasp_a_mug": ("simulate/close_on_mug", {"name": "Grasp a mug"}),
     "release": ("simulate/nitinol_release_020g", {"name": "Release of a rod with a mass", "parameters": ["tip_mass"]}),
 }
 """Configuration and changes by the name of the page."""
+FRAME, WIDTH, HEIGHT = 0.08, 720, 520
+"""Time between frames of the picture [s]; its size [px]."""
 
 
 def main() -> None:
-    """Write all of them."""
-    total = 0
-    for name, (config, changes) in PAGES.items():
-        scene = cg.load(Path("configs") / f"{config}.yaml").changed(changes)
-        page = cg.export_web(scene, FOLDER / f"{name}.html")
-        total += page.size
+    """Write all pages, or those that are named."""
+    asked = [name for name in sys.argv[1:] if not name.startswith("-")]
+    for name in asked or [DEMO, *PAGES]:
+        file = FOLDER / f"{name}.html"
+        if name == DEMO:
+            page = cg.run_mission(cg.load("configs/mission/mug.yaml").changed(HELD)).show(live_from=LIFTED).save(file)
+        else:
+            config, changes = PAGES[name]
+            page = cg.export_web(cg.load(f"configs/{config}.yaml").changed(changes), file)
         print(f"{page.file}: {page.size} bytes")
-    print(f"{total} bytes in all")
+    if "--picture" in sys.argv:
+        print(picture())
+
+
+def picture() -> Path:
+    """Draw what a visitor does: the mug is pulled, the wind blows, the friction falls."""
+    from PIL import Image
+    from playwright.sync_api import sync_playwright
+
+    frames = []
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        page.goto((FOLDER / f"{DEMO}.html").as_uri())
+        page.wait_for_function("window.page !== undefined && page.world.origin !== undefined", timeout=60000)
+        page.evaluate("document.body.classList.add('embedded')")
+        page.evaluate("page.reset()")
+        page.click("#world", position={"x": 30, "y": 300})
+        page.keyboard.press(" ")
+
+        def on(seconds: float, act: str = "") -> None:
+            for _ in range(round(seconds / FRAME)):
+                page.evaluate(f"page.tick({FRAME}); {act}")
+                frames.append(Image.open(io.BytesIO(page.screenshot())).convert("RGB"))
+
+        on(LIFTED + 0.6)
+        x, y = page.evaluate(
+            "page.toScreen(...page.plant.start.x.slice(page.plant.object.state, page.plant.object.state + 2))"
+        )
+        page.mouse.move(x, y)
+        page.mouse.down()
+        for k in range(12):
+            page.mouse.move(x + 6 * k, y - 8 * k)
+            on(FRAME)
+        on(0.4)
+        page.mouse.up()
+        on(0.8)
+        for friction in (0.45, 0.4, 0.35, 0.3, 0.25, 0.2, 0.15, 0.1):
+            page.fill("input[name=friction]", str(friction))
+            on(0.3)
+        on(0.6)
+        browser.close()
+    target = FOLDER.parent / "pictures" / "demo.webp"
+    first, *others = frames
+    first.save(target, save_all=True, append_images=others, duration=round(1000 * FRAME), loop=0, quality=55, method=6)
+    return target
 
 
 if __name__ == "__main__":

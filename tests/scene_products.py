@@ -359,7 +359,9 @@ WALKS = (
     Walk("export to web", Scene, page),
     Walk("export to fmu", Scene, unit),
     # Ranges are those of the package; the model takes every pressure.
-    Walk("export to c, operators", Scene, model, ("time", "name", "finger.pressure.max_pressure", *_AROUND, *_OF_TOUCH)),
+    Walk(
+        "export to c, operators", Scene, model, ("time", "name", "finger.pressure.max_pressure", *_AROUND, *_OF_TOUCH)
+    ),
     Walk("accuracy by the exact rod", Scene, measured_choices, _AROUND),
     Walk("identify", Scene, fitted, _AROUND),
     Walk("environments", ControlScene, lanes),

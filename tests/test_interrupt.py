@@ -196,7 +196,11 @@ MOMENTS = {
     "code": ("continuum_grasp.core.core.rollout_source", 1, ["simulate", RELEASE]),
     "written": ("os.fsync", 2, ["export", RELEASE, "--to", "c", "--what", "kinematics"]),
     "schemas": ("os.replace", 3, ["schema"]),
-    "package": ("continuum_grasp.export.package.write_package", 1, ["export", RELEASE, "--to", "c", "--what", "kinematics"]),
+    "package": (
+        "continuum_grasp.export.package.write_package",
+        1,
+        ["export", RELEASE, "--to", "c", "--what", "kinematics"],
+    ),
 }
 
 

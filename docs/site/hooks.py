@@ -33,6 +33,8 @@ MACHINE = re.compile(r"^- cpu: .*\n(?:- .*\n)*", re.MULTILINE)
 FENCE = re.compile(r"^ {0,3}(`{3,}|~{3,}).*?^ {0,3}\1`*\s*$", re.MULTILINE | re.DOTALL)
 TAG = re.compile(r"<(?:img|a|video|source)\b[^>]*>")
 CODE = re.compile(r"(?<!</span>)(?<!<pre>)<code>([\w./]+)(?:\([^<]*\))?</code>(?!</a>)")
+LIVE = re.compile(r'<a href="((?:[\w./]*/)?live/\w+\.html)">\s*(<img\b[^>]*\balt="([^"]*)"[^>]*>)\s*</a>')
+"""A picture that leads to a live page, which stands in its place."""
 MATH = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 BOLD = re.compile(r'<mi mathvariant="bold">([A-Za-z])</mi>')
 """A bold letter, for which browsers want the character of Unicode."""
@@ -184,6 +186,7 @@ def on_page_content(html: str, page: Any, config: Any, files: Files) -> str:
         wrong = {name: (shown[name], built[name]) for name in shown | built if shown[name] != built[name]}
         if wrong:
             log.warning("%s: blocks by CommonMark and on the site differ: %s", path, wrong)
+    html = LIVE.sub(r'<iframe class="live" src="\1" title="\3" loading="lazy"></iframe><noscript>\2</noscript>', html)
     html = html if path.startswith(reference.FOLDER) else linked(html, page, files)
     return MATH.sub(mathml, html)
 

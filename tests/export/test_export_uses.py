@@ -197,7 +197,9 @@ def test_the_command_line(tmp_path):
     assert result.exit_code == 0, result.output
     assert "start with README.md" in result.output
     assert "0 to 0.01" in (tmp_path / "out/include/arm.h").read_text()
-    bad = CliRunner().invoke(app, ["export", str(TENDONS), "--to", "c", "--out", str(tmp_path / "two"), "--range", "tip_mass=1"])
+    bad = CliRunner().invoke(
+        app, ["export", str(TENDONS), "--to", "c", "--out", str(tmp_path / "two"), "--range", "tip_mass=1"]
+    )
     assert bad.exit_code == 2
     assert not (tmp_path / "two").exists()
 

@@ -81,11 +81,11 @@ def test_what_is_seen_is_what_the_model_says(release, tmp_path):
     library.look()
     system, x, u, w = plant.system, arrays["x"], arrays["u"], arrays["w"]
     length = scene.finger.rod.length
-    r, angle = (np.array(v) for v in system.sections(plant.at.tolist())(x, u, []))
+    r, angle = (np.array(v) for v in system.sections(plant.at.tolist())(x, u, arrays["p"]))
     np.testing.assert_allclose([arrays["section_x"], arrays["section_y"]], r, rtol=1e-12, atol=1e-14)
     np.testing.assert_allclose(arrays["section_angle"], angle.ravel(), rtol=1e-12)
     names = system.touch.name_out()
-    for name, value in zip(names, system.touch(x, u, w, []), strict=True):
+    for name, value in zip(names, system.touch(x, u, w, arrays["p"]), strict=True):
         found = [arrays[f"{name}_x"], arrays[f"{name}_y"]] if name in ("force", "point", "normal") else arrays[name]
         np.testing.assert_allclose(found, np.array(value).reshape(np.shape(found)), rtol=1e-9, atol=1e-9)
     assert arrays["normal_force"].max() > 1.0

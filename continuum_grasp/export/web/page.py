@@ -31,13 +31,16 @@ from continuum_grasp.export.layer import library_files
 from continuum_grasp.export.package import controller_of
 from continuum_grasp.export.ranges import input_fields, parameter_fields
 from continuum_grasp.export.template import fill
-from continuum_grasp.export.web.plant import PUSHED, WebPlant, plant_of_loop, plant_of_scene
+from continuum_grasp.export.web.plant import FRICTION, PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.export.web.record import Record, loop_record, rounded, trajectory_record
 from continuum_grasp.export.web.wasm import add_sizes, compiled
 from continuum_grasp.results.atomic import write_text
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.finger import Finger
+from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.scene.tendons import Tendon
 from continuum_grasp.simulation.trajectory import Trajectory
 
 Array = NDArray[np.float64]
@@ -48,6 +51,8 @@ _DIGITS = 6
 """Digits of numbers that are only drawn."""
 _TABLE = 0.005
 """Time between rows of a table of inputs and loads [s]."""
+_GAP = 2.5
+"""Distance of drawn discs, per half thickness."""
 _PULL = 0.25
 """Greatest force of a hand, per that which bends the straight finger to a right angle."""
 
@@ -149,10 +154,10 @@ def page_of(
             files = {Path(name).name: text for name, text in library_files(package).items() if name != _TESTED}
             # Compiled while the plant is written.
             modules["controller"] = pool.submit(compiled, files, ["__heap_base", *wasm_exports(package)])
-            add_sizes(package, files)
+            plan = add_sizes(package, files)
             wrapper = wasm_files(package)["wasm/finger.mjs"]
             plant, sensors = plant_of_loop(scene, plant_model)
-            controller = _controller(scene, loop, sensors)
+            controller = _controller(scene, loop, sensors) | {"plan": plan}
         else:
             plant = plant_of_scene(scene)
         modules["plant"] = pool.submit(compiled, {"plant.c": plant.source}, plant_exports(plant))
@@ -162,7 +167,6 @@ def page_of(
         known: dict[str, Any] = {
             "plant": _plant(plant, scene),
             "controller": controller,
-            "view": _view(plant, scene),
             "record": None if played is None else played.frames(),
         }
         if played is not None:
@@ -181,16 +185,18 @@ def page_of(
     return Page(fill("web/page.html", words), {name: len(binary) for name, binary in binaries.items()})
 
 
-def page_of_motion(run: Trajectory) -> Page:
+def page_of_motion(run: Trajectory, *, live_from: float | None = None) -> Page:
     """The page of a motion, see ``MotionResult.show``."""
-    return page_of(run.scene, lambda plant, _: trajectory_record(run, plant))
+    return page_of(run.scene, lambda plant, _: trajectory_record(run, plant).until(live_from))
 
 
-def page_of_loop(run: ControlRun, changes: Callable[[Stages], Sequence[Any]] = lambda _: ()) -> Page:
+def page_of_loop(
+    run: ControlRun, changes: Callable[[Stages], Sequence[Any]] = lambda _: (), *, live_from: float | None = None
+) -> Page:
     """The page of a closed loop, and what changed of its controller."""
 
     def record(plant: WebPlant, loop: Loop | None) -> Record:
-        return loop_record(run, plant, () if loop is None else changes(loop.stages))
+        return loop_record(run, plant, () if loop is None else changes(loop.stages)).until(live_from)
 
     return page_of(run.scene, record, run.readings.plant)
 
@@ -207,7 +213,7 @@ def _script(text: str) -> str:
 
 def plant_exports(plant: WebPlant) -> list[str]:
     """Functions of the plant's module."""
-    return ["advance", "look", "sense", "restart", *(f"at_{name}" for name in plant.arrays)]
+    return ["advance", "look", "sense", "foresee", "restart", *(f"at_{name}" for name in plant.arrays)]
 
 
 def _controller(scene: ControlScene, loop: Loop, sensors: Sensors) -> dict[str, Any]:
@@ -225,6 +231,8 @@ def _controller(scene: ControlScene, loop: Loop, sensors: Sensors) -> dict[str, 
         "reference": reference,
         "names": [name.split(" ")[0] for name in sensors.names],
         "std": sensors.std.tolist(),
+        "low": loop.stages.u_min.tolist(),
+        "high": loop.stages.u_max.tolist(),
         "delay": sensors.delay,
     }
 
@@ -262,18 +270,31 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
             "sections": plant.pushed,
             "most": _PULL * 0.5 * math.pi * finger.rod.stiffness / length**2,
         },
+        "tendons": [_tendon(one, plant.at, length) for one in finger.tendon_list],
+        "discs": _discs(finger),
         "masses": [[mass.at / length, mass.mass] for mass in finger.masses],
         "touches": system.touch_names,
     }
-    if body is not None and body.object is not None:
+    if body is not None and body.object is not None and body.contact_law is not None:
+        of_object = system.object_parameters
         moves = system.object_states.stop > system.object_states.start
         found["object"] = {
             "parts": [np.round(np.array(part.outline(96)), _DIGITS).tolist() for part in body.object.parts],
             "pose": [float(v) for v in body.object.pose],
             "state": system.object_states.start if moves else None,
             "wrench": own.nw if moves else None,
-            "parameter": own.np if system.np > own.np else None,
+            "parameter": own.np + list(of_object).index("object_x") if "object_x" in of_object else None,
+            "mass": body.object.mass,
+            "height": system.object_states.start + 3 if moves and body.out_of_plane_gravity else None,
             "most": 10.0 * max(body.object.mass, 0.02),
+        }
+        supports = {wall.name: wall.friction for wall in body.walls} | {peg.name: peg.friction for peg in body.pegs}
+        law = body.contact_law.friction
+        limits = [supports.get(name.partition(".")[0]) for name in system.touch_names]
+        found["friction"] = {
+            "parameter": own.np + list(of_object).index(FRICTION),
+            "law": law,
+            "of": [law if one is None else one for one in limits],
         }
         found["walls"] = [[*wall.point, *wall.normal, min(wall.half_length, 10.0 * length)] for wall in body.walls]
         found["pegs"] = [[*peg.position, peg.radius] for peg in body.pegs]
@@ -288,28 +309,32 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
     return found
 
 
+def _tendon(tendon: Tendon, at: Array, length: float) -> dict[str, Any]:
+    """Distances of a tendon from the backbone [m] at the sections up to its end, and its greatest tension [N]."""
+    (first, last), end = ends(tendon.offset), tendon.end(length)
+    sections = at[at <= end * (1.0 + 1e-9)]
+    return {
+        "offset": [round(float(v), _DIGITS) for v in first + (last - first) * sections / end],
+        "most": tendon.max_tension,
+    }
+
+
+def _discs(finger: Finger) -> list[float]:
+    """Shares of the length where units end, or where discs guide the tendons of a rod that is thinner than the finger."""
+    rod, length = finger.rod, finger.rod.length
+    if rod.spirob is not None:
+        return [round(edge / length, _DIGITS) for edge in rod.spirob.edges(length)]
+    half = float(np.max(finger.profile.half_thickness(np.linspace(0.0, length, 5))))
+    if not finger.tendon_list or rod.diameter is None or half < 1.5 * 0.5 * max(ends(rod.diameter)):
+        return []
+    count = round(length / (_GAP * half))
+    return [round(k / count, _DIGITS) for k in range(1, count + 1)]
+
+
 def _slider(field: Any, value: float) -> dict[str, Any]:
     """A number that is changed by hand."""
     low, high = field.sampled
     return {"name": field.name, "unit": field.unit, "low": low, "high": high, "value": float(value)}
-
-
-def _view(plant: WebPlant, scene: Scene | ControlScene) -> list[float]:
-    """Visible part of the world: left, bottom, right and top [m]."""
-    finger, body = plant.system.finger_model.finger, plant.system.surroundings
-    s = plant.at[:, None] / finger.rod.length
-    points = [np.array([finger.base.position])]
-    for bend in np.linspace(-2.2, 2.2, 23):
-        angle = finger.base.angle + bend * s
-        line = np.cumsum(np.hstack([-np.sin(angle), np.cos(angle)]) * finger.rod.length / (len(s) - 1), axis=0)
-        points.append(np.array(finger.base.position) + line)
-    if body is not None and body.object is not None:
-        x, y, _ = body.object.pose
-        points += [np.array([x, y]) + np.array(part.outline(24)) for part in body.object.parts]
-    every = np.concatenate(points)
-    low, high = every.min(axis=0), every.max(axis=0)
-    edge = 0.06 * float((high - low).max())
-    return [float(v) for v in (*(low - edge), *(high + edge))]
 
 
 def _about(plant: WebPlant, scene: Scene | ControlScene, played: Record | None) -> str:

@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 from continuum_grasp.accuracy.choose import resolve_fidelity
 from continuum_grasp.closed_loop.plant import Sensors
 from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators.sdirk2 import GAMMA
@@ -40,6 +42,10 @@ Array = NDArray[np.float64]
 
 PUSHED = (0.25, 0.5, 0.75, 1.0)
 """Places where a finger can be pushed, as parts of its length."""
+PLANNED = 13
+"""Sections of a plan's nodes that are drawn."""
+FRICTION = "friction_factor"
+"""Parameter of contacts: multiple of all their friction coefficients."""
 SECTIONS = 25
 """Sections that are drawn, evenly spaced from base to tip; those where a finger can be pushed are among them."""
 STEP, CONTACT_STEP = 1e-3, 2.5e-4
@@ -84,6 +90,10 @@ class WebPlant:
         Parameters.
     x_names : tuple of str
         Name and unit of each state.
+    tensions : casadi.SX
+        Tension of each tendon at its drive [N].
+    planned : casadi.Function or None
+        Position and angle of each section of a node of the controller's plan, at ``at`` of `planned_sections`.
     """
 
     system: System
@@ -96,6 +106,8 @@ class WebPlant:
     signals: Signals
     p: Array
     x_names: tuple[str, ...]
+    tensions: ca.SX
+    planned: ca.Function | None = None
 
     @property
     def pushes(self) -> int:
@@ -136,10 +148,23 @@ class WebPlant:
         """Drawn points: sections and contacts, by the kernels of ``export_c``."""
         x, _, w, p = self.symbols
         own, given = x[: self.system.nx], self.given
-        shape = sections_kernel("shape", self.system, self.at.tolist(), given, own, self.acting, p)
-        if not self.system.touch_names:
-            return (shape,)
-        return shape, contact_kernel(self.system, given, own, self.acting, w, p)
+        kernels = [sections_kernel("shape", self.system, self.at.tolist(), given, own, self.acting, p)]
+        if self.system.touch_names:
+            kernels.append(contact_kernel(self.system, given, own, self.acting, w, p))
+        if self.tensions.numel():
+            seen = straight_function("pull", given, {"tension": ca.densify(self.tensions)})
+            kernels.append(Kernel("pull", seen, "Tension of each tendon at its drive."))
+        return tuple(kernels)
+
+    @cached_property
+    def ahead(self) -> Kernel | None:
+        """Drawn points of a node of the plan, if there is a controller."""
+        if self.planned is None:
+            return None
+        node = ca.SX.sym("node", self.planned.size1_in(0))
+        r = self.planned(node)
+        seen = {"ahead_x": r[0, :].T, "ahead_y": r[1, :].T}
+        return Kernel("ahead", straight_function("ahead", {"node": node}, seen), "Sections of a node of the plan.")
 
     @cached_property
     def sense(self) -> Kernel | None:
@@ -152,7 +177,7 @@ class WebPlant:
     @property
     def _kernels(self) -> tuple[Kernel, ...]:
         """All that it computes by."""
-        return self._rates, *self.look, *([] if self.sense is None else [self.sense])
+        return self._rates, *self.look, *(kernel for kernel in (self.sense, self.ahead) if kernel is not None)
 
     @property
     def step(self) -> float:
@@ -180,6 +205,7 @@ class WebPlant:
             "rate": self._rates.call("plant", x="at"),
             "look": "\n  ".join(kernel.call("plant") for kernel in self.look),
             "sense": "" if self.sense is None else self.sense.call("plant"),
+            "ahead": "" if self.ahead is None else self.ahead.call("plant"),
         }
         return fill("web/plant.c", words)
 
@@ -197,9 +223,9 @@ class WebPlant:
     def arrays(self) -> dict[str, int]:
         """Sizes of the arrays in its memory."""
         seen = [kernel.outputs for kernel in self._kernels[1:]]
-        return {name: value.numel() for name, value in self.given.items()} | {
-            k: v for of in seen for k, v in of.items()
-        }
+        given = {name: value.numel() for name, value in self.given.items()}
+        node = {} if self.planned is None else {"node": self.planned.size1_in(0)}
+        return given | node | {k: v for of in seen for k, v in of.items()}
 
 
 def _pushed(scene: Scene, lengths: Sequence[float]) -> Scene:
@@ -218,15 +244,20 @@ def plant_of_scene(given: Scene) -> WebPlant:
     # A hand changes inputs at once, with which a matched tip would jump.
     if not lagged and (family is None or FAMILIES[family].matches_tip):
         family = default_family(free_tip=True)
-    own = ("object_x", "object_y") if scene.object is not None and not scene.object_moves else ()
-    system = System(scene, family=family, object_parameters=own)
+    place = () if scene.object_moves else ("object_x", "object_y")
+    varied = () if scene.object is None else (FRICTION, *place)
+    system = System(scene, family=family, object_parameters=varied)
     x, u, w, p = (ca.SX.sym(*one) for one in (("x", system.nx), ("u", system.nu), ("w", system.nw), ("p", system.np)))
     symbols = x, u, w, p
     signals = Signals(scene, system.finger_model, nw=system.nw)
     rest = signals.u(0.0)[0]
     start = initial_state(scene, system)
     rate, names = system.forward_dynamics(*symbols), tuple(system.x_names)
-    return WebPlant(system, symbols, rate, u, ca.SX(0, 1), start, rest, signals, np.array(system.p_nominal), names)
+    own, tensions = system.finger_model, u[: len(finger.tendon_list)]
+    if own.structure.own_tendons:
+        tensions = own.tensions()(x[: own.nx], u[: own.nu], p[: own.np])[0]
+    nominal = np.array(system.p_nominal)
+    return WebPlant(system, symbols, rate, u, ca.SX(0, 1), start, rest, signals, nominal, names, tensions)
 
 
 _PAGE = Consumer(
@@ -246,14 +277,37 @@ def plant_of_loop(scene: ControlScene, of: PlantModel | None = None) -> tuple[We
     """The plant of a closed loop, which its controller drives, and its sensors; ``of`` where it is not the scene's."""
     _PAGE.check(scene)
     own = of or PlantModel(scene)
-    model = PlantModel(
-        scene, _pushed(own.scene, own.elements.finger_model.lengths), own.parameters, own.elements.object_parameters
-    )
-    sensors, system = Sensors(scene, model, Prediction(scene), None), model.elements
+    of_object = own.elements.object_parameters
+    if scene.object is not None and FRICTION not in of_object:
+        of_object = (FRICTION, *of_object)
+    model = PlantModel(scene, _pushed(own.scene, own.elements.finger_model.lengths), own.parameters, of_object)
+    prediction = Prediction(scene)
+    sensors, system = Sensors(scene, model, prediction, None), model.elements
     sensed = sensors.value(*model.symbols[:3])
     signals = Signals(model.scene, system.finger_model, nw=system.nw)
     rate = model.forward_dynamics(*model.symbols)
     plant = WebPlant(
-        system, model.symbols, rate, model.acting, sensed, model.start, model.rest_input, signals, own.p, model.x_names
+        system,
+        model.symbols,
+        rate,
+        model.acting,
+        sensed,
+        model.start,
+        model.rest_input,
+        signals,
+        own.p if of_object == own.elements.object_parameters else np.insert(own.p, own.finger_parameters, 1.0),
+        model.x_names,
+        model.tensions if scene.finger.tendon_list else ca.SX(0, 1),
+        planned_sections(prediction, stages_of(scene, prediction)),
     )
     return plant, sensors
+
+
+def planned_sections(prediction: Prediction, stages: Stages) -> ca.Function:
+    """Positions (2, K) of sections at a node of a plan: its states, then the inputs before it where it has these."""
+    node = ca.SX.sym("node", stages.nx)
+    before = node[stages.nd : stages.nd + stages.nu]
+    u = before if before.numel() == stages.nu else ca.SX(prediction.scene.rest_input)
+    places = tuple(np.linspace(0.0, prediction.scene.finger.rod.length, PLANNED).tolist())
+    r, _ = prediction.sections(places)(node[: stages.nd], u, stages.p_nominal)
+    return ca.Function("planned", [node], [r])

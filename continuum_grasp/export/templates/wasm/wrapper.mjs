@@ -133,6 +133,7 @@ class Finger {
     this.#reserve(this.#start);
     this.#check(this.#c[`<<p>>_${owner}_init_abi`](place, INTERFACE.abi));
     const found = {};
+    Object.defineProperty(found, "address", { value: place }); // in the module's memory
     const places = {};
     let at = place + this.#offset;
     for (const member of members) {

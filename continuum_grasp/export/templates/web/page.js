@@ -16,11 +16,12 @@ const memory = {};
 for (const [name, size] of Object.entries(PLANT.arrays)) {
   memory[name] = new Float64Array(c.memory.buffer, c[`at_${name}`](), size);
 }
+const OBJECT = PLANT.object, ROUGH = PLANT.friction ?? null, moves = OBJECT && (OBJECT.state !== null || OBJECT.parameter !== null);
 let controller = null, io = null, fields = null, changes = [];
 
 const world = {
   time: 0, steps: 0, next: 0, code: 0, state: "", past: [], push: [0, 0, 0], target: null, led: false, free: false, pace: 1,
-  took: 0, calls: 0, played: RECORD ? 0 : -1,
+  took: 0, calls: 0, played: RECORD ? 0 : -1, wind: [0, 0], trails: { tip: [], target: [] }, touched: false,
 };
 
 function gauss() {
@@ -32,7 +33,7 @@ async function reset() {
   for (const name of ["x", "u", "p"]) memory[name].set(PLANT.start[name]);
   memory.w.set(PLANT.table.w[0] ?? []);
   Object.assign(world, { time: 0, steps: 0, next: 0, code: 0, past: [], push: [0, 0, 0], free: false, took: 0, calls: 0 });
-  Object.assign(world, { led: false, played: RECORD ? 0 : -1 });
+  Object.assign(world, { led: false, played: RECORD ? 0 : -1, wind: [0, 0], trails: { tip: [], target: [] }, lost: 0 });
   if (LOOP) {
     const finger = await load(await module("controller"));
     controller = finger.new_controller();
@@ -42,6 +43,7 @@ async function reset() {
     LOOP.start = Object.keys(finger.layout(LOOP.starts));
   }
   for (const [k, slider] of PLANT.parameters.entries()) memory.p[k] = slider.value;
+  if (ROUGH) memory.p[ROUGH.parameter] = 1;
   wish();
   if (RECORD) play(0);
   for (const plot of plots) plot.clear();
@@ -123,7 +125,9 @@ function aim() {
   const { stage } = LOOP.reference, array = io.reference;
   for (const [k, name] of LOOP.reference.names.entries()) {
     const { at, count } = fields.reference[name], to = world.led ? "xy".indexOf(name.replace("tip_", "")) : -1;
-    for (let n = 0; n < count; ++n) array[at + n] = to < 0 ? setpoint(k, world.time + n * stage) : world.target[to];
+    // The grip that is asked for keeps its share of the friction cone.
+    const grip = ROUGH && name.startsWith("contact_force") ? Math.min(1.5, 1 / memory.p[ROUGH.parameter]) : 1;
+    for (let n = 0; n < count; ++n) array[at + n] = to < 0 ? grip * setpoint(k, world.time + n * stage) : world.target[to];
   }
 }
 
@@ -145,6 +149,9 @@ function follow() {
   const at = Math.min(world.time / dt, w.length - 1), k = Math.floor(at), share = at - k;
   const between = (rows, i) => rows[k][i] + share * ((rows[k + 1] ?? rows[k])[i] - rows[k][i]);
   for (let i = 0; i < memory.w.length; ++i) memory.w[i] = between(w, i);
+  for (let k = 0; k < PLANT.pushes.sections.length; ++k) {
+    for (const i of [0, 1]) memory.w[PLANT.pushes.first + 2 * k + i] += world.wind[i] / PLANT.pushes.sections.length;
+  }
   if (!LOOP && !world.free) for (let i = 0; i < memory.u.length; ++i) memory.u[i] = between(u, i);
 }
 
@@ -189,7 +196,7 @@ function pull() {
     memory.w[first + 1] += force * y;
     world.push = [force * x, force * y, Math.hypot(force * x, force * y)];
   } else if (hand.kind === "object") {
-    const o = PLANT.object, pose = objectPose();
+    const o = OBJECT, pose = objectPose();
     const x = hand.at[0] - hand.grip[0], y = hand.at[1] - hand.grip[1];
     if (o.state === null) {
       // Not faster than a hand: contacts are stiff.
@@ -208,7 +215,7 @@ function pull() {
 }
 
 function objectPose() {
-  const o = PLANT.object;
+  const o = OBJECT;
   if (o.state !== null) return [memory.x[o.state], memory.x[o.state + 1], memory.x[o.state + 2]];
   if (o.parameter !== null) return [memory.p[o.parameter], memory.p[o.parameter + 1], o.pose[2]];
   return o.pose;
@@ -218,11 +225,11 @@ const near = (at, x, y) => Math.hypot(at[0] - x, at[1] - y);
 
 function grab(at, reach) {
   if (world.target && near(at, ...world.target) < reach) return { kind: "target" };
-  if (PLANT.object && (PLANT.object.state !== null || PLANT.object.parameter !== null)) {
+  if (moves) {
     const pose = objectPose(), place = [at[0] - pose[0], at[1] - pose[1]];
     const cos = Math.cos(pose[2]), sin = Math.sin(pose[2]);
     const own = [cos * place[0] + sin * place[1], -sin * place[0] + cos * place[1]];
-    if (PLANT.object.parts.some((part) => inside(part, own))) return { kind: "object", grip: place };
+    if (OBJECT.parts.some((part) => inside(part, own))) return { kind: "object", grip: place };
   }
   let best = reach, station = -1;
   for (let k = 1; k < memory.section_x.length; ++k) {
@@ -256,55 +263,97 @@ function inside(part, [x, y]) {
 // ---- what is drawn ---------------------------------------------------------------------------------------------------
 
 const canvas = element("world"), pen = canvas.getContext("2d");
-const [LEFT, BOTTOM, RIGHT, TOP] = KNOWN.view;
+const calm = matchMedia("(prefers-reduced-motion: reduce)");
 let scale = 1, colors = {};
 
 function readColors() {
+  mixed.clear();
   const style = getComputedStyle(document.documentElement);
-  for (const name of ["paper", "ink", "faint", "line", "finger", "object", "edge", "force", "target", "zone", "support", "second"]) {
+  for (const name of ["paper", "sheet", "ink", "faint", "line", "finger", "object", "edge", "force", "target", "zone", "support", "second"]) {
     colors[name] = style.getPropertyValue(`--${name}`).trim();
   }
 }
 
-// Widths are asked for when they change: each question would lay out the page anew, texts having been written.
-const widths = new Map(), resized = new ResizeObserver((all) => {
-  for (const { target } of all) widths.set(target, target.clientWidth);
+// Sizes are asked for when they change: each question would lay out the page anew, texts having been written.
+const sizes = new Map(), resized = new ResizeObserver((all) => {
+  for (const { target } of all) sizes.set(target, [target.clientWidth, target.clientHeight]);
 });
 
-function widthOf(what) {
-  if (!widths.has(what)) {
-    widths.set(what, what.clientWidth);
+function fit(what) {
+  if (!sizes.has(what)) {
+    sizes.set(what, [what.clientWidth, what.clientHeight]);
     resized.observe(what);
   }
-  return widths.get(what);
-}
-
-function fit(what, height) {
-  const ratio = window.devicePixelRatio || 1, width = widthOf(what);
+  const ratio = window.devicePixelRatio || 1, [width, height] = sizes.get(what);
   if (what.width !== Math.round(width * ratio) || what.height !== Math.round(height * ratio)) {
     what.width = Math.round(width * ratio);
     what.height = Math.round(height * ratio);
-    what.style.height = `${height}px`;
   }
   return [width, height, ratio];
 }
 
-function draw() {
-  const width = widthOf(canvas), shape = (TOP - BOTTOM) / (RIGHT - LEFT);
-  const [w, h, ratio] = fit(canvas, Math.round(Math.min(width * shape, 0.62 * window.innerHeight, 560)));
-  scale = Math.min(w / (RIGHT - LEFT), h / (TOP - BOTTOM));
-  const ox = 0.5 * (w - scale * (RIGHT + LEFT)), oy = 0.5 * (h + scale * (TOP + BOTTOM));
+// Finger, object and target fill the canvas; the view follows them, but not while a hand holds something.
+const view = { box: null };
+function look(passed) {
+  const box = [Infinity, Infinity, -Infinity, -Infinity];
+  const add = (x, y, r = 0) => {
+    box[0] = Math.min(box[0], x - r); box[1] = Math.min(box[1], y - r);
+    box[2] = Math.max(box[2], x + r); box[3] = Math.max(box[3], y + r);
+  };
+  for (let k = 0; k < memory.section_x.length; ++k) add(memory.section_x[k], memory.section_y[k], 2 * PLANT.half[k]);
+  if (world.target) add(...world.target, 0.06 * PLANT.length);
+  for (const part of outlines()) for (const [x, y] of part) add(x, y);
+  (memory.normal_force ?? []).forEach((force, k) => {
+    if (force < SEEN || PLANT.touches[k] === "table") return;
+    add(memory.point_x[k] + 0.25 * PLANT.length * memory.normal_x[k], memory.point_y[k] + 0.25 * PLANT.length * memory.normal_y[k]);
+  });
+  const edge = 0.08 * PLANT.length, most = 3 * PLANT.length, [x0, y0] = section(0);
+  const goal = box.map((v, i) => Math.max([x0, y0][i % 2] - most, Math.min([x0, y0][i % 2] + most, v + (i < 2 ? -edge : edge))));
+  if (!view.box) view.box = goal;
+  if (hand || world.lost || (paused && !view.follows)) return;
+  view.box = view.box.map((v, i) => {
+    const grows = i < 2 ? goal[i] < v : goal[i] > v;
+    return v + (goal[i] - v) * (1 - Math.exp(-passed / (grows ? 0.15 : 2.5)));
+  });
+}
+
+// One color in another, which browsers are slow to read.
+const mixed = new Map();
+function mix(color, share, other = "transparent") {
+  const text = `color-mix(in srgb, ${color} ${Math.round(50 * share) * 2}%, ${other})`;
+  if (!mixed.has(text)) mixed.set(text, parsed(text));
+  return mixed.get(text);
+}
+function parsed(text) {
+  pen.fillStyle = "#000";
+  pen.fillStyle = text;
+  return pen.fillStyle;
+}
+
+// Outlines of the object in the world.
+function outlines() {
+  if (!OBJECT) return [];
+  const [x, y, angle] = objectPose(), cos = Math.cos(angle), sin = Math.sin(angle);
+  return OBJECT.parts.map((part) => part.map(([a, b]) => [x + cos * a - sin * b, y + sin * a + cos * b]));
+}
+
+function draw(passed) {
+  const [w, h, ratio] = fit(canvas);
+  look(passed);
+  const [left, bottom, right, top] = view.box;
+  scale = Math.min(w / (right - left), h / (top - bottom));
+  const ox = 0.5 * (w - scale * (right + left)), oy = 0.5 * (h + scale * (top + bottom));
   world.origin = [ox, oy];
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-  pen.fillStyle = colors.paper;
-  pen.fillRect(0, 0, w, h);
+  pen.clearRect(0, 0, w, h);
+  pen.lineJoin = pen.lineCap = "round";
   const at = (x, y) => [ox + scale * x, oy - scale * y];
   const path = (points, close) => {
     pen.beginPath();
     points.forEach(([x, y], k) => pen[k ? "lineTo" : "moveTo"](...at(x, y)));
     if (close) pen.closePath();
   };
-  const far = 3 * (RIGHT - LEFT + TOP - BOTTOM);
+  const far = (w + h) / scale;
   for (const zone of PLANT.zones ?? []) {
     pen.fillStyle = colors.zone;
     pen.beginPath();
@@ -316,9 +365,9 @@ function draw() {
     pen.fill();
   }
   for (const [x, y, a, b, half] of PLANT.walls ?? []) {
-    const d = 0.03 * (RIGHT - LEFT);
+    const d = half > 5 * PLANT.length ? far : 0.08 * PLANT.length;
     path([[x - half * b, y + half * a], [x + half * b, y - half * a], [x + half * b - d * a, y - half * a - d * b], [x - half * b - d * a, y + half * a - d * b]], true);
-    pen.fillStyle = colors.support;
+    pen.fillStyle = mix(colors.support, 0.55);
     pen.fill();
   }
   for (const [x, y, radius] of PLANT.pegs ?? []) {
@@ -327,80 +376,259 @@ function draw() {
     pen.fillStyle = colors.support;
     pen.fill();
   }
-  if (PLANT.object) {
-    const [x, y, angle] = objectPose(), cos = Math.cos(angle), sin = Math.sin(angle);
-    pen.lineJoin = "round";
-    const turned = PLANT.object.parts.map((part) => part.map(([a, b]) => [x + cos * a - sin * b, y + sin * a + cos * b]));
-    pen.strokeStyle = colors.edge;
-    pen.lineWidth = 3;
-    for (const part of turned) { path(part, true); pen.stroke(); }
-    pen.fillStyle = colors.object;
-    for (const part of turned) { path(part, true); pen.fill(); }
-  }
-  drawFinger(at);
+  drawWind(w, h);
+  const parts = outlines();
+  pen.strokeStyle = colors.edge;
+  pen.lineWidth = 4;
+  for (const part of parts) { path(part, true); pen.stroke(); }
+  pen.fillStyle = colors.object;
+  for (const part of parts) { path(part, true); pen.fill(); }
+  drawTrails(path);
+  drawPlan(at, path);
+  drawFinger(at, path);
   drawForces(at);
   if (world.target) {
     const [x, y] = at(...world.target);
     pen.strokeStyle = colors.target;
-    pen.lineWidth = 2;
+    pen.lineWidth = 2.5;
     pen.beginPath();
-    pen.arc(x, y, 11, 0, 2 * Math.PI);
-    pen.moveTo(x - 16, y); pen.lineTo(x + 16, y);
-    pen.moveTo(x, y - 16); pen.lineTo(x, y + 16);
+    pen.arc(x, y, 13, 0, 2 * Math.PI);
+    pen.moveTo(x - 19, y); pen.lineTo(x + 19, y);
+    pen.moveTo(x, y - 19); pen.lineTo(x, y + 19);
     pen.stroke();
   }
-  drawScale(w, h);
-  if (hand && hand.kind === "finger") {
+  if (!world.touched && !calm.matches) beckon(at);
+  if (hand && hand.at && hand.kind !== "target" && hand.kind !== "wind") {
+    const from = hand.kind === "finger" ? pushed(hand.station) : objectPose().slice(0, 2).map((v, i) => v + hand.grip[i]);
     pen.strokeStyle = colors.second;
-    pen.setLineDash([5, 4]);
-    path([pushed(hand.station), hand.at]);
+    pen.lineWidth = 2.5;
+    pen.setLineDash([6, 5]);
+    path([from, hand.at]);
     pen.stroke();
     pen.setLineDash([]);
+    if (world.push[2]) label(...at(...hand.at), `${digits(world.push[2])} N`, colors.second, 16);
+  }
+  drawHeight(w, h);
+  drawScale(w, h);
+}
+
+function label(x, y, text, color, up = 0) {
+  pen.font = "600 14px system-ui, sans-serif";
+  pen.textAlign = "center";
+  pen.textBaseline = "middle";
+  const half = 4.2 * text.length + 3; // an outline of text would cost more than all else
+  pen.fillStyle = mix(colors.sheet, 0.7);
+  pen.fillRect(x - half, y - up - 9, 2 * half, 18);
+  pen.fillStyle = color;
+  pen.fillText(text, x, y - up);
+}
+
+// A ring that spreads from what can be dragged, until something is.
+function beckon(at) {
+  const to = world.target ?? (moves ? objectPose() : null);
+  if (!to) return;
+  const share = (performance.now() / 1600) % 1, [x, y] = at(to[0], to[1]);
+  pen.strokeStyle = mix(world.target ? colors.target : colors.edge, 0.8 * (1 - share));
+  pen.lineWidth = 3;
+  pen.beginPath();
+  pen.arc(x, y, 16 + 34 * share, 0, 2 * Math.PI);
+  pen.stroke();
+}
+
+// Where tip and target have been.
+const LASTED = 2; // s
+function drawTrails(path) {
+  for (const [name, color] of [["tip", colors.finger], ["target", colors.target]]) {
+    const trail = world.trails[name], now = name === "tip" ? section(memory.section_x.length - 1) : world.target;
+    if (now && (!trail.length || world.time > trail[trail.length - 1][0] + 0.02)) trail.push([world.time, ...now]);
+    while (trail.length && trail[0][0] < world.time - LASTED) trail.shift();
+    for (let part = 0; part < 4; ++part) {
+      const points = trail.slice(Math.floor((part * trail.length) / 4), Math.floor(((part + 1) * trail.length) / 4) + 1);
+      if (points.length < 2) continue;
+      pen.strokeStyle = mix(color, 0.12 * (part + 1));
+      pen.lineWidth = 2;
+      path(points.map(([, x, y]) => [x, y]));
+      pen.stroke();
+    }
   }
 }
 
-// Between sections a cubic with their tangents; the sides are as far from it as the finger is thick.
-function drawFinger(at) {
-  const count = memory.section_x.length;
-  const side = (sign) => {
-    const found = [];
-    for (let k = 0; k < count; ++k) {
-      const a = memory.section_angle[k], [x, y] = section(k), half = Math.max(PLANT.half[k], 1.2 / scale), cos = Math.cos(a), sin = Math.sin(a);
-      found.push([x + sign * half * cos, y + sign * half * sin, -sin, cos]);
-    }
-    return found;
+// The plan of the controller: the finger at thirds of its horizon, and the way of the tip.
+function drawPlan(at, path) {
+  if (!controller || world.played >= 0 || !world.calls && !world.time) return;
+  const [place, nodes] = LOOP.plan, nx = memory.node.length, last = memory.ahead_x.length - 1, way = [];
+  const plan = new Float64Array(io.command.buffer, controller.address + place, nodes * nx);
+  pen.lineCap = "round";
+  for (let k = 1; k < nodes; ++k) {
+    const third = k % Math.round((nodes - 1) / 3) === 0;
+    if (!third && k % 3) continue;
+    memory.node.set(plan.subarray(k * nx, (k + 1) * nx));
+    c.foresee();
+    way.push([memory.ahead_x[last], memory.ahead_y[last]]);
+    if (!third || !Number.isFinite(memory.ahead_x[last])) continue;
+    pen.strokeStyle = mix(colors.ink, 0.45 - (0.25 * k) / nodes);
+    pen.lineWidth = 4;
+    path([...memory.ahead_x].map((x, i) => [x, memory.ahead_y[i]]));
+    pen.stroke();
+  }
+  pen.strokeStyle = mix(colors.ink, 0.7);
+  pen.lineWidth = 1.5;
+  pen.setLineDash([2, 5]);
+  path(way);
+  pen.stroke();
+  pen.setLineDash([]);
+}
+
+// Place, angle and half thickness at a share of the length: between sections a cubic with their tangents.
+function along(share) {
+  const last = memory.section_x.length - 1, s = share * last, k = Math.min(last - 1, Math.floor(s)), t = s - k;
+  const [x0, y0] = section(k), [x1, y1] = section(k + 1), a0 = memory.section_angle[k], a1 = memory.section_angle[k + 1];
+  const chord = Math.hypot(x1 - x0, y1 - y0), p = t * t * (3 - 2 * t), q0 = chord * t * (1 - t) * (1 - t), q1 = chord * t * t * (t - 1);
+  return [x0 + p * (x1 - x0) - q0 * Math.sin(a0) - q1 * Math.sin(a1), y0 + p * (y1 - y0) + q0 * Math.cos(a0) + q1 * Math.cos(a1),
+    a0 + t * (a1 - a0), PLANT.half[k] + t * (PLANT.half[k + 1] - PLANT.half[k])];
+}
+
+// A line at a distance from the center line, with cubics between sections.
+function beside(at, away, first = 0, last = memory.section_x.length - 1, begin = true) {
+  const way = Math.sign(last - first) || 1, point = (k) => {
+    const a = memory.section_angle[k], [x, y] = section(k);
+    return [x - away(k) * Math.cos(a), y - away(k) * Math.sin(a), -Math.sin(a), Math.cos(a)];
   };
-  const curve = (points, way) => {
-    for (let k = 1; k < points.length; ++k) {
-      const [x0, y0, a0, b0] = points[k - 1], [x1, y1, a1, b1] = points[k], chord = Math.hypot(x1 - x0, y1 - y0) / 3;
-      pen.bezierCurveTo(...at(x0 + way * chord * a0, y0 + way * chord * b0), ...at(x1 - way * chord * a1, y1 - way * chord * b1), ...at(x1, y1));
-    }
-  };
-  const left = side(-1), right = side(1).reverse();
-  pen.beginPath();
-  pen.moveTo(...at(left[0][0], left[0][1]));
-  curve(left, 1);
-  pen.lineTo(...at(right[0][0], right[0][1]));
-  curve(right, -1);
-  pen.closePath();
-  pen.fillStyle = colors.finger;
-  pen.fill();
-  const a = memory.section_angle[0], [x, y] = section(0), w = 0.06 * PLANT.length, d = 0.03 * PLANT.length;
+  let [x0, y0, a0, b0] = point(first);
+  pen[begin ? "moveTo" : "lineTo"](...at(x0, y0));
+  for (let k = first + way; way * k <= way * last; k += way) {
+    const [x1, y1, a1, b1] = point(k), chord = (way * Math.hypot(x1 - x0, y1 - y0)) / 3;
+    pen.bezierCurveTo(...at(x0 + chord * a0, y0 + chord * b0), ...at(x1 - chord * a1, y1 - chord * b1), ...at(x1, y1));
+    [x0, y0, a0, b0] = [x1, y1, a1, b1];
+  }
+}
+
+function drawFinger(at, path) {
+  const last = memory.section_x.length - 1, thick = (k) => Math.max(PLANT.half[k], 1.2 / scale);
+  const discs = PLANT.discs, links = discs[0] === 0;
+  const a = memory.section_angle[0], [x, y] = section(0), w = Math.max(0.06 * PLANT.length, 1.6 * PLANT.half[0]), d = 0.035 * PLANT.length;
   const tx = -Math.sin(a), ty = Math.cos(a);
-  pen.beginPath();
-  [[-w, 0], [w, 0], [w, -d], [-w, -d]].forEach(([across, along], k) =>
-    pen[k ? "lineTo" : "moveTo"](...at(x + across * ty + along * tx, y - across * tx + along * ty)));
-  pen.closePath();
+  path([[-w, 0], [w, 0], [w, -d], [-w, -d]].map(([across, back]) => [x + across * ty + back * tx, y - across * tx + back * ty]), true);
   pen.fillStyle = colors.faint;
   pen.fill();
+  pen.beginPath();
+  beside(at, thick);
+  beside(at, (k) => -thick(k), last, 0, false);
+  pen.closePath();
+  pen.fillStyle = discs.length ? mix(colors.finger, 0.28) : colors.finger;
+  pen.fill();
+  if (discs.length) {
+    pen.beginPath();
+    beside(at, () => 0);
+    pen.strokeStyle = colors.finger;
+    pen.lineWidth = Math.max(2.5, 0.12 * scale * PLANT.half[0]);
+    pen.stroke();
+  }
+  drawTendons(at);
+  const wide = Math.max(4, 0.55 * scale * Math.max(...PLANT.half));
+  pen.lineCap = "butt";
+  for (let i = 0; i < discs.length; ++i) {
+    const [px, py, angle, half] = along(discs[i]), cos = half * Math.cos(angle), sin = half * Math.sin(angle);
+    if (links && i) {
+      const [qx, qy, turn, other] = along(0.12 * discs[i] + 0.88 * discs[i - 1]), c1 = other * Math.cos(turn), s1 = other * Math.sin(turn);
+      path([[px - cos, py - sin], [px + cos, py + sin], [qx + c1, qy + s1], [qx - c1, qy - s1]], true);
+      pen.fillStyle = mix(colors.finger, 0.75);
+      pen.fill();
+    } else if (!links) {
+      path([[px - cos, py - sin], [px + cos, py + sin]]);
+      pen.strokeStyle = colors.finger;
+      pen.lineWidth = wide;
+      pen.stroke();
+    }
+  }
+  pen.lineCap = "round";
   for (const [share, mass] of PLANT.masses) {
     if (!mass) continue;
-    const k = Math.round(share * (count - 1));
     pen.beginPath();
-    pen.arc(...at(...section(k)), 5, 0, 2 * Math.PI);
+    pen.arc(...at(...along(share)), 5, 0, 2 * Math.PI);
     pen.fillStyle = colors.ink;
     pen.fill();
   }
+}
+
+// Tendons are the redder and thicker the more they pull.
+function drawTendons(at) {
+  PLANT.tendons.forEach((tendon, k) => {
+    const share = Math.max(0, Math.min(1, memory.tension[k] / tendon.most));
+    pen.beginPath();
+    beside(at, (i) => tendon.offset[i], 0, tendon.offset.length - 1);
+    const color = mix(colors.force, Math.sqrt(share), colors.faint);
+    pen.strokeStyle = color;
+    pen.lineWidth = 1.5 + 5 * share;
+    pen.stroke();
+    const a = memory.section_angle[0], [x, y] = section(0), e = Math.sign(tendon.offset[0]);
+    const out = e * Math.max(tendon.offset[0] * e, 34 / scale), back = 0.035 * PLANT.length + 26 / scale;
+    const place = at(x - out * Math.cos(a) + back * Math.sin(a), y - out * Math.sin(a) - back * Math.cos(a));
+    if (PLANT.tendons.length < 3) label(...place, `${memory.tension[k].toFixed(1)} N`, color);
+  });
+}
+
+// The wind is a vector that is dragged from the circle in the corner.
+const WIND = 32; // px
+const corner = () => [sizes.get(canvas)[0] - WIND - 30, WIND + 14];
+function drawWind(w, h) {
+  const [x, y] = corner(), most = PLANT.pushes.most, [wx, wy] = world.wind, size = Math.hypot(wx, wy);
+  pen.strokeStyle = mix(colors.second, 0.9);
+  if (size > 0.02 * most) {
+    const share = size / most, [dx, dy] = [wx / size, -wy / size], long = 26 + 50 * share, moved = calm.matches ? 0 : 0.5 * world.time * (0.3 + share);
+    pen.lineWidth = 1.5;
+    pen.strokeStyle = mix(colors.second, 0.15 + 0.3 * share);
+    pen.beginPath();
+    for (let k = 0; k < 26; ++k) {
+      const sx = (((k * 0.618 + moved * dx) % 1) + 1) % 1, sy = (((k * 0.381 + 0.07 * k + moved * dy) % 1) + 1) % 1;
+      pen.moveTo(sx * w, sy * h);
+      pen.lineTo(sx * w + long * dx, sy * h + long * dy);
+    }
+    pen.stroke();
+  }
+  pen.strokeStyle = pen.fillStyle = colors.second;
+  pen.lineWidth = 1.5;
+  pen.setLineDash([3, 4]);
+  pen.beginPath();
+  pen.arc(x, y, WIND, 0, 2 * Math.PI);
+  pen.stroke();
+  pen.setLineDash([]);
+  const ex = x + (WIND * wx) / most, ey = y - (WIND * wy) / most;
+  pen.lineWidth = 4;
+  pen.beginPath();
+  pen.moveTo(x, y);
+  pen.lineTo(ex, ey);
+  pen.stroke();
+  pen.beginPath();
+  pen.arc(ex, ey, 7, 0, 2 * Math.PI);
+  pen.fill();
+  label(x, y + WIND + 12, size > 0.02 * most ? `wind ${digits(size)} N` : "drag the wind", colors.second);
+}
+
+// An object that stands on nothing is seen from the side too.
+function drawHeight(w, h) {
+  if (!OBJECT || OBJECT.height === null || !(world.sunk > 1e-3)) return;
+  const x = 14, y = h - 96, per = 2.2; // px per mm, but no more than the frame
+  pen.fillStyle = mix(colors.paper, 0.85);
+  pen.strokeStyle = colors.line;
+  pen.lineWidth = 1;
+  pen.beginPath();
+  pen.rect(x, y, 92, 82);
+  pen.fill();
+  pen.stroke();
+  pen.fillStyle = colors.object;
+  pen.strokeStyle = colors.edge;
+  pen.lineWidth = 2;
+  pen.beginPath();
+  pen.rect(x + 30, y + 8 + Math.min(46, per * 1000 * world.sunk), 34, 30);
+  pen.fill();
+  pen.stroke();
+  pen.strokeStyle = colors.finger;
+  pen.lineWidth = 5;
+  pen.beginPath();
+  pen.moveTo(x + 18, y + 22); pen.lineTo(x + 70, y + 22);
+  pen.stroke();
+  label(x + 46, y + 72, `${digits(1000 * world.sunk)} mm`, colors.ink);
 }
 
 // A length of one, two or five, as long as a fifth of the canvas at most.
@@ -415,33 +643,42 @@ function drawScale(w, h) {
   pen.stroke();
   pen.font = "13px system-ui, sans-serif";
   pen.textAlign = "right";
+  pen.textBaseline = "alphabetic";
   pen.fillText(`${digits(1000 * length)} mm`, x, y - 9);
 }
 
-function arrow(at, x, y, fx, fy, color) {
-  const size = Math.hypot(fx, fy);
-  if (size < 1e-3 * world.unit) return;
-  const reach = (0.18 * (TOP - BOTTOM) * Math.min(size / world.unit, 1.5)) / size;
-  const [x0, y0] = at(x - fx * reach, y - fy * reach), [x1, y1] = at(x, y), turn = Math.atan2(y1 - y0, x1 - x0);
-  pen.strokeStyle = pen.fillStyle = color;
-  pen.lineWidth = 2.5;
-  pen.beginPath();
-  pen.moveTo(x0, y0); pen.lineTo(x1, y1);
-  pen.stroke();
-  pen.beginPath();
-  pen.moveTo(x1, y1);
-  for (const sign of [-1, 1]) pen.lineTo(x1 - 12 * Math.cos(turn + 0.45 * sign), y1 - 12 * Math.sin(turn + 0.45 * sign));
-  pen.fill();
-}
-
+// Forces on the object at its contacts, each in its friction cone.
+const limit = (k) => ROUGH.of[k] * memory.p[ROUGH.parameter];
+const used = (k) => Math.hypot(memory.friction[k], memory.lift[k]) / Math.max(limit(k) * memory.normal_force[k], 1e-9);
+const SEEN = 0.02; // N
 function drawForces(at) {
-  world.unit = Math.max(4 * PLANT.pushes.most, ...(memory.normal_force ?? []));
-  if (memory.force_x) {
-    for (let k = 0; k < PLANT.touches.length; ++k) {
-      if (PLANT.touches[k] === "table") continue;
-      arrow(at, memory.point_x[k], memory.point_y[k], memory.force_x[k], memory.force_y[k], colors.force);
-    }
-  }
+  if (!memory.force_x) return;
+  world.unit = Math.max(0.97 * (world.unit ?? 0), 4 * PLANT.pushes.most, ...memory.normal_force);
+  PLANT.touches.forEach((name, k) => {
+    const fx = memory.force_x[k], fy = memory.force_y[k], size = Math.hypot(fx, fy);
+    if (name === "table" || memory.normal_force[k] < SEEN) return;
+    const reach = 0.24 * PLANT.length * scale * Math.min(size / world.unit, 1.2), slips = used(k) > 0.98;
+    const [x, y] = at(memory.point_x[k], memory.point_y[k]), color = slips ? colors.second : colors.force;
+    const out = Math.atan2(-memory.normal_y[k], memory.normal_x[k]), half = Math.atan(limit(k)), turn = Math.atan2(-fy, fx);
+    pen.beginPath();
+    pen.moveTo(x, y);
+    pen.arc(x, y, reach + 12, out - half, out + half);
+    pen.closePath();
+    pen.fillStyle = mix(color, slips ? 0.35 : 0.16);
+    pen.fill();
+    const tail = [x - reach * Math.cos(turn), y - reach * Math.sin(turn)];
+    pen.strokeStyle = pen.fillStyle = color;
+    pen.lineWidth = 3.5;
+    pen.beginPath();
+    pen.moveTo(...tail);
+    pen.lineTo(x - 8 * Math.cos(turn), y - 8 * Math.sin(turn));
+    pen.stroke();
+    pen.beginPath();
+    pen.moveTo(x, y);
+    for (const sign of [-1, 1]) pen.lineTo(x - 14 * Math.cos(turn + 0.42 * sign), y - 14 * Math.sin(turn + 0.42 * sign));
+    pen.fill();
+    label(tail[0] - 24 * Math.cos(turn), tail[1] - 16 * Math.sin(turn), `${size.toFixed(1)} N`, color);
+  });
 }
 
 const words = (name) => name.replaceAll("_", " ").replaceAll(".", " ");
@@ -481,7 +718,8 @@ class Plot {
     while (this.rows.length && this.rows[0][0] < world.time - SPAN) this.rows.shift();
   }
   draw() {
-    const [w, h, ratio] = fit(this.canvas, 90), p = this.canvas.getContext("2d");
+    const [w, h, ratio] = fit(this.canvas), p = this.canvas.getContext("2d");
+    if (!w) return;
     p.setTransform(ratio, 0, 0, ratio, 0, 0);
     p.clearRect(0, 0, w, h);
     if (!this.rows.length) return;
@@ -532,10 +770,11 @@ class Slider {
     named.textContent = words(name);
     this.input = Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step: (high - low) / 500, name });
     this.output = document.createElement("output");
+    label.dataset.name = name;
     label.append(named, this.input, this.output);
     element("sliders").append(label);
     this.input.addEventListener("input", () => { write(Number(this.input.value)); this.show(); });
-    Object.assign(this, { read, unit: raised(unit) });
+    Object.assign(this, { read, label, unit: raised(unit) });
   }
   show() {
     const value = this.read();
@@ -549,6 +788,17 @@ const scrub = RECORD && new Slider(
 );
 if (scrub) sliders.push(scrub);
 PLANT.inputs.forEach((slider, k) => sliders.push(new Slider(slider, () => memory.u[k], (v) => { takeOver(); world.free = true; memory.u[k] = v; })));
+if (ROUGH) {
+  sliders.push(new Slider({ name: "friction", unit: "", low: 0.05, high: 1 }, () => ROUGH.law * memory.p[ROUGH.parameter], (v) => {
+    takeOver();
+    memory.p[ROUGH.parameter] = v / ROUGH.law;
+  }));
+}
+const most = PLANT.pushes.most;
+sliders.push(new Slider({ name: "wind", unit: "N", low: -most, high: most }, () => world.wind[0], (v) => {
+  takeOver();
+  world.wind = [v, 0];
+}));
 PLANT.parameters.forEach((slider, k) => sliders.push(new Slider(slider, () => memory.p[k], (v) => { takeOver(); slider.value = v; memory.p[k] = v; })));
 
 let paused = false, slow = false;
@@ -563,7 +813,7 @@ element("take").addEventListener("click", takeOver);
 function show() {
   for (const row of sliders) row.show();
   element("take").hidden = world.played < 0;
-  if (scrub) scrub.input.disabled = world.played < 0;
+  if (scrub) scrub.label.hidden = world.played < 0;
 }
 
 function place(event) {
@@ -572,9 +822,11 @@ function place(event) {
 }
 canvas.addEventListener("pointerdown", (event) => {
   const at = place(event);
-  hand = grab(at, 24 / scale);
+  hand = inWind(event) ? { kind: "wind" } : grab(at, 24 / scale);
   if (!hand) return;
   takeOver();
+  world.touched = true;
+  if (hand.kind === "wind") blow(event);
   hand.at = at;
   canvas.setPointerCapture(event.pointerId);
   if (hand.kind === "target") lead(at);
@@ -583,12 +835,27 @@ canvas.addEventListener("pointermove", (event) => {
   if (!hand) return;
   hand.at = place(event);
   if (hand.kind === "target") lead(hand.at);
+  if (hand.kind === "wind") blow(event);
 });
+
+// The wind's circle, on the screen.
+function fromCorner(event) {
+  const box = canvas.getBoundingClientRect(), [x, y] = corner();
+  return [event.clientX - box.left - canvas.clientLeft - x, event.clientY - box.top - canvas.clientTop - y];
+}
+const inWind = (event) => Math.hypot(...fromCorner(event)) < WIND + 8;
+function blow(event) {
+  const [x, y] = fromCorner(event), size = Math.hypot(x, y), share = size < 6 ? 0 : most / Math.max(size, WIND);
+  world.wind = [share * x, -share * y];
+}
+
 function lead(to) {
   takeOver();
+  world.touched = true;
   Object.assign(world, { target: to, led: true });
 }
 for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, () => { hand = null; });
+document.addEventListener("keyup", (event) => { if (event.key in ARROWS) hand = null; });
 
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 document.addEventListener("keydown", (event) => {
@@ -601,6 +868,10 @@ document.addEventListener("keydown", (event) => {
     const k = way[0] ? 0 : Math.min(1, PLANT.inputs.length - 1), { low, high } = PLANT.inputs[k];
     world.free = true;
     memory.u[k] = Math.min(high, Math.max(low, memory.u[k] + 0.02 * (high - low) * (way[0] + way[1])));
+  } else if (way && moves) {
+    takeOver();
+    const pose = objectPose();
+    hand = { kind: "object", grip: [0, 0], at: [pose[0] + 0.02 * way[0], pose[1] + 0.02 * way[1]] };
   } else if (event.key === " ") pause();
   else if (event.key === "r") element("reset").click();
   else if (event.key === "s") element("slow").click();
@@ -608,16 +879,19 @@ document.addEventListener("keydown", (event) => {
   event.preventDefault();
 });
 
-const moves = PLANT.object && (PLANT.object.state !== null || PLANT.object.parameter !== null);
+const aims = LOOP && ["tip_x", "tip_y"].every((name) => LOOP.reference.names.includes(name));
+const thing = document.title.match(/mug|cup|bottle|jar|bar|post|block|flask|disc/i)?.[0].toLowerCase() ?? "object";
 function help() {
-  const aims = LOOP && ["tip_x", "tip_y"].every((name) => LOOP.reference.names.includes(name));
+  element("call").textContent = aims ? "Drag the target." : moves ? `Drag the ${thing}.` : "Push the finger.";
   element("help").textContent = [
     RECORD ? "The recorded run plays; whatever is moved takes over from there, Reset plays it again." : "",
     aims ? "Drag the target, or click where the tip should go." : "",
-    sliders.length > (RECORD ? 1 : 0) ? "Move the sliders." : "",
-    moves ? "Drag the object." : "",
-    "Push the finger with the mouse or a finger.",
-    "Keys: arrows, space to pause, s for slow motion, r to reset.",
+    moves ? `Drag the ${thing}.` : "",
+    "Push the finger, drag the wind in its circle, move the sliders.",
+    controller || LOOP ? "The pale fingers are the plan, a third, two thirds and the whole of the horizon ahead." : "",
+    PLANT.tendons.length ? "Tendons are the redder and thicker the more they pull." : "",
+    ROUGH ? "Each force is drawn in its friction cone; where it leaves the cone, the contact slips." : "",
+    `Keys: arrows move ${aims ? "the target" : PLANT.inputs.length ? "the first inputs" : `the ${thing}`}, space pauses, s is slow motion, r resets.`,
   ].filter(Boolean).join(" ");
 }
 
@@ -638,12 +912,12 @@ function frame(now) {
   const passed = last === null ? 0 : Math.min(0.1, (now - last) / 1000), pace = slow ? 0.2 : 1;
   last = now;
   if (!paused && world.pace) {
-    if (world.played >= 0) play(world.time + passed * pace);
-    else compute(passed, pace);
+    move(passed * pace, () => compute(passed, pace));
+    if (world.lost && now - world.lost > 2500) reset();
     inputs.add([...memory.u]);
     if (contacts) contacts.add([...memory.normal_force]);
   }
-  draw();
+  draw(passed);
   if (now - written >= REST) {
     written = now;
     if (world.pace) tell();
@@ -651,8 +925,26 @@ function frame(now) {
     for (const plot of plots) plot.draw();
   }
   ++counted;
-  if (now - drawn > 1000) { rate = (1000 * counted) / (now - drawn); drawn = now; counted = 0; }
+  if (now - drawn > 1000) {
+    describe(); rate = (1000 * counted) / (now - drawn); drawn = now; counted = 0; }
   requestAnimationFrame(frame);
+}
+
+// Go on by a time, by the record or by computation.
+function move(seconds, computing) {
+  if (world.played >= 0 && RECORD.live && world.time >= RECORD.t[RECORD.t.length - 1]) takeOver();
+  if (world.played >= 0) play(world.time + seconds);
+  else computing();
+}
+
+// For pictures: as much of the world's time, whatever it takes.
+function tick(seconds) {
+  move(seconds, () => advance(Math.round(seconds / PLANT.step)));
+  view.follows = true;
+  draw(seconds);
+  view.follows = false;
+  tell();
+  show();
 }
 
 function compute(passed, pace) {
@@ -685,14 +977,62 @@ function tell() {
     if (world.code) parts.push(CODES[world.code] ?? `code ${world.code}`);
   }
   say(parts.join(", "), world.code < 0 || world.code === 6);
+  if (world.played < 0) notice();
+}
+
+// What stands out is said once, on the canvas and to screen readers.
+let still = 0;
+function notice() {
+  const found = [], tip = section(memory.section_x.length - 1);
+  if (OBJECT) {
+    const pose = objectPose(), height = OBJECT.height === null ? 0 : memory.x[OBJECT.height];
+    world.sunk = (OBJECT.height === null ? 0 : PLANT.start.x[OBJECT.height]) - height;
+    if (OBJECT.state !== null && (world.sunk > 0.03 || near(pose, ...PLANT.start.x.slice(OBJECT.state, OBJECT.state + 2)) > 0.6 * PLANT.length)) {
+      world.lost ||= performance.now();
+      found.push(`The ${thing} is lost.`);
+    } else if (world.sunk > 1e-3) found.push(`The ${thing} slips.`);
+    else {
+      const slipping = PLANT.touches.filter((name, k) => name !== "table" && memory.normal_force[k] > SEEN && used(k) > 0.98);
+      if (slipping.length) found.push(`${slipping.map(words).join(" and ")} ${slipping.length > 1 ? "slip" : "slips"}.`);
+    }
+  }
+  if (LOOP) {
+    memory.u.forEach((value, k) => {
+      if (LOOP.high[k] < 1e29 && value > LOOP.high[k] - 2e-3 * Math.abs(LOOP.high[k])) {
+        found.push(`${words(PLANT.input_names[k].split(" ")[0])} is at its limit of ${digits(LOOP.high[k])} ${unitOf(PLANT.input_names[k])}.`);
+      }
+    });
+    const moved = world.before ? near(tip, ...world.before) : 1;
+    still = world.target && moved < 4e-4 && !(hand && hand.kind === "finger") ? still + 1 : 0;
+    world.before = tip;
+    const away = world.target ? near(tip, ...world.target) : 0;
+    if (still > 5 && away > 0.025 * PLANT.length) found.push(`Out of reach: ${digits(1000 * away)} mm short.`);
+  }
+  const text = found.join(" ");
+  element("note").hidden = !text;
+  write(element("note"), text);
+  write(element("said"), text);
+}
+
+// The picture in words, for those who do not see it.
+function describe() {
+  const last = memory.section_x.length - 1, bend = (180 / Math.PI) * (memory.section_angle[last] - memory.section_angle[0]);
+  const parts = [`A finger, bent by ${Math.abs(bend).toFixed(0)} degrees to the ${bend > 0 ? "left" : "right"} of its base`];
+  PLANT.tendons.forEach((_, k) => parts.push(`tendon ${k + 1} pulls with ${digits(memory.tension[k])} newtons`));
+  if (world.target) parts.push(`the tip is ${(1000 * near(section(last), ...world.target)).toFixed(0)} millimeters from the target`);
+  (memory.normal_force ?? []).forEach((force, k) => {
+    if (force > SEEN) parts.push(`${words(PLANT.touches[k])} presses with ${digits(force)} newtons`);
+  });
+  canvas.setAttribute("aria-label", `${parts.join("; ")}.`);
 }
 
 readColors();
+if (window.parent !== window) document.body.classList.add("embedded");
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", readColors);
 await reset();
 help();
 // For tests and for those who look: what moves, and what it can be given.
-window.page = { world, memory, plant: PLANT, record: RECORD, rate: () => rate, advance, play, takeOver, reset, frame, section, toScreen: (x, y) => {
+window.page = { world, memory, plant: PLANT, record: RECORD, rate: () => rate, advance, play, takeOver, reset, tick, section, toScreen: (x, y) => {
   const box = canvas.getBoundingClientRect(), [ox, oy] = world.origin;
   return [box.left + canvas.clientLeft + ox + scale * x, box.top + canvas.clientTop + oy - scale * y];
 } };

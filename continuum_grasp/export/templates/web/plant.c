@@ -124,6 +124,12 @@ void look(void)
   <<look>>
 }
 
+/* Write what is drawn of a node of the plan. */
+void foresee(void)
+{
+  <<ahead>>
+}
+
 /* Write what is measured of it. */
 void sense(void)
 {
