@@ -33,6 +33,8 @@ _KINDS = {
 }
 _STRANGE = {"extra_forbidden", "missing"}
 _RENAMED = {
+    "from": "min",
+    "to": "max",
     "q_above_rest": "q",
     "second_moment": "thickness and width of finger.rod",
     "residual": "finger.tendons.friction, finger.damping.dry_friction or finger.softening",

@@ -38,36 +38,35 @@ class Grid(Value):
     REFUSALS = (
         excludes(
             "sweep",
-            "from to count spacing",
+            "min max count spacing",
             "values",
-            "values stand alone, without from, to, count and spacing",
+            "values stand alone, without min, max, count and spacing",
             "vary",
         ),
     )
 
     values: Values | None = None
     """The values themselves: numbers, words, lists, mappings, or paths of finger files relative to this file."""
-    first: Annotated[Annotated[Real, Unit(None)] | None, Field(alias="from", examples=[0.065, "65 mm"])] = None
-    """First of evenly spaced values, in the unit of the key."""
-    to: Annotated[Annotated[Real, Unit(None)] | None, Field(examples=[0.1, "100 mm"])] = None
-    """Last of evenly spaced values, in the unit of the key."""
+    min: Annotated[Annotated[Real, Unit(None)] | None, Field(examples=[0.065, "65 mm"])] = None
+    """Least of evenly spaced values, in the unit of the key."""
+    max: Annotated[Annotated[Real, Unit(None)] | None, Field(examples=[0.1, "100 mm"])] = None
+    """Greatest of evenly spaced values, in the unit of the key."""
     count: Annotated[int, Field(ge=2, le=100_000)] | None = None
     """Number of evenly spaced values, both ends included."""
     spacing: Literal["linear", "log"] = "linear"
     """log: equal ratios instead of equal differences."""
 
     def _check(self) -> None:
-        ends = (self.first, self.to, self.count)
+        ends = (self.min, self.max, self.count)
         if self.values is None and all(end is None for end in ends):
-            raise ValueError("give either values, or from, to and count")
+            raise ValueError("give either values, or min, max and count")
         if self.values is not None:
             return
         if any(end is None for end in ends):
-            raise ValueError("from, to and count belong together")
-        if self.first == self.to:
-            raise ValueError(f"to is the same as from: {self.to}")
-        if self.spacing == "log" and not (self.first or 0.0) * (self.to or 0.0) > 0.0:
-            raise ValueError("spacing: log needs from and to of one sign, neither of them 0")
+            raise ValueError("min, max and count belong together")
+        self._check_below("min", "max")
+        if self.spacing == "log" and not (self.min or 0.0) * (self.max or 0.0) > 0.0:
+            raise ValueError("spacing: log needs min and max of one sign, neither of them 0")
 
     @property
     def listed(self) -> tuple[Any, ...]:
@@ -77,7 +76,7 @@ class Grid(Value):
         import numpy as np
 
         spaced = np.geomspace if self.spacing == "log" else np.linspace
-        found = spaced(self.first or 0.0, self.to or 0.0, self.count or 2)
+        found = spaced(self.min or 0.0, self.max or 0.0, self.count or 2)
         # 0.1 + 2 * 0.1 would print as 0.30000000000000004 in tables and key paths.
         rounded = [float(f"{value:.12g}") for value in found]
         return tuple(map(int, rounded)) if all(value.is_integer() for value in rounded) else tuple(rounded)

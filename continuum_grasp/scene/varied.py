@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 Key = Annotated[str, Field(min_length=1)]
 _IN_UNIT = {
-    *("values", "from", "to", "uniform", "log_uniform", "normal", "choice", "plus"),
+    *("values", "uniform", "log_uniform", "normal", "choice", "plus"),
     *("min", "max", "start", "amount"),
 }
 """Keys whose values have the unit of the scene's key that they stand for."""

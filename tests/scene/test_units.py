@@ -294,7 +294,7 @@ SWEPT = """schema_version: 1
 scene: {scene}
 set: {{contacts.normal_force_max: 20 N}}
 vary:
-  object.diameter: {{from: 70 mm, to: 10 cm, count: 4}}
+  object.diameter: {{min: 70 mm, max: 10 cm, count: 4}}
   object.mass: {{values: [200 g, 0.4]}}
 sample:
   count: 2
@@ -316,8 +316,8 @@ def test_a_sweep_takes_the_units_of_its_keys(file):
     assert (friction.numbers, curvature.values, curvature.unit) == ((0.5, 0.1), (0, 8.0), "1/m")
     assert plan.variation.base["contacts"]["normal_force_max"] == 20.0
     text = Path(path).read_text()
-    Path(path).write_text(text.replace("from: 70 mm", "from: 70 g"))
-    with pytest.raises(InputError, match=r"scene.yaml:5:27: vary.*: expected a number, got text '70 g'"):
+    Path(path).write_text(text.replace("min: 70 mm", "min: 70 g"))
+    with pytest.raises(InputError, match=r"scene.yaml:5:26: vary.*: expected a number, got text '70 g'"):
         plan_of(path)
     Path(path).write_text(text.replace("200 g", "200 N"))
     with pytest.raises(InputError, match=r"object.mass: wrong type: expected a mass \[kg\] such as 0.3 or 300 g"):

@@ -35,7 +35,7 @@ def column(found, key):
 def test_a_grid_tries_all_combinations_the_last_key_fastest():
     found = plan(
         vary={
-            "object.diameter": {"from": 0.06, "to": 0.10, "count": 3},
+            "object.diameter": {"min": 0.06, "max": 0.10, "count": 3},
             "contacts.friction": {"values": [0.3, 0.5]},
         }
     )
@@ -55,10 +55,10 @@ def test_a_grid_tries_all_combinations_the_last_key_fastest():
 @pytest.mark.parametrize(
     ("given", "values"),
     [
-        ({"from": 0.0, "to": 0.3, "count": 4}, (0.0, 0.1, 0.2, 0.3)),
-        ({"from": 2.0, "to": 4.0, "count": 3}, (2, 3, 4)),
-        ({"from": 1e-3, "to": 1.0, "count": 4, "spacing": "log"}, (0.001, 0.01, 0.1, 1.0)),
-        ({"from": 3.0, "to": 1.5, "count": 2}, (3.0, 1.5)),
+        ({"min": 0.0, "max": 0.3, "count": 4}, (0.0, 0.1, 0.2, 0.3)),
+        ({"min": 2.0, "max": 4.0, "count": 3}, (2, 3, 4)),
+        ({"min": 1e-3, "max": 1.0, "count": 4, "spacing": "log"}, (0.001, 0.01, 0.1, 1.0)),
+        ({"min": -3.0, "max": -1.5, "count": 2}, (-3.0, -1.5)),
     ],
 )
 def test_spaced_values(given, values):
@@ -188,11 +188,13 @@ WRONG = {
         "vary:\n  object.mass: {values: [0.3, high]}",
         "4:31: object.mass: wrong type: expected a mass [kg]",
     ),
-    "out of range": ("vary:\n  object.mass: {from: -1, to: 1, count: 3}", "4:16: object.mass: out of range"),
-    "two ways": ("vary:\n  object.mass: {values: [1], to: 3}", "to: values stand alone"),
-    "half a way": ("vary:\n  object.mass: {from: 1, to: 3}", "from, to and count belong together"),
-    "no way": ("vary:\n  object.mass: {spacing: log}", "give either values, or from, to and count"),
-    "log through zero": ("vary:\n  object.mass: {from: 0, to: 3, count: 3, spacing: log}", "of one sign"),
+    "out of range": ("vary:\n  object.mass: {min: -1, max: 1, count: 3}", "4:16: object.mass: out of range"),
+    "two ways": ("vary:\n  object.mass: {values: [1], max: 3}", "max: values stand alone"),
+    "half a way": ("vary:\n  object.mass: {min: 1, max: 3}", "min, max and count belong together"),
+    "no way": ("vary:\n  object.mass: {spacing: log}", "give either values, or min, max and count"),
+    "reversed": ("vary:\n  object.mass: {min: 3, max: 1, count: 3}", "min = 3 is not below max = 1"),
+    "old key": ("vary:\n  object.mass: {from: 1, max: 3, count: 3}", "from: unknown key; write 'min'"),
+    "log through zero": ("vary:\n  object.mass: {min: 0, max: 3, count: 3, spacing: log}", "of one sign"),
     "unknown key": ("vary:\n  object.mass: {value: [1]}", "4:17: vary.object.mass.value: unknown key; did you mean"),
     "nothing varied": ("", "give vary, sample, or both"),
     "twice": (
@@ -227,7 +229,7 @@ WRONG = {
     "drawn out of range": ("sample: {count: 1, keys: {object.mass: {uniform: [-2, 1]}}}", "out of range"),
     "set": ("set: {solver.sedes: 3}\nvary: {object.mass: {values: [1]}}", "3:21: solver.sedes: unknown key"),
     "too many": (
-        "vary: {object.mass: {from: 1, to: 2, count: 99999}, object.angle: {from: 1, to: 2, count: 99999}}",
+        "vary: {object.mass: {min: 1, max: 2, count: 99999}, object.angle: {min: 1, max: 2, count: 99999}}",
         "are more than the 10000000 that are possible",
     ),
 }

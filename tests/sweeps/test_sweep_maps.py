@@ -19,7 +19,7 @@ from tests.sweep_cases import MUG, STUCK, held
 
 GRID = {
     "object.mass": {"values": [0.2, STUCK, 0.4]},
-    "contacts.friction": {"from": 0.25, "to": 1.0, "count": 4},
+    "contacts.friction": {"min": 0.25, "max": 1.0, "count": 4},
     "objective": {"values": ["least_tension", "least_normal_force"]},
 }
 
@@ -138,7 +138,7 @@ def test_pictures_are_drawn(tmp_path):
 
 
 def test_what_is_in_the_pictures(tmp_path):
-    table = swept(tmp_path, vary={**GRID, "contacts.friction": {"from": 0.1, "to": 1.0, "count": 5, "spacing": "log"}})
+    table = swept(tmp_path, vary={**GRID, "contacts.friction": {"min": 0.1, "max": 1.0, "count": 5, "spacing": "log"}})
     ax = plot_map(map_of(table, "object.mass", "contacts.friction", "tension_max"))
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["no grasp, too heavy: 5"]
     assert ax.get_yscale() == "log"

@@ -188,7 +188,7 @@ def test_ctrl_c_stops_and_says_how_to_go_on(tmp_path):
     config = tmp_path / "sweep.yaml"
     config.write_text(
         f"schema_version: 1\nscene: {MUG}\nset: {{solver.effort: quick}}\n"
-        "vary: {object.mass: {from: 0.1, to: 0.4, count: 2000}}\n",
+        "vary: {object.mass: {min: 0.1, max: 0.4, count: 2000}}\n",
         encoding="utf-8",
     )
     folder = tmp_path / "out"

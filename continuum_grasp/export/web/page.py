@@ -320,7 +320,7 @@ def _tendon(tendon: Tendon, at: Array, length: float) -> dict[str, Any]:
 
 
 def _discs(finger: Finger) -> list[float]:
-    """Shares of the length where units end, or where discs guide the tendons of a rod that is thinner than the finger."""
+    """Shares of the length where units end, or where discs guide the tendons of a rod thinner than the finger."""
     rod, length = finger.rod, finger.rod.length
     if rod.spirob is not None:
         return [round(edge / length, _DIGITS) for edge in rod.spirob.edges(length)]
