@@ -102,6 +102,7 @@ def export(
     if to not in SUFFIXES:
         raise InputError(f"expected {', '.join(SUFFIXES)}, got {to!r:.60}", key="--to")
     from continuum_grasp import export as package
+    from continuum_grasp.results.atomic import hold_folder
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.mission import MissionScene
 
@@ -124,6 +125,7 @@ def export(
         from continuum_grasp.export.fmu.write import identifier_of
 
         given.setdefault("name", identifier_of(output.config, scene))
+    hold_folder(output.folder)
     with output.busy("writing"):
         written = write(scene, output.out, **given)
     _REPORTS[to](written, output)

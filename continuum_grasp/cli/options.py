@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
@@ -105,7 +106,11 @@ def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[
         @wraps(function)
         def call(**given: Any) -> None:
             shared = {name: given.pop(name) for name in names}
-            function(Output(verb=function.__name__.replace("_", "-"), **shared), **given)
+            try:
+                function(Output(verb=function.__name__.replace("_", "-"), **shared), **given)
+            finally:
+                if "continuum_grasp.results.atomic" in sys.modules:
+                    sys.modules["continuum_grasp.results.atomic"].release_folders()
 
         call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         return call

@@ -46,11 +46,16 @@ class Output:
         """The folder of the run: as asked, or named after verb and configuration."""
         return self.out if self.out is not None else Path("runs") / self.verb / self.config.stem
 
-    def check_folder(self) -> None:
-        """Refuse, before any work, a folder that cannot be written, or that holds what another verb wrote."""
-        from continuum_grasp.results.atomic import check_folder
+    def check_folder(self, *, alone: bool = True) -> None:
+        """Refuse, before any work, a folder that cannot be written, or that holds what another verb wrote.
+
+        Where this run is to be ``alone`` in it, also one in which another run is at work.
+        """
+        from continuum_grasp.results.atomic import check_folder, hold_folder
 
         check_folder(self.folder, self.verb)
+        if alone:
+            hold_folder(self.folder)
 
     def scene(self, *kinds: type) -> Any:
         """The scene of the configuration, of one of some kinds."""

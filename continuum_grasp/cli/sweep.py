@@ -31,7 +31,7 @@ def sweep(
     if keep not in ("all", "failed", "none"):
         raise InputError(f"expected all, failed or none, got {keep!r}", key="--keep")
     folder = output.folder
-    output.check_folder()
+    output.check_folder(alone=False)  # a sweep locks its table, which may be drawn while it grows
     if plot_only:
         from continuum_grasp.results.record import begin_run
         from continuum_grasp.sweeps import sweep_table

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import secrets
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.results.record import kind_of_run, note_file
@@ -25,6 +28,59 @@ def check_folder(folder: str | os.PathLike[str], verb: str | None = None) -> Non
         raise InputError(
             f"the folder holds what continuum-grasp {kind} wrote; take another one, or remove it", file=str(folder)
         )
+
+
+_HELD: dict[Path, IO[bytes]] = {}
+"""Files whose locks say that this process works in a folder, by folder."""
+
+
+def hold_folder(folder: Path) -> None:
+    """Keep other processes of this machine from a folder until `release_folders`, or the end of this one.
+
+    The lock is beside the system's temporary files, since a folder that does not exist yet can be held too.
+
+    Raises
+    ------
+    InputError
+        Another process holds it.
+    """
+    path = folder.resolve()
+    name = f"continuum_grasp-{hashlib.sha256(os.fsencode(path)).hexdigest()[:20]}.lock"
+    with contextlib.suppress(OSError):  # where nothing can be locked, any process may work
+        file = _HELD.get(path) or open(Path(tempfile.gettempdir()) / name, "a+b")  # noqa: SIM115, it stays open
+        if path not in _HELD and not lock_file(file):
+            file.close()
+            raise InputError(
+                "another run is at work in this folder: wait for it, or take another one", file=str(folder)
+            )
+        _HELD[path] = file
+
+
+def release_folders() -> None:
+    """Let go of all folders that this process holds."""
+    while _HELD:
+        _HELD.popitem()[1].close()
+
+
+def lock_file(file: IO[bytes]) -> bool:
+    """Whether the file could be locked; where the system or the file system has no locks, any process may work."""
+    with contextlib.suppress(ImportError):
+        import fcntl
+
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            return not isinstance(error, BlockingIOError)
+        return True
+    with contextlib.suppress(ImportError):  # Windows
+        import msvcrt
+
+        file.seek(0)
+        try:
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
+        except OSError:
+            return False
+    return True
 
 
 @contextlib.contextmanager

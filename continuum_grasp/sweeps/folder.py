@@ -14,10 +14,10 @@ import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.results.atomic import naming, write_text
+from continuum_grasp.results.atomic import lock_file, naming, write_text
 from continuum_grasp.results.record import begin_run, created_now, kind_of_run, versions
 from continuum_grasp.scene.document import refuse_what_is_no_file
 from continuum_grasp.sweeps.plan import Plan, differences
@@ -186,27 +186,6 @@ def locked(folder: Path) -> Iterator[None]:
     folder.mkdir(parents=True, exist_ok=True)
     refuse_what_is_no_file(folder / _LOCK)
     with open(folder / _LOCK, "a+b") as file:
-        if not _lock(file):
+        if not lock_file(file):
             raise InputError("another sweep is at work in this folder", file=str(folder))
         yield
-
-
-def _lock(file: IO[bytes]) -> bool:
-    """Whether the file could be locked; where the system or the file system has no locks, any process may work."""
-    with suppress(ImportError):
-        import fcntl
-
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            return not isinstance(error, BlockingIOError)
-        return True
-    with suppress(ImportError):  # Windows
-        import msvcrt
-
-        file.seek(0)
-        try:
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined,unused-ignore]
-        except OSError:
-            return False
-    return True

@@ -168,6 +168,21 @@ def test_a_folder_of_another_command_is_refused_before_anything_is_computed(comm
 
 
 # what cannot be read or written
+def test_the_second_of_two_runs_in_a_folder_is_refused_while_the_first_is_alive(tmp_path):
+    code = "import sys; from pathlib import Path; from continuum_grasp.results.atomic import hold_folder\n"
+    code += "hold_folder(Path(sys.argv[1])); print('held', flush=True); input()"
+    line, env = [sys.executable, "-c", code, str(tmp_path / "run")], {**os.environ, "PYTHONPATH": str(ROOT)}
+    with subprocess.Popen(line, env=env, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout.readline() == "held\n"
+        second = run("modes", RELEASE, "--out", tmp_path / "run")
+        assert second.exit_code == 2
+        assert second.stderr.startswith(f"error: {tmp_path / 'run'}: another run is at work in this folder")
+        assert not (tmp_path / "run").exists()
+        other.kill()
+    for _ in range(2):  # one after another, also within a process
+        assert run("modes", RELEASE, "--out", tmp_path / "run").exit_code == 0
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_an_empty_name_is_no_folder(command, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
