@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.options import out_option, resolved_scene, verb
+from continuum_grasp.cli.options import one_of, out_option, resolved_scene, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
@@ -28,7 +28,12 @@ def export(
     output: Output,
     to: Annotated[
         str,
-        typer.Option("--to", metavar="c|fmu|web|mjcf", help="C package, FMUs, page for a browser, chain for MuJoCo."),
+        typer.Option(
+            "--to",
+            metavar="c|fmu|web|mjcf",
+            parser=one_of("c", "fmu", "web", "mjcf"),
+            help="C package, FMUs, page for a browser, chain for MuJoCo.",
+        ),
     ],
     what: Annotated[
         str | None,
@@ -77,7 +82,13 @@ def export(
         str | None, typer.Option("--finger", metavar="NAME", help="c: finger of a mission of several.")
     ] = None,
     fmi: Annotated[
-        str | None, typer.Option("--fmi", metavar="2|3|both", help="fmu: version of the standard (default: both).")
+        str | None,
+        typer.Option(
+            "--fmi",
+            metavar="2|3|both",
+            parser=one_of("2", "3", "both"),
+            help="fmu: version of the standard (default: both).",
+        ),
     ] = None,
     name: Annotated[
         str | None, typer.Option("--name", metavar="NAME", help="fmu: of files and symbols (default: that of CONFIG).")
@@ -99,8 +110,6 @@ def export(
     these it is for.
     """
     given = {key: value for key, value in locals().items() if key not in ("output", "to") and value is not None}
-    if to not in SUFFIXES:
-        raise InputError(f"expected {', '.join(SUFFIXES)}, got {to!r:.60}", key="--to")
     from continuum_grasp import export as package
     from continuum_grasp.results.atomic import hold_folder
     from continuum_grasp.scene.control import ControlScene
@@ -114,8 +123,6 @@ def export(
         given["what"] = [part.strip() for part in given["what"].split(",")]
     if "ranges" in given:
         given["ranges"] = ranges_of(given["ranges"])
-    if "fmi" in given and given["fmi"] not in _VERSIONS:
-        raise InputError(f"expected 2, 3 or both, got {fmi!r:.60}", key="--fmi")
     if "fmi" in given:
         given["fmi"] = _VERSIONS[given["fmi"]]
     output = replace(output, out=output.out or Path("runs/export") / to / f"{output.config.stem}{SUFFIXES[to]}")

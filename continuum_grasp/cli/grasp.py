@@ -44,7 +44,7 @@ def grasp(
         result.save(folder, quality=False)
     with output.drawing():
         result.save(folder)
-        files = result.save_pictures(folder) if output.pictures else []
+        files = output.drawn(result) if output.pictures else []
 
     output.say(result.table())  # its first line is the verdict
     output.warn(result.warnings)

@@ -23,11 +23,15 @@ def named_path(text: str | Path) -> Path:
     return Path(text)
 
 
-def _format(text: str) -> str:
-    """The format of an animation."""
-    if text not in ("gif", "mp4"):
-        raise typer.BadParameter(f"expected gif or mp4, got {text!r}")
-    return text
+def one_of(*words: str) -> Callable[[str], str]:
+    """The reader of an option that takes one of some words."""
+
+    def read(text: str) -> str:
+        if text not in words:
+            raise typer.BadParameter(f"expected {', '.join(words[:-1])} or {words[-1]}, got {text!r:.60}")
+        return text
+
+    return read
 
 
 def option(explained: str, *names: str, default: Any = None, **more: Any) -> Any:
@@ -70,16 +74,36 @@ _SHARED: dict[str, tuple[Any, Any, Any]] = {
     ),
     "animation": (
         str | None,
-        typer.Option("--animate", metavar="gif|mp4", parser=_format, help="Write an animation too; mp4 needs ffmpeg."),
+        typer.Option(
+            "--animate",
+            metavar="gif|mp4",
+            parser=one_of("gif", "mp4"),
+            help="Write an animation too; mp4 needs ffmpeg.",
+        ),
         None,
     ),
     "pictures": (bool, typer.Option("--pictures/--no-pictures", help="Draw pictures."), True),
+    "format": (
+        str,
+        typer.Option("--format", metavar="png|pdf|svg", parser=one_of("png", "pdf", "svg"), help="Of the pictures."),
+        "png",
+    ),
+    "style": (
+        str,
+        typer.Option(
+            "--style",
+            metavar="screen|paper",
+            parser=one_of("screen", "paper"),
+            help="Look of the pictures; paper: as wide as a column, with its fonts.",
+        ),
+        "screen",
+    ),
     "as_json": (bool, typer.Option("--json", help="Print one JSON object instead of text."), False),
     "quiet": (bool, typer.Option("--quiet", "-q", help="Print nothing but warnings and errors."), False),
     "verbose": (bool, typer.Option("--verbose", "-v", help="Print statistics too."), False),
 }
 """Arguments and options of several verbs: type, how they are given, and default."""
-_LAST = ("pictures", "as_json", "quiet", "verbose")
+_LAST = ("pictures", "format", "style", "as_json", "quiet", "verbose")
 """Shared options that `--help` lists after those of the verb alone."""
 
 
@@ -91,21 +115,23 @@ def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[
     """
 
     def decorate(function: Callable[..., None]) -> Callable[..., None]:
+        shown = [*names, *(("format", "style") if "pictures" in names else ())]
         _, *own = inspect.signature(function, eval_str=True).parameters.values()
         for one in own:
             if isinstance(one.default, OptionInfo):
                 one.default.param_decls = one.default.param_decls or (f"--{one.name.replace('_', '-')}",)
         first, last = list[inspect.Parameter](), list[inspect.Parameter]()
-        for name in names:
+        for name in shown:
             taken, given, default = _SHARED[name]
             annotation = Annotated[taken, other.get(name, given)]  # type: ignore[valid-type]
             one = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
             (last if name in _LAST else first).append(one)
+        last.sort(key=lambda one: _LAST.index(one.name))
         parameters = [*first, *(one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in own), *last]
 
         @wraps(function)
         def call(**given: Any) -> None:
-            shared = {name: given.pop(name) for name in names}
+            shared = {name: given.pop(name) for name in shown}
             try:
                 function(Output(verb=function.__name__.replace("_", "-"), **shared), **given)
             finally:

@@ -31,6 +31,8 @@ class Output:
     quiet: bool = False
     verbose: bool = False
     pictures: bool = True
+    format: str = "png"
+    style: str = "screen"
     animation: str | None = None
     config: Path = Path()
     out: Path | None = None
@@ -131,12 +133,16 @@ class Output:
         files: list[Path] = []
         if self.pictures:
             with self.drawing():
-                files += result.save_pictures(self.folder)
+                files += self.drawn(result)
         if self.animation is not None:
             with self.drawing():
                 path = self.folder / f"animation.{self.animation}"
                 files.append(cast("MotionResult", result).animate(path, speed=speed))
         return files
+
+    def drawn(self, result: Result, folder: Path | None = None) -> list[Path]:
+        """Draw the pictures of a result, in format and style as asked; returns the files."""
+        return result.save_pictures(folder or self.folder, format=self.format, style=self.style)
 
     def saved_in(self, files: Iterable[Path], what: str = "pictures") -> dict[str, str]:
         """The last of the pairs that verbs print."""

@@ -63,7 +63,7 @@ def _report(table: SweepTable, output: Output, *, drawn: bool) -> None:
     files: list[Path] = []
     if drawn:
         with output.drawing():
-            files = table.save_pictures(table.folder)
+            files = output.drawn(table, table.folder)
     statistics = dict(table.statistics)
     output.warn(statistics.pop("notes", ()))
     if len(table) and not table.solved.any():

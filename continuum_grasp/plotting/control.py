@@ -33,6 +33,8 @@ def plot_control_path(run: ControlRun, *, ax: Axes | None = None) -> Axes:
     bodies.draw_clamp(ax, shapes[0], run.scene.finger)
     for shape in shapes:
         ax.plot(*shape.T, color=GRAY, linewidth=0.8, alpha=0.7, zorder=1)
+    if bodies.shows_thickness(run.scene.finger):
+        bodies.draw_thickness(ax, shapes[-1], run.scene.finger)
     if wanted is not None:
         # a setpoint that jumps is dots, not a line: 20 times the usual step is none of a path that is followed
         steps = np.linalg.norm(np.diff(wanted, axis=0), axis=1)
@@ -60,7 +62,8 @@ def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
     bodies.draw_supports(ax, scene.supports)
     for k, outline in enumerate(outlines):
         bodies.draw_object(ax, outline, faint=k == 0)
-    axes.draw_timed(ax, shapes, plan.t[shown], plan.t)
+    lines = axes.draw_timed(ax, shapes, plan.t[shown], plan.t)
+    bodies.draw_earlier(ax, shapes, lines.to_rgba(plan.t[shown]), plan.scene.finger)
     bodies.draw_clamp(ax, shapes[0], plan.scene.finger)
     ax.plot(*tip.T, color=BLUE, linewidth=1.2, zorder=3, label="tip")
     goal = scene.goal
@@ -222,7 +225,9 @@ def control_frames(run: ControlRun, indices: NDArray[Any], width: int) -> Iterat
         ahead.set_data(*run.plan_tip[min(at, len(run.plan_tip) - 1)].T)  # nothing is planned at the last instant
         if wanted is not None:
             target.set_data(*wanted[at : at + 1].T)
-        passing = bodies.draw_object(ax, outlines[k], animated=True) if outlines else []
+        passing: list[Any] = bodies.draw_object(ax, outlines[k], animated=True) if outlines else []
+        if bodies.shows_thickness(run.scene.finger):
+            passing += bodies.draw_thickness(ax, shapes[k], run.scene.finger, animated=True)
         return [ahead, target, *finger(k)], passing
 
     return film.frames(back, moving)

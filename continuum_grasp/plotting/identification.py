@@ -71,8 +71,8 @@ def plot_shapes(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
         over_time = lines.over_time
         shown = np.isin(rows[:, 0], lines.at)
         box = bend_box([lines.backbones, measured, predicted], 0.06 * finger.rod.length)
-        show_box(one, box)
-        label(one, "x [m]", "y [m]")
+        unit = show_box(one, box)
+        label(one, f"x [{unit}]", f"y [{unit}]")
         for backbone in lines.backbones:
             one.plot(*backbone.T, color=BLUE, alpha=0.35 if over_time else 0.7, linewidth=1.6, zorder=2)
         bodies.draw_clamp(one, lines.backbones[0], finger)

@@ -71,7 +71,7 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
         ax.set_axis_off()
     axes = list(grid.ravel()[: len(at)])
     for j, (ax, k, shape, pose) in enumerate(zip(axes, at, shapes, poses, strict=True)):
-        show_box(quiet(ax), box)
+        unit = show_box(quiet(ax), box)
         ax.grid(False)
         ax.tick_params(labelleft=j % columns == 0, labelbottom=j + columns >= len(at), labelsize=8)
         bodies.draw_supports(ax, mission.scene.supports)
@@ -80,8 +80,8 @@ def plot_mission_snapshots(mission: MissionRun) -> list[Axes]:
         draw_forces(ax, forces[j], scale)
         _draw_moment(ax, mission, float(mission.t[k]), pose)
         ax.set_title(f"{chosen[int(k)]}\n{mission.t[k]:.2f} s", fontsize=8.5, color=INK, loc="left")
-    figure.supxlabel("x [m]", fontsize=9, color=INK)
-    figure.supylabel("y [m]", fontsize=9, color=INK)
+    figure.supxlabel(f"x [{unit}]", fontsize=9, color=INK)
+    figure.supylabel(f"y [{unit}]", fontsize=9, color=INK)
     figure.suptitle(mission.name or " ", fontsize=10, color=INK, x=0.01, ha="left")
     handles = [Line2D([], [], **key) for key in force_keys(list(chain(*forces)), _WORDS)]
     figure.legend(handles=handles, loc="outside upper right", ncols=_ONE_ROW, frameon=False, fontsize=9)

@@ -52,10 +52,7 @@ def plot_snapshots(trajectory: Trajectory, *, times: Sequence[float] | int = 12,
     for k, some in enumerate(outlines):
         bodies.draw_object(ax, some, faint=k < len(outlines) - 1)
     lines = axes.draw_timed(ax, shapes, t[indices], t)
-    if bodies.shows_thickness(scene.finger):
-        for shape, shade in zip(shapes[:-1], lines.to_rgba(t[indices[:-1]]), strict=True):
-            look = {"facecolor": (*shade[:3], 0.1), "edgecolor": (*shade[:3], 0.6), "linewidth": 0.4, "alpha": None}
-            bodies.draw_body(ax, bodies.finger_outline(shape, scene.finger), **look)
+    bodies.draw_earlier(ax, shapes[:-1], lines.to_rgba(t[indices[:-1]]), scene.finger)
     if outlines or bodies.shows_thickness(scene.finger):
         bodies.draw_thickness(ax, shapes[-1], scene.finger)
     bodies.draw_clamp(ax, shapes[0], scene.finger)

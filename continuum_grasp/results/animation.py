@@ -144,7 +144,17 @@ _SHOWN = 100.0
 """Pixels of a browser per inch of a picture in a notebook: text of 9 points is as high as the notebook's own."""
 
 
-def save_picture(drawn: Any | Sequence[Any], path: str | os.PathLike[str], *, dpi: float = _DPI) -> Path:
+_COLUMN, _PAGE = 3.46, 7.16
+"""Widths of one column of a journal and of both [inch]: 88 and 182 mm, of IEEE and Elsevier."""
+_WIDE = 7.5
+"""Width on screen from which a figure takes both columns [inch]: it has panels side by side."""
+_POINTS = 8.0
+"""Size of text there [points]: that of captions."""
+
+
+def save_picture(
+    drawn: Any | Sequence[Any], path: str | os.PathLike[str], *, dpi: float = _DPI, style: str = "screen"
+) -> Path:
     """Save the figure of what a plot returned.
 
     Parameters
@@ -155,6 +165,9 @@ def save_picture(drawn: Any | Sequence[Any], path: str | os.PathLike[str], *, dp
         File; its suffix is the format (png, pdf, svg). It is replaced whole.
     dpi : float
         Pixels per inch.
+    style : {"screen", "paper"}
+        paper: as wide as one column of a journal, or as both, with a serif font of 8 points at most, and four times the
+        pixels.
 
     Returns
     -------
@@ -170,10 +183,31 @@ def save_picture(drawn: Any | Sequence[Any], path: str | os.PathLike[str], *, dp
     >>> save_picture(ax, mkdtemp() + "/forces.svg").name
     'forces.svg'
     """
-    target = Path(path)
+    target, figure = Path(path), _figure_of(drawn)
+    if style == "paper":
+        _print(figure)
+        dpi *= 4.0
     with replacing(target) as temporary:
-        _figure_of(drawn).savefig(temporary, format=target.suffix[1:] or "png", dpi=dpi)
+        figure.savefig(temporary, format=target.suffix[1:] or "png", dpi=dpi)
     return target
+
+
+def _print(figure: Any) -> None:
+    """Make a figure as wide as a column, or as both, with text and lines of that size."""
+    from matplotlib.lines import Line2D
+    from matplotlib.text import Text
+
+    width = float(figure.get_figwidth())
+    share = (_COLUMN if width < _WIDE else _PAGE) / width
+    figure.set_size_inches(share * width, share * float(figure.get_figheight()))
+    # Where text was placed by hand, not by a layout, it must not grow.
+    grown = 1.0 if figure.get_layout_engine() is not None else share
+    for text in figure.findobj(Text):
+        text.set(fontsize=min(_POINTS, grown * text.get_fontsize()), fontfamily="STIXGeneral", math_fontfamily="stix")
+    for axes in figure.axes:
+        axes.tick_params(labelsize=grown * (_POINTS - 1.0), labelfontfamily="STIXGeneral", width=0.6, length=2.5)
+    for line in figure.findobj(Line2D):
+        line.set(linewidth=max(0.5, share * line.get_linewidth()), markersize=max(2.0, share * line.get_markersize()))
 
 
 def inline_picture(drawn: Any, described: str) -> str:

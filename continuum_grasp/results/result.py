@@ -9,7 +9,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arguments import check_arguments, choice
 from continuum_grasp.errors import InputError
 from continuum_grasp.results.atomic import write_text
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored, maker_of
@@ -219,10 +219,19 @@ class Result(Summarized):
         return drawn[0].figure if picture.panels else drawn
 
     @check_arguments
-    def save_pictures(self, folder: str | os.PathLike[str]) -> list[Path]:
+    def save_pictures(
+        self, folder: str | os.PathLike[str], *, format: str = "png", style: str = "screen"
+    ) -> list[Path]:
         """Draw all pictures into a folder, which is made where missing; files of the same names are replaced.
 
         Where the folder is that of a run, save the result first: that removes the pictures of the run before.
+
+        Parameters
+        ----------
+        folder : path-like
+        format : {"png", "pdf", "svg"}
+        style : {"screen", "paper"}
+            paper: as wide as one column of a journal, or as both, with a serif font of 8 points at most.
 
         Returns
         -------
@@ -238,7 +247,9 @@ class Result(Summarized):
 
         target = Path(folder)
         drawn = {one.name: self._drawn(one, {}) for one in self.drawable()}
-        files = [save_picture(one, target / f"{name}.png") for name, one in drawn.items()]
+        choice("format", format, ("png", "pdf", "svg"))
+        choice("style", style, ("screen", "paper"))
+        files = [save_picture(one, target / f"{name}.{format}", style=style) for name, one in drawn.items()]
         return files + self._write(self.pages, target, pictures=drawn)
 
     def _write(self, files: Iterable[File], folder: Path, **options: Any) -> list[Path]:

@@ -134,9 +134,11 @@ class SweepTable(Result):
         return _pictures(self.requested)
 
     @check_arguments
-    def save_pictures(self, folder: str | os.PathLike[str] | None = None) -> list[Path]:
+    def save_pictures(
+        self, folder: str | os.PathLike[str] | None = None, *, format: str = "png", style: str = "screen"
+    ) -> list[Path]:
         """Draw the pictures that the configuration asks for, into the sweep's own folder where no other is given."""
-        return super().save_pictures(self.folder if folder is None else folder)
+        return super().save_pictures(self.folder if folder is None else folder, format=format, style=style)
 
     @check_arguments
     def save(self, folder: str | os.PathLike[str]) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import stat
 import subprocess
@@ -14,8 +15,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import continuum_grasp as cg
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.plotting import motion as plotting
+from continuum_grasp.plotting.drawing.axes import show_box
 from continuum_grasp.results import MotionResult, save_picture
 from continuum_grasp.scene import Finger, Rod
 from continuum_grasp.simulation import Trajectory
@@ -85,10 +88,10 @@ def motion() -> Motion:
 
 
 PLOTS = {
-    "tip_path": (plotting.plot_tip_path, "x [m]", "y [m]"),
+    "tip_path": (plotting.plot_tip_path, "x [mm]", "y [mm]"),
     "coordinates": (plotting.plot_coordinates, "time [s]", "bending angle [rad]"),
     "energy": (plotting.plot_energy, "time [s]", "energy [J]"),
-    "snapshots": (plotting.plot_snapshots, "x [m]", "y [m]"),
+    "snapshots": (plotting.plot_snapshots, "x [mm]", "y [mm]"),
 }
 
 
@@ -197,7 +200,7 @@ def test_modes_swing_about_the_equilibrium() -> None:
         np.testing.assert_allclose(rest, modes.backbone)
         np.testing.assert_allclose(plus - rest, 0.1 * LENGTH * modes.shapes[k])
         np.testing.assert_allclose(plus + minus, 2 * rest)
-        assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [m]", "y [m]")
+        assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [mm]", "y [mm]")
     titles = [ax.get_title() for ax in axes]
     assert titles == [r"mode 1: 2.5 Hz, $\zeta$ = 0.01", "mode 2: 10 Hz", r"mode 3: 22.5 Hz, $\zeta$ = 0.01"]
     assert axes[0].figure.get_suptitle() == ""
@@ -372,3 +375,30 @@ def test_nothing_global_is_touched(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""
+
+
+def test_pictures_for_paper_are_as_wide_as_a_column(tmp_path: Path) -> None:
+    run = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.05"]))
+    files = run.save_pictures(tmp_path, format="pdf", style="paper")
+    assert {file.suffix for file in files} == {".pdf"}
+    for file in files:
+        width = float(re.search(rb"/MediaBox \[ ?0 0 ([\d.]+)", file.read_bytes())[1])
+        assert width / 72.0 == pytest.approx(3.46, abs=0.01)
+    for wrong in ({"format": "jpg"}, {"style": "poster"}):
+        with pytest.raises(InputError, match="expected"):
+            run.save_pictures(tmp_path, **wrong)
+
+
+def test_lengths_below_a_meter_are_counted_in_millimeters() -> None:
+    for size, unit, text in ((0.2, "mm", "50"), (2.0, "m", "0.05")):
+        ax = new_axes()[0]
+        assert show_box(ax, (0.0, size, 0.0, size)) == unit
+        assert ax.xaxis.get_major_formatter()(0.05) in (text, "")
+
+
+def test_a_finger_wider_than_a_line_is_drawn_as_thick_as_it_is() -> None:
+    run = cg.simulate(cg.load("configs/simulate/tendon_step.yaml", ["time.duration=0.02", "time.step=0.01"]))
+    finger = run.scene.finger
+    body = plotting.plot_snapshots(run, times=[0.0]).patches[0].get_xy()
+    # The straight finger points along +Y.
+    assert np.ptp(body[:, 0]) == pytest.approx(2.0 * finger.half_thickness, rel=1e-6)

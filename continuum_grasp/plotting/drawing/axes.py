@@ -38,21 +38,26 @@ def new_axes(ax: Axes | None, width: float = 6.4, height: float = 4.2) -> Axes:
 
 
 def plane_axes(ax: Axes | None, box: Box, colorbar: bool = True) -> Axes:
-    """World axes in meters, one scale for both: those given, or new ones in a figure that fits."""
+    """World axes, one scale for both: those given, or new ones in a figure that fits."""
     # at most 5.4 x 4.4 inch for the drawing itself; the rest is for labels, title and color bar
     wide = (box[1] - box[0]) / (box[3] - box[2])
     height = min(4.4, 5.4 / wide)
     ax = new_axes(ax, wide * height + (1.9 if colorbar else 0.8), height + 1.1)
-    show_box(ax, box)
-    label(ax, "x [m]", "y [m]")
+    unit = show_box(ax, box)
+    label(ax, f"x [{unit}]", f"y [{unit}]")
     return ax
 
 
-def show_box(ax: Axes, box: Box) -> None:
-    """Show these limits at one scale for both axes."""
+def show_box(ax: Axes, box: Box) -> str:
+    """Show these limits [m] at one scale for both axes; returns the unit that they count, mm below a meter."""
     ax.set_aspect("equal", adjustable="box")
     ax.set_xlim(box[0], box[1])
     ax.set_ylim(box[2], box[3])
+    if max(box[1] - box[0], box[3] - box[2]) >= 1.0:
+        return "m"
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_formatter(lambda value, _: f"{1e3 * value + 0.0:.5g}".replace("-", "\N{MINUS SIGN}"))
+    return "mm"
 
 
 def label(ax: Axes, x: str, y: str, **style: Any) -> None:

@@ -161,9 +161,21 @@ def backbone_points(finger: Finger) -> int:
     return _POINTS[finger.profile.graded]
 
 
+def draw_earlier(ax: Axes, backbones: Array, shades: Array, finger: Finger) -> None:
+    """Draw a finger at earlier instants as thick as it is, each in the color of its line, where that is seen."""
+    for backbone, shade in zip(backbones if shows_thickness(finger) else (), shades, strict=False):
+        look = {"facecolor": (*shade[:3], 0.1), "edgecolor": (*shade[:3], 0.6), "linewidth": 0.4, "alpha": None}
+        draw_body(ax, finger_outline(backbone, finger), **look)
+
+
+_LINE = 0.02
+"""Thickness per length that a line of two points shows anyway, in pictures of 4 to 5 inches."""
+
+
 def shows_thickness(finger: Finger) -> bool:
-    """Whether the thickness is drawn without an object too: it changes along the finger, or tendons do."""
-    return finger.profile.graded or _tendons_change(finger)
+    """Whether the thickness is drawn without an object too: it is wider than a line, or it changes, or tendons do."""
+    widest = 2.0 * float(np.max(finger.profile.half_thickness(np.array([0.0, finger.rod.length]))))
+    return widest > _LINE * finger.rod.length or finger.profile.graded or _tendons_change(finger)
 
 
 def _tendons_change(finger: Finger) -> bool:

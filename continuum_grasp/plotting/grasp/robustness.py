@@ -62,9 +62,9 @@ def _shapes(ax: Axes, result: GraspResult, found: Robustness) -> Axes:
     points = np.concatenate([*drawn, *outlines])
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.06 * float((high - low).max())
-    show_box(ax, (low[0] - margin, high[0] + margin, low[1] - margin, high[1] + margin))
+    unit = show_box(ax, (low[0] - margin, high[0] + margin, low[1] - margin, high[1] + margin))
     draw_supports(ax, scene.supports)
-    label(ax, "x [m]", "y [m]")
+    label(ax, f"x [{unit}]", f"y [{unit}]")
     head(ax, scene.name)
     return ax
 
