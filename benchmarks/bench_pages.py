@@ -20,7 +20,7 @@ import numpy as np
 from benchmarks.report import Report, Table
 
 PAGES = Path(__file__).parents[1] / "docs" / "live"
-WIDTHS = (420, 900, 1400)
+WIDTHS = (390, 900, 1280)
 HEIGHT = 1000
 """Of the windows, as the widths in CSS pixels."""
 READY = "window.page !== undefined && page.world.origin !== undefined && page.world.time > 0.3"

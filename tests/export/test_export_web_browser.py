@@ -188,6 +188,57 @@ def test_keys_and_sliders(opened):
 
 
 @pytest.mark.deep
+def test_the_plan_leads_from_the_finger_to_the_target(opened):
+    page = stopped(opened("steady_tip"))
+    page.evaluate("page.advance(1500)")
+    target = np.array(page.evaluate("page.world.target"))
+    first = np.array(page.evaluate("page.foresee(0)"))
+    # What the estimator knows is late and noisy by parts of a millimeter.
+    assert np.linalg.norm(first[-1] - page.evaluate("page.section(24)")) < 2e-3
+    assert np.linalg.norm(first[6] - page.evaluate("page.section(12)")) < 2e-3
+    last = page.evaluate("page.foresee(page.controller.plan[1] - 1)")[-1]
+    assert np.linalg.norm(last - target) < 2e-3
+
+
+@pytest.mark.deep
+def test_wind_out_of_reach_and_limits_are_said(opened):
+    page = stopped(opened("steady_tip"))
+    page.evaluate("page.advance(1500)")
+    most = page.evaluate("page.plant.pushes.most")
+    page.fill("input[name=wind]", str(most))
+    page.evaluate("page.tick(0.001)")
+    # A quarter at each place where a hand may push.
+    forces = np.array(page.evaluate("[...page.memory.w]"))
+    assert forces[::2] == pytest.approx(most / 4.0, rel=1e-2)
+    page.fill("input[name=wind]", "0")
+    target = np.array(page.evaluate("page.world.target"))
+    drag(page, target, 1.5 * target)
+    page.mouse.up()
+    page.evaluate("for (let k = 0; k < 40; ++k) page.tick(0.05)")
+    assert "Out of reach" in page.text_content("#note")
+    assert page.text_content("#said") == page.text_content("#note")
+    assert "millimeters from the target" in page.get_attribute("#world", "aria-label")
+
+
+def test_forces_stay_in_cones_of_the_friction_that_is_set(opened):
+    page = stopped(opened("close_on_mug"))
+    page.evaluate("page.advance(4800)")
+
+    def shares():
+        names, forces = page.evaluate("[page.plant.touches, [...page.memory.normal_force]]")
+        shear = np.hypot(*page.evaluate("[[...page.memory.friction], [...page.memory.lift]]"))
+        return [s / n for name, n, s in zip(names, forces, shear, strict=True) if name != "table" and n > 0.1]
+
+    assert page.evaluate("page.plant.friction.law") == 0.5
+    assert 0.25 < max(shares()) <= 0.5 * 1.02
+    page.fill("input[name=friction]", "0.2")
+    page.evaluate("page.advance(2000)")
+    assert max(shares()) <= 0.2 * 1.02
+    page.click("#reset")
+    assert page.evaluate("page.memory.p[page.plant.friction.parameter]") == pytest.approx(1.0)
+
+
+@pytest.mark.deep
 @pytest.mark.parametrize("name", ["steady_tip", "close_on_mug"])
 def test_fifty_frames_a_second_leave_half_of_a_core(opened, name):
     """By the time of its thread, which does not depend on what else the machine does."""

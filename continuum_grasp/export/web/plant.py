@@ -306,8 +306,8 @@ def plant_of_loop(scene: ControlScene, of: PlantModel | None = None) -> tuple[We
 def planned_sections(prediction: Prediction, stages: Stages) -> ca.Function:
     """Positions (2, K) of sections at a node of a plan: its states, then the inputs before it where it has these."""
     node = ca.SX.sym("node", stages.nx)
-    before = node[stages.nd : stages.nd + stages.nu]
-    u = before if before.numel() == stages.nu else ca.SX(prediction.scene.rest_input)
+    known = stages.nx >= stages.nd + stages.nu
+    u = node[stages.nd : stages.nd + stages.nu] if known else ca.SX(ca.DM(prediction.scene.rest_input))
     places = tuple(np.linspace(0.0, prediction.scene.finger.rod.length, PLANNED).tolist())
     r, _ = prediction.sections(places)(node[: stages.nd], u, stages.p_nominal)
     return ca.Function("planned", [node], [r])

@@ -307,7 +307,8 @@ function look(passed) {
     if (force < SEEN || PLANT.touches[k] === "table") return;
     add(memory.point_x[k] + 0.25 * PLANT.length * memory.normal_x[k], memory.point_y[k] + 0.25 * PLANT.length * memory.normal_y[k]);
   });
-  const edge = 0.08 * PLANT.length, most = 3 * PLANT.length, [x0, y0] = section(0);
+  const edge = 0.08 * PLANT.length, most = 3 * PLANT.length, [x0, y0] = section(0), back = 0.12 * PLANT.length;
+  add(x0 + back * Math.sin(memory.section_angle[0]), y0 - back * Math.cos(memory.section_angle[0]));
   const goal = box.map((v, i) => Math.max([x0, y0][i % 2] - most, Math.min([x0, y0][i % 2] + most, v + (i < 2 ? -edge : edge))));
   if (!view.box) view.box = goal;
   if (hand || world.lost || (paused && !view.follows)) return;
@@ -453,22 +454,28 @@ function drawTrails(path) {
   }
 }
 
+// Have the sections of a node of the plan at hand, which lies in the controller's memory.
+function foresee(k) {
+  const nx = memory.node.length;
+  memory.node.set(new Float64Array(io.command.buffer, controller.address + LOOP.plan[0] + 8 * k * nx, nx));
+  c.foresee();
+  return [...memory.ahead_x].map((x, i) => [x, memory.ahead_y[i]]);
+}
+
 // The plan of the controller: the finger at thirds of its horizon, and the way of the tip.
 function drawPlan(at, path) {
   if (!controller || world.played >= 0 || !world.calls && !world.time) return;
-  const [place, nodes] = LOOP.plan, nx = memory.node.length, last = memory.ahead_x.length - 1, way = [];
-  const plan = new Float64Array(io.command.buffer, controller.address + place, nodes * nx);
+  const nodes = LOOP.plan[1], last = memory.ahead_x.length - 1, way = [];
   pen.lineCap = "round";
   for (let k = 1; k < nodes; ++k) {
     const third = k % Math.round((nodes - 1) / 3) === 0;
     if (!third && k % 3) continue;
-    memory.node.set(plan.subarray(k * nx, (k + 1) * nx));
-    c.foresee();
+    foresee(k);
     way.push([memory.ahead_x[last], memory.ahead_y[last]]);
     if (!third || !Number.isFinite(memory.ahead_x[last])) continue;
     pen.strokeStyle = mix(colors.ink, 0.45 - (0.25 * k) / nodes);
     pen.lineWidth = 4;
-    path([...memory.ahead_x].map((x, i) => [x, memory.ahead_y[i]]));
+    path(foresee(k));
     pen.stroke();
   }
   pen.strokeStyle = mix(colors.ink, 0.7);
@@ -981,7 +988,7 @@ function tell() {
 }
 
 // What stands out is said once, on the canvas and to screen readers.
-let still = 0;
+let still = 0, mean = null;
 function notice() {
   const found = [], tip = section(memory.section_x.length - 1);
   if (OBJECT) {
@@ -1002,11 +1009,11 @@ function notice() {
         found.push(`${words(PLANT.input_names[k].split(" ")[0])} is at its limit of ${digits(LOOP.high[k])} ${unitOf(PLANT.input_names[k])}.`);
       }
     });
-    const moved = world.before ? near(tip, ...world.before) : 1;
-    still = world.target && moved < 4e-4 && !(hand && hand.kind === "finger") ? still + 1 : 0;
-    world.before = tip;
+    // A camera's noise lets the tip tremble: it rests where it stays near its own mean.
+    mean = mean ? mean.map((v, i) => v + 0.2 * (tip[i] - v)) : tip;
+    still = world.target && near(tip, ...mean) < 0.01 * PLANT.length && !(hand && hand.kind === "finger") ? still + 1 : 0;
     const away = world.target ? near(tip, ...world.target) : 0;
-    if (still > 5 && away > 0.025 * PLANT.length) found.push(`Out of reach: ${digits(1000 * away)} mm short.`);
+    if (still > 8 && away > 0.025 * PLANT.length) found.push(`Out of reach: ${digits(1000 * away)} mm short.`);
   }
   const text = found.join(" ");
   element("note").hidden = !text;
@@ -1032,7 +1039,7 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", readColors
 await reset();
 help();
 // For tests and for those who look: what moves, and what it can be given.
-window.page = { world, memory, plant: PLANT, record: RECORD, rate: () => rate, advance, play, takeOver, reset, tick, section, toScreen: (x, y) => {
+window.page = { world, memory, plant: PLANT, record: RECORD, rate: () => rate, advance, play, takeOver, reset, tick, foresee, section, controller: LOOP, toScreen: (x, y) => {
   const box = canvas.getBoundingClientRect(), [ox, oy] = world.origin;
   return [box.left + canvas.clientLeft + ox + scale * x, box.top + canvas.clientTop + oy - scale * y];
 } };
