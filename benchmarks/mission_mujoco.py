@@ -1,7 +1,7 @@
 """A mission's controller on another program's plant: a chain of hinges with the object, in MuJoCo.
 
 Run ``python -m benchmarks.mission_mujoco configs/mission/mug.yaml --plants 20`` with the interpreter that has MuJoCo
-named in ``CONTINUUM_GRASP_PEERS_PYTHON``. The chain is what ``export --to mjcf`` writes of the mission's plant; the plants
+named in ``CONTINUUM_GRASP_PEERS_PYTHON``. The chain is what ``export_mjcf`` writes of the mission's plant; the plants
 are those of its ``trials``. Added to it: the object slides out of the plane under its weight, on a table that sinks;
 pads on springs as stiff as ``contact_law`` says, at the middle contact if there is one, the tip and under walls, where
 contacts of MuJoCo are rigid. Contact, friction, integration, tendons and drives (of first order) are MuJoCo's own.

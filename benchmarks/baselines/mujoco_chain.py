@@ -1,7 +1,7 @@
 """Runs inside the interpreter that has MuJoCo: a rod as a chain of hinges, released; see ``release_server``.
 
 Two ways to lump the bending stiffness: ``middle`` has a hinge in the middle of each of n elements, as
-``continuum-grasp export --to mjcf`` writes it for rods of any kind; ``clamp``, for uniform rods, has one at the clamp, which
+``export --to mjcf`` writes it for rods of any kind; ``clamp``, for uniform rods, has one at the clamp, which
 carries half an element (twice the stiffness), and one at the end of each element but the last. Both are of second
 order; which is better depends on the scene, so both are tried. Bodies carry the mass and the rotary inertia of their
 piece of rod and no geometry; contacts and constraints are off; a whole run is one call of ``mj_step``.
