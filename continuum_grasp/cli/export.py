@@ -6,11 +6,9 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from continuum_grasp.cli.options import one_of, out_option, resolved_scene, verb
+from continuum_grasp.cli.options import one_of, option, out_option, resolved_scene, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
@@ -26,82 +24,38 @@ _OUT = out_option("Where to (default: runs/export/TO/NAME-OF-CONFIG); an earlier
 @verb("config", "out", "changes", "as_json", "quiet", out=_OUT)
 def export(
     output: Output,
-    to: Annotated[
-        str,
-        typer.Option(
-            "--to",
-            metavar="c|fmu|web|mjcf",
-            parser=one_of("c", "fmu", "web", "mjcf"),
-            help="C package, FMUs, page for a browser, chain for MuJoCo.",
-        ),
-    ],
-    what: Annotated[
-        str | None,
-        typer.Option(
-            "--what",
-            metavar="PART,...",
-            help="c: some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, "
-            "contact, metadata; of a closed loop also estimator and mpc, of a mission mpc and mission (default: of "
-            "loops and missions those two, else dynamics, step, kinematics and statics). fmu: plant, controller or "
-            "both of a closed loop (default: both).",
-        ),
-    ] = None,
-    ranges: Annotated[
-        list[str] | None,
-        typer.Option("--range", metavar="NAME=MIN:MAX", help="c, fmu: range of a run-time parameter; repeatable."),
-    ] = None,
-    step: Annotated[
-        float | None,
-        typer.Option("--step", metavar="SECONDS", help="c, fmu: longest or internal step (default: the scene's)."),
-    ] = None,
-    substeps: Annotated[
-        int | None,
-        typer.Option("--substeps", metavar="N", help="c, fmu: Runge-Kutta steps in one (default: for stability)."),
-    ] = None,
-    real: Annotated[
-        str | None, typer.Option("--real", metavar="float|double", help="c: number type (default: the target's).")
-    ] = None,
-    prefix: Annotated[
-        str | None, typer.Option("--prefix", metavar="NAME", help="c: of all names (default: finger).")
-    ] = None,
-    target: Annotated[
-        str | None,
-        typer.Option("--target", metavar="NAME", help="c: host (default), cortex-m4f, cortex-m7 or wasm."),
-    ] = None,
-    sections: Annotated[
-        int | None,
-        typer.Option("--sections", metavar="N", help="c: sections in one call of shape, velocities (default: 25)."),
-    ] = None,
-    error: Annotated[
-        float | None, typer.Option("--error", metavar="NUMBER", help="c: greatest relative error within the ranges.")
-    ] = None,
-    measured: Annotated[
-        bool | None, typer.Option("--measure", help="c: run on the emulated target; note sizes and counts.")
-    ] = None,
-    finger: Annotated[
-        str | None, typer.Option("--finger", metavar="NAME", help="c: finger of a mission of several.")
-    ] = None,
-    fmi: Annotated[
-        str | None,
-        typer.Option(
-            "--fmi",
-            metavar="2|3|both",
-            parser=one_of("2", "3", "both"),
-            help="fmu: version of the standard (default: both).",
-        ),
-    ] = None,
-    name: Annotated[
-        str | None, typer.Option("--name", metavar="NAME", help="fmu: of files and symbols (default: that of CONFIG).")
-    ] = None,
-    preview: Annotated[
-        bool | None, typer.Option("--preview", help="fmu: setpoints of every stage of the controller's horizon.")
-    ] = None,
-    binary: Annotated[
-        bool | None, typer.Option("--binary/--no-binary", help="fmu: with this machine's binary (default) or without.")
-    ] = None,
-    hinges: Annotated[
-        int | None, typer.Option("--hinges", metavar="N", help="mjcf: hinges of the finger (default: 40).")
-    ] = None,
+    to: str = option(
+        "C package, FMUs, page for a browser, chain for MuJoCo.",
+        default=...,
+        metavar="c|fmu|web|mjcf",
+        parser=one_of("c", "fmu", "web", "mjcf"),
+    ),
+    what: str | None = option(
+        "c: some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, contact, "
+        "metadata; of a closed loop also estimator and mpc, of a mission mpc and mission (default: of loops and "
+        "missions those two, else dynamics, step, kinematics and statics). fmu: plant, controller or both of a closed "
+        "loop (default: both).",
+        metavar="PART,...",
+    ),
+    ranges: list[str] | None = option(
+        "c, fmu: range of a run-time parameter; repeatable.", "--range", metavar="NAME=MIN:MAX"
+    ),
+    step: float | None = option("c, fmu: longest or internal step (default: the scene's).", metavar="SECONDS"),
+    substeps: int | None = option("c, fmu: Runge-Kutta steps in one (default: for stability).", metavar="N"),
+    real: str | None = option("c: number type (default: the target's).", metavar="float|double"),
+    prefix: str | None = option("c: of all names (default: finger).", metavar="NAME"),
+    target: str | None = option("c: host (default), cortex-m4f, cortex-m7 or wasm.", metavar="NAME"),
+    sections: int | None = option("c: sections in one call of shape, velocities (default: 25).", metavar="N"),
+    error: float | None = option("c: greatest relative error within the ranges.", metavar="NUMBER"),
+    measured: bool | None = option("c: run on the emulated target; note sizes and counts.", "--measure"),
+    finger: str | None = option("c: finger of a mission of several.", metavar="NAME"),
+    fmi: str | None = option(
+        "fmu: version of the standard (default: both).", metavar="2|3|both", parser=one_of("2", "3", "both")
+    ),
+    name: str | None = option("fmu: of files and symbols (default: that of CONFIG).", metavar="NAME"),
+    preview: bool | None = option("fmu: setpoints of every stage of the controller's horizon.", "--preview"),
+    binary: bool | None = option("fmu: with this machine's binary (default) or without.", "--binary/--no-binary"),
+    hinges: int | None = option("mjcf: hinges of the finger (default: 40).", metavar="N"),
 ) -> None:
     """Write a finger, its loop or its mission for use elsewhere.
 
