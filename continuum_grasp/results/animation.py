@@ -194,19 +194,16 @@ def save_picture(
 
 def _print(figure: Any) -> None:
     """Make a figure as wide as a column, or as both, with text and lines of that size."""
-    from matplotlib.lines import Line2D
-    from matplotlib.text import Text
-
     width = float(figure.get_figwidth())
     share = (_COLUMN if width < _WIDE else _PAGE) / width
     figure.set_size_inches(share * width, share * float(figure.get_figheight()))
     # Where text was placed by hand, not by a layout, it must not grow.
     grown = 1.0 if figure.get_layout_engine() is not None else share
-    for text in figure.findobj(Text):
+    for text in figure.findobj(lambda one: hasattr(one, "set_math_fontfamily")):
         text.set(fontsize=min(_POINTS, grown * text.get_fontsize()), fontfamily="STIXGeneral", math_fontfamily="stix")
     for axes in figure.axes:
         axes.tick_params(labelsize=grown * (_POINTS - 1.0), labelfontfamily="STIXGeneral", width=0.6, length=2.5)
-    for line in figure.findobj(Line2D):
+    for line in figure.findobj(lambda one: hasattr(one, "set_markersize")):
         line.set(linewidth=max(0.5, share * line.get_linewidth()), markersize=max(2.0, share * line.get_markersize()))
 
 

@@ -99,7 +99,7 @@ def test_other_pictures_of_the_same_table(swept, tmp_path):
         (("--set", "vary={object.mas: {values: [1]}}"), "unknown key; did you mean 'mass'?"),
         (("--set", "set={solver.effort: thorough}"), "another plan: scene.solver.effort: quick there, thorough here"),
         (("--scheduler", "here"), "no Dask scheduler answers"),
-        (("--workers", "0"), "Invalid value"),
+        (("--workers", "0"), "invalid value"),
     ],
 )
 def test_bad_input(arguments, words, swept):

@@ -62,9 +62,9 @@ class Record:
         """The record up to an instant [s], from which a page goes on by itself; the whole where none is given."""
         if end is None:
             return self
-        kept = max(2, sum(t <= end + 1e-9 for t in self.t))
+        count = max(2, sum(t <= end + 1e-9 for t in self.t))
         rows = {name: getattr(self, name) for name in ("t", "x", "u", "w", "z", "known")}
-        cut: dict[str, Any] = {name: None if of is None else of[:kept] for name, of in rows.items()}
+        cut: dict[str, Any] = {name: None if of is None else of[:count] for name, of in rows.items()}
         reference = None if self.reference is None else self.reference[: max(1, round(end / self.dt))]
         changes = [one for one in self.changes if one["t"] <= end]
         return replace(self, **cut, reference=reference, changes=changes, live=True)
