@@ -15,11 +15,3 @@ __all__ = [
     "export_mjcf",
     "export_web",
 ]
-
-
-def __getattr__(name: str) -> None:
-    if name == "export_casadi":
-        raise AttributeError(
-            "export_casadi is gone: functions of models are CasADi's; write model.tip.generate('tip.c')"
-        )
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

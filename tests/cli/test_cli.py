@@ -14,7 +14,6 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 import continuum_grasp
-import continuum_grasp.export
 from continuum_grasp.cli import app
 from continuum_grasp.cli.completion import complete_config
 from continuum_grasp.errors import NumericalError, SolverError
@@ -317,11 +316,6 @@ def test_help_fits_80_columns_and_no_summary_is_cut(monkeypatch):
         text = run(*verb.split(), "--help").stdout
         assert max(map(len, text.splitlines())) <= 80
         assert "..." not in text.partition("Commands:")[2]
-
-
-def test_plain_c_is_casadis():
-    with pytest.raises(AttributeError, match=r"write model.tip.generate\('tip.c'\)"):
-        _ = continuum_grasp.export.export_casadi
 
 
 KINDS = {
