@@ -1,13 +1,14 @@
 /* The functions of rti.h. */
 
 /* Rounds of the active set from a warm start, and from the interior point's estimate. In the closed loop of
- * configs/mpc/steady_tip.yaml a QP takes 7.4 factorizations on average; with 3 and 12 rounds of the first 14.2 and 4.5, with
- * 1 and 6 of the second 7.2 and 7.8. */
-#define RTI_ROUNDS 6
+ * configs/mpc/steady_tip.yaml a QP takes 4.5 factorizations on average and 12 at most, and needs no interior point; with 6
+ * rounds of the first 7.6 and 29. In that of configs/mpc/keep_out.yaml, whose bounds are curved, it takes 14; with 1 and 6
+ * rounds of the second 12 and 14. */
+#define RTI_ROUNDS 12
 #define RTI_FINAL_ROUNDS 3
 /* Mean complementarity products, per cost of moving an input by its scale, at which the interior point's estimate of the
- * active set is tried: first at 1e-2 (1e-1: 7.9 factorizations, 1e-4: 7.6), then each time they have fallen by 1e-3 (1e-1:
- * 9.6, 1e-6: 7.0). Below the last, rounding hides any further progress. */
+ * active set is tried: first at 1e-2 (in keep_out 1e-1: 14.6 factorizations, 1e-4: 13.2), then each time they have fallen by
+ * 1e-3 (1e-1: 20, 1e-6: 12.7). Below the last, rounding hides any further progress. */
 #define RTI_FIRST_PRODUCT RTI_R(1e-2)
 #define RTI_PRODUCT_FACTOR RTI_R(1e-3)
 #ifdef RTI_SINGLE

@@ -16,7 +16,8 @@ enum { RTI_FREE = 0, RTI_AT_HIGH = 1, RTI_AT_LOW = -1, RTI_OVER_HIGH = 2, RTI_UN
                                           some hundred, through factors of similar condition */
 #define RTI_ROUNDED 2                 /* result: the set is found, and only rounding is left */
 #define RTI_MORE_CHANGES 8            /* changes up to which a round may have more than the one before: a small set may
-                                         grow, one that grows beyond is cycling (0: 8.2 instead of 7.4 factorizations) */
+                                         grow, one that grows beyond is cycling (0: 6.0 instead of 4.5 factorizations; as of
+                                         RTI_ROUNDS) */
 #ifdef RTI_SINGLE
 #define RTI_COARSE 1                  /* whether rounding may be all that is left; an interior point does no better then */
 #define RTI_ROW_WEIGHT RTI_R(1e3)     /* weight of a row at its bound, per stiffness: closes the gap to 1e-3 in a step, and

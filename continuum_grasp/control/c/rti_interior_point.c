@@ -6,9 +6,8 @@
  * no s; rows without a linear penalty have s = m / quadratic and no n.
  */
 
-#define RTI_CENTER RTI_R(0.01)        /* first complementarity products, per possible decrease of the cost; 1 and 1e-4 are
-                                         hardly different: 7.9 and 7.0 instead of 7.4 factorizations (as of
-                                         RTI_ROUNDS) */
+#define RTI_CENTER RTI_R(0.01)        /* first complementarity products, per possible decrease of the cost; 1 takes as many
+                                         factorizations, 1e-4 21 instead of 14 (keep_out, as of RTI_ROUNDS) */
 #define RTI_SHORTEST_STEP RTI_R(1e-6) /* a shorter step means that the iterate is stuck at the boundary */
 
 /* List the sides; an input that cannot move has none, since it has no interior. */
