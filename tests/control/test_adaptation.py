@@ -253,7 +253,7 @@ def test_what_is_forgotten_returns_to_the_start_and_the_value_stays():
 def moment_scene(**changes):
     """The rod whose tip moment lags."""
     controller = {
-        "horizon": {"stages": 15, "stage": 0.01},
+        "horizon": {"stages": 15, "stage": 0.01, "method": "rk4"},
         "cost": {"tip": 2e3, "effort": 0.1},
         "input": {"moment_max": 0.3, "rate_max": 3.0, "time_constant": 0.03},
     }

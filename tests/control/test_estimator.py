@@ -22,15 +22,19 @@ from tests.moving_horizon import moving_horizon
 @lru_cache
 def rod(precision="double", delay=0.0, substeps=None) -> Estimator:
     scene = sensed_rod_scene({"delay": delay})
-    horizon = scene.controller.horizon.model_copy(update={"substeps": substeps})
-    controller = scene.controller.model_copy(update={"horizon": horizon})
-    return Estimator(scene.model_copy(update={"controller": controller}), precision=precision)
+    return Estimator(explicit(scene, substeps), precision=precision)
 
 
 @lru_cache
 def hand() -> Estimator:
     asked = {"measured": {"tip": 3e-4, "tension": 0.1}, "disturbances": {"tip_moment": 0.02}, "delay": 0.02}
-    return Estimator(hand_scene(estimator=asked))
+    return Estimator(explicit(hand_scene(estimator=asked)))
+
+
+def explicit(scene, substeps=None):
+    """With the steps that ``Textbook`` takes."""
+    horizon = scene.controller.horizon.replaced(method="rk4", substeps=substeps)
+    return scene.replaced(controller=scene.controller.replaced(horizon=horizon))
 
 
 class Textbook:

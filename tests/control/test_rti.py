@@ -143,17 +143,23 @@ def test_iterations_from_one_state_end_at_the_optimum(lanes):
     assert report.status in (0, 2)
 
 
-def test_iterations_of_a_finger_end_at_the_optimum():
-    """Two arcs with bounded moment and rate of moment, far from their setpoint."""
-    s = stages_of(rod_scene())
+@pytest.mark.parametrize(("method", "close"), [("rk4", 1e-6), ("sdirk2", 5e-5)])
+def test_iterations_of_a_finger_end_at_the_optimum(method, close):
+    """Two arcs with bounded moment and rate of moment, far from their setpoint.
+
+    Derivatives of implicit steps leave out that of the last Newton correction, which moves where iterations end.
+    """
+    given = rod_scene()
+    horizon = given.controller.horizon.replaced(method=method)
+    s = stages_of(given.replaced(controller=given.controller.replaced(horizon=horizon)))
     rti = RealTimeIteration(s)
     x0, refs = np.zeros(s.nx), np.zeros(s.nr)
     refs[:2] = 0.45, 0.2
     converged(rti, x0, refs, 40)
     x, u = rti.plan
     found = by_ipopt(s, x0, np.tile(refs, (s.stages + 1, 1)), (x, u))
-    np.testing.assert_allclose(u, found[1], atol=1e-6 * np.abs(found[1]).max())
-    np.testing.assert_allclose(x, found[0], atol=1e-6 * np.abs(found[0]).max())
+    np.testing.assert_allclose(u, found[1], atol=close * np.abs(found[1]).max())
+    np.testing.assert_allclose(x, found[0], atol=close * np.abs(found[0]).max())
 
 
 @pytest.mark.deep
