@@ -46,13 +46,16 @@ def controller_source(
 ) -> str:
     """Write the C of a controller for Python: the functions of ``c/controller_python.c``."""
     # The clock of timing.h is POSIX, which a compiler asked for plain C11 hides without the macro.
-    parts = ["#define _POSIX_C_SOURCE 199309L\n#include <stddef.h>", rti.iteration_source(stages, real=real)]
+    filtered = None if estimation is None else estimation.single
+    iterations = rti.iteration_source(stages, real=real, filtered=filtered)
+    parts = ["#define _POSIX_C_SOURCE 199309L\n#include <stddef.h>", iterations]
     measured, sensors = stages.nd, 0
     if estimation is None:
         parts += ["#define CG_SINGLE" if real == "float" else "", _templates("checks.h")]
     else:
         measured, sensors = estimation.nm, len(estimation.sensor_names)
-        dimensions, *rest = _estimator(estimation, periods, stages.nu, stages.np, real)
+        has_lanes = "#define EKF_VECTOR" in iterations
+        dimensions, *rest = _estimator(estimation, periods, stages.nu, stages.np, real, has_lanes=has_lanes)
         # CasADi defines the prefix of its helpers' names once per file; here those of the stages come first.
         parts += [dimensions, "#undef CASADI_PREFIX", *rest]
     parts += [
@@ -120,13 +123,17 @@ def estimator_sizes(estimation: Estimation, periods: int, nu: int, np_: int) -> 
     }
 
 
-def _estimator(estimation: Estimation, periods: int, nu: int, np_: int, real: str) -> list[str]:
-    """Write dimensions, generated functions and templates of an estimator."""
+def _estimator(
+    estimation: Estimation, periods: int, nu: int, np_: int, real: str, *, has_lanes: bool = False
+) -> list[str]:
+    """Write dimensions, generated functions, those in lanes unless it has them already, and templates of an
+    estimator.
+    """
     lines = [f"#define EKF_{name} {size}" for name, size in estimator_sizes(estimation, periods, nu, np_).items()]
     # Step and half a step are two lanes of one, where they are made alike.
-    vector = in_lanes([estimation.single], real) if estimation.single is not None else ""
+    vector = in_lanes([estimation.single], real) if estimation.single is not None and not has_lanes else ""
     # The step without derivatives predicts over the delay, and is not needed without one.
-    scalar = [] if vector else [estimation.step, *([estimation.flow] if periods else [])]
+    scalar = [] if vector or has_lanes else [estimation.step, *([estimation.flow] if periods else [])]
     return [
         "\n".join([*lines, "#define CG_SINGLE" if real == "float" else ""]),
         plain_source("estimator", [*scalar, estimation.outputs, estimation.parameters], real),

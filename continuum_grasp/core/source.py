@@ -181,13 +181,14 @@ def lane_prelude(real: str) -> str:
     return f"#include <tgmath.h>\ntypedef {real} cg_real;\n\n{template('core', 'lanes.h')}"
 
 
-def in_lanes(functions: Sequence[ca.Function], real: str) -> str:
+def in_lanes(functions: Sequence[ca.Function], real: str, written: Mapping[str, str] | None = None) -> str:
     """C of straight-line functions and of calls of such functions in vector lanes, ``NAME_lanes``.
 
-    Empty if one of them has an operation that lanes do not have.
+    Empty if one of them has an operation that lanes do not have. ``written`` has the C of some, by their names.
     """
+    known = written or {}
     try:
-        texts = [lane_function(f, real) for f in straight_functions(functions)]
+        texts = [known.get(f.name()) or lane_function(f, real) for f in straight_functions(functions)]
         texts += [
             calls_source(f, "cg_lanes", lambda value: f"(cg_lanes){{0}} + {literal(value, real)}", "_lanes")
             for f in functions

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Iterable
 from importlib.resources import files
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -12,7 +13,9 @@ from numpy.typing import NDArray
 
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.core.cache import library_for
+from continuum_grasp.core.calls import straight_function, straight_functions
 from continuum_grasp.core.compiler import CompileError, find_compiler, why_no_compiler
+from continuum_grasp.core.lanes import lane_function
 from continuum_grasp.core.source import in_lanes, plain_source
 from continuum_grasp.errors import InputError
 
@@ -32,8 +35,59 @@ SETTINGS = ("u_min", "u_max", "c_min", "c_max", "linear", "quadratic", "weights"
 """Arrays of ``rti_settings``, in its order and with the names of ``Stages``."""
 
 
-def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True) -> str:
+class SharedSlope(NamedTuple):
+    """One function of the rate of stages and filter with the derivatives of both, by names of inputs and outputs.
+
+    The stages ask for all but the last, by the disturbances of the filter.
+    """
+
+    given: dict[str, ca.SX]
+    found: dict[str, ca.SX]
+
+    @staticmethod
+    def of(stage: ca.Function | None, filtered: ca.Function | None) -> SharedSlope | None:
+        """Slope by state and input, and that by state and disturbances; None where they do not agree."""
+        if stage is None or filtered is None:
+            return None
+        n = stage.size1_out(0)
+        s = {name: ca.SX.sym(name, filtered.size1_in(k)) for k, name in enumerate(filtered.name_in())}
+        rest = ca.SX(stage.size1_in(0) - n, 1)
+        rate, of_stage = stage.call([ca.vertcat(s["z"][:n], rest), s["u"], s["p"]])
+        of_filter = filtered.call([*s.values()])[1]
+        by_x = of_stage[:, :n]
+        if by_x.sparsity() != of_filter[:, :n].sparsity():
+            return None
+        return SharedSlope(s, {"rate": rate, "by_x": by_x, "by_u": of_stage[:, n:], "by_d": of_filter[:, n:]})
+
+    def lanes(self, stage: str, filtered: str, real: str) -> dict[str, str]:
+        """C in vector lanes of both functions, by their names; the first one with what they call."""
+        kernel = lane_function(straight_function("slope", self.given, self.found), real)
+        by_x, by_u = (self.found[name].nnz() for name in ("by_x", "by_u"))
+        behind = f"out[1] ? out[1] + {by_x} : 0"
+        arguments = "(const cg_lanes *const in[], cg_lanes *const out[])"
+        text = "static void {}_lanes{}\n{{\n{}  slope_lanes(given, found);\n}}\n"
+        of_stage = (
+            "  const cg_lanes *const given[] = {in[0], in[1], in[2], in[2]};\n"
+            f"  cg_lanes *const found[] = {{out[0], out[1], {behind}, 0}};\n"
+        )
+        of_filter = (
+            f"  cg_lanes unused[{max(by_u, 1)}];\n"
+            f"  cg_lanes *const found[] = {{out[0], out[1], unused, {behind}}};\n"
+            "  const cg_lanes *const *given = in;\n"
+        )
+        return {
+            stage: kernel + text.format(stage, arguments, of_stage),
+            filtered: text.format(filtered, arguments, of_filter),
+        }
+
+
+def iteration_source(
+    stages: Stages, *, real: str = "double", lanes: bool = True, filtered: ca.Function | None = None
+) -> str:
     """Write the C of the real-time iterations of a problem, in double or float, as one translation unit.
+
+    ``filtered`` is a step of a filter of the same motion, which has vector lanes with a slope in common where that is
+    possible, behind ``EKF_VECTOR``.
 
     With ``lanes``, stages are linearized side by side in vector lanes (gcc and clang), with the same result to
     rounding; models with an operation that vector lanes do not have are linearized stage by stage. ``InputError`` where
@@ -41,21 +95,41 @@ def iteration_source(stages: Stages, *, real: str = "double", lanes: bool = True
     cannot hold.
     """
     _check(stages)
-    vector = in_lanes([stages.step, stages.cost], real) if lanes else ""
-    # The last node is one of its own, which lanes would compute as often as there are.
-    scalar = [stages.terminal] if vector else [stages.step, stages.cost, stages.terminal]
-    functions = plain_source("stages", scalar, real)
+    own = [stages.step, stages.cost, stages.terminal]
+    vector, shared = in_lanes(own, real) if lanes else "", ""
+    if vector and filtered is not None:
+        slopes = {f.name(): f for f in straight_functions([stages.step, filtered])}
+        one = SharedSlope.of(slopes.get("stage_slope"), slopes.get("estimator_slope"))
+        if one is not None:
+            written = one.lanes("stage_slope", "estimator_slope", real)
+            shared = in_lanes([*own, filtered], real, written)
+    functions = _in_one_lane(stages.terminal) if vector else plain_source("stages", own, real)
     # Rows are padded to four numbers, which fill a vector register of 32 bytes in double.
     width = f"#define RTI_W {-(-(stages.nx + stages.nu) // 4) * 4}" if lanes else ""
     parts = [
         dimensions(stages, real),
         width,
+        shared or vector,
         functions,
-        vector,
         "#define RTI_VECTOR" if vector else "",
+        "#define EKF_VECTOR" if shared else "",
         template("rti.h"),
     ]
     return "\n".join([*parts, *iteration_bodies(stages, lanes=lanes)])
+
+
+def _in_one_lane(function: ca.Function) -> str:
+    """Write a function of numbers that calls the one of lanes: of what is needed once, no scalar code beside it."""
+    given = [(k, max(function.nnz_in(k), 1), function.nnz_in(k)) for k in range(function.n_in())]
+    found = [(k, max(function.nnz_out(k), 1), function.nnz_out(k)) for k in range(function.n_out())]
+    lines = [f"static int {function.name()}(const real *const arg[], real *const res[])", "{"]
+    lines += [f"  cg_lanes i{k}[{least}];" for k, least, _ in given] + [f"  cg_lanes o{k}[{n}];" for k, n, _ in found]
+    lines += [f"  for (int j = 0; j < {n}; ++j) i{k}[j] = (cg_lanes){{0}} + arg[{k}][j];" for k, _, n in given if n]
+    lines.append(f"  const cg_lanes *const in[] = {{{', '.join(f'i{k}' for k, *_ in given)}}};")
+    lines.append(f"  cg_lanes *const out[] = {{{', '.join(f'o{k}' for k, *_ in found)}}};")
+    lines.append(f"  {function.name()}_lanes(in, out);")
+    lines += [f"  for (int j = 0; j < {n}; ++j) res[{k}][j] = o{k}[j][0];" for k, _, n in found if n]
+    return "\n".join([*lines, "  return 0;", "}", ""])
 
 
 def iteration_bodies(stages: Stages, *, lanes: bool) -> list[str]:

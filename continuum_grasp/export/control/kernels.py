@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from continuum_grasp.control.rti.source import SharedSlope
 from continuum_grasp.core.calls import straight_function, straight_functions
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.template import fill
@@ -80,29 +81,19 @@ def _own(function: ca.Function) -> Adapter:
 
 def _slopes(stage: ca.Function | None, filtered: ca.Function | None) -> dict[str, Adapter]:
     """Adapters of the slope by state and input, and of that by state and disturbances; none if there is one alone."""
-    if stage is None or filtered is None:
+    one = SharedSlope.of(stage, filtered)
+    if one is None or stage is None or filtered is None:
         return {}
-    n = stage.size1_out(0)
-    s = {name: ca.SX.sym(name, filtered.size1_in(k)) for k, name in enumerate(filtered.name_in())}
-    rest = ca.SX(stage.size1_in(0) - n, 1)
-    rate, of_stage = stage.call([ca.vertcat(s["z"][:n], rest), s["u"], s["p"]])
-    of_filter = filtered.call([*s.values()])[1]
-    by_x = of_stage[:, :n]
-    if by_x.sparsity() != of_filter[:, :n].sparsity():
-        return {}
-    # The stages, which are many, ask for all but the last.
-    parts = {"rate": rate, "by_x": by_x, "by_u": of_stage[:, n:], "by_d": of_filter[:, n:]}
-    kernel = Kernel("slope", straight_function("slope", s, parts), _TEXTS["slope"], called=True)
+    kernel = Kernel("slope", straight_function("slope", *one), _TEXTS["slope"], called=True)
+    by_x, by_u = (one.found[name].nnz() for name in ("by_x", "by_u"))
     given = {"z": "arg[0]", "u": "arg[1]", "p": "arg[2]", "rate": "res[0]", "by_x": "res[1]"}
     return {
-        stage.name(): Adapter(
-            stage, kernel, given | {"nominal": "arg[2]", "by_u": "behind", "by_d": "0"}, behind=by_x.nnz()
-        ),
+        stage.name(): Adapter(stage, kernel, given | {"nominal": "arg[2]", "by_u": "behind", "by_d": "0"}, behind=by_x),
         filtered.name(): Adapter(
             filtered,
             kernel,
             given | {"nominal": "arg[3]", "by_u": "unused", "by_d": "behind"},
-            max(parts["by_u"].nnz(), 1),
-            by_x.nnz(),
+            max(by_u, 1),
+            by_x,
         ),
     }
