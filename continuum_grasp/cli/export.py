@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from continuum_grasp.cli.options import one_of, option, out_option, resolved_scene, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
@@ -48,6 +50,10 @@ def export(
     sections: int | None = option("c: sections in one call of shape, velocities (default: 25).", metavar="N"),
     error: float | None = option("c: greatest relative error within the ranges.", metavar="NUMBER"),
     measured: bool | None = option("c: run on the emulated target; note sizes and counts.", "--measure"),
+    clock: str | None = option(
+        "c: with --measure, such as 168MHz: calls as shares of the period; status 1 where one is longer.",
+        metavar="FREQUENCY",
+    ),
     finger: str | None = option("c: finger of a mission of several.", metavar="NAME"),
     fmi: str | None = option(
         "fmu: version of the standard (default: both).", metavar="2|3|both", parser=one_of("2", "3", "both")
@@ -63,7 +69,7 @@ def export(
     which finger and controller run as WebAssembly (web), a chain of hinges for MuJoCo (mjcf). An option says which of
     these it is for.
     """
-    given = {key: value for key, value in locals().items() if key not in ("output", "to") and value is not None}
+    given = {key: value for key, value in locals().items() if key not in ("output", "to", "clock") and value is not None}
     from continuum_grasp import export as package
     from continuum_grasp.results.atomic import hold_folder
     from continuum_grasp.scene.control import ControlScene
@@ -73,6 +79,7 @@ def export(
     taken = inspect.signature(write).parameters
     for key in given.keys() - taken.keys():
         raise InputError(f"has no effect on --to {to}", key=f"--{_SPELLED.get(key, key)}")
+    rates = [] if clock is None else [_frequency(clock, bool(measured))]
     if "what" in given:
         given["what"] = [part.strip() for part in given["what"].split(",")]
     if "ranges" in given:
@@ -89,15 +96,42 @@ def export(
     hold_folder(output.folder)
     with output.busy("writing"):
         written = write(scene, output.out, **given)
-    _REPORTS[to](written, output)
+    _REPORTS[to](written, output, *rates)
 
 
 _SPELLED = {"measured": "measure", "ranges": "range"}
 """Options whose name is not that of the argument in Python."""
 
 
-def _report_package(package: Package, output: Output) -> None:
-    """Print where a package is, its limits and errors, and what an emulated target counted."""
+def _frequency(text: str, measured: bool) -> float:
+    """Cycles of a clock per second [Hz]."""
+    from continuum_grasp.scene.units import to_si
+
+    value = to_si(text, "Hz")
+    if value is None or value <= 0.0:
+        raise InputError(f"expected a frequency with its unit such as 168MHz, got {text!r:.60}", key="--clock")
+    if not measured:
+        raise InputError("needs --measure, which counts the instructions", key="--clock")
+    return value
+
+
+def calls_per_period(made: Mapping[str, Any], clock: float) -> dict[str, tuple[float, float]]:
+    """Mean and greatest time of a call of each function that was measured, as shares of the period [1].
+
+    At one instruction per cycle of the ``clock`` [Hz], which neither waits for memory nor takes long divisions.
+    """
+    if made["loop"] is None:
+        raise InputError("needs a closed loop or a mission, which has a period", key="--clock")
+    cycles, counts = clock * made["loop"]["period_s"], made["measured"]["functions"]
+    return {
+        name: (one["mean_instructions"] / cycles, one["most_instructions"] / cycles) for name, one in counts.items()
+    }
+
+
+def _report_package(package: Package, output: Output, clock: float | None = None) -> None:
+    """Print where a package is, its limits and errors, and what an emulated target counted; end with status 1 where a
+    call does not fit into the period of a ``clock`` [Hz].
+    """
     made = package.manifest
     errors = [f["relative_error"] for f in made["functions"].values() if "relative_error" in f]
     output.pairs(
@@ -112,7 +146,15 @@ def _report_package(package: Package, output: Output) -> None:
     )
     for name, found in ((made["measured"] or {}).get("functions", {})).items():
         output.say(f"{name}: {found['most_instructions']} instructions, {found['stack_bytes']} bytes of stack at most")
-    output.result(folder=package.folder, files=package.files, manifest=made)
+    shares = {} if clock is None else calls_per_period(made, clock)
+    for name, (mean, most) in shares.items():
+        verdict = "fits" if most <= 1.0 else "does not fit"
+        output.say(f"{name}: {mean:.0%} of the period in the mean, {most:.0%} at most: {verdict}")
+    if clock is not None:
+        output.say(f"at one instruction per cycle of {1e-6 * clock:g} MHz; waits for memory come on top")
+    output.result(folder=package.folder, files=package.files, manifest=made, period_shares=shares)
+    if any(most > 1.0 for _, most in shares.values()):
+        raise typer.Exit(1)
 
 
 def _limits(made: Mapping[str, Any]) -> dict[str, str]:
@@ -172,7 +214,7 @@ def _report_chain(chain: HingeChain, output: Output) -> None:
     )
 
 
-_REPORTS: dict[str, Callable[[Any, Output], None]] = {
+_REPORTS: dict[str, Callable[..., None]] = {
     "c": _report_package,
     "fmu": _report_units,
     "web": _report_page,

@@ -42,7 +42,7 @@ QUANTITIES = {
     "rad": Quantity("an angle", "30 deg", {"mrad": "1e-3", "deg": _DEGREE}),
     "rad/s": Quantity("an angular velocity", "90 deg/s", {"deg/s": _DEGREE}),
     "s": Quantity("a time", "5 ms", {"ms": "1e-3", "us": "1e-6"}),
-    "Hz": Quantity("a frequency", "0.5 Hz", {"kHz": "1e3", "rad/s": 1 / (360 * _DEGREE)}),
+    "Hz": Quantity("a frequency", "0.5 Hz", {"kHz": "1e3", "MHz": "1e6", "rad/s": 1 / (360 * _DEGREE)}),
     "1/s": Quantity("a rate", "0.2 1/ms", {"1/ms": "1e3"}),
     "m/s": Quantity("a speed", "10 mm/s", {"cm/s": "1e-2", "mm/s": "1e-3"}),
     "s/m": Quantity("a time per length", "0.002 s/mm", {"s/mm": "1e3"}),

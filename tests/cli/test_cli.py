@@ -310,6 +310,39 @@ def test_what_is_wrong_with_options_is_one_line(said):
     assert result.stderr.count("\n") == 1
 
 
+@pytest.mark.parametrize(("most", "status", "verdict"), [(16_800_000, 0, "fits"), (16_800_001, 1, "does not fit")])
+def test_calls_are_shares_of_the_period_of_a_clock(pretend, tmp_path, most, status, verdict):
+    """Of 100 ms at 168 MHz, which has 16.8 million cycles."""
+    counted = {"mean_instructions": 4_200_000, "most_instructions": most, "stack_bytes": 100}
+    made = {
+        "functions": {"mpc": {"test_cases": 1}},
+        "measured": {"functions": {"mpc": counted}},
+        "loop": {"period_s": 0.1},
+        "real": "float",
+        "configuration_hash": "0",
+    }
+    found = SimpleNamespace(manifest=made, folder=tmp_path, files=())
+    pretend("continuum_grasp.export", export_c=lambda scene, out, measured: found)
+    line = ["export", RELEASE, "--to", "c", "--out", str(tmp_path / "c"), "--measure", "--clock", "168MHz"]
+    result = run(*line)
+    assert result.exit_code == status
+    assert f"mpc: 25% of the period in the mean, 100% at most: {verdict}" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--measure", "--clock", "168"), "168MHz"),
+        (("--clock", "168MHz"), "needs --measure"),
+        (("--measure", "--clock", "0 Hz"), "expected a frequency"),
+    ],
+)
+def test_clocks_that_cannot_be_are_refused(options, said):
+    result = run("export", RELEASE, "--to", "c", *options)
+    assert result.exit_code == 2
+    assert said in result.stderr
+
+
 def test_help_fits_80_columns_and_no_summary_is_cut(monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     for verb in ("", *get_command(app).commands):
