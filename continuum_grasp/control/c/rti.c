@@ -162,17 +162,15 @@ static int rti_feasible(const rti_work *o, const rti_settings *s)
 
 /* Cost of the QP and largest violation of a row; whether one is to be reported, which takes 100 times the tolerance so
  * that rounding at an active bound does not count. */
-static int rti_evaluate(const rti_work *o, const rti_settings *s, rti_report *report)
+static int rti_evaluate(rti_work *o, const rti_settings *s, rti_report *report)
 {
   real cost = o->l[RTI_NODES - 1];
   int violated = 0;
   for (int k = 0; k < RTI_NODES; ++k) {
     if (k < RTI_NODES - 1) cost += o->l[k];
-    for (int i = 0; i < RTI_NZ; ++i) {
-      real sum = 0;
-      for (int l = 0; l < RTI_NZ; ++l) sum += o->H[k][i][l] * o->z[k][l];
-      cost += o->z[k][i] * (o->g[k][i] + RTI_R(0.5) * sum);
-    }
+    real sum[RTI_W] = {0};
+    rti_add_hessian(sum, o->H[k], o->z[k]);
+    for (int i = 0; i < RTI_NZ; ++i) cost += o->z[k][i] * (o->g[k][i] + RTI_R(0.5) * sum[i]);
   }
   for (int i = 0; i < RTI_NC; ++i) {
     const int row = RTI_NU + i;

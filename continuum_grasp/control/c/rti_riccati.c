@@ -10,6 +10,10 @@
  *   rti_row_values(c, C, z, y)    y = c + C z
  *   rti_row_gradient(C, w, q)     q += C' w
  *   rti_row_hessian(C, W, G)      G += C' diag(W) C
+ * and products with the matrices of a stage from three more:
+ *   rti_add_hessian(q, H, z)      q += H z
+ *   rti_add_transposed(q, M, p)   q += M' p
+ *   rti_following(next, M, z)     next += M z
  */
 
 #ifndef RTI_UNROLLED_CONGRUENCE /* else written out for the sparsity of the problem */
@@ -33,12 +37,6 @@ static inline void rti_add_congruence(real (*G)[RTI_W], real (*P)[RTI_W], real (
   }
 }
 #endif
-
-/* q += M' p */
-static inline void rti_add_transposed(real q[RTI_W], real (*M)[RTI_W], const real p[RTI_NX])
-{
-  for (int i = 0; i < RTI_NX; ++i) rti_add_row(q, p[i], M[i], RTI_NZ);
-}
 
 /* Minimize over the inputs one by one, last first: u_j = K_j [x, u_0 .. u_j-1]; what remains is the Hessian of the
  * state. An input whose pivot is rounding (8 eps of its diagonal) has no effect and stays; dividing by it would blow
@@ -75,16 +73,6 @@ static inline void rti_inputs(real z[RTI_W], real (*K)[RTI_W], const real consta
     real u = constant[j];
     for (int l = 0; l < RTI_NX + j; ++l) u += K[j][l] * z[l];
     z[RTI_NX + j] = u;
-  }
-}
-
-/* next += M z */
-static inline void rti_following(real next[RTI_W], real (*M)[RTI_W], const real z[RTI_W])
-{
-  for (int i = 0; i < RTI_NX; ++i) {
-    real sum = 0;
-    for (int l = 0; l < RTI_NZ; ++l) sum += M[i][l] * z[l];
-    next[i] += sum;
   }
 }
 
@@ -249,14 +237,15 @@ static void rti_stiffnesses(rti_work *o)
         o->stiffness[RTI_NU + i][b * RTI_N + at] = sum > 64 * RTI_EPS * size ? 1 / sum : 0;
       }
       if (k == RTI_N) break;
-      real T[RTI_NZ][RTI_W] = {{0}};        /* M transposed, for sums of whole rows */
-      for (int i = 0; i < RTI_NX; ++i)
-        for (int m = 0; m < RTI_NZ; ++m) T[m][i] = o->M[stage][i][m];
       memset(S, 0, sizeof S);
       for (int i = 0; i < RTI_NX; ++i) {
         real row[RTI_W] = {0};
-        for (int m = 0; m < RTI_NZ; ++m) rti_add_row(row, T[m][i], Z[m], RTI_NZ);
-        for (int m = 0; m < RTI_NZ; ++m) rti_add_row(S[i], row[m], T[m], i + 1);
+        for (int m = 0; m < RTI_NZ; ++m) {
+          const real a = o->M[stage][i][m];
+          /* many are zero, and a row in vector registers costs less than to ask */
+          if (RTI_WIDE > 1 || a > 0 || a < 0) rti_add_row(row, a, Z[m], RTI_NZ);
+        }
+        rti_following(S[i], o->M[stage], row);
         for (int l = 0; l < i; ++l) S[l][i] = S[i][l];
       }
     }
@@ -280,7 +269,7 @@ static void rti_gradient(rti_work *o)
       const int stage = b * RTI_N + k, node = b * (RTI_N + 1) + k;
       real r[RTI_W], carried[RTI_W] = {0};
       memcpy(r, o->g[node], sizeof r);
-      for (int i = 0; i < RTI_NZ; ++i) rti_add_row(r, o->z[node][i], o->H[node][i], RTI_NZ);
+      rti_add_hessian(r, o->H[node], o->z[node]);
       rti_row_entries(o->force, b, k, w);
       rti_row_gradient(o->C[node], w, r);
       if (k < RTI_N) {

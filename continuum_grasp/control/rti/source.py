@@ -134,7 +134,7 @@ def _in_one_lane(function: ca.Function) -> str:
 
 def iteration_bodies(stages: Stages, *, lanes: bool) -> list[str]:
     """Write the C after the header."""
-    own = [_row_functions(stages), _stores(stages)]
+    own = [_row_functions(stages), _stores(stages), _vector_products(stages, lanes)]
     own.append(row_products(stages) if lanes else jacobian_products(stages))
     return [template("rti_basis.c"), *own, *(template(name) for name in _ITERATION)]
 
@@ -247,6 +247,36 @@ def _stores(stages: Stages) -> str:
         unused = " ".join(f"(void){argument};" for argument in f"ol{names}")
         head = f"static inline void rti_store_{name}(rti_work *o, int at, int l, {arguments})"
         lines += [head, "{", f"  {unused} (void)at;", *body, "}"]
+    return "\n".join([*lines, ""])
+
+
+def _vector_products(stages: Stages, lanes: bool) -> str:
+    """Write q += H z, q += M' p and next += M z, of a stage's matrices, over structural nonzeros.
+
+    In vector lanes whole rows are added, which registers take at once.
+    """
+    hessian, reached = _nonzeros(stages.cost, 2), _reached(stages)
+    hessian[: stages.nx, : stages.nx] |= _nonzeros(stages.terminal, 2)
+
+    def rows(matrix: str, pattern: Pattern, by: str) -> list[str]:
+        if lanes:
+            return [f"  rti_add_row(q, {by}[{i}], {matrix}[{i}], RTI_NZ);" for i in range(len(pattern))]
+        return [f"  q[{j}] += {by}[{i}] * {matrix}[{i}][{j}];" for i, j in np.argwhere(pattern)]
+
+    sums = [
+        f"  next[{i}] += " + " + ".join(f"M[{i}][{j}] * z[{j}]" for j in np.flatnonzero(row)) + ";"
+        for i, row in enumerate(reached)
+        if row.any()
+    ]
+    functions = (
+        ("add_hessian(real q[RTI_W], real (*H)[RTI_W], const real z[RTI_W])", "qHz", rows("H", hessian, "z")),
+        ("add_transposed(real q[RTI_W], real (*M)[RTI_W], const real p[RTI_NX])", "qMp", rows("M", reached, "p")),
+        ("following(real next[RTI_W], real (*M)[RTI_W], const real z[RTI_W])", "Mz", sums),
+    )
+    lines: list[str] = []
+    for head, arguments, body in functions:
+        unused = " ".join(f"(void){name};" for name in arguments)
+        lines += [f"static inline void rti_{head}", "{", f"  {unused}", *body, "}"]
     return "\n".join([*lines, ""])
 
 
