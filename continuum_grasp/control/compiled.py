@@ -29,7 +29,7 @@ def estimator_source(
     return "\n".join(
         [
             f"#include <stddef.h>\ntypedef {real} real;",
-            *_estimator(estimation, periods, nu, np_, real),
+            *_estimator(estimation, periods, steps_ahead(periods, fields), nu, np_, real),
             _setter("ekf_settings", fields),
             _templates("doubles.h", "estimator_python.c"),
         ]
@@ -55,7 +55,8 @@ def controller_source(
     else:
         measured, sensors = estimation.nm, len(estimation.sensor_names)
         has_lanes = "#define EKF_VECTOR" in iterations
-        dimensions, *rest = _estimator(estimation, periods, stages.nu, stages.np, real, has_lanes=has_lanes)
+        ahead = steps_ahead(periods, fields)
+        dimensions, *rest = _estimator(estimation, periods, ahead, stages.nu, stages.np, real, has_lanes=has_lanes)
         # CasADi defines the prefix of its helpers' names once per file; here those of the stages come first.
         parts += [dimensions, "#undef CASADI_PREFIX", *rest]
     parts += [
@@ -107,7 +108,16 @@ def _detector(model: ContactModel, real: str) -> list[str]:
     ]
 
 
-def estimator_sizes(estimation: Estimation, periods: int, nu: int, np_: int) -> dict[str, int]:
+def steps_ahead(periods: int, fields: Sequence[Field]) -> int:
+    """Number of a filter's steps from a measurement, some periods ago, to now, from the members of its settings.
+
+    The first is that of the next call's prediction; only further ones need the step without derivatives.
+    """
+    substeps = next(field.values for field in fields if field.member in ("substeps", "ekf.substeps"))
+    return periods * int(np.asarray(substeps))
+
+
+def estimator_sizes(estimation: Estimation, periods: int, ahead: int, nu: int, np_: int) -> dict[str, int]:
     """Dimensions of the C of an estimator."""
     return {
         "NZ": estimation.nz,
@@ -118,22 +128,24 @@ def estimator_sizes(estimation: Estimation, periods: int, nu: int, np_: int) -> 
         "NS": len(estimation.sensor_names),
         "NM": estimation.nm,
         "DELAY": periods,
+        "AHEAD": ahead,
         "NF": len(estimation.friction),
         "NA": len(estimation.adapted),
     }
 
 
 def _estimator(
-    estimation: Estimation, periods: int, nu: int, np_: int, real: str, *, has_lanes: bool = False
+    estimation: Estimation, periods: int, ahead: int, nu: int, np_: int, real: str, *, has_lanes: bool = False
 ) -> list[str]:
     """Write dimensions, generated functions, those in lanes unless it has them already, and templates of an
     estimator.
     """
-    lines = [f"#define EKF_{name} {size}" for name, size in estimator_sizes(estimation, periods, nu, np_).items()]
+    lines = [
+        f"#define EKF_{name} {size}" for name, size in estimator_sizes(estimation, periods, ahead, nu, np_).items()
+    ]
     # Step and half a step are two lanes of one, where they are made alike.
     vector = in_lanes([estimation.single], real) if estimation.single is not None and not has_lanes else ""
-    # The step without derivatives predicts over the delay, and is not needed without one.
-    scalar = [] if vector or has_lanes else [estimation.step, *([estimation.flow] if periods else [])]
+    scalar = [] if vector or has_lanes else [estimation.step, *([estimation.flow] if ahead > 1 else [])]
     return [
         "\n".join([*lines, "#define CG_SINGLE" if real == "float" else ""]),
         plain_source("estimator", [*scalar, estimation.outputs, estimation.parameters], real),

@@ -445,12 +445,13 @@ int ekf_now(const ekf_state *state, ekf_work *work, const ekf_settings *settings
   for (int k = 0, at = state->oldest; k < EKF_DELAY; ++k, at = at + 1 < EKF_DELAY ? at + 1 : 0) {
     const real *u = state->queue[at];
     for (int i = 0; i < settings->substeps; ++i) {
-      real next[EKF_NZ] = {0};
       if (k == 0 && i == 0) {
         ekf_advance(work, z, u, p, h); /* from the next call's state, to whose prediction it is left */
         memcpy(z, work->next, sizeof work->next);
         continue;
       }
+#if EKF_AHEAD > 1
+      real next[EKF_NZ] = {0};
 #ifdef EKF_VECTOR
       ekf_lanes(z, u, p, h, next, 0, 0);
 #else
@@ -459,6 +460,7 @@ int ekf_now(const ekf_state *state, ekf_work *work, const ekf_settings *settings
       estimator_flow(arg, res);
 #endif
       memcpy(z, next, sizeof next);
+#endif
     }
   }
 #else

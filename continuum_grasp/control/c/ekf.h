@@ -25,8 +25,10 @@
  * value within 3 s.
  *
  * Dimensions are set before this file is read: EKF_NZ, EKF_NX (states without the disturbances), EKF_NU, EKF_NP, EKF_NY
- * (compared quantities), EKF_NS (sensors), EKF_NM (measurements), EKF_DELAY, EKF_NF (friction states), EKF_NA (adapted
- * parameters); and `real`, with CG_SINGLE defined if that is float. The generated functions estimator_step, estimator_flow and estimator_outputs stand before ekf.c. Nothing is
+ * (compared quantities), EKF_NS (sensors), EKF_NM (measurements), EKF_DELAY, EKF_AHEAD (steps from the measurement to now),
+ * EKF_NF (friction states), EKF_NA (adapted
+ * parameters); and `real`, with CG_SINGLE defined if that is float. The generated functions estimator_step, estimator_outputs and, for more steps than
+ * one, estimator_flow stand before ekf.c. Nothing is
  * allocated or static; matrices of generated functions are stored by columns.
  */
 #ifndef EKF_H

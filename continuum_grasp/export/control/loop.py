@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.control.compiled import steps_ahead
 from continuum_grasp.control.compiled_controller import CHANGEABLE
 from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
 from continuum_grasp.control.estimation.model import Estimation, estimation_of
@@ -311,13 +312,18 @@ class Loop:
         """Values of ``settings`` that the scene gives."""
         return np.concatenate([np.ravel(getattr(self.stages, member)) for member in CHANGEABLE])
 
+    @property
+    def ahead(self) -> int:
+        """Steps of the filter from a measurement to now."""
+        return steps_ahead(self.periods, self.members)
+
     @cached_property
     def functions(self) -> tuple[ca.Function, ...]:
         """Functions of stages and estimator that the C of ``control/c`` calls."""
         s, e, controls = self.stages, self.estimation, "mpc" in self.parts
         found = [s.step, s.cost, s.terminal] if controls else []
         if e is not None:
-            found += [e.step, e.outputs, *([e.parameters] if controls else []), *([e.flow] if self.periods else [])]
+            found += [e.step, e.outputs, *([e.parameters] if controls else []), *([e.flow] if self.ahead > 1 else [])]
         if self.contact is not None:
             found += self.contact.functions
         if e is not None and e.contact_forces is not None and self.phases is not None:

@@ -71,7 +71,7 @@ class _Writer:
             # Plain C has no vectors: one lane.
             found += ["#define RTI_LANES 1", *(f"#define CONTROLLER_{name} {size}" for name, size in sizes.items())]
         if e is not None:
-            sizes = estimator_sizes(e, loop.periods, s.nu, s.np)
+            sizes = estimator_sizes(e, loop.periods, loop.ahead, s.nu, s.np)
             found += [f"#define EKF_{name} {size}" for name, size in sizes.items()]
         if loop.contact is not None:
             found += [f"#define CONTACT_{name} {size}" for name, size in loop.contact.sizes.items()]
