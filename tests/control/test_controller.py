@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from benchmarks.real_time_iteration import RealTimeIteration
+from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.arguments import numbers
 from continuum_grasp.control.compiled import controller_source
 from continuum_grasp.control.controller import Controller
@@ -18,8 +19,10 @@ from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.settings import controller_fields
 from continuum_grasp.control.status import Anomaly, Health, Status
 from continuum_grasp.errors import InputError
+from continuum_grasp.scene.load import load
 from tests.control_cases import TARGET, Reality, swing_scene
 from tests.marks import few
+from tests.rods import ROOT
 from tests.rti_cases import LOOSE
 
 N = 15
@@ -460,3 +463,18 @@ def test_a_limit_moved_past_the_command_is_approached_at_the_rate_and_said():
     control.reset(u=[0.28])
     control.change(u_max=[target])  # and on the safe ramp
     assert Anomaly.BEYOND_LIMIT in control.step(None, np.full(3, np.nan)).anomaly
+
+
+@pytest.mark.deep
+def test_few_factorizations_command_as_well_as_many():
+    """A QP that ends at its limit goes on from there at the next call: errors of the tip are those of solved ones."""
+
+    def judged(iterations):
+        found = run_closed_loop(
+            load(ROOT / "configs/mpc/tip_arc.yaml", {"controller.iterations": iterations})
+        ).metrics()
+        return found.cost, found.statuses.get("iteration_limit", 0)
+
+    (capped, limited), (solved, none) = judged(4), judged(40)
+    assert limited > none == 0
+    assert capped == pytest.approx(solved, rel=0.01)

@@ -232,6 +232,8 @@ static int rti_solve(rti_work *o, const rti_plan *plan, const rti_settings *s, c
   const int how = rti_previous_set(o, plan) || rti_plan_set(o, s) ? RTI_RETAINED : RTI_ESTIMATED;
   const int found = rti_active_set(o, s, how, rti_lesser(RTI_ROUNDS, s->iterations), report);
   if (found) return found == RTI_ROUNDED ? RTI_ITERATION_LIMIT : RTI_SOLVED;
+  /* the last of its points is closer than a first one of the interior point */
+  if (report->iterations >= s->iterations) return RTI_ITERATION_LIMIT;
   rti_sides(o, s);
   rti_free_trajectory(o, x0);
   rti_inner_trajectory(o, s);
