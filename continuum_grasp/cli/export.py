@@ -69,7 +69,9 @@ def export(
     which finger and controller run as WebAssembly (web), a chain of hinges for MuJoCo (mjcf). An option says which of
     these it is for.
     """
-    given = {key: value for key, value in locals().items() if key not in ("output", "to", "clock") and value is not None}
+    given = {
+        key: value for key, value in locals().items() if key not in ("output", "to", "clock") and value is not None
+    }
     from continuum_grasp import export as package
     from continuum_grasp.results.atomic import hold_folder
     from continuum_grasp.scene.control import ControlScene

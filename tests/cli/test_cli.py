@@ -311,7 +311,7 @@ def test_what_is_wrong_with_options_is_one_line(said):
 
 
 @pytest.mark.parametrize(("most", "status", "verdict"), [(16_800_000, 0, "fits"), (16_800_001, 1, "does not fit")])
-def test_calls_are_shares_of_the_period_of_a_clock(pretend, tmp_path, most, status, verdict):
+def test_calls_are_shares_of_the_period_of_a_clock(monkeypatch, tmp_path, most, status, verdict):
     """Of 100 ms at 168 MHz, which has 16.8 million cycles."""
     counted = {"mean_instructions": 4_200_000, "most_instructions": most, "stack_bytes": 100}
     made = {
@@ -322,7 +322,7 @@ def test_calls_are_shares_of_the_period_of_a_clock(pretend, tmp_path, most, stat
         "configuration_hash": "0",
     }
     found = SimpleNamespace(manifest=made, folder=tmp_path, files=())
-    pretend("continuum_grasp.export", export_c=lambda scene, out, measured: found)
+    monkeypatch.setattr(continuum_grasp.export, "export_c", lambda scene, out, measured: found)
     line = ["export", RELEASE, "--to", "c", "--out", str(tmp_path / "c"), "--measure", "--clock", "168MHz"]
     result = run(*line)
     assert result.exit_code == status
