@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from continuum_grasp.export import export_mjcf as export_mjcf
     from continuum_grasp.export import export_web as export_web
     from continuum_grasp.grasp import optimize_grasp as optimize_grasp
+    from continuum_grasp.identification.commissioning import commission as commission
     from continuum_grasp.identification.fitting import compare as compare
     from continuum_grasp.identification.fitting import identify as identify
     from continuum_grasp.identification.replayed import replay as replay

@@ -57,6 +57,7 @@ ALLOWED = {
     "identification": {
         "identification",
         "accuracy",
+        "closed_loop",
         "control",
         "rod",
         "simulation",

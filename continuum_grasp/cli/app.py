@@ -116,7 +116,7 @@ def _root(
 
 
 _VERBS = """
-new simulate compare grasp plan mpc replay sweep design modes accuracy identify export schema validate doctor
+new simulate compare grasp plan mpc replay commission sweep design modes accuracy identify export schema validate doctor
 """
 """Each is the function of its name in the module of its name."""
 for _name in _VERBS.split():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,8 +15,8 @@ from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
+    from continuum_grasp.identification.excitation import ExcitationPlan
     from continuum_grasp.identification.fit import Fit
-    from continuum_grasp.scene.identify import IdentifyScene
     from continuum_grasp.scene.simulate import FingerScene
 
 _FAILED = 1
@@ -56,7 +56,9 @@ def identify(
         return
     targets = _targets(apply or ())
     if excitation:
-        _design(scene, replace(output, verb="excitation"))
+        from continuum_grasp.identification import design_excitation
+
+        show_plan(lambda: design_excitation(scene), replace(output, verb="excitation"))
         return
     output.check_folder()
 
@@ -69,7 +71,7 @@ def identify(
     applied = [(path, fit.apply(target)) for path, target in targets if fit.usable]
     files = output.save(fit)
     files += [_written(changed, output.folder, path) for path, changed in applied]
-    _report(fit, files, output)
+    show_parameters(fit, files, output)
     if fit.reason:
         output.warn([fit.verdict])
         raise typer.Exit(_FAILED)
@@ -89,7 +91,7 @@ def _targets(paths: Sequence[Path]) -> list[tuple[Path, FingerScene]]:
     return found
 
 
-def _report(fit: Fit, files: Sequence[Path], output: Output) -> None:
+def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
     """Print estimates with their intervals, those of single sets, and the errors of each channel."""
     if "fidelity" in fit.statistics:
         output.say(f"fidelity: {fit.statistics['fidelity']}")
@@ -123,13 +125,11 @@ def _written(scene: FingerScene, folder: Path, config: Path) -> Path:
     return write_text(yaml_text({"schema_version": 1, **plain}, exact=True), folder / f"{config.stem}_identified.yaml")
 
 
-def _design(scene: IdentifyScene, output: Output) -> None:
-    """Commands that show the unknowns."""
-    from continuum_grasp.identification import design_excitation
-
+def show_plan(design: Callable[[], ExcitationPlan], output: Output) -> None:
+    """Design commands that show unknowns, save and print them."""
     output.check_folder()
     with output.busy("designing"):
-        plan = design_excitation(scene)
+        plan = design()
     files = output.save(plan)
     output.warn(plan.warnings)
     output.table(

@@ -6,6 +6,12 @@ from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
     from continuum_grasp.closed_loop.converged import Converged as Converged
+    from continuum_grasp.closed_loop.drivers import SerialBoard as SerialBoard
+    from continuum_grasp.closed_loop.drivers import SimulatedBench as SimulatedBench
+    from continuum_grasp.closed_loop.hardware import Driver as Driver
+    from continuum_grasp.closed_loop.hardware import HardwareRun as HardwareRun
+    from continuum_grasp.closed_loop.hardware import RealTime as RealTime
+    from continuum_grasp.closed_loop.hardware import run_hardware as run_hardware
     from continuum_grasp.closed_loop.metrics import Metrics as Metrics
     from continuum_grasp.closed_loop.plant import Plant as Plant
     from continuum_grasp.closed_loop.result import ControlRun as ControlRun

@@ -32,8 +32,8 @@ class Integration(Remade):
 
     def __init__(self, model: PlantModel | SharedModel, method: str) -> None:
         self._model = model
-        self._run = Rollouts.of(step_function(model, method), what="the plant")
-        self.compiled = self._run.compiled
+        self.run = Rollouts.of(step_function(model, method), what="the plant")
+        self.compiled = self.run.compiled
 
     def advance(self, x: Array, u: Array, start: float, period: float, substeps: int) -> Array:
         """Compute the states (substeps + 1, nx) at equal instants of a period [s], from x (nx) with constant u (nu).
@@ -54,7 +54,7 @@ class Integration(Remade):
         rows = model.forces(start + np.arange(1 if steady else 2 * count + 1) * (0.5 * step))
         w = Signal(np.ascontiguousarray(rows)[None], 0 if steady else model.nw, 0)
         begin = np.ascontiguousarray(x, dtype=float)[None]
-        states, valid = self._run(begin, count, 1, step, Signal(u[None, None], 0, 0), w, model.p)
+        states, valid = self.run(begin, count, 1, step, Signal(u[None, None], 0, 0), w, model.p)
         why = (
             "the plant's state is not finite after t = {time} s (last finite state {last}): its loads or inputs bend "
             "it beyond what its model means; see plant.fidelity.bending_range and loads"

@@ -17,6 +17,7 @@ from continuum_grasp.closed_loop.integration import GUIDES, ChainIntegration, In
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.readings import quantities_of
 from continuum_grasp.closed_loop.shared_object import SharedModel
+from continuum_grasp.closed_loop.wiring import wiring_of
 from continuum_grasp.control.estimation.model import sensed
 from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.prediction import Prediction
@@ -71,6 +72,10 @@ class Plant:
         self.period = scene.controller.step if period is None else period
         self.method = choose_method(self.model, self.period)
         self.sensors = Sensors(scene, self.model, Prediction(scene) if prediction is None else prediction, seed)
+        names = self.sensors.names, self.model.u_names
+        self._believed = wiring_of(scene.mounting, *names, "mounting")
+        self._real = wiring_of(scene.plant.mounting, *names, "plant.mounting")
+        self._wired = scene.mounting is not None or scene.plant.mounting is not None
         self.x, self.t = self.model.start.copy(), 0.0
         # What measurements may still show: instants, states, and the inputs that led to them.
         self._past_t, self._past_x, self._past_u = np.zeros(1), self.x[None], self.model.rest_input[None]
@@ -81,7 +86,18 @@ class Plant:
         x = np.array([np.interp(at, self._past_t, column) for column in self._past_x.T])
         # The input of the step that contains the instant; 1e-12 s: instants are sums of rounded steps.
         k = min(int(np.searchsorted(self._past_t, at - 1e-12)), len(self._past_t) - 1)
-        return self.sensors.read(x, self._past_u[k], self.model.forces(at)[0])
+        read = self.sensors.read(x, self._past_u[k], self.model.forces(at)[0])
+        return self._believed.readings.back(self._real.readings(read)) if self._wired else read
+
+    def acting(self, command: Array) -> Array:
+        """What the drives exert at rest by a command (nu), through the lines that are believed and those that are.
+
+        A tendon that would push is slack.
+        """
+        if not self._wired:
+            return command
+        exerted = self._real.commands.back(self._believed.commands(command))
+        return np.maximum(exerted, 0.0) if self.model.scene.finger.tendon_list else exerted
 
     def advance(self, u: ArrayLike) -> Array:
         """Apply tensions [N] or a tip moment [N m] (nu) for one period; return its states (substeps + 1, nx).
@@ -178,6 +194,7 @@ class SharedPlant:
     def moved(self, x: Sequence[Array], u: Sequence[Array], start: float, finer: int = 1) -> list[Array]:
         """Return the states (substeps + 1, nx) of each over a period from states x, with ``finer`` times the steps."""
         first, joint = self.plants[0], self._joint
+        u = [plant.acting(command) for plant, command in zip(self.plants, u, strict=True)]
         given = start, first.period, finer * first.method.substeps
         if joint is None:
             return [self._integration.advance(x[0], u[0], *given)]

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from continuum_grasp.control.ocp.scene_problem import stages_of as stages_of
     from continuum_grasp.control.ocp.setpoints import Setpoints as Setpoints
     from continuum_grasp.control.ocp.stages import Stages as Stages
-    from continuum_grasp.control.periodic import PeriodicRun as PeriodicRun
-    from continuum_grasp.control.periodic import run_periodic as run_periodic
     from continuum_grasp.control.prediction import Prediction as Prediction
     from continuum_grasp.control.rti_solver import RtiSolver as RtiSolver
     from continuum_grasp.control.rti_solver import rti as rti
@@ -30,5 +28,8 @@ if TYPE_CHECKING:
 
 _MODULES = checked_imports(__name__)
 __all__ = [name for names in _MODULES.values() for name in names]
-_GONE = {"RealTimeIteration": "continuum_grasp.rti takes a ControlProblem, with sqp_iterations=20 to its optimum"}
+_GONE = {
+    "RealTimeIteration": "continuum_grasp.rti takes a ControlProblem, with sqp_iterations=20 to its optimum",
+    "run_periodic": "continuum_grasp.closed_loop.run_hardware takes a driver with read() and write(command)",
+}
 __getattr__, __dir__ = lazy_names(__name__, _MODULES, _GONE)

@@ -1,5 +1,6 @@
 """Parameters of a finger from measurements: shapes at rest, paths of the tip, vibrations."""
 
+from continuum_grasp.identification.commissioning import Commissioning, commission, design_commissioning
 from continuum_grasp.identification.comparison import Channel, Comparison
 from continuum_grasp.identification.damped_sine import DampedSine, fit_damped_sine
 from continuum_grasp.identification.data import Frequencies, Poses, Reading, TipPath
@@ -13,6 +14,7 @@ from continuum_grasp.scene.table import Table, read_table
 
 __all__ = [
     "Channel",
+    "Commissioning",
     "Comparison",
     "DampedSine",
     "Estimate",
@@ -25,8 +27,10 @@ __all__ = [
     "Replay",
     "Table",
     "TipPath",
+    "commission",
     "compare",
     "data_folder",
+    "design_commissioning",
     "design_excitation",
     "fit_damped_sine",
     "identify",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -168,36 +168,55 @@ def design_excitation(scene: IdentifyScene) -> ExcitationPlan:
     """
     logged = _logged(scene)
     unknowns = read_unknowns(scene, scene.estimate)
-    values = np.array([one.start for one in unknowns])
     design = Design(plain_scene(scene), patterns_of(scene), scene.excitation)
-    weights = np.ones(len(design.parts)) / len(design.parts)
-    scale, tries = 1.0, 0
-    while True:
-        rehearsal = simulate(design.scene(weights, scale))
-        if tries == _TRIES or design.within(rehearsal):
-            break
-        scale, tries = _LESS * scale, tries + 1
-    jacobian, segments = _information(design, weights, scale, logged, unknowns)
+
+    def information(rehearsal: Trajectory) -> Array:
+        return _information(rehearsal, logged, unknowns)
+
+    return excitation_of(design, unknowns, information, design.within)
+
+
+def excitation_of(
+    design: Design,
+    unknowns: Sequence[Unknown],
+    information: Callable[[Trajectory], Array],
+    allowed: Callable[[Trajectory], bool],
+) -> ExcitationPlan:
+    """Plan of a design: shares of time by Fisher's information, and commands as large as a rehearsal is allowed to be.
+
+    ``information`` gives the derivatives (T, readings, n) of readings after each sample of a rehearsal, per standard
+    deviation.
+    """
+    values = np.array([one.start for one in unknowns])
+    weights, scale = np.ones(len(design.parts)) / len(design.parts), 1.0
     least = np.array([_LEAST[part.form] for part in design.parts]) / len(design.parts)
-    weights = _shares_of_time(jacobian, segments, np.array([one.typical for one in unknowns]), least)
-    jacobian, segments = _information(design, weights, scale, logged, unknowns)
-    rehearsal = simulate(design.scene(weights, scale))
+    for last in (False, True):
+        rehearsal = simulate(design.scene(weights, scale))
+        for _ in range(_TRIES):
+            if allowed(rehearsal):
+                break
+            scale *= _LESS
+            rehearsal = simulate(design.scene(weights, scale))
+        jacobian, segments = information(rehearsal), design.segments(weights)
+        own = [(rehearsal.t[1:] > one.start) & (rehearsal.t[1:] <= one.end) for one in segments]
+        if not last:
+            weights = _shares_of_time(jacobian, own, np.array([one.typical for one in unknowns]), least)
     found = _predicted(unknowns, values, jacobian.reshape(-1, len(unknowns)))
     warnings = [one.replace("the data", "these commands") for one in found.warnings]
-    each = np.stack([np.sum(jacobian[own] ** 2, axis=(0, 1)) for own in segments], axis=1)
-    labels = tuple(one.label for one in scene.finger.inputs)
+    each = np.stack([np.sum(jacobian[rows] ** 2, axis=(0, 1)) for rows in own], axis=1)
+    labels = tuple(one.label for one in rehearsal.scene.finger.inputs)
     return ExcitationPlan(
         names=tuple(one.name for one in unknowns),
         units=tuple(one.unit for one in unknowns),
         values=values,
         deviations=found.deviations,
         shares=each / np.maximum(each.sum(axis=1, keepdims=True), 1e-300),
-        segments=design.segments(weights),
+        segments=segments,
         t=rehearsal.t,
         commands=rehearsal.u[:, : len(labels)],
         command_names=labels,
         rehearsal=rehearsal,
-        scene=design.scene(weights, scale),
+        scene=rehearsal.scene,
         status="designed",
         warnings=(*warnings, *rehearsal.warnings),
         statistics={"readings": len(jacobian) * jacobian.shape[1], "scale": scale},
@@ -219,19 +238,15 @@ def _logged(scene: IdentifyScene) -> TipTrajectory:
     raise InputError("an excitation is designed for readings: data: [{kind: trajectory, ...}]", key="data")
 
 
-def _information(
-    design: Design, weights: Array, scale: float, logged: TipTrajectory, unknowns: Sequence[Unknown]
-) -> tuple[Array, list[NDArray[np.bool_]]]:
-    """Derivatives (T, readings, n) per standard deviation, and which instants belong to each segment."""
-    options, scene = design.options, design.scene(weights, scale)
-    t = np.arange(1, round(options.duration / options.sample) + 1) * options.sample
+def _information(rehearsal: Trajectory, logged: TipTrajectory, unknowns: Sequence[Unknown]) -> Array:
+    """Derivatives (T, readings, n) of what will be logged, per standard deviation."""
+    t = rehearsal.t[1:]
     none = np.zeros(t.size)
     readings = [Reading(m.quantity, none, m.place, m.sigma, m.since, m.of) for m in logged.readings]
-    block = PathBlock(scene, TipPath(t, measured=readings, name="excitation"), unknowns)
+    block = PathBlock(rehearsal.scene, TipPath(t, measured=readings, name="excitation"), unknowns)
     _, slopes = block.predict(np.array([one.start for one in unknowns]))
     sigma = np.array([entry.sigma for entry in block.entries], dtype=float)
-    jacobian = (slopes / sigma[:, None]).reshape(t.size, -1, len(unknowns))
-    return jacobian, [(t > one.start) & (t <= one.end) for one in design.segments(weights)]
+    return np.asarray((slopes / sigma[:, None]).reshape(t.size, -1, len(unknowns)))
 
 
 def _predicted(unknowns: Sequence[Unknown], values: Array, jacobian: Array) -> Inference:

@@ -171,7 +171,7 @@ class Fit(Predicted):
                 changed = changed.changed({"estimator.delay": period * round(float(value) / period)})
             if target not in OF_DRIVE:
                 base = _of_base(changed, target) if added else 0.0
-                changed = _with_parameter(changed, target, base + factor * float(value))
+                changed = with_parameter(changed, target, base + factor * float(value))
         return changed
 
     def details(self) -> dict[str, Any]:
@@ -221,7 +221,7 @@ def _of_base(scene: Any, target: str) -> float:
     return float(base.angle if target == "base_angle" else base.position["xy".index(target[-1])])
 
 
-def _with_parameter(scene: Any, target: str, value: float) -> Any:
+def with_parameter(scene: Any, target: str, value: float) -> Any:
     """The scene with one run-time parameter of the model, as in ``FingerModel(..., parameters=...)``, at another value.
 
     Raises

@@ -58,7 +58,7 @@ class Periods:
             raise InputError("a replay needs an estimator", key="estimator")
         self.controller, self.estimation = controller, controller.estimation
         self._names, inputs = controller.measurement_names, tuple(COMMANDED + n for n in controller.stages.u_names)
-        self._columns = _columns(log, (*self._names, *inputs))
+        self._columns = columns_of(log, (*self._names, *inputs))
         if not any(self._columns[name][0].size for name in self._names):
             file = None if isinstance(log, ControlLog) else str(log)
             raise InputError(f"the log has none of {', '.join(self._names)}", file=file)
@@ -182,7 +182,7 @@ class Periods:
         return [Retuned("lag", "s", scene.lag, float(abs(found.x[0])))]
 
 
-def _columns(log: ControlLog | str | PathLike[str], wanted: Sequence[str]) -> dict[str, tuple[Array, Array]]:
+def columns_of(log: ControlLog | str | PathLike[str], wanted: Sequence[str]) -> dict[str, tuple[Array, Array]]:
     """Instants [s] and values of channels by name and unit: increasing, without gaps; none of what a log lacks."""
     if isinstance(log, ControlLog):
         names = [*(COMMANDED + name for name in log.u_names), *log.y_names]

@@ -12,6 +12,7 @@ from continuum_grasp.scene.controller import CommandedScene, Controller, Plant
 from continuum_grasp.scene.cost import Reference, tracked
 from continuum_grasp.scene.estimator import Estimator
 from continuum_grasp.scene.loads import ForceLoad
+from continuum_grasp.scene.mounting import Mounting
 from continuum_grasp.scene.reach import check_references
 from continuum_grasp.scene.simulate import Fidelity, Initial
 from continuum_grasp.scene.value import Duration, doubt
@@ -177,6 +178,9 @@ class ControlScene(CommandedScene):
     """Setpoints of what the cost tracks."""
     estimator: Estimator | None = None
     """None: the controller measures the state."""
+    mounting: Mounting | None = None
+    """How the bench counts, as ``commission`` finds it; what drives read and are sent goes through it. None: as the
+    model does."""
     initial: Initial = Initial(pose="rest")
     """State at time zero."""
     plant: Plant = Plant()

@@ -14,6 +14,7 @@ from continuum_grasp.scene.drives import LengthDrive, of_drives
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.integrators import CONTROL_METHODS
+from continuum_grasp.scene.mounting import Mounting
 from continuum_grasp.scene.simulate import Fidelity, FingerScene
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
@@ -332,6 +333,8 @@ class Plant(_Differs):
     """Age of measurements when they arrive [s]; None: ``estimator.delay``."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the noise."""
+    mounting: Mounting | None = None
+    """How the plant's bench really counts; None: as the model does."""
 
     def tendon_changes(self, finger: Finger) -> dict[str, float]:
         """Changes of a finger's tendons, as ``Finger.with_tendons`` takes it."""

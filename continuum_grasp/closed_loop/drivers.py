@@ -1,0 +1,136 @@
+"""Drivers for `run_hardware`: a simulated bench, and a board on a serial line."""
+
+from __future__ import annotations
+
+import math
+import zlib
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp.arguments import check_arguments, whole
+from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.control.command import Command
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.load import scene_of
+
+Array = NDArray[np.float64]
+
+_LONGEST_LINE = 4096
+"""Bytes without an end of line after which they are dropped [1]: a line of 16 readings has 200."""
+
+
+class SimulatedBench:
+    """The plant of a scene as a bench, which counts as ``plant.mounting`` says.
+
+    Parameters
+    ----------
+    scene : ControlScene or path-like
+
+    Attributes
+    ----------
+    plant : Plant
+        It moves on in the rest of each period.
+    """
+
+    @check_arguments
+    def __init__(self, scene: ControlScene | str | PathLike[str]) -> None:
+        self.plant = Plant(scene_of(scene, ControlScene).replaced(mounting=None))
+        self._u: ArrayLike = self.plant.model.rest_input
+
+    def read(self) -> Array:
+        """Measurement that arrives now."""
+        return self.plant.measure()
+
+    def write(self, command: Command) -> None:
+        """Take a command for the period that follows."""
+        self._u = command.u.copy()
+
+    def idle(self) -> None:
+        """Move for a period."""
+        self.plant.advance(self._u)
+
+
+class SerialBoard:
+    """A board on a serial line that exchanges lines of text.
+
+    The board sends ``y,<number>,<reading>,...*<check>`` whenever it has measured, an empty field for a reading that it
+    has not, and takes ``u,<number>,<status>,<command>,...*<check>``; the check is the CRC-32 of what stands before the
+    star, as eight hexadecimal digits. Numbers count up by one. A board should go to rest by itself where commands stay
+    away, or where the status is ``safe_ramp``.
+
+    Parameters
+    ----------
+    port : str
+        Name of the port, or a URL of pyserial.
+    readings : int
+        Number of readings in a line.
+    baudrate : int
+        [1/s]
+
+    Attributes
+    ----------
+    damaged, missed : int
+        Lines that were dropped for their check or form, and readings that were skipped by their numbers.
+
+    Raises
+    ------
+    InputError
+        If pyserial is missing, or the port cannot be opened.
+    """
+
+    @check_arguments
+    def __init__(self, port: str, readings: int, baudrate: int = 115200) -> None:
+        try:
+            import serial
+        except ImportError:
+            raise InputError("a serial board needs pyserial: pip install continuum-grasp[serial]") from None
+        self._readings, self._sent = whole("readings", readings), 0
+        self._rest, self._number = b"", -1
+        self.damaged = self.missed = 0
+        try:
+            self._port: Any = serial.serial_for_url(port, baudrate, timeout=0.0, write_timeout=0.1)
+        except (OSError, ValueError) as error:  # SerialException is an OSError
+            raise InputError(f"{port} cannot be opened: {error}", key="port") from None
+
+    def read(self) -> Array | None:
+        """The newest measurement that has arrived whole since the last call; None: there is none."""
+        *lines, self._rest = (self._rest + self._port.read(self._port.in_waiting)).split(b"\n")
+        self._rest = self._rest[-_LONGEST_LINE:]
+        found = None
+        for line in lines:
+            fields = _fields(line)
+            try:
+                if fields is None or fields[0] != "y" or len(fields) != self._readings + 2:
+                    raise ValueError
+                number, values = int(fields[1]), [float(one) if one else math.nan for one in fields[2:]]
+            except ValueError:
+                self.damaged += 1
+                continue
+            self.missed += max(0, number - self._number - 1) if self._number >= 0 else 0
+            self._number, found = number, np.array(values)
+        return found
+
+    def write(self, command: Command) -> None:
+        """Send a command with its status."""
+        values = ",".join(f"{value:.6g}" for value in command.u)
+        self._port.write(line_of(f"u,{self._sent},{command.status.name.lower()},{values}"))
+        self._sent += 1
+
+    def close(self) -> None:
+        """Close the port."""
+        self._port.close()
+
+
+def line_of(text: str) -> bytes:
+    """A line with its check."""
+    return f"{text}*{zlib.crc32(text.encode()):08x}\n".encode()
+
+
+def _fields(line: bytes) -> list[str] | None:
+    """Fields of a line whose check is right."""
+    text, _, check = line.decode("ascii", "replace").strip().rpartition("*")
+    return text.split(",") if text and check == f"{zlib.crc32(text.encode()):08x}" else None

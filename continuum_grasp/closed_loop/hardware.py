@@ -1,0 +1,433 @@
+"""A controller on real hardware: one loop of fixed period around a driver, which ends in a safe command whatever fails."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import math
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from continuum_grasp import interrupt
+from continuum_grasp.arguments import check_arguments, positive, within
+from continuum_grasp.closed_loop.wiring import wiring_of
+from continuum_grasp.control.arguments import vector
+from continuum_grasp.control.command import Command
+from continuum_grasp.control.controller import Controller
+from continuum_grasp.control.log import ControlLog
+from continuum_grasp.control.prediction import start_state
+from continuum_grasp.control.status import Health, Status, spread
+from continuum_grasp.errors import InputError, Interrupted
+from continuum_grasp.scene.simulate import Initial
+
+Array = NDArray[np.float64]
+
+_MOST_CYCLES = 1e7
+"""Cycles of one run [1]: their log is held in memory, 1 GB; a day at 10 ms."""
+_RAMP = 0.5
+"""Time in which the last command goes to that at rest [s], as the safe ramp of controllers."""
+_RESTS = 1e-3
+"""Distance of a command from that at rest, per its range, at which a tripped loop ends [1]."""
+
+
+@runtime_checkable
+class Driver(Protocol):
+    """What talks to a bench. One that also has ``idle()`` is called in the rest of each period."""
+
+    def read(self) -> ArrayLike | None:
+        """Return the newest measurement in the order of ``measurement_names``, NaN for missing; None where none came."""
+
+    def write(self, command: Command) -> object:
+        """Send a command: its ``u``, and whatever else a bench wants of ``status`` and ``health``."""
+
+
+class RealTime(NamedTuple):
+    """What is asked of the operating system while a loop runs.
+
+    Attributes
+    ----------
+    priority : int or None
+        Of the first-in-first-out scheduler, 1 to 99.
+    core : int or None
+        The core that the process keeps to.
+    lock_memory : bool
+        Whether no memory of the process is swapped out.
+    """
+
+    priority: int | None = None
+    core: int | None = None
+    lock_memory: bool = False
+
+
+@dataclass(frozen=True)
+class HardwareRun:
+    """A loop on hardware, of K cycles that ran.
+
+    Attributes
+    ----------
+    ended : {"finished", "tripped", "silent", "interrupted", "failed"}
+        Why it ended: after its duration; the supervisor tripped; nothing was read; Ctrl-C; the driver or a step raised.
+    cause : str
+        The same in words.
+    log : ControlLog
+        A row per period: commands and measurements as the controller counts them, of skipped periods the command that
+        was held and no measurement. ``replay`` and ``identify`` read its ``text()``.
+    period : float
+        [s]
+    jitter, latency : (K,) ndarray
+        Delay of the start of each cycle, and time from there until its command was written [s].
+    overruns, skipped : int
+        Cycles that ended after the next one should have begun, and cycles that were skipped for that reason.
+    status, health : dict
+        Commands by status and by health.
+    realtime : tuple of str
+        What the operating system granted, in sentences.
+    """
+
+    ended: str
+    cause: str
+    log: ControlLog
+    period: float
+    jitter: Array
+    latency: Array
+    overruns: int
+    skipped: int
+    status: dict[str, int]
+    health: dict[str, int]
+    realtime: tuple[str, ...]
+
+    def summary(self) -> dict[str, Any]:
+        """Return how it ended, counts, and median, 99th percentile and maximum of jitter and latency [s]."""
+        counts = {"cycles": len(self.jitter), "overruns": self.overruns, "skipped": self.skipped}
+        spreads = {"jitter": spread(self.jitter), "latency": spread(self.latency)}
+        own = {"ended": self.ended, "cause": self.cause, "period": self.period, **counts, **spreads}
+        return {**own, "status": self.status, "health": self.health, "realtime": list(self.realtime)}
+
+
+@interrupt.listening()
+@check_arguments
+def run_hardware(
+    controller: Controller,
+    driver: Any,
+    *,
+    duration: float,
+    start: ArrayLike | Command | None = None,
+    soft_start: float = 0.5,
+    watchdog: float = 0.25,
+    hold: bool = False,
+    spin: float = 0.0,
+    realtime: RealTime | None = None,
+) -> HardwareRun:
+    """Read, compute and write once per period of a controller, until the time is over or something is wrong.
+
+    Cycles begin at fixed instants of the monotonic clock. A cycle that ends after the next one should have begun is an
+    overrun, and the next begins at once; for each cycle that is missed altogether, the controller steps without a
+    measurement and without a new plan. Python's garbage collection is off meanwhile.
+
+    Whatever ends the loop, Ctrl-C and errors of the driver too, the command then goes to the input at rest within half
+    a second, unless ``hold``. Measurements and commands go through the ``mounting`` of the controller's scene.
+
+    Parameters
+    ----------
+    controller : Controller
+        With ``deadline=math.inf``, since this loop detects late commands itself. It starts anew.
+    driver : Driver
+    duration : float
+        [s]
+    start : (nu,) array_like or Command, optional
+        Hand-over without a jump: the input that acts at the start, under which the finger rests; or the last command of
+        the controller before, whose estimate this one continues. The input at rest where not given.
+    soft_start : float
+        Time in which the command fades in from the input at the start [s].
+    watchdog : float
+        Time without any reading after which the loop ends [s]. On Unix, in the main thread, a ``read`` or ``write`` that
+        hangs as long is broken off; elsewhere it is noticed when it returns.
+    hold : bool
+        Whether the last command stays after the duration, for a controller that takes over.
+    spin : float
+        Last part of the waiting time, spent polling the clock instead of sleeping [s]; less jitter, more load.
+    realtime : RealTime, optional
+
+    Returns
+    -------
+    HardwareRun
+
+    Raises
+    ------
+    InputError
+        If an argument does not fit.
+    Interrupted
+        On Ctrl-C, after the ramp; ``result`` is the run until then.
+    Exception
+        What the driver or a step raised, after the ramp, with the run as ``result``.
+
+    Examples
+    --------
+    >>> import math
+    >>> from continuum_grasp.closed_loop import SimulatedBench, run_hardware
+    >>> from continuum_grasp.control import Controller
+    >>> controller = Controller("configs/mpc/steady_tip.yaml", deadline=math.inf)
+    >>> run = run_hardware(controller, SimulatedBench(controller.scene), duration=0.1)
+    >>> run.ended, len(run.log.t)
+    ('finished', 10)
+    """
+    period = controller.period
+    duration = within("duration", positive("duration", duration), 0.0, _MOST_CYCLES * period)
+    if not 0.0 <= spin < period:
+        raise InputError(f"expected a time from 0 to the period of {period:g} s, got {spin!r:.60}", key="spin")
+    within("soft_start", soft_start, 0.0, 60.0)
+    within("watchdog", positive("watchdog", watchdog), 0.0, 60.0)
+    for name in ("read", "write"):
+        if not callable(getattr(driver, name, None)):
+            raise InputError(f"expected a driver with read() and write(command), which has no {name}", key="driver")
+    loop = _Loop(controller, driver, _first(controller, start), soft_start, watchdog)
+    error: BaseException | None = None
+    with ExitStack() as stack:
+        granted = stack.enter_context(_real_time(realtime or RealTime()))
+        stack.enter_context(_no_collection())
+        try:
+            with _alarm(watchdog) as rearm:
+                loop.run(max(1, math.floor(duration / period + 1e-9)), spin, rearm)
+        except BaseException as raised:
+            error = raised
+            of_user = isinstance(raised, KeyboardInterrupt)
+            loop.ended = "silent" if isinstance(raised, _HangsError) else "interrupted" if of_user else "failed"
+            loop.cause = str(raised) or type(raised).__name__
+        if not (hold and loop.ended == "finished"):
+            with interrupt.held(quietly=True):
+                loop.ramp()
+    found = loop.found(granted)
+    if loop.ended == "interrupted":
+        raise Interrupted(f"interrupted after t = {len(loop.u) * period:g} s; the drives are at rest", result=found)
+    if error is not None and loop.ended == "failed":
+        error.add_note(f"after t = {len(loop.u) * period:g} s of the loop; the command went to the input at rest")
+        error.result = found  # type: ignore[attr-defined]
+        raise error
+    return found
+
+
+def _first(controller: Controller, start: ArrayLike | Command | None) -> Array:
+    """Reset a controller to what goes on at the start, and return the input that acts."""
+    rest = np.array(controller.scene.rest_input)
+    if start is None:
+        controller.reset()
+        return rest
+    if isinstance(start, Command):
+        x, u = start.estimate.x, start.u.copy()
+        if x.size != controller.prediction.nx or u.size != rest.size:
+            raise InputError("the controller before has another model: give the input that acts", key="start")
+    else:
+        u = vector("start", start, rest.size)
+        x = start_state(controller.scene, controller.prediction, Initial(pose="equilibrium"), u.tolist())
+    controller.reset(state=x, u=u)
+    return u
+
+
+class _HangsError(TimeoutError):
+    """The driver does not return."""
+
+
+class _Loop:
+    """The cycles of one run, and what they recorded."""
+
+    def __init__(self, controller: Controller, driver: Driver, first: Array, soft: float, watchdog: float) -> None:
+        self.controller, self.driver = controller, driver
+        scene, names = controller.scene, (controller.measurement_names, controller.stages.u_names)
+        wired = wiring_of(scene.mounting, *names, "mounting")
+        self._wired = None if scene.mounting is None else wired
+        self._rest, (low, high) = np.array(scene.rest_input), np.array(scene.input_limits)
+        self._range = np.maximum(high - low, 1e-12)
+        self._start, self._soft, self._watchdog = first, soft, watchdog
+        self._last, self._command = first, None
+        self.t, self.u, self.y = list[float](), list[Array](), list[Array]()
+        self.jitter, self.latency = list[float](), list[float]()
+        self.overruns = self.skipped = 0
+        self.status, self.health = [0] * len(Status), [0] * len(Health)
+        self.ended, self.cause = "finished", "the duration is over"
+
+    def run(self, cycles: int, spin: float, rearm: Any) -> None:
+        """Go through the cycles; ``rearm`` starts the watch on a driver that hangs."""
+        controller, period = self.controller, self.controller.period
+        idle = getattr(self.driver, "idle", None)
+        # A period ahead, so that the first cycle is not late by what was done until here.
+        start = time.perf_counter() + period
+        cycle, late, heard = 0, False, start
+        while cycle < cycles:
+            release = start + cycle * period
+            began = _wait_until(release, spin)
+            rearm()
+            measured = self._read()
+            heard = began if measured is not None and np.isfinite(measured).any() else heard
+            now = time.perf_counter()
+            if now - heard > self._watchdog:
+                self.ended, self.cause = "silent", f"nothing was read for {now - heard:.2g} s"
+                return
+            blended = self._command is not None and not np.array_equal(self._command.u, self._last)
+            command = controller.step(measured, late=late or None, applied=self._last if blended else None)
+            share = 1.0 if self._soft == 0.0 else min((cycle + 1) * period / self._soft, 1.0)
+            self._command = command
+            self._send(command, self._start + share * (command.u - self._start))
+            written = time.perf_counter()
+            self.jitter.append(began - release)
+            self.latency.append(written - began)
+            self.status[command.status] += 1
+            self.health[list(Health).index(command.health)] += 1
+            self._record(measured)
+            if command.health is Health.TRIPPED:
+                self.ended, self.cause = "tripped", command.health_text
+                if np.all(np.abs(self._last - self._rest) <= _RESTS * self._range):
+                    return
+            if idle is not None:
+                idle()
+            passed = int((time.perf_counter() - start) / period)
+            late = written - release > period
+            self.overruns += passed > cycle
+            missed = max(0, min(passed, cycles) - cycle - 1)
+            # Estimator, plan and setpoints keep pace with the clock over cycles that are skipped.
+            for _ in range(missed):
+                controller.step(None, applied=self._last, late=True)
+                self._record(None)
+            self.skipped += missed
+            cycle += 1 + missed
+
+    def _read(self) -> Array | None:
+        given = self.driver.read()
+        if given is None:
+            return None
+        read = vector("read()", given, len(self.controller.measurement_names), check=False)
+        return read if self._wired is None else self._wired.readings.back(read)
+
+    def _send(self, command: Command, u: Array, status: Status | None = None) -> None:
+        sent = u if self._wired is None else self._wired.commands(u)
+        same = status is None and np.array_equal(sent, command.u)
+        self.driver.write(command if same else command.with_input(sent, status))
+        self._last = u
+
+    def _record(self, measured: Array | None) -> None:
+        self.u.append(self._last.copy())
+        none = np.full(len(self.controller.measurement_names), np.nan)
+        self.y.append(none if measured is None else measured)
+
+    def ramp(self) -> None:
+        """Go from the last command to the input at rest, period by period, also where the driver fails again."""
+        period, first = self.controller.period, self._last
+        command = self._command or self.controller.step(None, late=True)
+        count = max(1, math.ceil(_RAMP * float(np.max(np.abs(first - self._rest) / self._range)) / period))
+        for k in range(count):
+            try:
+                self._send(command, first + (k + 1) / count * (self._rest - first), Status.SAFE_RAMP)
+            except Exception as failed:
+                self.cause += f"; the ramp to rest could not be written: {failed}"
+                if k + 1 < count:
+                    self._last = first + (k + 1) / count * (self._rest - first)
+            time.sleep(period)
+
+    def found(self, granted: tuple[str, ...]) -> HardwareRun:
+        """What was recorded."""
+        controller, count = self.controller, len(self.u)
+        u, y = np.array(self.u), np.array(self.y)
+        if count < 2:  # a log has two rows at least
+            u = np.vstack([u.reshape(count, -1)] if count else [] + [self._start] * (2 - count))
+            y = np.full((2, len(controller.measurement_names)), np.nan)
+        t = controller.period * np.arange(len(u))
+        return HardwareRun(
+            ended=self.ended,
+            cause=self.cause,
+            log=ControlLog(t, u, y, controller.stages.u_names, controller.measurement_names, name="hardware"),
+            period=controller.period,
+            jitter=np.array(self.jitter),
+            latency=np.array(self.latency),
+            overruns=self.overruns,
+            skipped=self.skipped,
+            status={kind.name.lower(): self.status[kind] for kind in Status},
+            health={kind.name.lower(): n for kind, n in zip(Health, self.health, strict=True)},
+            realtime=granted,
+        )
+
+
+def _wait_until(instant: float, spin: float) -> float:
+    """Sleep, then poll the clock; return the time at which the waiting ended."""
+    rest = instant - spin - time.perf_counter()
+    if rest > 0.0:
+        time.sleep(rest)
+    now = time.perf_counter()
+    while now < instant:
+        now = time.perf_counter()
+    return now
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    was = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was:
+            gc.enable()
+
+
+@contextmanager
+def _alarm(watchdog: float) -> Iterator[Any]:
+    """Break off what hangs for as long as the watchdog waits, by a timer of the operating system where there is one."""
+    if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
+        yield lambda: None
+        return
+
+    def hangs(*_: object) -> None:
+        raise _HangsError(f"the driver did not return within {watchdog:g} s")
+
+    before = signal.signal(signal.SIGALRM, hangs)
+    try:
+        yield lambda: signal.setitimer(signal.ITIMER_REAL, watchdog)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@contextmanager
+def _real_time(asked: RealTime) -> Iterator[tuple[str, ...]]:
+    """Ask the operating system, say what it granted, and give it back."""
+    said, undo = list[str](), ExitStack()
+
+    def ask(what: str, wanted: bool, do: Any, back: Any) -> None:
+        if not wanted:
+            return
+        try:
+            before = do()
+            undo.callback(back, before)
+            said.append(f"{what}: granted")
+        except (OSError, AttributeError, ValueError) as error:
+            said.append(f"{what}: refused ({error})")
+
+    def priority() -> Any:
+        before = os.sched_getscheduler(0), os.sched_getparam(0)
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(asked.priority or 1))
+        return before
+
+    def core() -> Any:
+        before = os.sched_getaffinity(0)
+        os.sched_setaffinity(0, {asked.core or 0})
+        return before
+
+    def memory() -> Any:
+        library = ctypes.CDLL(None, use_errno=True)
+        if library.mlockall(3) != 0:  # MCL_CURRENT | MCL_FUTURE
+            raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+        return library
+
+    ask(f"core {asked.core}", asked.core is not None, core, lambda was: os.sched_setaffinity(0, was))
+    ask("locked memory", asked.lock_memory, memory, lambda library: library.munlockall())
+    wanted = asked.priority is not None
+    ask(f"priority {asked.priority}", wanted, priority, lambda was: os.sched_setscheduler(0, *was))
+    with undo:
+        yield tuple(said)

@@ -1,0 +1,266 @@
+"""What a bench reads while its drives follow commands, as a function of how it is mounted and of its finger.
+
+The motion is that of the controller's finger as a plant (`PlantModel`), by the commands as they are held. Derivatives by
+what changes the motion are differences of motions; those by the camera and by zeros of load cells are exact.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.closed_loop.integration import Integration
+from continuum_grasp.closed_loop.plant import choose_method
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.closed_loop.wiring import TIP, camera_axes
+from continuum_grasp.core.rollouts import Signal
+from continuum_grasp.errors import NumericalError
+from continuum_grasp.identification.blocks import Block, Entry
+from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown, read_unknowns
+from continuum_grasp.labels import split_unit, unit_of
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.controller import Plant
+from continuum_grasp.simulation.spectrum import TARGET_RADIUS
+
+Array = NDArray[np.float64]
+
+CAMERA = ("camera_x", "camera_y", "camera_angle", "camera_scale")
+"""Unknowns of the camera, as `Camera` has them."""
+ZERO, BIAS = "drive_zero", "tension_zero"
+"""Unknowns of the lines of drives and load cells, with their number behind them."""
+_DIFFERENCE = 1e-4
+"""Change of an unknown, per typical size, of which the motion is compared [1]."""
+_LONGEST = 4e-3
+"""Longest step of the motion, and time between stored states [s]: between those, readings are interpolated by lines, to
+0.02 mm of a tip that swings by 50 mm at 2 Hz."""
+_NEWTON = 12
+"""Most steps of Newton's method towards the first state at rest [1]; fingers with friction need no more than six."""
+
+
+class Connected(NamedTuple):
+    """How commands and readings are connected to tendons: the number of each one's tendon from 0, and its sign."""
+
+    order: tuple[int, ...]
+    signs: tuple[int, ...]
+    mirrored: bool = False
+
+
+class Log(NamedTuple):
+    """Commands (K, nu) held from instants t (K,) on, and readings (T, ny) by names with units at instants (T,)."""
+
+    t: Array
+    u: Array
+    at: Array
+    readings: Array
+    names: tuple[str, ...]
+
+
+class Bench:
+    """A finger with its drives as a controller knows it, whose numbers may be others.
+
+    Attributes
+    ----------
+    unknowns : list of Unknown
+        Stiffness, payload, damping and lag as far as the scene has them, the delay, and zeros of drives: what changes
+        the motion.
+    zeros : list of ndarray
+        Per zero, by how much of it the tension of each drive is off: of drives that oppose each other the difference
+        alone bends the finger, and is half of each.
+    """
+
+    def __init__(self, scene: ControlScene) -> None:
+        self.scene, finger = scene, scene.finger
+        plain = scene.replaced(mounting=None, loads=(), plant=Plant(fidelity=scene.fidelity))
+        around = PlantModel(plain).scene
+        damped, lag = around.finger.damping.material > 0.0, scene.lag
+        names = ["bending_stiffness", "tip_mass", *(["material_damping"] if damped else [])]
+        self.unknowns = read_unknowns(around, names)
+        if lag is not None:
+            names.append(LAG)
+            self.unknowns.append(Unknown(LAG, "s", LAG, 1.0, False, lag, 0.02 * lag, 50.0 * lag, lag))
+        self.model = PlantModel(plain, parameters=names)
+        self.nominal = self.model.p.copy()
+        period, delay = scene.controller.step, 0.0 if scene.estimator is None else scene.estimator.delay
+        self.unknowns.append(Unknown(DELAY, "s", DELAY, 1.0, False, delay, 0.0, 1.0, max(delay, period)))
+        arms = np.array([one.arm(finger.rod.length) for one in finger.tendon_list]) if finger.tendons else np.ones(1)
+        sides = np.sign(arms)
+        opposed = len(arms) == 2 and sides.sum() == 0.0
+        self.zeros = [0.5 * sides] if opposed else list(np.eye(len(arms)))
+        unit, most = unit_of(self.model.u_names[0]), float(max(scene.input_limits[1]))
+        self.unknowns += [
+            Unknown(f"{ZERO}_{k + 1}", unit, ZERO, 1.0, False, 0.0, -most, most, 0.05 * most)
+            for k in range(len(self.zeros))
+        ]
+        method = choose_method(self.model, period)
+        stable = max(1, math.ceil(method.radius * period / TARGET_RADIUS)) if method.name == "rk4" else 1
+        self.step = period / max(stable, math.ceil(period / _LONGEST))
+        self._stored = max(1, math.floor(_LONGEST / self.step + 1e-9))
+        self._integration = Integration(self.model, method.name)
+        x, u, w, p = self.model.symbols
+        rate = self.model.forward_dynamics(x, u, w, p)
+        self._rate = ca.Function("rate", [x, u, w, p], [rate, ca.jacobian(rate, x)])
+        lagged = self.model.drive[: self.model.nu]
+        shown = ca.vertcat(self.model.tip, lagged)
+        self._shown = ca.Function("shown", [x, u, w, p], [ca.densify(shown)])
+        self.names = (*TIP, *self.model.u_names)
+        self._last, self._maps = self.model.start, dict[int, ca.Function]()
+
+    def parameters(self, values: Array) -> Array:
+        """Run-time parameters of the model (np,) from the values of ``unknowns``."""
+        p = self.nominal.copy()
+        count = len(self.model.parameters)
+        for k, one in enumerate(self.unknowns[:count]):
+            p[k] = one.factor * values[k]
+        if len(self.unknowns) > count and self.unknowns[count].name == LAG:
+            p[-1] = values[count]
+        return p
+
+    def commanded(self, u: Array, connected: Connected, shifts: Array) -> Array:
+        """Commands (K, nu) of the tendons from those of the bench; ``shifts`` are the values of the zeros."""
+        found = np.empty_like(u)
+        for channel, (tendon, sign) in enumerate(zip(connected.order, connected.signs, strict=True)):
+            found[:, tendon] = sign * u[:, channel]
+        found += np.sum([value * zero for value, zero in zip(shifts, self.zeros, strict=True)], axis=0)
+        return np.maximum(found, 0.0) if self.scene.finger.tendons else found
+
+    def moved(self, t: Array, u: Array, p: Array, end: float) -> tuple[Array, Array, Array]:
+        """Instants (N,), states (N, nx) and commands (N, nu) under commands held from instants t (K,) on until an end.
+
+        It begins at rest under the first command.
+
+        Raises
+        ------
+        NumericalError
+            If the motion does not stay finite.
+        """
+        step, stored = self.step, self._stored
+        count = max(1, math.ceil((end - t[0]) / (stored * step)))
+        halves = t[0] + 0.5 * step * np.arange(2 * stored * count + 1)
+        # A command at an instant acts from then on; 1e-9 s: instants are rounded.
+        rows = u[np.clip(np.searchsorted(t, halves + 1e-9, side="right") - 1, 0, len(t) - 1)]
+        w = self.model.forces(0.0)
+        begin = self._at_rest(rows[0], w[0], p)
+        signals = Signal(np.ascontiguousarray(rows)[None], self.model.nu, 0), Signal(w[None], 0, 0)
+        states, valid = self._integration.run(begin[None], count, stored, step, *signals, p)
+        whole = slice(None, None, 2 * stored)
+        if valid[0] < count:
+            time = float(halves[whole][valid[0]])
+            raise NumericalError(f"the motion is not finite after t = {time:g} s", time=time)
+        return halves[whole], states[0], rows[whole]
+
+    def _at_rest(self, u: Array, w: Array, p: Array) -> Array:
+        """State at rest (nx) under a command (nu), by Newton's method from the last one."""
+        x = self._last
+        for _ in range(_NEWTON):
+            rate, slope = (np.array(part) for part in self._rate(x, u, w, p))
+            change = np.linalg.lstsq(slope, -rate.ravel(), rcond=1e-10)[0]
+            x = x + change
+            if np.abs(change).max() < 1e-10:
+                break
+        if not np.isfinite(x).all():
+            raise NumericalError("the finger has no state at rest under the first command", time=0.0)
+        self._last = x
+        return x
+
+    def shown(self, log: Log, connected: Connected, values: Array) -> tuple[Array, Array, Array]:
+        """Instants (N,), tip and exerted inputs (N, 2 + nu) without delay, and states, by the values of ``unknowns``."""
+        p, zeros = self.parameters(values), values[len(self.unknowns) - len(self.zeros) :]
+        end = max(float(log.at[-1]), float(log.t[-1]))
+        t, x, u = self.moved(log.t, self.commanded(log.u, connected, zeros), p, end)
+        w = np.repeat(self.model.forces(0.0), len(x), axis=0)
+        if len(x) not in self._maps:
+            self._maps[len(x)] = self._shown.map(len(x))
+        seen = self._maps[len(x)](x.T, u.T, w.T, np.repeat(p[:, None], len(x), axis=1))
+        return t, np.array(seen).T, x
+
+
+class BenchBlock(Block):
+    """The log of a bench that is connected in some way, predicted for the unknowns of bench, camera and load cells.
+
+    ``paired`` has the tendon and the sign of each measured tension, by its name.
+    """
+
+    ordered = True
+    kinked = True  # where a tendon comes to be slack
+
+    def __init__(self, bench: Bench, log: Log, connected: Connected, paired: Mapping[str, tuple[int, int]]) -> None:
+        self.name, self.finger, self.entries = "bench", bench.scene.finger, []
+        self._bench, self._log, self.connected = bench, log, connected
+        self._cells = [(k, *paired[name]) for k, name in enumerate(log.names) if name not in TIP]
+        self.unknowns = [*bench.unknowns, *_of_camera(bench.scene.finger.rod.length)]
+        most, length = float(max(bench.scene.input_limits[1])), bench.scene.finger.rod.length
+        for k, _, _ in self._cells:
+            label, unit = split_unit(log.names[k])
+            name = f"{BIAS}_{label.rpartition('_')[2]}" if label[-1].isdigit() else BIAS
+            self.unknowns.append(Unknown(name, unit, BIAS, 1.0, False, 0.0, -math.inf, math.inf, 0.05 * most))
+        words = [(*split_unit(name), "tip" if name in TIP else "tension") for name in log.names]
+        for at, row in zip(log.at.tolist(), log.readings.tolist(), strict=True):
+            for (what, unit, group), value in zip(words, row, strict=True):
+                known = group, unit, value, True, None, at, what, what.removeprefix("tip_")
+                self.entries.append(Entry(f"{what} at {at:g} s", *known, length if group == "tip" else None))
+
+    def predict(self, values: Array) -> tuple[Array, Array]:
+        bench, log, connected = self._bench, self._log, self.connected
+        count = len(bench.unknowns)
+        own, (x, y, angle, scale) = values[:count], values[count : count + 4]
+        t, base, _ = bench.shown(log, connected, own)
+        names = [one.name for one in bench.unknowns]
+        then = log.at - own[names.index(DELAY)]
+
+        def read(columns: Array) -> Array:
+            return np.column_stack([np.interp(then, t, column) for column in columns.T])
+
+        seen, by_own = read(base), np.empty((len(then), base.shape[1], count))
+        for k, one in enumerate(bench.unknowns):
+            if one.name == DELAY:
+                by_own[:, :, k] = -read(np.gradient(base, t, axis=0))
+                continue
+            moved, step = own.copy(), _DIFFERENCE * one.typical
+            moved[k] += step
+            by_own[:, :, k] = (read(bench.shown(log, connected, moved)[1]) - seen) / step
+        found = np.empty((len(then), len(log.names)))
+        slopes = np.zeros((*found.shape, len(values)))
+        turn, turned = (camera_axes(angle + more, connected.mirrored) for more in (0.0, 0.5 * math.pi))
+        away, tip = seen[:, :2] - (x, y), [log.names.index(name) for name in TIP]
+        found[:, tip] = scale * away @ turn.T
+        slopes[:, tip, :count] = scale * np.einsum("rc,tck->trk", turn, by_own[:, :2])
+        slopes[:, tip, count : count + 2] = -scale * turn
+        slopes[:, tip, count + 2] = scale * away @ turned.T
+        slopes[:, tip, count + 3] = away @ turn.T
+        for k, (column, tendon, sign) in enumerate(self._cells):
+            found[:, column] = sign * seen[:, 2 + tendon] + values[count + 4 + k]
+            slopes[:, column, :count] = sign * by_own[:, 2 + tendon]
+            slopes[:, column, count + 4 + k] = 1.0
+        return found.ravel(), slopes.reshape(found.size, -1)
+
+    def warnings(self, values: Array) -> tuple[str, ...]:
+        return ()
+
+
+def _of_camera(length: float) -> list[Unknown]:
+    free = -math.inf, math.inf
+    rows = [("m", 0.0, *free, 0.05 * length)] * 2 + [("rad", 0.0, *free, 0.1), ("1", 1.0, 1e-6, math.inf, 0.1)]
+    return [
+        Unknown(name, unit, name, 1.0, False, start, low, high, size)
+        for name, (unit, start, low, high, size) in zip(CAMERA, rows, strict=True)
+    ]
+
+
+def camera_through(points: Array, seen: Array, mirrored: bool) -> tuple[Array, float]:
+    """Camera (x, y, angle, scale) that sees points (T, 2) [m] nearest to where they are seen, and what is left.
+
+    The similarity of least squares (S. Umeyama, 1991, doi:10.1109/34.88573), in complex numbers; what is left is the
+    root mean square distance [m].
+    """
+    world, image = (np.asarray(v[:, 0] + 1j * v[:, 1]) for v in (points, seen))
+    image = image.conj() if mirrored else image
+    a, b = world - world.mean(), image - image.mean()
+    factor = np.vdot(a, b) / np.vdot(a, a).real  # image = factor * (world - origin)
+    origin = world.mean() - image.mean() / factor
+    left = float(np.sqrt(np.mean(np.abs(b - factor * a) ** 2)))
+    return np.array([origin.real, origin.imag, -np.angle(factor), abs(factor)]), left

@@ -1,0 +1,562 @@
+"""Commissioning: how a bench is mounted and connected, from a log of its commands and readings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import permutations, product
+from os import PathLike
+from types import SimpleNamespace
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from continuum_grasp.arguments import check_arguments, positive
+from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.closed_loop.readings import Readings
+from continuum_grasp.closed_loop.wiring import TIP, wiring_of
+from continuum_grasp.control.estimation.noise import measurement_std
+from continuum_grasp.control.log import COMMANDED, ControlLog
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.errors import InputError, NumericalError, SolverError
+from continuum_grasp.identification.bench import BIAS, CAMERA, ZERO, Bench, BenchBlock, Connected, Log, camera_through
+from continuum_grasp.identification.excitation import ExcitationPlan, excitation_of
+from continuum_grasp.identification.fit import Fit, with_parameter
+from continuum_grasp.identification.inference import infer
+from continuum_grasp.identification.periods import columns_of
+from continuum_grasp.identification.problem import Problem, Solution
+from continuum_grasp.identification.segments import Design, patterns_of
+from continuum_grasp.identification.unknowns import DELAY, LAG
+from continuum_grasp.labels import name_of
+from continuum_grasp.results.declared import File, Picture
+from continuum_grasp.results.yaml_text import yaml_text
+from continuum_grasp.scene.consumer import Consumer, beside
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.identify import Excitation
+from continuum_grasp.scene.load import scene_of
+from continuum_grasp.scene.mounting import Camera, Line, Mounting
+from continuum_grasp.simulation.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+_SOFTER = 0.8
+"""Stiffness of the softest finger that must stay within the limits, per the scene's [1]."""
+_FOLLOWS = 0.5
+"""Correlation from which a reading follows a command [1]: of noise alone, over 500 samples, it is below 0.2."""
+_NEAR = 3.0
+"""Connections that miss the tip by so many times the best are not fitted [1]: before the fit, a finger that is a fifth
+stiffer than its model misses by 10 % of its length, twisted lines by 50 %."""
+_ALIKE = 1.5
+"""Connections whose fits miss the tip by so many times the best one or less are not told apart [1]."""
+_INSTANTS = 500
+"""Most instants of a log that are fitted [1], evenly spread."""
+_IDLE = 0.2
+"""Share of its command's range in which a tendon is pulled, below which the drive moves nothing [1]."""
+_MISFIT = 0.05
+"""Root mean square error of the tip per length of the finger from which the log is not of this finger [1]."""
+
+_TENSIONS = "commissioning takes drives that are commanded tensions, or the tip moment"
+_CONSUMER = Consumer(
+    "commission",
+    refused={
+        "object": "measurements are of the finger alone: leave the object out",
+        "finger.tendons.drive": f"{_TENSIONS}: identify finds the numbers of winches and motors",
+        "finger.pressure": _TENSIONS,
+    },
+    unneeded={"loads": "nothing pushes the finger while it is commissioned", "reference": "drives follow a plan"},
+)
+_BLIND = beside(
+    "commission without a camera",
+    lambda s: s.estimator is None or s.estimator.measured.tip is None,
+    "controller",
+    "commissioning needs estimator.measured.tip, a camera that sees the tip",
+)
+
+
+class Alternative(NamedTuple):
+    """A way in which the bench may be connected: in words, and how far it misses the tip (r.m.s.) [m]."""
+
+    what: str
+    missed: float
+
+
+@dataclass(frozen=True)
+class Commissioning(Fit):
+    """How a bench is mounted, with intervals, and the configuration that is corrected by it.
+
+    Attributes
+    ----------
+    mounting : Mounting
+    alternatives : tuple of Alternative
+        Connections that the log does not tell apart, the best one first; one alone where it does.
+    untold : tuple of str
+        What the log does not show, in sentences.
+    log : ControlLog or None
+        What was played on a simulated plant.
+    status : {"identified", "undecided", "mismatch"}
+        All connections are known; or several fit, or a drive moves nothing; or none fits this finger.
+    """
+
+    kind: ClassVar[str] = "commission"
+    texts: ClassVar[tuple[File, ...]] = (
+        File("commissioned.yaml", "identification.commissioning:configuration_text", needs="usable"),
+        File("report.txt", "identification.commissioning:report_text"),
+        File("log.csv", "identification.commissioning:log_text", needs="log"),
+    )
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("series", "plotting.identification:plot_series", panels=True),
+        Picture("residuals", "plotting.identification:plot_residuals"),
+    )
+
+    mounting: Mounting = Mounting()
+    alternatives: tuple[Alternative, ...] = ()
+    untold: tuple[str, ...] = ()
+    log: ControlLog | None = None
+
+    @property
+    def usable(self) -> bool | None:
+        """True where the configuration may be used; None where connections are not known."""
+        return True if self.status == "identified" else None
+
+    def apply(self, scene: Any = None) -> Any:
+        """A closed loop with mounting, stiffness, damping, lag and, in whole periods, delay of the bench in it.
+
+        Raises
+        ------
+        InputError
+            If the connections are not known.
+        """
+        if not self.usable:
+            raise InputError(f"the bench is {self.status}: {'; '.join(self.untold)}", key="log")
+        changed = self.scene if scene is None else scene
+        for name, (target, factor, _), value in zip(self.names, self.targets, self.values.tolist(), strict=True):
+            if target == DELAY:
+                period = changed.controller.step
+                changed = changed.changed({"estimator.delay": period * round(value / period)})
+            elif target == LAG and not changed.finger.tendons:
+                changed = changed.changed({"controller.input.time_constant": value})
+            elif target == name and name not in CAMERA:
+                changed = with_parameter(changed, target, factor * value)
+        return changed.changed({"mounting": self.mounting})
+
+    def pairs(self) -> dict[str, str]:
+        """Connections, numbers with their deviations, and how well they predict the log."""
+        ways = {f"way {k + 1}": f"{one.what}; {1e3 * one.missed:.2g} mm" for k, one in enumerate(self.alternatives)}
+        numbers = zip(self.names, self.values, self.deviations, self.units, strict=True)
+        return {
+            **(ways if len(ways) > 1 else {"connected": ways["way 1"]}),
+            **{name: f"{value:.4g} +/- {deviation:.2g} {unit}" for name, value, deviation, unit in numbers},
+            **({"not told": "; ".join(self.untold)} if self.untold else {}),
+        }
+
+    def details(self) -> dict[str, Any]:
+        """Mounting, alternatives and the summary as plain data."""
+        ways = [one._asdict() for one in self.alternatives]
+        own = {"mounting": self.mounting.model_dump(mode="json"), "alternatives": ways, "untold": list(self.untold)}
+        return {**own, **self.summary()}
+
+
+def configuration_text(found: Commissioning) -> str:
+    """The corrected configuration as YAML."""
+    plain = found.apply().model_dump(mode="json", exclude_unset=True)
+    return yaml_text({"schema_version": 1, **plain}, exact=True)
+
+
+def report_text(found: Commissioning) -> str:
+    """What was found, with intervals, and what the log does not tell."""
+    rows = [("status", found.status), *found.pairs().items()]
+    lines = [f"{name}: {value}" for name, value in rows]
+    ends = zip(found.names, found.intervals, found.units, strict=True)
+    lines += [f"{name}: {low:.4g} to {high:.4g} {unit} (95 %)" for name, (low, high), unit in ends]
+    return "\n".join([*lines, *found.warnings, ""])
+
+
+def log_text(found: Commissioning) -> str:
+    """The log of a simulated plant."""
+    return "" if found.log is None else found.log.text()
+
+
+# -- the plan ---------------------------------------------------------------------------------------------------------
+
+
+@check_arguments
+def design_commissioning(
+    scene: ControlScene | str | PathLike[str], *, duration: float = 10.0, reach: float = 0.6
+) -> ExcitationPlan:
+    """Plan commands that show how a bench is mounted, as a table that it plays: a row per period, held until the next.
+
+    Whatever the order of the drives, and for a finger that is a fifth softer, commands, bends, curvature, speeds and
+    zones of ``controller.bounds`` stay within their limits. Where a ``mounting`` is given, the commands are those of
+    that bench.
+
+    Parameters
+    ----------
+    scene : ControlScene or path-like
+    duration : float
+        [s]
+    reach : float
+        Greatest share of bending range and tensions that is used [1].
+
+    Returns
+    -------
+    ExcitationPlan
+
+    Raises
+    ------
+    InputError
+        If the scene has no camera or other drives than tensions or the tip moment, or a limit leaves no room.
+
+    Examples
+    --------
+    >>> from continuum_grasp.identification import design_commissioning
+    >>> plan = design_commissioning("configs/mpc/steady_tip.yaml", duration=4.0)
+    >>> plan.command_names
+    ('commanded_tension_1 [N]', 'commanded_tension_2 [N]')
+    """
+    known = _checked(scene)
+    bench, period = Bench(known), known.controller.step
+    options = Excitation(duration=positive("duration", duration), sample=period, reach=reach)
+    around = bench.model.scene
+    design = Design(around, patterns_of(around), options)
+    names = tuple(name for name in _names(known) if name in (*TIP, *bench.names))
+    sigma = np.array([measurement_std(known, name) for name in names])
+    limits, exceeded = _limits(known, bench), ""
+    in_order = Connected(tuple(range(bench.model.nu)), (1,) * bench.model.nu)
+    paired = {name: (k, 1) for k, name in enumerate(bench.model.u_names)}
+
+    def commands(motion: Trajectory) -> Array:
+        return _limited(known, motion.u[:, : bench.model.nu])
+
+    def block(motion: Trajectory) -> BenchBlock:
+        empty = np.zeros((len(motion.t) - 1, len(names)))
+        return BenchBlock(bench, Log(motion.t, commands(motion), motion.t[1:], empty, names), in_order, paired)
+
+    def information(motion: Trajectory) -> Array:
+        one = block(motion)
+        _, slopes = one.predict(np.array([unknown.start for unknown in one.unknowns]))
+        return np.asarray(slopes.reshape(len(motion.t) - 1, len(names), -1) / sigma[:, None])
+
+    def allowed(motion: Trajectory) -> bool:
+        nonlocal exceeded
+        exceeded = next((name for name in limits(motion.t, commands(motion))), "")
+        return not exceeded
+
+    empty = np.zeros((1, len(names)))
+    unknowns = BenchBlock(bench, Log(np.zeros(1), np.zeros((1, 1)), np.zeros(1), empty, names), in_order, paired)
+    plan = excitation_of(design, unknowns.unknowns, information, allowed)
+    if exceeded:
+        raise InputError(f"no excitation is possible: it goes beyond the limit of {exceeded}", key="controller.bounds")
+    to_bench = wiring_of(known.mounting, (), bench.model.u_names, "mounting").commands
+    sent = np.array([to_bench(row) for row in commands(plan.rehearsal)])
+    return replace(plan, commands=sent, command_names=tuple(COMMANDED + name for name in bench.model.u_names))
+
+
+def _checked(scene: ControlScene | str | PathLike[str]) -> ControlScene:
+    known = scene_of(scene, ControlScene)
+    _CONSUMER.check(known)
+    _BLIND.check(known)
+    return known
+
+
+def _names(scene: ControlScene) -> tuple[str, ...]:
+    """Names and units of what the estimator is given."""
+    return Plant(scene.replaced(mounting=None, plant=scene.plant.replaced(mounting=None))).sensors.names
+
+
+def _limited(scene: ControlScene, u: Array) -> Array:
+    """Commands (K, nu) that change by no more than the rate limit allows."""
+    most = (scene.controller.input.rate_max or math.inf) * scene.controller.step
+    found = u.copy()
+    for k in range(1, len(u)):
+        found[k] = found[k - 1] + np.clip(u[k] - found[k - 1], -most, most)
+    return found
+
+
+def _limits(scene: ControlScene, bench: Bench) -> Callable[[Array, Array], Iterator[str]]:
+    """Names of the limits that commands (K, nu) at instants exceed, in any order of the drives."""
+    model, prediction = bench.model, Prediction(scene)
+    least, most = map(np.array, scene.input_limits)
+    stages = SimpleNamespace(u_names=model.u_names, u_min=least, u_max=most)
+    readings: Any = Readings(scene, model, stages, prediction)  # type: ignore[arg-type]
+    orders = list(permutations(range(model.nu)))
+
+    def exceeded(t: Array, u: Array) -> Iterator[str]:
+        for order, factor in product(orders, (1.0, _SOFTER)):
+            given = u[:, order]
+            p = bench.nominal.copy()
+            p[0] *= factor
+            try:
+                at, x, held = bench.moved(t, given, p, float(t[-1]))
+            except NumericalError:
+                yield "bending range"
+                continue
+            w = np.repeat(model.forces(0.0), len(at), axis=0)
+            if readings.range_use(x, held, w).max() > 1.0:
+                yield "bending range"
+            bounds = readings.bounds(x, held, w, held, scene.controller.step)
+            yield from (one.name for one in bounds if one.excess.max() > 1e-9 * one.scale)
+
+    return exceeded
+
+
+# -- the log ----------------------------------------------------------------------------------------------------------
+
+
+@check_arguments
+def commission(
+    scene: ControlScene | str | PathLike[str],
+    log: ControlLog | str | PathLike[str] | None = None,
+    *,
+    duration: float = 10.0,
+    reach: float = 0.6,
+    plant: Callable[[ControlScene], Plant] = Plant,
+    progress: Callable[[float], None] | None = None,
+) -> Commissioning:
+    """Find how a bench is mounted and connected, from a log of commands and readings as the bench counts them.
+
+    Found are position, angle, scale and handedness of the camera; order and signs of drives and load cells, and zeros
+    of both; lag and delay; and stiffness and damping beside them. Connections are tried one by one, all numbers by
+    least squares. What the log does not tell is named in ``untold``, and a configuration that is not known is not
+    written.
+
+    Parameters
+    ----------
+    scene : ControlScene or path-like
+        The closed loop, whose estimator measures the tip. Of its ``mounting`` a stated ``camera.mirrored`` counts alone.
+    log : ControlLog or path-like, optional
+        The bench's numbers while the plan of `design_commissioning` was played, or any others that move all drives.
+        None: the plan is played on the scene's simulated ``plant``.
+    duration, reach : float
+        Of the plan that is played.
+    plant : callable
+        Gives the plant of a scene, on which the plan is played.
+    progress : callable, optional
+        Called with the share that is done, 0 to 1.
+
+    Returns
+    -------
+    Commissioning
+
+    Raises
+    ------
+    InputError
+        If the log lacks commands or the tip, or the scene is none that can be commissioned.
+    SolverError
+        If no connection fits.
+
+    Examples
+    --------
+    >>> import continuum_grasp as cg
+    >>> turned = {"plant.mounting": {"camera": {"position": [0.004, -0.006], "angle": 0.1}}}
+    >>> scene = cg.load("configs/mpc/steady_tip.yaml", {**turned, "mounting": {"camera": {"mirrored": False}}})
+    >>> found = cg.commission(scene, duration=4.0)
+    >>> found.status, round(found["camera_angle"], 1)
+    ('identified', 0.1)
+    """
+    known = _checked(scene)
+    played = None
+    if log is None:
+        log = played = _played(known, design_commissioning(known, duration=duration, reach=reach), plant)
+    found = _commissioned(known, log, progress or (lambda share: None))
+    idle = [line for line in found.mounting.drives if line.sign < 0]
+    turned_before = known.mounting is not None and bool(known.mounting.drives)
+    if played is None or found.status != "undecided" or not idle or turned_before:
+        return replace(found, log=played)
+    # A drive that turns the other way shows nothing until it is commanded so.
+    camera = {} if known.mounting is None else {"camera": known.mounting.camera}
+    turned = tuple(Line(of=k + 1, sign=line.sign) for k, line in enumerate(found.mounting.drives))
+    again = known.replaced(mounting=Mounting(**camera, drives=turned))
+    log = _played(known, design_commissioning(again, duration=duration, reach=reach), plant)
+    return replace(_commissioned(known, log, progress or (lambda share: None)), log=log)
+
+
+def _played(scene: ControlScene, plan: ExcitationPlan, plant: Callable[[ControlScene], Plant]) -> ControlLog:
+    """Log of the simulated plant, as its bench counts, while it follows a plan."""
+    one, readings = plant(scene.replaced(mounting=None)), []
+    for u in plan.commands:
+        readings.append(one.measure())
+        one.advance(u)
+    names = one.model.u_names, one.sensors.names
+    return ControlLog(plan.t, plan.commands, np.array(readings), *names, name="simulated plant")
+
+
+def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLike[str]) -> tuple[Log, list[str]]:
+    """The log's commands and readings, at instants that have them all, and what it lacks."""
+    names = [name for name in _names(scene) if name in bench.names]
+    commands = [COMMANDED + name for name in bench.model.u_names]
+    columns = columns_of(given, (*names, *commands))
+    file = None if isinstance(given, ControlLog) else str(given)
+    absent = [name_of(name) for name in (*TIP, *commands) if not columns[name][0].size]
+    if absent:
+        raise InputError(f"the log has no {', '.join(absent)}", file=file)
+    t = columns[commands[0]][0]
+    u = np.column_stack([np.interp(t, *columns[name]) for name in commands])
+    own = [name for name in names if columns[name][0].size]
+    at = columns[own[0]][0]
+    for name in own:
+        at = at[np.isin(at, columns[name][0])]
+    at = at[(at >= t[0]) & (at <= t[-1])]
+    if at.size < 50:
+        raise InputError(f"the log has {at.size} instants with all readings; expected 50 at least", file=file)
+    at = at[:: math.ceil(at.size / _INSTANTS)]
+    rows = np.column_stack([columns[name][1][np.isin(columns[name][0], at)] for name in own])
+    return Log(t, u, at, rows, tuple(own)), [name_of(name) for name in names if name not in own]
+
+
+def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], None]) -> Commissioning:
+    bench = Bench(scene)
+    log, missing = _log_of(scene, bench, given)
+    start, nu = np.array([one.start for one in bench.unknowns]), bench.model.nu
+    cells = _followed(bench, log, start)
+    mute = [name for name in log.names if name not in TIP and name not in cells]
+    kept = [k for k, name in enumerate(log.names) if name not in mute]
+    log = log._replace(readings=log.readings[:, kept], names=tuple(log.names[k] for k in kept))
+    ways = [Connected(order, signs) for order in permutations(range(nu)) for signs in product((1, -1), repeat=nu)]
+    stated = scene.mounting is not None and "mirrored" in scene.mounting.camera.model_fields_set
+    sides = [scene.mounting.camera.mirrored] if stated and scene.mounting is not None else [False, True]
+    rough = sorted(_rough(bench, log, ways, sides, start), key=lambda one: one[0])
+    chosen = [one for one in rough if one[0] <= _NEAR * rough[0][0]]
+    fits = list[tuple[float, Connected, BenchBlock, Problem, Solution]]()
+    for k, (_, way, camera) in enumerate(chosen):
+        paired = {name: (way.order[channel], sign) for name, (channel, sign) in cells.items()}
+        block = BenchBlock(bench, log, way, paired)
+        problem = Problem([block], _started(block, camera), "squares")
+        try:
+            solution = problem.solve(lambda share: None)
+        except (SolverError, NumericalError):
+            continue
+        tip = problem.groups["tip"]
+        missed = (solution.predictions - problem.measured)[tip] / solution.values[len(start) + 3]
+        fits.append((float(np.sqrt(2.0 * np.mean(missed**2))), way, block, problem, solution))
+        progress((k + 1.0) / len(chosen))
+    if not fits:
+        raise SolverError("no connection of the drives fits the log", status="no fit", advice="check log and finger")
+    fits.sort(key=lambda one: one[0])
+    best = fits[0]
+    alike = [one for one in fits if one[0] <= _ALIKE * best[0]]
+    return _result(scene, bench, log, cells, alike, [*missing, *map(name_of, mute)])
+
+
+def _followed(bench: Bench, log: Log, start: Array) -> dict[str, tuple[int, int]]:
+    """Command, from 0, and sign that each measured tension follows, by its name; none of those that follow none."""
+    names = [name for name in log.names if name not in TIP]
+    if not names:
+        return {}
+    lag = dict(zip((one.name for one in bench.unknowns), start, strict=True))
+    late = lag[DELAY] + 2.0 * lag.get(LAG, 0.0)
+    last = np.clip(np.searchsorted(log.t, log.at - late, side="right") - 1, 0, None)
+    given, seen = log.u[last], log.readings[:, [log.names.index(name) for name in names]]
+    together = np.corrcoef(np.hstack([seen, given]).T)[: len(names), len(names) :]
+    together = np.nan_to_num(together)
+    rows, columns = linear_sum_assignment(-np.abs(together))
+    return {
+        names[r]: (int(c), 1 if together[r, c] > 0.0 else -1)
+        for r, c in zip(rows, columns, strict=True)
+        if abs(together[r, c]) > _FOLLOWS
+    }
+
+
+def _rough(
+    bench: Bench, log: Log, ways: Sequence[Connected], sides: Sequence[bool], start: Array
+) -> Iterator[tuple[float, Connected, Array]]:
+    """Distance [m] that the nearest camera leaves of the nominal finger, for each connection and handedness."""
+    seen = log.readings[:, [log.names.index(name) for name in TIP]]
+    then = log.at - start[[one.name for one in bench.unknowns].index(DELAY)]
+    for way in ways:
+        t, base, _ = bench.shown(log, way, start)
+        tip = np.column_stack([np.interp(then, t, base[:, c]) for c in (0, 1)])
+        for mirrored in sides if np.ptp(tip, axis=0).max() > 1e-6 else ():
+            camera, left = camera_through(tip, seen, mirrored)
+            yield left / camera[3], way._replace(mirrored=mirrored), camera
+
+
+def _started(block: BenchBlock, camera: Array) -> list[Any]:
+    at = [one.name for one in block.unknowns].index(CAMERA[0])
+    for k, value in enumerate(camera.tolist()):
+        block.unknowns[at + k] = block.unknowns[at + k]._replace(start=value)
+    return block.unknowns
+
+
+def _result(
+    scene: ControlScene,
+    bench: Bench,
+    log: Log,
+    cells: dict[str, tuple[int, int]],
+    alike: Sequence[tuple[float, Connected, BenchBlock, Problem, Solution]],
+    missing: Sequence[str],
+) -> Commissioning:
+    missed, way, block, problem, solution = alike[0]
+    unknowns, values = problem.unknowns, solution.values
+    numbers = {one.name: value for one, value in zip(unknowns, values.tolist(), strict=True)}
+    weighted = problem.weighted(solution)
+    found = infer(unknowns, values, *weighted, solution.inflation, None, problem.series)
+    zeros = [numbers[f"{ZERO}_{k + 1}"] for k in range(len(bench.zeros))]
+    shifts = np.sum([value * zero for value, zero in zip(zeros, bench.zeros, strict=True)], axis=0)
+    drives = tuple(
+        Line(of=tendon + 1, sign=sign, zero=-sign * float(shifts[tendon]))  # type: ignore[arg-type]
+        for tendon, sign in zip(way.order, way.signs, strict=True)
+    )
+    lines = {name: Line(of=way.order[c] + 1, sign=s, zero=_bias(numbers, name)) for name, (c, s) in cells.items()}  # type: ignore[arg-type]
+    whole = len(lines) == bench.model.nu
+    camera = Camera(
+        position=(numbers["camera_x"], numbers["camera_y"]),
+        angle=numbers["camera_angle"],
+        scale=numbers["camera_scale"],
+        mirrored=way.mirrored,
+    )
+    cells_of = tuple(lines[name] for name in bench.model.u_names) if whole else ()
+    moved = np.ptp(bench.commanded(log.u, way, np.array(zeros)), axis=0)
+    idle = [c for c, tendon in enumerate(way.order) if moved[tendon] < _IDLE * np.ptp(log.u[:, c])]
+    untold = [f"the log has no {name}, or nothing in it follows a command" for name in missing]
+    untold += [
+        f"drive {c + 1} moves nothing: it turns the other way (sign: {way.signs[c]:+d} in mounting.drives), or is dead"
+        for c in idle
+    ]
+    if len(alike) > 1:
+        untold.append("; or ".join(_words(one[1]) for one in alike))
+    if len(bench.zeros) < bench.model.nu and cells:
+        untold.append(
+            "a zero that both drives share is not told from one that both load cells share: taken as the cells'"
+        )
+    status = "identified" if len(alike) == 1 and not idle else "undecided"
+    status = status if missed <= _MISFIT * scene.finger.rod.length else "mismatch"
+    return Commissioning(
+        names=tuple(one.name for one in unknowns),
+        units=tuple(one.unit for one in unknowns),
+        values=values,
+        deviations=found.deviations,
+        intervals=found.intervals,
+        correlation=found.correlation,
+        singular_values=found.singular_values,
+        freedom=found.freedom,
+        entries=tuple(problem.entries),
+        predictions=solution.predictions,
+        sigma=solution.sigma,
+        blocks=((block.name, len(block.entries)),),
+        drawn=(block.drawn(values),),
+        targets=tuple((one.target, one.factor, one.added) for one in unknowns),
+        scene=scene,
+        status=status,
+        warnings=found.warnings,
+        statistics={"ways": len(alike), "evaluations": solution.evaluations},
+        mounting=Mounting(camera=camera, drives=drives, tensions=cells_of),
+        alternatives=tuple(Alternative(_words(one[1]), one[0]) for one in alike),
+        untold=tuple(untold),
+    )
+
+
+def _bias(numbers: dict[str, float], name: str) -> float:
+    number = name_of(name).rpartition("_")[2]
+    return numbers[f"{BIAS}_{number}" if number.isdigit() else BIAS]
+
+
+def _words(way: Connected) -> str:
+    """A connection in words."""
+    pairs = zip(way.order, way.signs, strict=True)
+    lines = ", ".join(
+        f"drive {c + 1} on {'-' if sign < 0 else ''}{tendon + 1}" for c, (tendon, sign) in enumerate(pairs)
+    )
+    return f"{lines}, camera {'mirrored' if way.mirrored else 'not mirrored'}"
