@@ -1,4 +1,4 @@
-"""A controller against the clock: jitter, latency and overruns of a loop with a simulated plant.
+"""A controller against the clock: jitter, latency and overruns of a loop with a simulated bench.
 
 Run ``python -m benchmarks.realtime_loop`` in the root of the repository. The plant of the scene (eight clothoids,
 another stiffness and damping, friction, noise, delay) moves on in the rest of each period, so that only reading,
@@ -13,12 +13,8 @@ import json
 import math
 from pathlib import Path
 
-import numpy as np
-
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.periodic import run_periodic
+from continuum_grasp.closed_loop import RealTime, SimulatedBench, run_hardware
 
 ROOT = Path(__file__).parents[1]
 
@@ -29,21 +25,17 @@ def main() -> None:
     parser.add_argument("scene", nargs="?", default=str(ROOT / "configs" / "mpc" / "tip_circle.yaml"))
     parser.add_argument("--duration", type=float, default=10.0, help="s")
     parser.add_argument("--spin", type=float, default=2e-4, help="s")
+    parser.add_argument("--priority", type=int, help="of the first-in-first-out scheduler")
+    parser.add_argument("--core", type=int)
+    parser.add_argument("--lock-memory", action="store_true")
     parser.add_argument("--out", type=Path, help="file for the result, JSON")
     asked = parser.parse_args()
-    scene = cg.load(asked.scene)
-    controller = Controller(scene, deadline=math.inf)
-    plant = Plant(scene, controller.prediction, controller.period)
-    command = np.zeros(controller.stages.nu)
-    plant.advance(controller.step(plant.measure()).u)  # what is compiled or read at first use is not timed
-    found = run_periodic(
-        controller,
-        plant.measure,
-        lambda u: np.copyto(command, u),
-        duration=asked.duration,
-        spin=asked.spin,
-        idle=lambda: plant.advance(command),
-    )
+    controller = cg.Controller(asked.scene, deadline=math.inf)
+    bench = SimulatedBench(controller.scene)
+    bench.write(controller.step(bench.read()))
+    bench.idle()  # what is compiled or read at first use is not timed
+    wanted = RealTime(asked.priority, asked.core, asked.lock_memory)
+    found = run_hardware(controller, bench, duration=asked.duration, spin=asked.spin, realtime=wanted)
     text = json.dumps({**found.summary(), "controller": controller.statistics}, indent=1)
     print(text)
     if asked.out is not None:

@@ -31,8 +31,8 @@ def commission(
 ) -> None:
     """Find how a bench is mounted: camera, order, signs and zeros of its lines, lag and delay.
 
-    Without LOG it writes the commands that a bench plays; with one, the corrected configuration. Exit status 1 where the
-    log does not tell all.
+    Without LOG it writes the commands that a bench plays; with one, the corrected configuration. Exit status 1 where
+    the log does not tell all.
     """
     from continuum_grasp.scene.control import ControlScene
 

@@ -1,4 +1,4 @@
-"""A controller on real hardware: one loop of fixed period around a driver, which ends in a safe command whatever fails."""
+"""A controller on real hardware: a loop of fixed period around a driver, with a safe command at its end."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Driver(Protocol):
     """What talks to a bench. One that also has ``idle()`` is called in the rest of each period."""
 
     def read(self) -> ArrayLike | None:
-        """Return the newest measurement in the order of ``measurement_names``, NaN for missing; None where none came."""
+        """Return the newest measurement in the order of ``measurement_names``, NaN for missing; None: none came."""
 
     def write(self, command: Command) -> object:
         """Send a command: its ``u``, and whatever else a bench wants of ``status`` and ``health``."""
@@ -149,8 +149,8 @@ def run_hardware(
     soft_start : float
         Time in which the command fades in from the input at the start [s].
     watchdog : float
-        Time without any reading after which the loop ends [s]. On Unix, in the main thread, a ``read`` or ``write`` that
-        hangs as long is broken off; elsewhere it is noticed when it returns.
+        Time without any reading after which the loop ends [s]. On Unix, in the main thread, a ``read`` or ``write``
+        that hangs as long is broken off; elsewhere it is noticed when it returns.
     hold : bool
         Whether the last command stays after the duration, for a controller that takes over.
     spin : float
@@ -247,7 +247,8 @@ class _Loop:
         self._rest, (low, high) = np.array(scene.rest_input), np.array(scene.input_limits)
         self._range = np.maximum(high - low, 1e-12)
         self._start, self._soft, self._watchdog = first, soft, watchdog
-        self._last, self._command = first, None
+        self._last: Array = first
+        self._command: Command | None = None
         self.t, self.u, self.y = list[float](), list[Array](), list[Array]()
         self.jitter, self.latency = list[float](), list[float]()
         self.overruns = self.skipped = 0
@@ -334,11 +335,10 @@ class _Loop:
     def found(self, granted: tuple[str, ...]) -> HardwareRun:
         """What was recorded."""
         controller, count = self.controller, len(self.u)
-        u, y = np.array(self.u), np.array(self.y)
-        if count < 2:  # a log has two rows at least
-            u = np.vstack([u.reshape(count, -1)] if count else [] + [self._start] * (2 - count))
-            y = np.full((2, len(controller.measurement_names)), np.nan)
-        t = controller.period * np.arange(len(u))
+        none = np.full(len(controller.measurement_names), np.nan)
+        lacking = max(0, 2 - count)  # a log has two rows at least
+        u, y = np.array([*self.u, *[self._last] * lacking]), np.array([*self.y, *[none] * lacking])
+        t = np.asarray(controller.period * np.arange(len(u)), dtype=float)
         return HardwareRun(
             ended=self.ended,
             cause=self.cause,

@@ -30,8 +30,9 @@ class Affine(NamedTuple):
         return _times(np.linalg.inv(self.matrix), np.asarray(bench, dtype=float) - self.shift)
 
 
-def _times(matrix: Array, values: Array) -> Array:
-    return np.asarray(np.where(matrix != 0.0, matrix * values, 0.0).sum(axis=1))
+def _times(matrix: ArrayLike, values: Array) -> Array:
+    weights = np.asarray(matrix, dtype=float)
+    return np.asarray(np.where(weights != 0.0, weights * values, 0.0).sum(axis=1))
 
 
 class Wiring(NamedTuple):

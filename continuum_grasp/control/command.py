@@ -99,7 +99,7 @@ class Command(Summarized):
         self.u = self._part("u")
 
     def with_input(self, u: Array, status: Status | None = None) -> Command:
-        """This command with another input (nu), such as a bench counts it, and another status where it is given."""
+        """Copy with another input (nu), such as a bench counts it, and another status where it is given."""
         out = self._out.copy()
         out[self._layout.parts["u"]] = u
         return Command(self._layout, self.status if status is None else status, out)

@@ -109,6 +109,7 @@ _LANES = Consumer(
     refused={
         "plant.guides": "a chain of guides does not run in vector lanes: leave it out",
         "loads.force.times": "loads of an environment must be constant",
+        **dict.fromkeys(("mounting", "plant.mounting"), "an environment counts as the model does: leave it out"),
     },
     otherwise={
         **{

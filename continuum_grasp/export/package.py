@@ -56,6 +56,7 @@ _LOOP = Consumer(
     "export to c of closed loops",
     unneeded={
         **dict.fromkeys(("plant", "loads"), "the package has the controller, and no plant"),
+        "mounting": "the caller takes readings and commands through it: the package counts as the model does",
         "controller.deadline": "the caller has the clock, and says whether the last command was late",
     },
 )
@@ -287,7 +288,7 @@ def _further_files(contents: Contents, target: str, vectors: Sequence[Vectors]) 
 _AS_THEY_ARE = (
     *(f"tests/{name}" for name in ("main.c", "fuzz.c", "threads.c")),
     *(f"cmake/{name}" for name in ("config.cmake.in", "cortex-m4f.cmake", "cortex-m7.cmake")),
-    *("CMakeLists.txt", "LICENSE", "package.xml"),
+    *("CMakeLists.txt", "LICENSE"),
 )
 
 
@@ -303,7 +304,6 @@ def _contents(subject: Subject, parts: Sequence[Part], title: str, what: str = "
             "p": prefix,
             "version": __version__,
             "number": number,
-            "version3": ".".join([*number.split("."), "0", "0"][:3]),  # package.xml of ROS asks for three numbers
             "real": subject.real.name,
             "title": title,
             "what": what,

@@ -1,4 +1,4 @@
-"""Targets of a package, and examples for bare metal, ROS 2 nodes, Simulink blocks, and a GPU."""
+"""Targets of a package, and examples for bare metal, Simulink blocks, and a GPU."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ TARGETS = {
 def target_of(name: Any, real: Any) -> tuple[str, str]:
     """A target and the real type that is asked for, or its usual one."""
     if not isinstance(name, str) or name not in TARGETS:
-        raise InputError(f"expected one of {', '.join(TARGETS)}, got {name!r:.60}", key="target")
+        instead = "; a ROS 2 node calls the C of `host`, or cg.Controller" if str(name).startswith("ros") else ""
+        raise InputError(f"expected one of {', '.join(TARGETS)}, got {name!r:.60}{instead}", key="target")
     if real is None:
         return name, TARGETS[name][0]
     if real in ("float", "double") and real not in TARGETS[name]:
@@ -105,30 +106,22 @@ def example_files(contents: Contents, target: str) -> dict[str, str]:
     if "step" in names:
         words = _step_words(subject)
         sources = {name: name for name in ("examples/loop.c", "tests/batch.c", "examples/cuda/batch.cu")}
-        sources |= {f"examples/ros2/{name}": f"examples/ros2/{name}" for name in (*_NODE, "src/node.cpp")}
         sources[f"examples/simulink/sfun_{prefix}.c"] = "examples/simulink/sfun.c"
         found |= {path: contents.fill(name, **words) for path, name in sources.items()}
     if "mpc" in names and loop is not None:
         words = _control_words(subject, loop, contents.words["sources"].split())
-        sources = {f"examples/ros2_control/{name}": f"examples/ros2/{name}" for name in _NODE}
-        sources["examples/ros2_control/src/node.cpp"] = "examples/control/node.cpp"
-        sources["examples/control_loop.c"] = "examples/control/loop.c"
+        sources = {"examples/control_loop.c": "examples/control/loop.c"}
         sources |= {"examples/mission_loop.c": "examples/control/mission.c"} if "mission" in names else {}
         sources[f"examples/simulink/sfun_{prefix}_control.c"] = "examples/control/sfun.c"
         found |= {path: contents.fill(name, **words) for path, name in sources.items()}
     return found
 
 
-_NODE = ("package.xml", "CMakeLists.txt")
-"""Files that nodes of both kinds have in common."""
-
-
 def _step_words(subject: Subject) -> dict[str, object]:
-    prefix, real = subject.prefix, subject.real
+    real = subject.real
     state, first = subject.state.fields, subject.input.fields[0]
     return {
         "start": [*map(real.literal, subject.start)] if subject.touching is not None else [],
-        "node": f"{prefix}_node",
         "h": real.literal(subject.accurate_step),
         "level": real.literal(_SHARE * first.scale),
         "onset": "" if subject.model.structure.moment_is_constant else real.literal(_TENTH),
@@ -136,17 +129,14 @@ def _step_words(subject: Subject) -> dict[str, object]:
         "first_state": state[0].name,
         "reach": real.literal(0.5 * state[0].high),
         "most_port": max(subject.moving.nx, subject.input.size, subject.moving.nw),
-        "members": [("model_.parameters", f) for f in (subject.parameters.fields if subject.parameters else ())],
     }
 
 
 def _control_words(subject: Subject, loop: Loop, sources: Sequence[str]) -> dict[str, object]:
     structs = [loop.settings, *([loop.known] if loop.known is not None else [])]
     return {
-        "node": f"{subject.prefix}_control_node",
         "wanted": ", ".join(subject.real.literal(float(v)) for v in loop.wanted),
         "known": loop.known.size if loop.known is not None else 0,
         "structs": [*enumerate(structs)],
-        "members": [(f"controller_.{struct.name}", f) for struct in structs for f in struct.fields],
         "mex_sources": "".join(f" ../../src/{name}.c" for name in sources),
     }

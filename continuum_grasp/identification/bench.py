@@ -1,7 +1,8 @@
 """What a bench reads while its drives follow commands, as a function of how it is mounted and of its finger.
 
-The motion is that of the controller's finger as a plant (`PlantModel`), by the commands as they are held. Derivatives by
-what changes the motion are differences of motions; those by the camera and by zeros of load cells are exact.
+The motion is that of the controller's finger as a plant (`PlantModel`), by the commands as they are held, without
+friction in the tendons, whose hysteresis loops to and fro average out. Derivatives by what changes the motion are
+differences of motions; those by the camera and by zeros of load cells are exact.
 """
 
 from __future__ import annotations
@@ -76,9 +77,12 @@ class Bench:
     def __init__(self, scene: ControlScene) -> None:
         self.scene, finger = scene, scene.finger
         plain = scene.replaced(mounting=None, loads=(), plant=Plant(fidelity=scene.fidelity))
+        if finger.has_tendon_friction:
+            initial = scene.initial.replaced(reached_by=None, friction_states=None)
+            plain = plain.replaced(finger=finger.with_tendons(friction=0.0), initial=initial)
         around = PlantModel(plain).scene
         damped, lag = around.finger.damping.material > 0.0, scene.lag
-        names = ["bending_stiffness", "tip_mass", *(["material_damping"] if damped else [])]
+        names = ["bending_stiffness", "tip_mass"] + ["material_damping"] * damped
         self.unknowns = read_unknowns(around, names)
         if lag is not None:
             names.append(LAG)
@@ -167,8 +171,8 @@ class Bench:
         self._last = x
         return x
 
-    def shown(self, log: Log, connected: Connected, values: Array) -> tuple[Array, Array, Array]:
-        """Instants (N,), tip and exerted inputs (N, 2 + nu) without delay, and states, by the values of ``unknowns``."""
+    def shown(self, log: Log, connected: Connected, values: Array) -> tuple[Array, Array]:
+        """Instants (N,), and tip and exerted inputs (N, 2 + nu) without delay, by the values of ``unknowns``."""
         p, zeros = self.parameters(values), values[len(self.unknowns) - len(self.zeros) :]
         end = max(float(log.at[-1]), float(log.t[-1]))
         t, x, u = self.moved(log.t, self.commanded(log.u, connected, zeros), p, end)
@@ -176,7 +180,7 @@ class Bench:
         if len(x) not in self._maps:
             self._maps[len(x)] = self._shown.map(len(x))
         seen = self._maps[len(x)](x.T, u.T, w.T, np.repeat(p[:, None], len(x), axis=1))
-        return t, np.array(seen).T, x
+        return t, np.array(seen).T
 
 
 class BenchBlock(Block):
@@ -208,7 +212,7 @@ class BenchBlock(Block):
         bench, log, connected = self._bench, self._log, self.connected
         count = len(bench.unknowns)
         own, (x, y, angle, scale) = values[:count], values[count : count + 4]
-        t, base, _ = bench.shown(log, connected, own)
+        t, base = bench.shown(log, connected, own)
         names = [one.name for one in bench.unknowns]
         then = log.at - own[names.index(DELAY)]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import permutations, product
 from os import PathLike
 from types import SimpleNamespace
@@ -51,6 +51,8 @@ _NEAR = 3.0
 stiffer than its model misses by 10 % of its length, twisted lines by 50 %."""
 _ALIKE = 1.5
 """Connections whose fits miss the tip by so many times the best one or less are not told apart [1]."""
+_SETTLES = 3.0
+"""Time in which a simulated plant comes to rest before a plan is played [s]."""
 _INSTANTS = 500
 """Most instants of a log that are fitted [1], evenly spread."""
 _IDLE = 0.2
@@ -111,7 +113,8 @@ class Commissioning(Fit):
         Picture("residuals", "plotting.identification:plot_residuals"),
     )
 
-    mounting: Mounting = Mounting()
+    scene: ControlScene  # type: ignore[assignment]
+    mounting: Mounting = field(default_factory=Mounting)
     alternatives: tuple[Alternative, ...] = ()
     untold: tuple[str, ...] = ()
     log: ControlLog | None = None
@@ -131,7 +134,7 @@ class Commissioning(Fit):
         """
         if not self.usable:
             raise InputError(f"the bench is {self.status}: {'; '.join(self.untold)}", key="log")
-        changed = self.scene if scene is None else scene
+        changed: Any = self.scene if scene is None else scene
         for name, (target, factor, _), value in zip(self.names, self.targets, self.values.tolist(), strict=True):
             if target == DELAY:
                 period = changed.controller.step
@@ -325,7 +328,8 @@ def commission(
     Parameters
     ----------
     scene : ControlScene or path-like
-        The closed loop, whose estimator measures the tip. Of its ``mounting`` a stated ``camera.mirrored`` counts alone.
+        The closed loop, whose estimator measures the tip. Of its ``mounting`` only ``camera.mirrored`` counts, if it
+        is stated.
     log : ControlLog or path-like, optional
         The bench's numbers while the plan of `design_commissioning` was played, or any others that move all drives.
         None: the plan is played on the scene's simulated ``plant``.
@@ -366,9 +370,8 @@ def commission(
     if played is None or found.status != "undecided" or not idle or turned_before:
         return replace(found, log=played)
     # A drive that turns the other way shows nothing until it is commanded so.
-    camera = {} if known.mounting is None else {"camera": known.mounting.camera}
     turned = tuple(Line(of=k + 1, sign=line.sign) for k, line in enumerate(found.mounting.drives))
-    again = known.replaced(mounting=Mounting(**camera, drives=turned))
+    again = known.replaced(mounting=(known.mounting or Mounting()).replaced(drives=turned))
     log = _played(known, design_commissioning(again, duration=duration, reach=reach), plant)
     return replace(_commissioned(known, log, progress or (lambda share: None)), log=log)
 
@@ -376,6 +379,8 @@ def commission(
 def _played(scene: ControlScene, plan: ExcitationPlan, plant: Callable[[ControlScene], Plant]) -> ControlLog:
     """Log of the simulated plant, as its bench counts, while it follows a plan."""
     one, readings = plant(scene.replaced(mounting=None)), []
+    for _ in range(math.ceil(_SETTLES / one.period)):  # its drives and its model do not begin alike
+        one.advance(plan.commands[0])
     for u in plan.commands:
         readings.append(one.measure())
         one.advance(u)
@@ -466,7 +471,7 @@ def _rough(
     seen = log.readings[:, [log.names.index(name) for name in TIP]]
     then = log.at - start[[one.name for one in bench.unknowns].index(DELAY)]
     for way in ways:
-        t, base, _ = bench.shown(log, way, start)
+        t, base = bench.shown(log, way, start)
         tip = np.column_stack([np.interp(then, t, base[:, c]) for c in (0, 1)])
         for mirrored in sides if np.ptp(tip, axis=0).max() > 1e-6 else ():
             camera, left = camera_through(tip, seen, mirrored)

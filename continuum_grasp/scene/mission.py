@@ -160,6 +160,7 @@ class Trials(Value):
 
 _PLANT = ("plant.object_mass", "plant.object_friction")
 _OF_LOOPS = "is of closed loops: give object_mass, and contact_law.friction"
+_COUNTS = "is of closed loops: a mission counts as the model does, leave it out"
 _OF_TURNS = "estimator.measured.object phases.touch phases.stroke phases.leave controller.object_angle controller.gap"
 _NO_TABLE = "is of a table below the plane: it needs grasp.gravity.mode: out_of_plane"
 _MEASURED = "has no meaning with a turn: a camera measures it"
@@ -187,7 +188,10 @@ _CARRIERS = (
     beside("missions by torques", _torques, "tendons", _COMMANDS, "grasp.finger"),
 )
 _MISSIONS = (
-    Consumer("missions", {"grasp.gravity.mode=none": _OFF, **dict.fromkeys(_PLANT, _OF_LOOPS)}),
+    Consumer(
+        "missions",
+        {"grasp.gravity.mode=none": _OFF, "plant.mounting": _COUNTS, **dict.fromkeys(_PLANT, _OF_LOOPS)},
+    ),
     beside("missions without a tip", lambda s: any(one.tip == "off" for one in s.grasp.setups), _TIPS, _CLOSES),
     needs("missions", _OF_TURNS, "turn", "needs a turn"),
     needs("missions", "turn", "estimator.measured.object", _SEEN),

@@ -11,7 +11,6 @@ import os
 import re
 import sys
 from dataclasses import replace
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -428,9 +427,7 @@ def test_a_name_means_nothing_to_a_language(tmp_path):
     header = tmp_path / "include/finger.h"
     run("cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-x", "c", "-fsyntax-only", header)
     assert header.read_text().startswith("/* // doigt é / id HOME PROJECT_NAME 1 /\n")
-    package = ElementTree.parse(tmp_path / "examples/ros2/package.xml")
-    for said in (package.find("description").text, (tmp_path / "finger.pc.in").read_text()):
-        assert "doigt é / id HOME" in said
+    assert "doigt é / id HOME" in (tmp_path / "finger.pc.in").read_text()
     assert json.loads((tmp_path / "MANIFEST.json").read_text())["configuration"]["name"] == name
 
 

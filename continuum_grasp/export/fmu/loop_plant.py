@@ -35,7 +35,10 @@ _CODES = (Code.OK, Code.ERR_NON_FINITE, Code.ERR_RANGE, Code.ERR_RESULT)
 _START = "an input, which begins with what the scene has at time zero"
 _UNIT = Consumer(
     "export to fmu",
-    refused={"plant.guides": "a plant with guides decides its contacts in Python: leave them out"},
+    refused={
+        "plant.guides": "a plant with guides decides its contacts in Python: leave them out",
+        "plant.mounting": "a unit counts as the model does: leave it out",
+    },
     unneeded={
         **LIMITS_OF_BENDING,
         **{f"actuation.tensions.{key}": _START for key in ("times", "interpolation")},

@@ -262,7 +262,10 @@ def plant_of_scene(given: Scene) -> WebPlant:
 
 _PAGE = Consumer(
     "export to web",
-    refused={"plant.guides": "a page has no code that integrates a chain of guides: leave it out"},
+    refused={
+        "plant.guides": "a page has no code that integrates a chain of guides: leave it out",
+        "plant.mounting": "a page counts as the model does: leave it out",
+    },
     unneeded={
         **LIMITS_OF_BENDING,
         "name": "the title of the page alone",
