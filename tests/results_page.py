@@ -8,6 +8,7 @@ from continuum_grasp.accuracy.report import AccuracyReport
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.design import DesignResult
 from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.identification.commissioning import Commissioning
 from continuum_grasp.identification.comparison import Comparison
 from continuum_grasp.identification.excitation import ExcitationPlan
 from continuum_grasp.identification.fit import Fit
@@ -33,6 +34,7 @@ MADE_BY = {
     TrialsResult: "`cg.run_trials`, `continuum-grasp mpc --trials`",
     Comparison: "`cg.compare`, `continuum-grasp compare`",
     Replay: "`cg.replay`, `continuum-grasp replay`",
+    Commissioning: "`cg.commission`, `continuum-grasp commission`",
     Fit: "`cg.identify`, `continuum-grasp identify`",
     ExcitationPlan: "`continuum_grasp.identification.design_excitation`, `continuum-grasp identify --excitation`",
     AccuracyReport: "`cg.accuracy_report`, `continuum-grasp accuracy`",

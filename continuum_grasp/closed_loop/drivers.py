@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp.arguments import check_arguments, whole
-from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.closed_loop.plant import Plant, SharedPlant
 from continuum_grasp.control.command import Command
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
@@ -34,11 +34,14 @@ class SimulatedBench:
     ----------
     plant : Plant
         It moves on in the rest of each period.
+    compiled : bool
+        Whether its integrator is.
     """
 
     @check_arguments
     def __init__(self, scene: ControlScene | str | PathLike[str]) -> None:
         self.plant = Plant(scene_of(scene, ControlScene).replaced(mounting=None))
+        self.compiled = SharedPlant((self.plant,)).compiled  # before a clock runs
         self._u: ArrayLike = self.plant.model.rest_input
 
     def read(self) -> Array:

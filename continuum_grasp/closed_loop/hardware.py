@@ -9,7 +9,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
@@ -194,9 +194,9 @@ def run_hardware(
     with ExitStack() as stack:
         granted = stack.enter_context(_real_time(realtime or RealTime()))
         stack.enter_context(_no_collection())
+        loop.arm = stack.enter_context(_alarm(watchdog))
         try:
-            with _alarm(watchdog) as rearm:
-                loop.run(max(1, math.floor(duration / period + 1e-9)), spin, rearm)
+            loop.run(max(1, math.floor(duration / period + 1e-9)), spin)
         except BaseException as raised:
             error = raised
             of_user = isinstance(raised, KeyboardInterrupt)
@@ -254,9 +254,10 @@ class _Loop:
         self.overruns = self.skipped = 0
         self.status, self.health = [0] * len(Status), [0] * len(Health)
         self.ended, self.cause = "finished", "the duration is over"
+        self.arm: Callable[[bool], object] = lambda on: None
 
-    def run(self, cycles: int, spin: float, rearm: Any) -> None:
-        """Go through the cycles; ``rearm`` starts the watch on a driver that hangs."""
+    def run(self, cycles: int, spin: float) -> None:
+        """Go through the cycles."""
         controller, period = self.controller, self.controller.period
         idle = getattr(self.driver, "idle", None)
         # A period ahead, so that the first cycle is not late by what was done until here.
@@ -265,7 +266,6 @@ class _Loop:
         while cycle < cycles:
             release = start + cycle * period
             began = _wait_until(release, spin)
-            rearm()
             measured = self._read()
             heard = began if measured is not None and np.isfinite(measured).any() else heard
             now = time.perf_counter()
@@ -301,7 +301,9 @@ class _Loop:
             cycle += 1 + missed
 
     def _read(self) -> Array | None:
+        self.arm(True)
         given = self.driver.read()
+        self.arm(False)
         if given is None:
             return None
         read = vector("read()", given, len(self.controller.measurement_names), check=False)
@@ -310,7 +312,9 @@ class _Loop:
     def _send(self, command: Command, u: Array, status: Status | None = None) -> None:
         sent = u if self._wired is None else self._wired.commands(u)
         same = status is None and np.array_equal(sent, command.u)
+        self.arm(True)
         self.driver.write(command if same else command.with_input(sent, status))
+        self.arm(False)
         self._last = u
 
     def _record(self, measured: Array | None) -> None:
@@ -377,10 +381,10 @@ def _no_collection() -> Iterator[None]:
 
 
 @contextmanager
-def _alarm(watchdog: float) -> Iterator[Any]:
-    """Break off what hangs for as long as the watchdog waits, by a timer of the operating system where there is one."""
+def _alarm(watchdog: float) -> Iterator[Callable[[bool], object]]:
+    """Break off what hangs while it is armed, by a timer of the operating system where there is one."""
     if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
-        yield lambda: None
+        yield lambda on: None
         return
 
     def hangs(*_: object) -> None:
@@ -388,7 +392,7 @@ def _alarm(watchdog: float) -> Iterator[Any]:
 
     before = signal.signal(signal.SIGALRM, hangs)
     try:
-        yield lambda: signal.setitimer(signal.ITIMER_REAL, watchdog)
+        yield lambda on: signal.setitimer(signal.ITIMER_REAL, watchdog if on else 0.0)
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)

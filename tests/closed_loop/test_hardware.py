@@ -185,8 +185,13 @@ def test_silence_ends_the_loop(clock, silence):
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs timers of Unix")
-def test_a_driver_that_hangs_is_broken_off(clock):
-    driver = Fake(lambda: time.sleep(5.0))
+@pytest.mark.parametrize("hanging", ["read", "write"])
+def test_a_driver_that_hangs_is_broken_off(clock, hanging):
+    driver = Fake(lambda: time.sleep(5.0)) if hanging == "read" else Fake()
+    if hanging == "write":
+        hangs = iter([5.0])
+        write = driver.write
+        driver.write = lambda command: (time.sleep(next(hangs, 0.0)), write(command))
     began = time.monotonic()
     found = ran(Steps(clock, []), driver, watchdog=0.05)
     assert found.ended == "silent"

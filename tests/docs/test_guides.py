@@ -17,7 +17,7 @@ from docs.own_finger_data import FOLDER, TRUTH
 
 BUILD = ("first_finger", "identified_fingers", "compare", "design_a_finger")
 GRASP = ("grasp_an_object", "grasp_with_errors", "close_the_fingers", "carry_out_a_grasp")
-CONTROL = ("close_a_loop", "estimate_unknowns", "run_your_own_loop", "controller_in_c", "embedded")
+CONTROL = ("close_a_loop", "estimate_unknowns", "run_your_own_loop", "commission", "controller_in_c", "embedded")
 PATHS = (*BUILD, *GRASP, *CONTROL)
 PAGES = (*PATHS, "simulate", "recipes", "chains", "fmu", "learning", "operators")
 BOARD = ("cmake", "make", "arm-none-eabi-gcc", "qemu-system-arm")

@@ -88,6 +88,7 @@ def planned():
     return design_commissioning(scene(), duration=3.0)
 
 
+@pytest.mark.deep
 def test_the_plan_is_safe_on_another_plant():
     """Commands within limits and rates; a softer plant, with drives in either order, within its bending range."""
     plan = planned()
@@ -101,6 +102,7 @@ def test_the_plan_is_safe_on_another_plant():
             assert np.abs(plant.x[: plant.model.system.n]).max() < 200.0
 
 
+@pytest.mark.deep
 def test_a_zone_holds_the_plan_back():
     near = {"wall": {"type": "half_plane", "point": (0.06, 0.0), "normal_angle": np.pi, "of": "tip"}}
     walled = scene().changed({"controller.bounds.keep_out": near})
@@ -111,7 +113,7 @@ def test_a_zone_holds_the_plan_back():
     for u in plan.commands:
         plant.advance(u)
         reach.append(float(plant.model.function("t", tip=plant.model.tip)(plant.x, u, plant.model.forces(0.0)[0])[0]))
-    assert max(map(abs, reach)) < 0.06
+    assert 0.02 < max(reach) < 0.06
 
 
 def errors(found, true):
