@@ -313,7 +313,7 @@ FAULTS: tuple[Fault, ...] = (
     *_in(
         "control/ocp/setpoints.py",
         ("given.phase + 2.0 * math.pi", "given.phase + 2.02 * math.pi"),
-        tests="control/test_setpoints.py control/test_periodic.py",
+        tests="control/test_setpoints.py",
     ),
     *_in(
         "control/ocp/scene_problem.py",

@@ -54,6 +54,6 @@ def commission(
     files = output.save(found)
     output.pairs({"status": found.status, **{f"way {k}": one.what for k, one in enumerate(found.alternatives, 1)}})
     show_parameters(found, files, output)
-    output.warn(found.untold)
+    output.warn(found.undetermined)
     if not found.usable:
         raise typer.Exit(_UNKNOWN)

@@ -50,7 +50,7 @@ _NEAR = 3.0
 """Connections that miss the tip by so many times the best are not fitted [1]: before the fit, a finger that is a fifth
 stiffer than its model misses by 10 % of its length, twisted lines by 50 %."""
 _ALIKE = 1.5
-"""Connections whose fits miss the tip by so many times the best one or less are not told apart [1]."""
+"""Connections whose fits miss the tip by so many times the best one or less are not distinguished [1]."""
 _SETTLES = 3.0
 """Time in which a simulated plant comes to rest before a plan is played [s]."""
 _INSTANTS = 500
@@ -94,7 +94,7 @@ class Commissioning(Fit):
     mounting : Mounting
     alternatives : tuple of Alternative
         Connections that the log does not tell apart, the best one first; one alone where it does.
-    untold : tuple of str
+    undetermined : tuple of str
         What the log does not show, in sentences.
     log : ControlLog or None
         What was played on a simulated plant.
@@ -116,7 +116,7 @@ class Commissioning(Fit):
     scene: ControlScene  # type: ignore[assignment]
     mounting: Mounting = field(default_factory=Mounting)
     alternatives: tuple[Alternative, ...] = ()
-    untold: tuple[str, ...] = ()
+    undetermined: tuple[str, ...] = ()
     log: ControlLog | None = None
 
     @property
@@ -133,7 +133,7 @@ class Commissioning(Fit):
             If the connections are not known.
         """
         if not self.usable:
-            raise InputError(f"the bench is {self.status}: {'; '.join(self.untold)}", key="log")
+            raise InputError(f"the bench is {self.status}: {'; '.join(self.undetermined)}", key="log")
         changed: Any = self.scene if scene is None else scene
         for name, (target, factor, _), value in zip(self.names, self.targets, self.values.tolist(), strict=True):
             if target == DELAY:
@@ -152,13 +152,17 @@ class Commissioning(Fit):
         return {
             **(ways if len(ways) > 1 else {"connected": ways["way 1"]}),
             **{name: f"{value:.4g} +/- {deviation:.2g} {unit}" for name, value, deviation, unit in numbers},
-            **({"not told": "; ".join(self.untold)} if self.untold else {}),
+            **({"undetermined": "; ".join(self.undetermined)} if self.undetermined else {}),
         }
 
     def details(self) -> dict[str, Any]:
         """Mounting, alternatives and the summary as plain data."""
         ways = [one._asdict() for one in self.alternatives]
-        own = {"mounting": self.mounting.model_dump(mode="json"), "alternatives": ways, "untold": list(self.untold)}
+        own = {
+            "mounting": self.mounting.model_dump(mode="json"),
+            "alternatives": ways,
+            "undetermined": list(self.undetermined),
+        }
         return {**own, **self.summary()}
 
 
@@ -210,7 +214,7 @@ def design_commissioning(
     Raises
     ------
     InputError
-        If the scene has no camera or other drives than tensions or the tip moment, or a limit leaves no room.
+        If the scene has no camera or other drives than tensions or the tip moment, or a limit allows no commands.
 
     Examples
     --------
@@ -322,7 +326,7 @@ def commission(
 
     Found are position, angle, scale and handedness of the camera; order and signs of drives and load cells, and zeros
     of both; lag and delay; and stiffness and damping beside them. Connections are tried one by one, all numbers by
-    least squares. What the log does not tell is named in ``untold``, and a configuration that is not known is not
+    least squares. What the log does not tell is named in ``undetermined``, and a configuration that is not known is not
     written.
 
     Parameters
@@ -417,8 +421,8 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
     start, nu = np.array([one.start for one in bench.unknowns]), bench.model.nu
     cells = _followed(bench, log, start)
     mute = [name for name in log.names if name not in TIP and name not in cells]
-    kept = [k for k, name in enumerate(log.names) if name not in mute]
-    log = log._replace(readings=log.readings[:, kept], names=tuple(log.names[k] for k in kept))
+    used = [k for k, name in enumerate(log.names) if name not in mute]
+    log = log._replace(readings=log.readings[:, used], names=tuple(log.names[k] for k in used))
     ways = [Connected(order, signs) for order in permutations(range(nu)) for signs in product((1, -1), repeat=nu)]
     stated = scene.mounting is not None and "mirrored" in scene.mounting.camera.model_fields_set
     sides = [scene.mounting.camera.mirrored] if stated and scene.mounting is not None else [False, True]
@@ -515,16 +519,16 @@ def _result(
     cells_of = tuple(lines[name] for name in bench.model.u_names) if whole else ()
     moved = np.ptp(bench.commanded(log.u, way, np.array(zeros)), axis=0)
     idle = [c for c, tendon in enumerate(way.order) if moved[tendon] < _IDLE * np.ptp(log.u[:, c])]
-    untold = [f"the log has no {name}, or nothing in it follows a command" for name in missing]
-    untold += [
+    undetermined = [f"the log has no {name}, or nothing in it follows a command" for name in missing]
+    undetermined += [
         f"drive {c + 1} moves nothing: it turns the other way (sign: {way.signs[c]:+d} in mounting.drives), or is dead"
         for c in idle
     ]
     if len(alike) > 1:
-        untold.append("; or ".join(_words(one[1]) for one in alike))
+        undetermined.append("; or ".join(_words(one[1]) for one in alike))
     if len(bench.zeros) < bench.model.nu and cells:
-        untold.append(
-            "a zero that both drives share is not told from one that both load cells share: taken as the cells'"
+        undetermined.append(
+            "a zero that both drives share cannot be distinguished from one that both load cells share: taken as the cells'"
         )
     status = "identified" if len(alike) == 1 and not idle else "undecided"
     status = status if missed <= _MISFIT * scene.finger.rod.length else "mismatch"
@@ -549,7 +553,7 @@ def _result(
         statistics={"ways": len(alike), "evaluations": solution.evaluations},
         mounting=Mounting(camera=camera, drives=drives, tensions=cells_of),
         alternatives=tuple(Alternative(_words(one[1]), one[0]) for one in alike),
-        untold=tuple(untold),
+        undetermined=tuple(undetermined),
     )
 
 

@@ -147,7 +147,7 @@ def test_a_bench_mounted_at_random_is_found(seed):
         ),
     )
     found = commission(scene(true), duration=6.0)
-    assert found.status == "identified", found.untold
+    assert found.status == "identified", found.undetermined
     for key in ("drives", "tensions"):
         assert [(a.of, a.sign) for a in getattr(found.mounting, key)] == [(a.of, a.sign) for a in getattr(true, key)]
     assert found.mounting.camera.mirrored == true.camera.mirrored
@@ -192,7 +192,7 @@ def test_a_drive_that_turns_the_other_way_is_not_guessed():
     once = scene(true, Mounting(drives=(Line(of=1), Line(of=2))))
     alone = commission(once, duration=4.0)  # told to command as it was
     assert alone.status == "undecided"
-    assert "drive 2 moves nothing" in alone.untold[0]
+    assert "drive 2 moves nothing" in alone.undetermined[0]
 
 
 @pytest.mark.deep
