@@ -528,7 +528,8 @@ def _result(
         undetermined.append("; or ".join(_words(one[1]) for one in alike))
     if len(bench.zeros) < bench.model.nu and cells:
         undetermined.append(
-            "a zero that both drives share cannot be distinguished from one that both load cells share: taken as the cells'"
+            "a zero that both drives share cannot be distinguished from one that both load cells share: taken as the "
+            "cells'"
         )
     status = "identified" if len(alike) == 1 and not idle else "undecided"
     status = status if missed <= _MISFIT * scene.finger.rod.length else "mismatch"
