@@ -192,7 +192,7 @@ def test_a_drive_that_turns_the_other_way_is_not_guessed():
     once = scene(true, Mounting(drives=(Line(of=1), Line(of=2))))
     alone = commission(once, duration=4.0)  # told to command as it was
     assert alone.status == "undecided"
-    assert "drive 2 moves nothing" in alone.undetermined[0]
+    assert any("drive 2 moves nothing" in one for one in alone.undetermined)
 
 
 @pytest.mark.deep
