@@ -430,7 +430,8 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
     chosen = [one for one in rough if one[0] <= _NEAR * rough[0][0]]
     fits = list[tuple[float, Connected, BenchBlock, Problem, Solution]]()
     for k, (_, way, camera) in enumerate(chosen):
-        paired = {name: (way.order[channel], sign) for name, (channel, sign) in cells.items()}
+        # By the command, whose drive may turn the other way.
+        paired = {name: (way.order[c], sign * way.signs[c]) for name, (c, sign) in cells.items()}
         block = BenchBlock(bench, log, way, paired)
         problem = Problem([block], _started(block, camera), "squares")
         try:
@@ -508,7 +509,10 @@ def _result(
         Line(of=tendon + 1, sign=sign, zero=-sign * float(shifts[tendon]))  # type: ignore[arg-type]
         for tendon, sign in zip(way.order, way.signs, strict=True)
     )
-    lines = {name: Line(of=way.order[c] + 1, sign=s, zero=_bias(numbers, name)) for name, (c, s) in cells.items()}  # type: ignore[arg-type]
+    lines = {
+        name: Line(of=way.order[c] + 1, sign=s * way.signs[c], zero=_bias(numbers, name))  # type: ignore[arg-type]
+        for name, (c, s) in cells.items()
+    }
     whole = len(lines) == bench.model.nu
     camera = Camera(
         position=(numbers["camera_x"], numbers["camera_y"]),
@@ -519,7 +523,11 @@ def _result(
     cells_of = tuple(lines[name] for name in bench.model.u_names) if whole else ()
     moved = np.ptp(bench.commanded(log.u, way, np.array(zeros)), axis=0)
     idle = [c for c, tendon in enumerate(way.order) if moved[tendon] < _IDLE * np.ptp(log.u[:, c])]
-    undetermined = [f"the log has no {name}, or nothing in it follows a command" for name in missing]
+    undetermined = [
+        f"the log has no {name}, or it follows no command: its line is not known; leave it out of estimator.measured, "
+        "or log it while its tendon is pulled"
+        for name in missing
+    ]
     undetermined += [
         f"drive {c + 1} moves nothing: it turns the other way (sign: {way.signs[c]:+d} in mounting.drives), or is dead"
         for c in idle
@@ -531,7 +539,7 @@ def _result(
             "a zero that both drives share cannot be distinguished from one that both load cells share: taken as the "
             "cells'"
         )
-    status = "identified" if len(alike) == 1 and not idle else "undecided"
+    status = "identified" if len(alike) == 1 and not idle and not missing else "undecided"
     status = status if missed <= _MISFIT * scene.finger.rod.length else "mismatch"
     return Commissioning(
         names=tuple(one.name for one in unknowns),

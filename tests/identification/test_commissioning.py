@@ -184,9 +184,10 @@ def test_a_flat_finger_does_not_show_which_side_is_up():
 @pytest.mark.deep
 def test_a_drive_that_turns_the_other_way_is_not_guessed():
     """From one log it may be dead as well; a second plan, with its sign turned, shows it."""
-    true = Mounting(drives=(Line(of=1), Line(of=2, sign=-1)))
+    true = Mounting(drives=(Line(of=1), Line(of=2, sign=-1)), tensions=(Line(of=2, sign=-1), Line(of=1)))
     tried = scene(true)
     found = commission(tried, duration=4.0)
+    assert [(line.of, line.sign) for line in found.mounting.tensions] == [(2, -1), (1, 1)]
     assert found.status == "identified"
     assert [line.sign for line in found.mounting.drives] == [1, -1]
     once = scene(true, Mounting(drives=(Line(of=1), Line(of=2))))
