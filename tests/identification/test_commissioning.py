@@ -207,22 +207,12 @@ def test_a_log_of_another_finger_is_no_bench(tmp_path):
         commission(scene(), file)
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"estimator": None}, "estimator.measured.tip"),
-        ({"object": {"shape": "disc", "radius": 0.02, "position": (0.1, 0.1)}}, "leave the object out"),
-    ],
-)
-def test_what_cannot_be_commissioned_is_refused(changes, words):
-    with pytest.raises(InputError, match=words):
-        design_commissioning(scene(noise=1.0).changed(changes) if "object" in changes else _blind())
-
-
-def _blind():
-    given = {**SCENE, "fidelity": {"family": "arc", "elements": 2}}
-    given.pop("estimator")
-    return ControlScene(**given)
+def test_what_cannot_be_commissioned_is_refused():
+    blind = ControlScene(**{key: value for key, value in SCENE.items() if key != "estimator"})
+    with pytest.raises(InputError, match=r"estimator\.measured\.tip"):
+        design_commissioning(blind)
+    with pytest.raises(InputError, match="commanded tensions"):
+        design_commissioning(CONFIGS / "mpc/winches.yaml")
 
 
 @pytest.mark.deep
