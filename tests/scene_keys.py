@@ -209,7 +209,13 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
         for key, constant in (("torques", None), ("currents", 0.02))
     },
 }
+_MOUNTING = {
+    "camera": {"position": (0.008, -0.005), "angle": 0.1, "scale": 1.05, "mirrored": True},
+    "drives": [{"of": 2, "zero": 0.3}, {"of": 1, "sign": -1}],
+    "tensions": [{"of": 2, "zero": 1.0}, {"of": 1}],
+}
 _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
+    "mounting": ("steady_tip", {"mounting": _MOUNTING, "plant.mounting": _MOUNTING}),
     "scenarios": (
         "steady_tip",
         {"controller.scenarios": [{"stiffness": 0.8, "damping": 0.9, "tip_mass": 0.001, "time_constant": 0.02}, {}]},
