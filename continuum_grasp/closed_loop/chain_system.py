@@ -16,8 +16,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.hinge_chain import OF_FINGER, HingeChain
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
@@ -31,8 +31,6 @@ from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, Consumer, beside
 from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.simulate import Initial, Scene
-
-Array = NDArray[np.float64]
 
 _NO_TENSION = 1e-9
 """Tension below which a tendon has no friction that could be read off [N]."""

@@ -8,16 +8,15 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments, whole
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import Plant, SharedPlant
 from continuum_grasp.control.command import Command
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
-
-Array = NDArray[np.float64]
 
 _LONGEST_LINE = 4096
 """Bytes without an end of line after which they are dropped [1]: a line of 16 readings has 200."""

@@ -15,10 +15,11 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments, positive, within
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.wiring import wiring_of
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.command import Command
@@ -28,8 +29,6 @@ from continuum_grasp.control.prediction import start_state
 from continuum_grasp.control.status import Health, Status, spread
 from continuum_grasp.errors import InputError, Interrupted
 from continuum_grasp.scene.simulate import Initial
-
-Array = NDArray[np.float64]
 
 _MOST_CYCLES = 1e7
 """Cycles of one run [1]: their log is held in memory, 1 GB; a day at 10 ms."""

@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.links import Links, lump
 from continuum_grasp.model.winches import Motor, winches_of
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.tendons import Tendon
-
-Array = NDArray[np.float64]
 
 OF_FINGER = ("bending_stiffness", "material_damping", "tendon_friction")
 """Numbers of the finger that may be changed without compiling anew."""

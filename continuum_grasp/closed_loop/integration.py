@@ -6,8 +6,8 @@ import ctypes
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control.rti.source import load_library
@@ -17,8 +17,6 @@ from continuum_grasp.core.rollouts import Rollouts, Signal
 from continuum_grasp.core.source import filled, generated, template
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model.remade import Remade
-
-Array = NDArray[np.float64]
 
 GUIDES = "guides"
 """Name of the method of chains of guides, which is none of ``INTEGRATORS``."""

@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.closed_loop.readings import Bound
 from continuum_grasp.control.ocp.setpoints import Tracking, amount
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

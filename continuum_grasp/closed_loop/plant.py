@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.integration import GUIDES, ChainIntegration, Integration
 from continuum_grasp.closed_loop.plant_model import PlantModel
@@ -24,8 +25,6 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes
-
-Array = NDArray[np.float64]
 
 
 class Plant:

@@ -8,8 +8,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import System
@@ -27,8 +28,6 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
-
-Array = NDArray[np.float64]
 
 _LAG = "drive_time_constant"
 """Parameter that is the lag of commanded tensions."""

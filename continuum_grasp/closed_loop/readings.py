@@ -8,8 +8,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.ocp.bounds import curvature_limits, distance_from
 from continuum_grasp.control.ocp.cost_terms import Quantities, cost_terms
@@ -17,8 +17,6 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.simulation.contacts import ContactForces
-
-Array = NDArray[np.float64]
 
 _FINE = 64
 """Sections along the backbone at which zones are checked [1]: many times the controller's four to an element, so that

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.metrics import Metrics, Times, violation_of
 from continuum_grasp.closed_loop.readings import Bound, Readings
 from continuum_grasp.control.estimation.adaptation import Adapted
@@ -23,8 +24,6 @@ from continuum_grasp.results.motion import MotionResult
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.simulation.contacts import CONTACT, ContactForces
 from continuum_grasp.simulation.contacts import STORED as CONTACTS_STORED
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,9 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.plant_model import PlantModel
-
-Array = NDArray[np.float64]
 
 WRENCH = ("object_force_x [N]", "object_force_y [N]", "object_moment [N m]")
 _RISE = "object_z_rate [m/s]"

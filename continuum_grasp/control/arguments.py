@@ -7,13 +7,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import shown
+from continuum_grasp.arrays import Array
 from continuum_grasp.core.call import finite
 from continuum_grasp.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 def bare(label: str) -> str:

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.arguments import bare
 from continuum_grasp.control.estimation.adaptation import Adapted, AdaptedState
 from continuum_grasp.control.estimation.contact_detector import DetectedContact, detected_contact
@@ -15,8 +15,6 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Status, Trip, health_text, texts
 from continuum_grasp.errors import InputError
 from continuum_grasp.summary import Summarized, quoted
-
-Array = NDArray[np.float64]
 
 _HEALTH = tuple(Health)
 

@@ -9,8 +9,8 @@ import struct
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.estimation.contact_model import ContactModel
 from continuum_grasp.control.estimation.model import Estimation
 from continuum_grasp.control.field import Field
@@ -18,8 +18,6 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.rti import source as rti
 from continuum_grasp.core.source import in_lanes, plain_source
 from continuum_grasp.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 def estimator_source(

@@ -9,9 +9,10 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments, positive, shown
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.arguments import named, numbers, vector
 from continuum_grasp.control.command import Command, Layout
 from continuum_grasp.control.compiled import Compiled, controller_source
@@ -25,8 +26,6 @@ from continuum_grasp.control.status import Statistics, Status
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.summary import Summarized
-
-Array = NDArray[np.float64]
 
 _STATUS = tuple(Status)
 CHANGEABLE = ("weights", "terminal_weights", "u_min", "u_max", "c_min", "c_max", "linear", "quadratic")

@@ -7,8 +7,7 @@ from functools import cached_property
 from os import PathLike
 from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.control.arguments import vector
@@ -25,8 +24,6 @@ from continuum_grasp.core.precision import precision_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.summary import quoted
-
-Array = NDArray[np.float64]
 
 
 class Controller(CompiledController):

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
-
-Array = NDArray[np.float64]
 
 COMMANDED = "commanded_"
 """Before the name of an input in the heading of a command: sensors of tensions have the names of inputs."""

@@ -9,9 +9,10 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.contacts import friction_parameter
@@ -26,8 +27,6 @@ from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.spectrum import SLIDING, sample_shapes
-
-Array = NDArray[np.float64]
 
 _LAG = "drive_time_constant"
 """Parameter that is the time constant of the drive."""

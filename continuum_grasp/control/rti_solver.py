@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments, positive, whole
 from continuum_grasp.control.arguments import named, vector
@@ -20,8 +20,6 @@ from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.control.settings import Calls, solver_fields
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
-
-Array = NDArray[np.float64]
 
 
 class RtiSolver(CompiledController):

@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.estimation.contact_model import ContactModel
 from continuum_grasp.control.estimation.excitation import quiet_sensitivities
 from continuum_grasp.control.estimation.model import Estimation
@@ -18,8 +18,6 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.control.rti import source as rti
 from continuum_grasp.scene.control import ControlScene
-
-Array = NDArray[np.float64]
 
 _RAMP = 0.5
 """Time in which the safe ramp crosses the whole range of an input [s]: longer than the period of the first mode of the

@@ -8,9 +8,8 @@ from enum import IntEnum, IntFlag
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from continuum_grasp.arrays import Array
 
 CALL_RATE = "call rate"
 """Name of what is supervised beside the sensors."""

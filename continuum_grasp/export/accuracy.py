@@ -5,18 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import REALS, Real, to_digits
 from continuum_grasp.export.part import Argument, Call, Code
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.vectors import press, reach_of, split
-
-Array = NDArray[Any]
 
 _CHUNK = 2048
 """Rows that are evaluated at once: the reference implementation keeps every intermediate value of a kernel."""

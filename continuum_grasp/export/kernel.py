@@ -9,19 +9,16 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.core.lanes import OPERATORS
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.strict_math import FUNCTIONS, reference
 from continuum_grasp.export.template import fill
-
-Array = NDArray[Any]
 
 _NAMES = {value: name for name, value in vars(ca).items() if name.startswith("OP_")}
 _C: dict[int, str] = OPERATORS | {

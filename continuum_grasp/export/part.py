@@ -11,15 +11,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.export.fields import Field, Struct, each_once
 from continuum_grasp.export.kernel import Kernel
 
-Array = NDArray[Any]
 Rows = Mapping[str, Array]
 """Inputs of many calls: (count, size) by the name of the argument."""
 Reference = Callable[[Rows], tuple[Array, Array]]

@@ -21,12 +21,10 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.template import fill
-
-Array = NDArray[Any]
 
 _NUMBERS = {
     "half": 0.5,

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.core.precision import check_solvable
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.export.control.loop import Loop
@@ -294,8 +295,6 @@ _TAUT = 1.0
 """Tension of a tendon that is taut [N]."""
 _BETWEEN = 32
 """Shapes within the bending range, as many again: the radius is not monotonic in the shape."""
-
-Array = NDArray[np.float64]
 
 
 def _greatest_rates(

@@ -9,18 +9,15 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.export.fields import Field, Real
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.part import Argument, Bad, Call, Code, Vectors
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
-
-Array = NDArray[Any]
 
 _LEAST, _IN_ALL = 64, 200
 """Rows per function, and of all functions together."""

@@ -21,9 +21,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.quality.lp import FAR, solve_lp
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.scan.curves import wrapped
@@ -33,8 +33,6 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects.body import greatest_shift
 from continuum_grasp.scene.supports import Wall
-
-Array = NDArray[np.float64]
 
 _PIECES = 40
 """Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180."""

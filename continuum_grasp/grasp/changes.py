@@ -6,11 +6,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.values import Units, problem_values, tension_weight
 from continuum_grasp.grasp.result import GraspResult, flawed
@@ -21,8 +20,6 @@ from continuum_grasp.grasp.values import REFUTED, Change, Sensitivity, tension_o
 from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.grasp import GraspScene
-
-Array = NDArray[Any]
 
 FINE = 6
 """Elements per segment between base, middle contacts and tip of the model that a grasp is compared with:

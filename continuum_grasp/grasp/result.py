@@ -9,9 +9,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from numpy.typing import NDArray
-
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
@@ -40,7 +39,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.robust.result import Robustness
     from continuum_grasp.grasp.robust.share import PlantShare
 
-Array = NDArray[Any]
 
 SLACK = 1e-3
 """Tension beyond the least one, per greatest normal force, below which tendons count as slack: a tendon's moment arm is

@@ -11,7 +11,6 @@ from itertools import zip_longest
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.exploration import Basin, Exploration
@@ -27,8 +26,6 @@ from continuum_grasp.nlp import Budget
 from continuum_grasp.nlp.solver import STALLED
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Effort
-
-Array = NDArray[Any]
 
 HELD, HELD_STILL = 3, "held still"
 """Grasps from which another scene starts: of nearby branches another may be best for it; label of those starts where

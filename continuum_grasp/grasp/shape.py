@@ -8,13 +8,11 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.profile import Curve
-
-Array = NDArray[Any]
 
 ROUNDED = 0.01
 """Part of the length, to either side of a corner, over which it is rounded [1], so that the skin turns steadily where

@@ -10,11 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.changes import FIRST
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
@@ -25,8 +24,6 @@ from continuum_grasp.grasp.starts.values import FingerStart, Start, start_from, 
 from continuum_grasp.grasp.tried import NEAR
 from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-
-Array = NDArray[Any]
 
 MOST = 60
 """Iterations of an exchange: 40 stop two stations of the mug, which are best, before they balance."""

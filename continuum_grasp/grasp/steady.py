@@ -8,19 +8,16 @@ linearization: J. Nocedal, S. J. Wright, Numerical Optimization, 2006, chapter 1
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.problem.solver_run import RUNGS, solver_for
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.scene.grasp import GraspScene
-
-Array = NDArray[Any]
 
 LEAST = 1e-2
 """Least eigenvalue [E I / L] that is asked for: well above what changes of the last digits can undo."""

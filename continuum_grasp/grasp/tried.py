@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from numpy.typing import NDArray
-
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.scene.grasp import GraspScene
-
-Array = NDArray[Any]
 
 NEAR = 1e-3
 """Relative difference of the objective for which a converged attempt is preferred: an interrupted one has no

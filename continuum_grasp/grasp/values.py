@@ -6,14 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.scene.grasp import GraspScene
-
-Array = NDArray[Any]
 
 UNSTABLE = "unstable"
 REFUTED = "refuted by the fine model"

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.integration import Integration
 from continuum_grasp.closed_loop.plant import choose_method
 from continuum_grasp.closed_loop.plant_model import PlantModel
@@ -27,8 +27,6 @@ from continuum_grasp.labels import split_unit, unit_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Plant
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS
-
-Array = NDArray[np.float64]
 
 CAMERA = ("camera_x", "camera_y", "camera_angle", "camera_scale")
 """Unknowns of the camera, as `Camera` has them."""

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import UNIT_OF, Frequencies, Poses, Reading
@@ -21,8 +22,6 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import poles
 from continuum_grasp.simulation.trajectory import backbones
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

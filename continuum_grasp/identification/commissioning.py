@@ -11,10 +11,10 @@ from types import SimpleNamespace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from continuum_grasp.arguments import check_arguments, positive
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.readings import Readings
 from continuum_grasp.closed_loop.wiring import TIP, wiring_of
@@ -39,8 +39,6 @@ from continuum_grasp.scene.identify import Excitation
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mounting import Camera, Line, Mounting
 from continuum_grasp.simulation.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _SOFTER = 0.8
 """Stiffness of the softest finger that must stay within the limits, per the scene's [1]."""

@@ -10,13 +10,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.identification.blocks import Drawn, Entry
 from continuum_grasp.labels import SHOWN_IN
 from continuum_grasp.results.declared import Dimension, Picture, Stored
 from continuum_grasp.results.result import Result
 from continuum_grasp.scene.simulate import Scene
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

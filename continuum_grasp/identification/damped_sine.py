@@ -6,14 +6,13 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import column
 from continuum_grasp.identification.least_squares import least_squares
-
-Array = NDArray[np.float64]
 
 _LEAST_SAMPLES = 12
 """Least samples of a signal: two per unknown, of which a damped sine with offset and drift has six."""

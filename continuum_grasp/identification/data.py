@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import positive, real_array
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.identify import OF_BENDS
 from continuum_grasp.scene.simulate import Scene
 
-Array = NDArray[np.float64]
 UNIT_OF = {
     "x": "m",
     "y": "m",

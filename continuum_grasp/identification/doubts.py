@@ -17,13 +17,13 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.data import KIND_OF
 from continuum_grasp.identification.inference import FALSE_ALARMS, infer, surely
 from continuum_grasp.identification.problem import Build, Given, Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 
-Array = NDArray[np.float64]
 Further = tuple[Unknown, Array]
 
 _LEAST = 4

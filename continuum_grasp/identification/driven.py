@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.data import Reading
 from continuum_grasp.identification.observation import moving
@@ -20,8 +20,6 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.static_shape import friction_history
 from continuum_grasp.simulation.statics import friction_of
-
-Array = NDArray[np.float64]
 
 _INSTANT = 1e-6
 """Half the distance of the instants between which a late command is differentiated by its delay [s]."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.data import Reading, TipPath
 from continuum_grasp.identification.inference import Inference, infer
@@ -25,8 +26,6 @@ from continuum_grasp.scene.identify import Column, IdentifyScene, TipTrajectory
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.simulate import simulate
 from continuum_grasp.simulation.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _ROUNDS = 30
 """Rounds of adjusting the segments' shares of time, which settle to a percent in a dozen."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.comparison import Predicted, block_rows, channel_rows
 from continuum_grasp.identification.unknowns import DELAY, OF_DRIVE
@@ -19,8 +19,6 @@ from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.finger import PointMass
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import FingerScene
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

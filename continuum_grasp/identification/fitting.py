@@ -11,11 +11,11 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp import interrupt
 from continuum_grasp.accuracy.space import refined
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError, SolverError
 from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBlock
 from continuum_grasp.identification.comparison import Comparison
@@ -33,7 +33,6 @@ from continuum_grasp.scene.identify import Estimate
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
 
-Array = NDArray[np.float64]
 Measurements = str | PathLike[str] | Data | Sequence[str | PathLike[str] | Data]
 
 _MOST = 12

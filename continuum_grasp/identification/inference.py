@@ -17,9 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.identification.unknowns import Unknown
-
-Array = NDArray[np.float64]
 
 FALSE_ALARMS = 2e-3
 """Probability with which noise alone makes a single verdict [1]: the four of them then make one in 1 % of data sets."""

@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import NumericalError, SolverError
 
-Array = NDArray[np.float64]
 Function = Callable[[Array], tuple[Array, Array]]
 
 _STEP = 1e-9

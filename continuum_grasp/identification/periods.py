@@ -9,10 +9,10 @@ from os import PathLike
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.log import COMMANDED, ControlLog
@@ -21,8 +21,6 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.labels import name_of, split_unit, unit_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.table import read_table
-
-Array = NDArray[np.float64]
 
 SWAPPED = " swapped"
 """End of the name of a trial with swapped channels."""

@@ -15,16 +15,14 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.data import KIND_OF, Data, TipPath
 from continuum_grasp.identification.problem import Build, Given, Problem, Solution
 from continuum_grasp.identification.slips import Slip, readings_of, slips_of, undone
 from continuum_grasp.identification.unknowns import ADDED, read_unknowns
-
-Array = NDArray[np.float64]
 
 IMPLAUSIBLE = "implausible"
 """Status of a fit whose measurements cannot be those of the finger."""

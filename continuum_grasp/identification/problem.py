@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.data import Data
@@ -17,7 +18,6 @@ from continuum_grasp.identification.unknowns import Unknown, prior
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 Given = Sequence[tuple[Data, Scene]]
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.log import COMMANDED
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.damped_sine import fit_damped_sine
@@ -36,8 +37,6 @@ from continuum_grasp.scene.identify import (
 from continuum_grasp.scene.loads import by_key
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.table import Table, read_table
-
-Array = NDArray[np.float64]
 
 
 @check_arguments

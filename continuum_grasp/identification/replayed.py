@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.identification.blocks import Drawn, Entry
 from continuum_grasp.identification.comparison import Predicted
@@ -21,8 +21,6 @@ from continuum_grasp.labels import split_unit, unit_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
-
-Array = NDArray[np.float64]
 
 _TRUST = 12.0
 """Mean squared normalized innovation up to which sensors and model agree [1]: a move with half the stiffness stays

@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import column
 from continuum_grasp.identification.unknowns import DEADBAND, OF_DRIVE, START, Unknown
@@ -22,8 +23,6 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.statics import equilibrium_under, friction_of
 from continuum_grasp.simulation.trajectory import limit_warnings
-
-Array = NDArray[np.float64]
 
 _ROUNDING = 0.01
 """Width over which the corner of the deadband is rounded off [N], for a derivative there:

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import SolverError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.drives import MotorDrive
@@ -18,8 +18,6 @@ from continuum_grasp.simulation.modes import modes
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.statics import equilibrium_under
 from continuum_grasp.simulation.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _BASE = 0.03
 """Tension at which tendons stay taut, per greatest tension [1]."""

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import SolverError
 from continuum_grasp.identification.data import START_SAMPLES, Reading, column
 from continuum_grasp.identification.least_squares import least_squares
 from continuum_grasp.identification.observation import at_rest
 from continuum_grasp.identification.rows import symbols, with_slopes
 from continuum_grasp.model import FingerModel
-
-Array = NDArray[np.float64]
 
 _SMOOTH = 1e-4
 """Weight of the squared coordinates per range beside that of the squared readings per length [1]: what moves a reading

@@ -9,8 +9,8 @@ from functools import partial
 from typing import NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import unit_of
 from continuum_grasp.model import FingerModel
@@ -20,8 +20,6 @@ from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.identify import Estimate
 from continuum_grasp.scene.simulate import Scene
-
-Array = NDArray[np.float64]
 
 DEADBAND = "tension_deadband"
 """The difference of tensions that friction takes before the finger feels any."""

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.plant import Variation
@@ -20,8 +20,6 @@ from continuum_grasp.mission.resistance import plane_gravity
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp_drive import DriveLaw
 from continuum_grasp.scene.mission import MissionScene
-
-Array = NDArray[np.float64]
 
 # -- contacts ---------------------------------------------------------------------------------------------------------
 

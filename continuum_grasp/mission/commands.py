@@ -6,13 +6,12 @@ import math
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.model.winches import Winch, winches_of
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.finger import Finger
-
-Array = NDArray[np.float64]
 
 
 class Commands:

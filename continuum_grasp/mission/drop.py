@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import Lowered, bodies, certified_contact, lowered_by_pulls, plant_friction
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.simulation.contacts import ContactForces
-
-Array = NDArray[np.float64]
 
 FALLEN = 0.005
 """Height that an object loses before it counts as dropped [m]."""

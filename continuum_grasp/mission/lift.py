@@ -8,15 +8,13 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.plan import BEARS, LETS_GO, UNKNOWN, WAITS, Plan, blindness, needed_forces
 from continuum_grasp.mission.plant import Timetable
-
-Array = NDArray[np.float64]
 
 _AT_LIMIT = 0.999
 """Share of the greatest tension from which on a drive is at its limit [1]: commands reach it to solver accuracy."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.errors import SolverError
@@ -17,8 +17,6 @@ from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.lift import Shortfall, shortfalls
 from continuum_grasp.mission.plant import MOVES, mission_plant_model
 from continuum_grasp.scene.controller import Plant
-
-Array = NDArray[np.float64]
 
 _STEP = 0.004
 """Step of the linearly implicit Euler method [s]. It has the equilibria of the equations; the forces that

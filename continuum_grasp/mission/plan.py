@@ -7,8 +7,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.compiled import Compiled, mission_source
 from continuum_grasp.control.field import Field
@@ -18,8 +19,6 @@ from continuum_grasp.control.status import Anomaly
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.plant import Timetable
-
-Array = NDArray[np.float64]
 
 _FOLLOWED = {"posture": ("bending_",), "force": ("contact_force",), "gap": ("gap_",), "angle": ("gap_", "object_angle")}
 """Quantities that the controller may follow in a phase, and how the names of their setpoints begin."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.closed_loop.shared_object import WRENCH
@@ -18,8 +18,6 @@ from continuum_grasp.mission.assignment import Assignment, object_of
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.surroundings import Table
-
-Array = NDArray[np.float64]
 
 _FINGER, _OBJECT = ("bending_stiffness", "material_damping"), ("object_mass", "friction_factor")
 """Numbers of finger and object that vary from plant to plant: run-time numbers, so that equations are compiled once.

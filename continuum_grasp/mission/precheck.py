@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from os import PathLike
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import BeyondCertificate, SolverError
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import LARGEST, Assignment, assign
@@ -22,8 +22,6 @@ from continuum_grasp.mission.plant import Variation
 from continuum_grasp.mission.resistance import ROUNDING, held_resistance, plane_gravity
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

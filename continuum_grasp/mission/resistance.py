@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.quality.resistance import Resistance, resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.scene.grasp_options import PlanarGravity
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-6
 """Excess, as a part of a number, that is none: the certificate itself holds to this."""

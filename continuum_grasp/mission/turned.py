@@ -7,16 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import bodies, plant_friction
 from continuum_grasp.mission.drop import ON_CONE
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.simulation.contacts import ContactForces
-
-Array = NDArray[np.float64]
 
 _AT_LIMIT = 0.98
 """Share of the drive's limit from which on it has no more to give: an estimate of the tension ripples by as much."""

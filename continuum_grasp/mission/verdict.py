@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.mission.assignment import Assignment, present
 from continuum_grasp.mission.budget import is_table, object_height, plant_friction
@@ -17,8 +17,6 @@ from continuum_grasp.mission.lift import NotLifted
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.turned import Turned, find_turned
 from continuum_grasp.simulation.contacts import ContactForces
-
-Array = NDArray[np.float64]
 
 _SETTLED = 0.5
 """Last share of the hold over which forces are judged."""

@@ -8,9 +8,10 @@ from enum import IntEnum
 from os import PathLike
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, detector_source
 from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
@@ -20,9 +21,6 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.simulation.statics import Friction
 from continuum_grasp.summary import Summarized, quoted
-
-Array = NDArray[np.float64]
-
 
 _MOST = 1e9
 """``CONTACT_MOST`` of ``c/contact_detector.h`` [N]."""

@@ -10,8 +10,8 @@ from itertools import product
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.estimation.free_finger import FreeFinger, steps_per_period
 from continuum_grasp.control.estimation.model import torque_name, torque_per_reading
 from continuum_grasp.control.estimation.noise import measurement_range
@@ -26,8 +26,6 @@ from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.estimator import Measured
 from continuum_grasp.scene.simulate import Initial
 from continuum_grasp.simulation.statics import Friction, friction_of
-
-Array = NDArray[np.float64]
 
 _NOISE = 6.0
 """Standard deviations that noise reaches [1]: one sample of normal noise in 5e8 exceeds them."""

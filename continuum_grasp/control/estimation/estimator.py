@@ -5,9 +5,10 @@ from __future__ import annotations
 from os import PathLike
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, estimator_source
 from continuum_grasp.control.estimation.adaptation import AdaptedState
@@ -24,8 +25,6 @@ from continuum_grasp.model.remade import Remade
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.summary import Summarized, quoted
-
-Array = NDArray[np.float64]
 
 _RESTARTED = 1
 """``EKF_RESTARTED`` of ``c/ekf.h``."""

@@ -7,8 +7,8 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.core.calls import call, straight_function
 from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.core.integrators.derivatives import solve
@@ -18,8 +18,6 @@ from continuum_grasp.model.memory import RETURN_TIME
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.simulation.spectrum import sample_shapes
 from continuum_grasp.simulation.statics import Friction, equilibrium_under, following, with_drives
-
-Array = NDArray[np.float64]
 
 _STABLE = 2.5
 """Greatest product of a Runge-Kutta step and the fastest rate [1]: 2.78 is where steps of order 4 become unstable."""

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.estimation.adaptation import AdaptedState
 from continuum_grasp.control.ocp.cost_terms import Quantities, predicted
 from continuum_grasp.control.prediction import Prediction
@@ -23,8 +23,6 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.estimator import Estimator, Measured
 from continuum_grasp.scene.integrators import INTEGRATORS
-
-Array = NDArray[np.float64]
 
 _DISTURBANCES = (
     ("contact_force", r"(contact_\w+) \[N\]", r"unknown_\1 [N]"),

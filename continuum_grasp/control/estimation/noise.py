@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.estimation.model import OBJECT_POSE, Estimation
 from continuum_grasp.control.ocp.cost_terms import UNLIMITED, cost_terms
 from continuum_grasp.control.ocp.stages import Stages
@@ -17,8 +17,6 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.finger import Finger
-
-Array = NDArray[np.float64]
 
 _DRIVE = 0.01
 """Standard deviation of a drive at rest from the model of its lag, as a share of the greatest tip moment [1]: four

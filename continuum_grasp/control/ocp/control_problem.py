@@ -8,9 +8,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments, choice, positive, shown, whole
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.arguments import bare, vector
 from continuum_grasp.control.ocp.bounds import ABSENT, HARD, BoundedRows, Row
 from continuum_grasp.control.ocp.cost_terms import Residual
@@ -19,8 +20,6 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.scene.controller import Penalty
 from continuum_grasp.scene.integrators import CONTROL_METHODS
 from continuum_grasp.summary import Summarized, quoted
-
-Array = NDArray[np.float64]
 
 
 class ControlProblem(Summarized):

@@ -14,13 +14,12 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.scene.cost import Cost, Weight
 from continuum_grasp.scene.finger import Finger
 
-Array = NDArray[np.float64]
 Limits = tuple[tuple[float, float], ...]
 
 UNLIMITED = 1e6

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.ocp.bounds import HARD, Row, state_bounds
 from continuum_grasp.control.ocp.control_problem import ControlProblem
 from continuum_grasp.control.ocp.cost_terms import Outputs
@@ -18,8 +18,6 @@ from continuum_grasp.control.prediction import PRESSED, Prediction
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Horizon
 from continuum_grasp.scene.integrators import INTEGRATORS
-
-Array = NDArray[np.float64]
 
 _TARGET = 1.5
 """Product of substep and fastest rate [1]: RK4 is stable up to 2.6 to 2.8, and the rate is that of sampled shapes

@@ -9,9 +9,10 @@ from functools import partial
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import real_array, shown
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.arguments import numbers
 from continuum_grasp.control.ocp.cost_terms import TERMS, Outputs, Tracked, tracked_groups
 from continuum_grasp.errors import InputError
@@ -20,7 +21,6 @@ from continuum_grasp.scene.loads import Samples
 from continuum_grasp.scene.reach import check_reach
 from continuum_grasp.simulation.signals import interpolate
 
-Array = NDArray[np.float64]
 Function: TypeAlias = Callable[[float], ArrayLike]
 _Given: TypeAlias = "CircleReference | RowSamples | tuple[float, ...] | Function | _Rows"
 

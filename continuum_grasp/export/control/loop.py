@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.control.compiled import steps_ahead
 from continuum_grasp.control.compiled_controller import CHANGEABLE
 from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
@@ -37,8 +37,6 @@ from continuum_grasp.control.status import CALL_RATE
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Real, Struct
 from continuum_grasp.scene.control import ControlScene
-
-Array = NDArray[np.float64]
 
 DIAGNOSIS = (
     ("uint32_t", "anomalies", "what was noticed, bits of ..._ANOMALY_... in the header"),

@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.core.compiler import find_compiler, why_no_compiler
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
@@ -27,8 +28,6 @@ from continuum_grasp.export.layer import Contents, abi_of, library_files
 from continuum_grasp.export.manifest import strict_flags, write_files
 from continuum_grasp.export.part import ROW_FLAGS, Bad, Code, Part, Stateful, Vectors
 from continuum_grasp.export.vectors import bad_entries
-
-Array = NDArray[Any]
 
 _EPISODE = 70
 """Calls from one start to the next: three times ``_HELD``, so that setpoints change in each, and some at the end."""

@@ -7,15 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.scene.drives import LengthDrive, Pull
 from continuum_grasp.scene.loads import ForceLoad, Samples, VectorSamples
 from continuum_grasp.scene.profile import Channel
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import interpolate, value_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

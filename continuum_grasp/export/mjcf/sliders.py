@@ -12,13 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.links import Links
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import Finger
-
-Array = NDArray[np.float64]
 
 _FASTER = 30.0
 """Pulsation of a slider on its spring per first pulsation of the straight chain [1]: moments to and fro of a rod with a

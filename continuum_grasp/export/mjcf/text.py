@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp import __version__
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.links import Links
 from continuum_grasp.export.mjcf.controls import Control
 from continuum_grasp.export.mjcf.sliders import IMPEDANCE, Sliders
@@ -17,8 +17,6 @@ from continuum_grasp.export.mjcf.surroundings import add_surroundings, touching
 from continuum_grasp.export.template import fill
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
-
-Array = NDArray[np.float64]
 
 _NEVER = 1e3
 """Bend of a hinge that no finger has, for the side without stops [rad]."""

@@ -8,10 +8,11 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from continuum_grasp.accuracy.choose import resolve_fidelity
 from continuum_grasp.arguments import check_arguments, whole
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.links import Links, lump, rounded_step
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
@@ -28,8 +29,6 @@ from continuum_grasp.scene.section_laws import unknown_to
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
-
-Array = NDArray[np.float64]
 
 _MOST_HINGES = 1000
 """Far beyond what MuJoCo steps in useful time: the cost of a step is linear in them, the stable step falls with their

@@ -9,10 +9,11 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.core.integrators.sdirk2 import correct, predict
 from continuum_grasp.export.kernel import Kernel
-from continuum_grasp.export.part import Array, Code, Part, Rows
+from continuum_grasp.export.part import Code, Part, Rows
 from continuum_grasp.export.parts.model import check_derivatives, codes_of, stepping
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill

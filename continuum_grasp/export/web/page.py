@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import Sensors
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.result import ControlRun
@@ -42,8 +42,6 @@ from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.tendons import Tendon
 from continuum_grasp.simulation.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _TESTED = "tests/check.h"
 """Header of a package's tests."""

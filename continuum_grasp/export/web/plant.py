@@ -12,9 +12,9 @@ from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.accuracy.choose import resolve_fidelity
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import Sensors
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.ocp.scene_problem import stages_of
@@ -37,8 +37,6 @@ from continuum_grasp.scene.loads import ForceLoad
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.initial import initial_state
 from continuum_grasp.simulation.signals import Signals
-
-Array = NDArray[np.float64]
 
 PUSHED = (0.25, 0.5, 0.75, 1.0)
 """Places where a finger can be pushed, as parts of its length."""

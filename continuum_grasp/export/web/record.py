@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.web.plant import WebPlant
 from continuum_grasp.model import System
 from continuum_grasp.simulation.trajectory import Trajectory
-
-Array = NDArray[np.float64]
 
 _FRAME = 1.0 / 60.0
 """Least time between frames of a record [s]; screens show no more."""

@@ -16,9 +16,9 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.check import (
     EXACT,
     Check,
@@ -43,8 +43,6 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.objects.body import Freedom, pose_bounds
 from continuum_grasp.summary import Summarized
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,10 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.certificate.recomputed import (
     RecomputedContact,
     RecomputedFinger,
@@ -33,7 +32,6 @@ CONES = 1e-4
 """Limit of friction cones with other friction states, as a part of the greatest force: of their reserve is sought what
 is greatest, which the places at which fingers are looked at for clearance change by up to 4e-5."""
 
-Array = NDArray[Any]
 
 _SHARP = 20.0
 """Radius of curvature, in distances of two samples, below which a surface may reach between them."""

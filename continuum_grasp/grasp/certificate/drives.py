@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.friction import TendonFriction, cell_nodes, friction_of
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.grasp_drive import DriveLaw
-
-Array = NDArray[Any]
 
 SOFT = 20e-6
 """Half the length in which a tendon goes from slack to taut [m]: that of the law that is verified."""

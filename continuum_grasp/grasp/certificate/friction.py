@@ -15,15 +15,13 @@ import math
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.shape import FingerShape
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-
-Array = NDArray[Any]
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 _PRESLIDING = 1e-3

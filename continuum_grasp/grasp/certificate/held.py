@@ -7,13 +7,12 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.check import CONES, EXACT, Check, worst
 from continuum_grasp.grasp.certificate.friction import pulled_states, state_cells
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp
 
-Array = NDArray[Any]
 Recompute = Callable[[Mapping[str, Any]], tuple[list[Check], RecomputedGrasp | None]]
 
 YIELDS = 0.1

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp.certificate.check import EXACT
@@ -15,8 +13,6 @@ from continuum_grasp.rod.dense_rod import Mesh, panel_edges
 from continuum_grasp.rod.dimensionless import RodProblem
 from continuum_grasp.rod.elastica import deformed
 from continuum_grasp.rod.equations import RodEquations
-
-Array = NDArray[Any]
 
 SMALL = 0.005
 """Greatest displacement per finger length [1] that is not warned of: half a millimeter of a finger of 0.1 m."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.drives import StoredFinger
 from continuum_grasp.grasp.certificate.surfaces import PlacedObject
 from continuum_grasp.grasp.shape import skin
@@ -16,8 +16,6 @@ from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspGravity, PlanarGravity
 from continuum_grasp.scene.supports import Peg, Wall
-
-Array = NDArray[Any]
 
 TRACE = 1e-4
 """Part of E I / L^2 that a contact force counts as at least: of it residuals may be 1e-6, and solvers, which leave

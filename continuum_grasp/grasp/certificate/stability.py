@@ -13,15 +13,12 @@ A wall is the limit of a large peg: d2y = -a psi2 + n rho psi2. A pin is the lim
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.recomputed import RecomputedContact, RecomputedFinger, RecomputedGrasp, across
-
-Array = NDArray[Any]
 
 CELLS = 120
 """Pieces per finger, about: the least eigenvalue of shipped grasps is then within 0.2 % of that with 480."""

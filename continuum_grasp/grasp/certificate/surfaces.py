@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
-
-Array = NDArray[Any]
 
 _FLAT = np.inf
 """Radius of curvature of a flat face [m]."""

@@ -14,9 +14,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp import nlp
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.shape import skin
 from continuum_grasp.model import FingerModel
@@ -27,8 +27,6 @@ from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.parts import Part
 from continuum_grasp.scene.supports import Wall
-
-Array = NDArray[Any]
 
 ELEMENTS, PER_ELEMENT = 8, 3
 """Elements of a finger on its way, and places per element that may touch: 24 along it, 4 % of its length apart."""

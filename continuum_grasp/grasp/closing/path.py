@@ -6,17 +6,15 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp import nlp
 from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.check import PENETRATION
 from continuum_grasp.grasp.closing.energy import Closing, Sight, Sliding
 from continuum_grasp.grasp.closing.result import ClosingPath, ClosingStatus
 from continuum_grasp.grasp.closing.verdict import SNAPS, Ending, Step
 from continuum_grasp.scene.grasp import ON_A_TABLE, GraspScene
-
-Array = NDArray[Any]
 
 _STICK, _PASSES = 1e-4, 2
 """Slip of a step up to which friction is not full, per length, and solutions of a step, each with the normal forces of

@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Any
 
-from numpy.typing import NDArray
-
-Array = NDArray[Any]
+from continuum_grasp.arrays import Array
 
 
 class ClosingStatus(StrEnum):

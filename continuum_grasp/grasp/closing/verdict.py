@@ -5,18 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.closing.energy import FOOT, Closing, Sight, turned
 from continuum_grasp.grasp.closing.result import ClosingPath, ClosingStatus, Touch
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
-
-Array = NDArray[Any]
 
 NEAR = 0.03
 """Distance from the grasp, per length of the finger, up to which the end of the path counts as that grasp: two thirds

@@ -6,8 +6,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
 from continuum_grasp.grasp.problem.values import Units, node_places
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, turning
@@ -16,7 +16,6 @@ from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
-Array = NDArray[Any]
 Values = dict[str, Any]
 
 BACKBONE_POINTS = 201

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from continuum_grasp import nlp
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.problem.equations import equations
 from continuum_grasp.grasp.problem.points import starting_point, stored_arrays
@@ -27,8 +28,6 @@ from continuum_grasp.nlp import Budget
 from continuum_grasp.nlp.solver import KNOWN
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspSolver
-
-Array = NDArray[Any]
 
 CONSTRAINT_TOLERANCE = 1e-7
 """Scaled violation below which a constraint counts as satisfied when violations are listed."""

@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.drives import SOFT, StoredFinger
 from continuum_grasp.grasp.problem.curves import curve_numbers
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
@@ -25,7 +25,6 @@ from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.objects.body import Freedom, Pose, pose_bounds
 from continuum_grasp.scene.supports import Wall
 
-Array = NDArray[Any]
 Values = dict[str, Any]
 
 APEX = 2e-4

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.drives import StoredFinger
 from continuum_grasp.grasp.quality.contact_set import CORNER, ContactSet
 from continuum_grasp.grasp.shape import skin
@@ -17,8 +17,6 @@ from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.supports import Peg
-
-Array = NDArray[Any]
 
 CELLS = 32
 """Least number of cells along a finger: the responses of shipped grasps are within 3e-5 of those with 128."""

@@ -7,12 +7,10 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.scene.grasp import GraspScene
-
-Array = NDArray[Any]
 
 CORNER = EXACT
 """Distance from a corner, as a part of the object's size, that counts as on it: the tolerance of stored contacts."""

@@ -9,11 +9,11 @@ from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 
-Array = NDArray[Any]
 Outcome = Literal["optimal", "infeasible", "unbounded", "failed"]
 
 RESIDUAL = 1e-7

@@ -5,19 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.drives import TAUT
 from continuum_grasp.grasp.certificate.held import YIELDS
 from continuum_grasp.grasp.quality.lp import INWARD, Cones, solve_socp
 from continuum_grasp.grasp.quality.response import GraspResponse, Tendons
 from continuum_grasp.scene.grasp import FingerSetup
-
-Array = NDArray[Any]
 
 UNLIMITED = 1e4
 """A disturbance that makes forces this many times the greatest limit of a contact counts as unlimited."""

@@ -13,13 +13,12 @@ from itertools import pairwise
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.quality.bent_finger import BentFinger, finger_rolling, support_rolling
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.scene.grasp import GraspScene
 
-Array = NDArray[Any]
 Tendons = Literal["retensioned", "locked"]
 """Whether tensions are chosen anew for a disturbance, or tendon lengths stay fixed."""
 

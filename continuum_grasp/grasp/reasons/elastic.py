@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.certificate import certify_reached
 from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
@@ -32,7 +32,6 @@ STEPS, HALVINGS = (0.01, 0.04, 0.16, 0.64), 2
 often the last interval is halved.
 """
 
-Array = NDArray[Any]
 Limits = tuple[Relaxation, ...]
 
 

@@ -27,8 +27,8 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.friction import pulled_states
 from continuum_grasp.grasp.certificate.held import YIELDS
@@ -44,8 +44,6 @@ from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
 from continuum_grasp.scene.objects.body import Freedom, Pose
 from continuum_grasp.scene.shape import Shape
-
-Array = NDArray[Any]
 
 OBJECT = len(ERRORS)
 """Columns of errors of the object, before the friction states."""

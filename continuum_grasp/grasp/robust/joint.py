@@ -16,13 +16,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache, partial
-from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp import nlp
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.problem.equations import expressions
 from continuum_grasp.grasp.problem.points import starting_point
@@ -45,7 +45,6 @@ from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 
-Array = NDArray[Any]
 _Side = tuple[GraspScene, Start, dict[str, Feature]]
 
 _EFFORT = 1e-6

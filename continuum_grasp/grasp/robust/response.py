@@ -19,9 +19,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp import nlp
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.check import CONES
 from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
 from continuum_grasp.grasp.problem.structure import DriveSpec
@@ -31,8 +31,6 @@ from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from, with_contacts
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
-
-Array = NDArray[Any]
 
 HOLDS = -CONES
 """Least reserve, per force reference, with which all contacts hold: that of the certificate."""

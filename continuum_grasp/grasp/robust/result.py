@@ -7,12 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.summary import Summarized
-
-Array = NDArray[Any]
 
 ERRORS = ("x", "y", "angle", "radius", "friction", "mass")
 """Errors, in the order of the columns."""

@@ -11,9 +11,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp import nlp
+from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.friction import state_cells
@@ -27,8 +27,6 @@ from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
-
-Array = NDArray[Any]
 
 MOST = 4
 """Corners that enter the problem at once."""

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.values import (
@@ -34,8 +35,6 @@ from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
-
-Array = NDArray[Any]
 
 USUAL = {"place": 0.005, "friction": 0.2, "mass": 0.1, "stiffness": 0.1, "tension": 0.05}
 """Usual errors, each evenly to both sides [1]: the object's place along and across the first finger's base, per length

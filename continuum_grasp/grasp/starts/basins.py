@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.candidates import Candidates, all_joints, as_candidates
 from continuum_grasp.grasp.starts.force import Block, finger_block, imbalance, loads_of, support_block
 from continuum_grasp.grasp.starts.scan.curves import wrapped
@@ -23,8 +22,6 @@ from continuum_grasp.grasp.starts.scan.two_arcs import arc_spacing, beside_arcs,
 from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.grasp import GraspScene
-
-Array = NDArray[Any]
 
 STRICT = 2e-4
 """Penetration that a posture may have, per length of the finger, where postures are judged."""

@@ -11,11 +11,10 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan.curves import sample, segment_end, table_of, touch
 from continuum_grasp.grasp.starts.scan.task import (
     ALLOWED,
@@ -34,8 +33,6 @@ from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)

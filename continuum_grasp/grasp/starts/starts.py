@@ -8,11 +8,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.basins import Basins, Scored, is_scanned
 from continuum_grasp.grasp.starts.candidates import Candidates, candidate_of, find_candidates, spread_order
 from continuum_grasp.grasp.starts.force import (
@@ -30,8 +29,6 @@ from continuum_grasp.grasp.starts.supports import base_poses, object_poses, supp
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.objects.body import Pose
-
-Array = NDArray[Any]
 
 _STEP = 1e-9
 """Part of the length within which a curvature that steps changes: interpolation needs increasing knots."""

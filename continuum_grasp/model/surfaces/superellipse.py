@@ -9,18 +9,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.model.planar import Scalar, Vec, rotated
 from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk, picked
 from continuum_grasp.model.surfaces.surface import Feature, Nearest, Surface, SurfacePoint, length
 from continuum_grasp.scene.parts import SuperellipsePart
-
-Array = NDArray[Any]
 
 _TINY = 1e-30
 """Keeps powers of a squared coordinate differentiable on the axes [1]; far below rounding."""

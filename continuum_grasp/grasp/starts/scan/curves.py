@@ -9,15 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.model.surfaces.outline import Outline
-
-Array = NDArray[Any]
 
 _X, _W = np.polynomial.legendre.leggauss(12)
 NODES, WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W

@@ -11,12 +11,10 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler
-
-Array = NDArray[Any]
 
 
 def library() -> ctypes.CDLL | None:

@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan.curves import table_of
 from continuum_grasp.grasp.starts.scan.task import FRONT, FingerTask
 from continuum_grasp.grasp.starts.scan.touching import Branch, bracketed_root
-
-Array = NDArray[Any]
 
 SHARE = 0.5
 """Part of the length of each of the two arcs, where no contact is between them."""
