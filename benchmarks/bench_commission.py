@@ -28,7 +28,7 @@ from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.commissioning import Commissioning, commission
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import load
-from continuum_grasp.scene.mounting import Camera, Line, Mounting
+from continuum_grasp.scene.mounting import Camera, Connection, Mounting
 
 _SHIFT, _TURN, _SCALE, _CELL, _DRIVE = 0.010, math.radians(8.0), 0.1, 5.0, 0.5
 """Greatest shift [m], turn [rad] and error of the scale [1] of the camera, and zeros of cells and drives [N]."""
@@ -58,9 +58,9 @@ def mounting_of(rng: np.random.Generator, mirrored: bool) -> Mounting:
             scale=float(rng.uniform(1.0 - _SCALE, 1.0 + _SCALE)),
             mirrored=mirrored,
         ),
-        drives=tuple(Line(of=of, sign=s, zero=z) for of, s, z in drives),
+        drives=tuple(Connection(of=of, sign=s, zero=z) for of, s, z in drives),
         tensions=tuple(
-            Line(of=int(of), sign=sign[bool(rng.random() < 0.5)], zero=float(rng.uniform(-_CELL, _CELL)))
+            Connection(of=int(of), sign=sign[bool(rng.random() < 0.5)], zero=float(rng.uniform(-_CELL, _CELL)))
             for of in cells
         ),
     )

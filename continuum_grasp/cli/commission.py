@@ -29,7 +29,9 @@ def commission(
     duration: Annotated[float, typer.Option("--duration", help="Duration of the plan [s].")] = 10.0,
     reach: Annotated[float, typer.Option("--reach", help="Share of bending range and tensions that is used.")] = 0.6,
 ) -> None:
-    """Find how a bench is mounted: camera, order, signs and zeros of its lines, lag and delay.
+    """Find how a bench is mounted and connected.
+
+    Camera, order, signs and zeros of drives and load cells, lag and delay.
 
     Without LOG it writes the commands that a bench plays; with one, the corrected configuration. Exit status 1 where
     the log does not tell all.

@@ -40,7 +40,7 @@ _RESTS = 1e-3
 
 @runtime_checkable
 class Driver(Protocol):
-    """What talks to a bench. One that also has ``idle()`` is called in the rest of each period."""
+    """Reader of measurements and writer of commands; its ``idle()``, if any, is called in the rest of each period."""
 
     def read(self) -> ArrayLike | None:
         """Return the newest measurement in the order of ``measurement_names``, NaN for missing; None: none came."""
@@ -50,7 +50,7 @@ class Driver(Protocol):
 
 
 class RealTime(NamedTuple):
-    """What is asked of the operating system while a loop runs.
+    """Requests to the operating system while a loop runs.
 
     Attributes
     ----------
@@ -336,7 +336,7 @@ class _Loop:
             time.sleep(period)
 
     def found(self, granted: tuple[str, ...]) -> HardwareRun:
-        """What was recorded."""
+        """The run as it was recorded."""
         controller, count = self.controller, len(self.u)
         none = np.full(len(controller.measurement_names), np.nan)
         lacking = max(0, 2 - count)  # a log has two rows at least

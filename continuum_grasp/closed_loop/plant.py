@@ -89,7 +89,7 @@ class Plant:
         return self._believed.readings.back(self._real.readings(read)) if self._wired else read
 
     def acting(self, command: Array) -> Array:
-        """What the drives exert at rest by a command (nu), through the lines that are believed and those that are.
+        """Tensions or moment of the drives at rest by a command (nu), through believed and true connections.
 
         A tendon that would push is slack.
         """

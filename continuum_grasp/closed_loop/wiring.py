@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
-from continuum_grasp.scene.mounting import Line, Mounting
+from continuum_grasp.scene.mounting import Connection, Mounting
 
 TIP = ("tip_x [m]", "tip_y [m]")
 
@@ -72,7 +72,7 @@ def camera_axes(angle: float, mirrored: bool) -> Array:
     return np.array([[c, s], [s, -c] if mirrored else [-s, c]])
 
 
-def _connect(to: Affine, lines: Sequence[Line], rows: Sequence[int], key: str) -> None:
+def _connect(to: Affine, lines: Sequence[Connection], rows: Sequence[int], key: str) -> None:
     if lines and len(lines) != len(rows):
         raise InputError(f"expected {len(rows)} lines, one for each tendon, got {len(lines)}", key=key)
     for row, line in zip(rows, lines, strict=False):

@@ -1,4 +1,4 @@
-"""What a bench reads while its drives follow commands, as a function of how it is mounted and of its finger.
+"""Readings of a bench while its drives follow commands, as a function of how it is mounted and of its finger.
 
 The motion is that of the controller's finger as a plant (`PlantModel`), by the commands as they are held, without
 friction in the tendons, whose hysteresis loops to and fro average out. Derivatives by what changes the motion are
@@ -42,7 +42,7 @@ _NEWTON = 12
 
 
 class Connected(NamedTuple):
-    """How commands and readings are connected to tendons: the number of each one's tendon from 0, and its sign."""
+    """Connections of commands and readings to tendons: the number of each one's tendon from 0, and its sign."""
 
     order: tuple[int, ...]
     signs: tuple[int, ...]

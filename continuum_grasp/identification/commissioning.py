@@ -37,7 +37,7 @@ from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.identify import Excitation
 from continuum_grasp.scene.load import scene_of
-from continuum_grasp.scene.mounting import Camera, Line, Mounting
+from continuum_grasp.scene.mounting import Camera, Connection, Mounting
 from continuum_grasp.simulation.trajectory import Trajectory
 
 _SOFTER = 0.8
@@ -85,7 +85,7 @@ class Alternative(NamedTuple):
 
 @dataclass(frozen=True)
 class Commissioning(Fit):
-    """How a bench is mounted, with intervals, and the configuration that is corrected by it.
+    """Mounting of a bench, with intervals, and the configuration that is corrected by it.
 
     Attributes
     ----------
@@ -171,7 +171,7 @@ def configuration_text(found: Commissioning) -> str:
 
 
 def report_text(found: Commissioning) -> str:
-    """What was found, with intervals, and what the log does not tell."""
+    """Numbers with intervals, and what the log does not tell."""
     rows = [("status", found.status), *found.pairs().items()]
     lines = [f"{name}: {value}" for name, value in rows]
     ends = zip(found.names, found.intervals, found.units, strict=True)
@@ -372,7 +372,7 @@ def commission(
     if played is None or found.status != "undecided" or not idle or turned_before:
         return replace(found, log=played)
     # A drive that turns the other way shows nothing until it is commanded so.
-    turned = tuple(Line(of=k + 1, sign=line.sign) for k, line in enumerate(found.mounting.drives))
+    turned = tuple(Connection(of=k + 1, sign=line.sign) for k, line in enumerate(found.mounting.drives))
     again = known.replaced(mounting=(known.mounting or Mounting()).replaced(drives=turned))
     log = _played(known, design_commissioning(again, duration=duration, reach=reach), plant)
     return replace(_commissioned(known, log, progress or (lambda share: None)), log=log)
@@ -504,11 +504,11 @@ def _result(
     zeros = [numbers[f"{ZERO}_{k + 1}"] for k in range(len(bench.zeros))]
     shifts = np.sum([value * zero for value, zero in zip(zeros, bench.zeros, strict=True)], axis=0)
     drives = tuple(
-        Line(of=tendon + 1, sign=sign, zero=-sign * float(shifts[tendon]))  # type: ignore[arg-type]
+        Connection(of=tendon + 1, sign=sign, zero=-sign * float(shifts[tendon]))  # type: ignore[arg-type]
         for tendon, sign in zip(way.order, way.signs, strict=True)
     )
     lines = {
-        name: Line(of=way.order[c] + 1, sign=s * way.signs[c], zero=_bias(numbers, name))  # type: ignore[arg-type]
+        name: Connection(of=way.order[c] + 1, sign=s * way.signs[c], zero=_bias(numbers, name))  # type: ignore[arg-type]
         for name, (c, s) in cells.items()
     }
     whole = len(lines) == bench.model.nu

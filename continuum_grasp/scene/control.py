@@ -179,7 +179,7 @@ class ControlScene(CommandedScene):
     estimator: Estimator | None = None
     """None: the controller measures the state."""
     mounting: Mounting | None = None
-    """How the bench counts, as ``commission`` finds it; what drives read and are sent goes through it. None: as the
+    """Mounting of the bench, as ``commission`` finds it; what drives read and are sent goes through it. None: as the
     model does."""
     initial: Initial = Initial(pose="rest")
     """State at time zero."""

@@ -334,7 +334,7 @@ class Plant(_Differs):
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the noise."""
     mounting: Mounting | None = None
-    """How the plant's bench really counts; None: as the model does."""
+    """True mounting of the plant's bench; None: as the model does."""
 
     def tendon_changes(self, finger: Finger) -> dict[str, float]:
         """Changes of a finger's tendons, as ``Finger.with_tendons`` takes it."""

@@ -1,4 +1,4 @@
-"""How a bench counts: where its camera stands, and the order, signs and zeros of its drives and load cells."""
+"""Mounting of a bench: where its camera stands, and the order, signs and zeros of its drives and load cells."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Camera(Value):
     ``commission`` takes it as known."""
 
 
-class Line(Value):
+class Connection(Value):
     """A line between computer and bench: the bench's number is sign times the model's, plus zero."""
 
     of: Annotated[int, Field(ge=1, le=16)]
@@ -35,7 +35,7 @@ class Line(Value):
     """Command at which the drive exerts nothing, or reading of a load cell without load [N or N m]."""
 
 
-Lines = Annotated[tuple[Line, ...], Field(strict=False, max_length=16)]
+Connections = Annotated[tuple[Connection, ...], Field(strict=False, max_length=16)]
 
 
 class Mounting(Value):
@@ -43,10 +43,10 @@ class Mounting(Value):
 
     camera: Camera = Camera()
     """The camera that sees the tip."""
-    drives: Lines = ()
-    """Lines of the commands, in the order of the bench; none: those of the model."""
-    tensions: Lines = ()
-    """Lines of the measured tensions, or of the tip moment, in the order of the bench; none: those of the model."""
+    drives: Connections = ()
+    """Connections of the commands, in the order of the bench; none: those of the model."""
+    tensions: Connections = ()
+    """Connections of the measured tensions, or tip moment, in the order of the bench; none: those of the model."""
 
     def _check(self) -> None:
         for name in ("drives", "tensions"):

@@ -71,7 +71,7 @@ class Steps(Controller):
 
 
 class Fake:
-    """A driver that reads what it is told to, and remembers what it was sent."""
+    """A driver that reads what it is given, and remembers what it was sent."""
 
     def __init__(self, read=lambda: [0.0, 0.18], fails_at=None) -> None:
         self.read, self.sent, self.fails_at = read, [], fails_at

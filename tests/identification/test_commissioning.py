@@ -18,7 +18,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.identification.bench import camera_through
 from continuum_grasp.identification.commissioning import commission, design_commissioning
 from continuum_grasp.scene import ControlScene
-from continuum_grasp.scene.mounting import Camera, Line, Mounting
+from continuum_grasp.scene.mounting import Camera, Connection, Mounting
 from tests.identification.test_replay import SCENE
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -54,7 +54,7 @@ def test_a_camera_is_found_from_points(mirrored):
 
 
 def test_what_is_missing_stays_alone():
-    mounting = Mounting(camera=Camera(angle=0.1), tensions=(Line(of=2, zero=1.0), Line(of=1, sign=-1)))
+    mounting = Mounting(camera=Camera(angle=0.1), tensions=(Connection(of=2, zero=1.0), Connection(of=1, sign=-1)))
     wired = wiring_of(mounting, (*TIP, *TENSIONS), TENSIONS, "mounting").readings
     assert np.isnan(wired([np.nan, 0.1, 2.0, 3.0])).tolist() == [True, True, False, False]
     assert wired([0.0, 0.0, 2.0, np.nan])[2:] == pytest.approx([np.nan, -2.0], nan_ok=True)
@@ -63,15 +63,17 @@ def test_what_is_missing_stays_alone():
 
 def test_lines_are_checked():
     with pytest.raises(ValueError, match="once as `of`"):
-        Mounting(drives=(Line(of=1), Line(of=1)))
+        Mounting(drives=(Connection(of=1), Connection(of=1)))
     with pytest.raises(InputError, match="expected 2 lines"):
-        wiring_of(Mounting(drives=(Line(of=1),)), TIP, TENSIONS, "mounting")
+        wiring_of(Mounting(drives=(Connection(of=1),)), TIP, TENSIONS, "mounting")
 
 
 def test_a_plant_whose_mounting_is_known_is_as_the_model():
     """Two errors that undo each other."""
     mounting = Mounting(
-        camera=Camera(**CAMERA), drives=(Line(of=2, zero=0.4), Line(of=1)), tensions=(Line(of=2), Line(of=1))
+        camera=Camera(**CAMERA),
+        drives=(Connection(of=2, zero=0.4), Connection(of=1)),
+        tensions=(Connection(of=2), Connection(of=1)),
     )
     plain, wired = Plant(scene(noise=0.0)), Plant(scene(mounting, mounting, noise=0.0))
     for one in (plain, wired):
@@ -79,7 +81,7 @@ def test_a_plant_whose_mounting_is_known_is_as_the_model():
             one.advance([6.0, 2.0])
     assert wired.measure() == pytest.approx(plain.measure(), abs=1e-12)
     assert wired.acting(np.array([6.0, 2.0])) == pytest.approx([6.0, 2.0])
-    turned = Plant(scene(Mounting(drives=(Line(of=1, sign=-1), Line(of=2)))))
+    turned = Plant(scene(Mounting(drives=(Connection(of=1, sign=-1), Connection(of=2)))))
     assert turned.acting(np.array([6.0, 2.0])) == pytest.approx([0.0, 2.0])  # a tendon does not push
 
 
@@ -141,9 +143,10 @@ def test_a_bench_mounted_at_random_is_found(seed):
             scale=rng.uniform(0.9, 1.1),
             mirrored=bool(seed % 2),
         ),
-        drives=tuple(Line(of=int(k), zero=shared * (1 if k == 1 else -1)) for k in order),
+        drives=tuple(Connection(of=int(k), zero=shared * (1 if k == 1 else -1)) for k in order),
         tensions=tuple(
-            Line(of=int(k), sign=int(rng.choice([-1, 1])), zero=rng.uniform(-5.0, 5.0)) for k in rng.permutation(2) + 1
+            Connection(of=int(k), sign=int(rng.choice([-1, 1])), zero=rng.uniform(-5.0, 5.0))
+            for k in rng.permutation(2) + 1
         ),
     )
     found = commission(scene(true), duration=6.0)
@@ -164,7 +167,7 @@ def test_a_bench_mounted_at_random_is_found(seed):
 @pytest.mark.deep
 def test_a_flat_finger_does_not_show_which_side_is_up():
     """Mirrored camera and exchanged tendons look alike without gravity, unless the camera is known."""
-    true = Mounting(camera=Camera(**CAMERA, mirrored=True), drives=(Line(of=2), Line(of=1)))
+    true = Mounting(camera=Camera(**CAMERA, mirrored=True), drives=(Connection(of=2), Connection(of=1)))
     log = None
     for known in (None, Mounting(camera=Camera(mirrored=True))):
         tried = scene(true, known, gravity=(0.0, 0.0))
@@ -184,14 +187,16 @@ def test_a_flat_finger_does_not_show_which_side_is_up():
 @pytest.mark.deep
 def test_a_drive_that_turns_the_other_way_is_not_guessed():
     """From one log it may be dead as well; a second plan, with its sign turned, shows it."""
-    true = Mounting(drives=(Line(of=1), Line(of=2, sign=-1)), tensions=(Line(of=2, sign=-1), Line(of=1)))
+    true = Mounting(
+        drives=(Connection(of=1), Connection(of=2, sign=-1)), tensions=(Connection(of=2, sign=-1), Connection(of=1))
+    )
     tried = scene(true)
     found = commission(tried, duration=4.0)
     assert [(line.of, line.sign) for line in found.mounting.tensions] == [(2, -1), (1, 1)]
     assert found.status == "identified"
     assert [line.sign for line in found.mounting.drives] == [1, -1]
-    once = scene(true, Mounting(drives=(Line(of=1), Line(of=2))))
-    alone = commission(once, duration=4.0)  # told to command as it was
+    once = scene(true, Mounting(drives=(Connection(of=1), Connection(of=2))))
+    alone = commission(once, duration=4.0)  # which commands as it did
     assert alone.status == "undecided"
     assert any("drive 2 moves nothing" in one for one in alone.undetermined)
 
@@ -224,12 +229,12 @@ def test_the_commands(tmp_path):
     plan = runner.invoke(app, ["commission", str(config), "--duration", "4", "--out", str(tmp_path / "plan")])
     assert plan.exit_code == 0, plan.output
     assert (tmp_path / "plan" / "excitation.csv").read_text().startswith("t [s],commanded_tension_1 [N]")
-    told = ["--set", "mounting.camera.mirrored=false", "--duration", "4", "--no-pictures"]
-    done = runner.invoke(app, ["commission", str(config), "--plant", *told, "--out", str(tmp_path / "run")])
+    stated = ["--set", "mounting.camera.mirrored=false", "--duration", "4", "--no-pictures"]
+    done = runner.invoke(app, ["commission", str(config), "--plant", *stated, "--out", str(tmp_path / "run")])
     assert done.exit_code == 0, done.output
     assert isinstance(cg.load(tmp_path / "run" / "commissioned.yaml"), ControlScene)
     read = runner.invoke(
-        app, ["commission", str(config), str(tmp_path / "run" / "log.csv"), *told, "--out", str(tmp_path / "read")]
+        app, ["commission", str(config), str(tmp_path / "run" / "log.csv"), *stated, "--out", str(tmp_path / "read")]
     )
     assert read.exit_code == 0, read.output
     both = runner.invoke(app, ["commission", str(config), str(tmp_path / "run" / "log.csv"), "--plant"])
