@@ -18,9 +18,9 @@ from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.solver_run import RUNGS, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
-from continuum_grasp.grasp.starts.starts import basin_starts, exchanges, held_still, make_starts, rebalanced_starts
+from continuum_grasp.grasp.starts.starts import basin_starts, held_still, make_starts, rebalanced_starts
 from continuum_grasp.grasp.starts.values import Start, start_from
-from continuum_grasp.grasp.tried import NEAR, Tried, branch_of, least_of
+from continuum_grasp.grasp.tried import NEAR, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.nlp.solver import STALLED
@@ -80,12 +80,11 @@ class _Limits:
     starts: int  # rough ones per set of contacts
     iterations: float  # after the first grasp, from which on no start is tried
     always_rough: bool  # whether rough starts are tried where postures are scanned, too
-    # Rough starts of a set of contacts of one or two fingers, for each of them, that led to nothing better in a row,
-    # after which, with a grasp, no more are tried: of 158 scenes of one finger one has its best grasp after three of
-    # them, none after more; of 30 of two fingers none after more than two.
+    # Rough starts of one finger's set of contacts that led to nothing better one after the other, after which, with a
+    # grasp, no more are tried: of 158 scenes one has its best grasp after 3 of them, none after more.
     in_vain: float
-    # Exchanges of a finger of the best grasp of three and more that lead to nothing better, after which no more are
-    # tried: of 20 scenes of three fingers two have a better grasp, by 9 and 53 %, from the second and the third.
+    # Exchanges of a finger between grasps that led to nothing better one after the other, after which no more are
+    # tried: of 16 scenes of three fingers three have a better grasp from the first to the fourth, by 9 to 53 %.
     exchanges: int
 
 
@@ -144,8 +143,6 @@ class Search:
                 nearest.setdefault(id(start), (start, rung))
             for start, rung in list(nearest.values())[: 1 if self._few is None else NEAREST]:
                 self.attempt(start, rung=rung)
-        if self._few is None:
-            self._exchange()
         if not self.proven:
             self._converge()
 
@@ -167,22 +164,34 @@ class Search:
         self._sampled = len(modes if missed else unscanned)
         if not self.proven:
             self._from_rough(modes if missed or self._effort.always_rough else unscanned)
+            self._exchange()
 
     def _exchange(self) -> None:
-        """Start from the best grasp with another posture of one finger, until several in a row lead to nothing better:
-        tensions add up over the fingers, and another balance may be near.
+        """Start from the best grasp with one finger as another grasp has it, those that take the least tension there
+        first: tensions add up over the fingers, and another balance may be near. Of two fingers it has led to nothing.
         """
-        before: Tried | None = None
-        while self._tries_all and (best := self.best) is not before and best is not None:
-            before = best
-            alike = {round(t.attempt.objective, 6): t.start for t in reversed(self.good) if t is not best}.values()
-            others = [other for other in alike if other.contacts.keys() == best.start.contacts.keys()]
-            for start in exchanges(self.scene, best.start, others, self._effort.exchanges):
-                if self.proven or self.budget.over:
-                    return
-                self._from_start(start, 0, EXCHANGE_CAP)
-                if self.best is not best:
-                    break
+        vain, tried = 0, set[tuple[int, int, str]]()
+        while (best := self.best) is not None and vain < self._effort.exchanges and not self.budget.over:
+            grasps = {round(t.attempt.objective, 6): t for t in reversed(self.good)}.values()
+            choices = [
+                (self._saved(best.start, other.start, name), id(other), name, other.start)
+                for other in grasps
+                for name in best.start.fingers
+                if (id(best), id(other), name) not in tried
+                and other is not best
+                and other.start.contacts.keys() == best.start.contacts.keys()
+            ]
+            if not self._tries_all or self.proven or not choices:
+                return
+            # The first of those that save as much, so that images of a scene take the same.
+            _, other, name, start = max(choices, key=lambda choice: choice[0])
+            tried.add((id(best), other, name))
+            self._from_start(exchanged(self.scene, best.start, start, name), 0, EXCHANGE_CAP)
+            vain = 0 if self.best is not best else vain + 1
+
+    def _saved(self, start: Start, other: Start, name: str) -> int:
+        """Tension that a finger, by name, takes less in another start, in units of a difference that matters."""
+        return round((sum(start.tensions[name]) - sum(other.tensions[name])) / self._least_difference)
 
     @property
     def unscanned(self) -> list[frozenset[str]]:
@@ -348,7 +357,7 @@ class Search:
                 best, contacts = self.best, frozenset(start.contacts)
                 if best and not self._promises(start):
                     continue
-                if best and not self._tries_all and vain[contacts] >= self._effort.in_vain * len(self.scene.setups):
+                if best and len(self.scene.setups) == 1 and vain[contacts] >= self._effort.in_vain:
                     self._vain += 1
                     continue
                 if self._is_over or self.proven:
@@ -389,12 +398,8 @@ class Search:
 
     @property
     def proven(self) -> bool:
-        """Whether no grasp is better than the best found by more than `NEAR`, or its tensions are the least allowed."""
-        best = self.best
-        if best is None or self.scene.objective != "least_tension":
-            return bool(self.bound) and best is not None and self.excess <= NEAR
-        least = sum(2.0 * setup.tendons.min_tension for setup in self.scene.setups)
-        return best.attempt.optimal and self._tension(best) <= least + self._least_difference
+        """Whether no grasp is better than the best found by more than `NEAR`."""
+        return bool(self.bound) and self.best is not None and self.excess <= NEAR
 
     def _from(self, scene: GraspScene, label: str) -> None:
         """Start from the grasps of a scene in which they are found more surely: other aims from those with least
@@ -471,10 +476,9 @@ class Search:
         if mode in self._rough:
             return self._rough[mode]
         began = time.perf_counter()
-        # Where tips alone touch, none of 19 scenes of three fingers gets better beyond 32 starts, of 30 of two fingers
-        # none beyond 16; with middle contacts none of 12 of two fingers beyond 4.
-        tips = all(name not in mode for setup in self.scene.setups for name in setup.middle_names)
-        count = self._effort.starts * max(1, (len(self.scene.setups) - 1) * (1 + tips))
+        # Where tips alone touch, none of 19 scenes of three fingers gets better beyond 11 starts, of 45 of two fingers
+        # none beyond 8; with middle contacts none of 12 of two fingers beyond 4.
+        count = self._effort.starts * max(1, len(self.scene.setups) - 1)
         self._rough[mode] = make_starts(self.scene, mode, count)
         self.start_seconds += time.perf_counter() - began
         return self._rough[mode]

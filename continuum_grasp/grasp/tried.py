@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -56,6 +56,20 @@ class Tried:
     def acceptable(self) -> bool:
         """Whether it is verified, and stable where the scene asks for that."""
         return self.certificate.acceptable
+
+
+def exchanged(scene: GraspScene, start: Start, other: Start, name: str) -> Start:
+    """The start with a finger, by name, as another has it."""
+    (setup,) = (setup for setup in scene.setups if setup.name == name)
+    own = [contact for contact in setup.switches if contact in start.contacts]
+    return replace(
+        start,
+        label="exchanged",
+        fingers=start.fingers | {name: other.fingers[name]},
+        contacts=start.contacts | {contact: other.contacts[contact] for contact in own},
+        forces=start.forces | {contact: other.forces[contact] for contact in own},
+        tensions=start.tensions | {name: other.tensions[name]},
+    )
 
 
 def least_of(tried: list[Tried]) -> Tried | None:

@@ -19,7 +19,7 @@ from continuum_grasp.control import Controller
 from continuum_grasp.control.status import Health, Status
 from continuum_grasp.errors import InputError, Interrupted
 from continuum_grasp.identification.replayed import replay
-from continuum_grasp.scene.mounting import Camera, Line, Mounting
+from continuum_grasp.scene.mounting import Camera, Connection, Mounting
 from tests.identification.test_replay import PLANT, SCENE, scene
 
 REST = 1.0
@@ -202,7 +202,7 @@ def test_a_driver_that_hangs_is_broken_off(clock, hanging):
 
 def test_the_bench_counts_in_its_own_way(clock):
     mounting = Mounting(
-        camera=Camera(position=(0.01, 0.0), scale=2.0, mirrored=True), drives=(Line(of=1, sign=-1, zero=0.5),)
+        camera=Camera(position=(0.01, 0.0), scale=2.0, mirrored=True), drives=(Connection(of=1, sign=-1, zero=0.5),)
     )
     control, driver = Steps(clock, [], mounting=mounting), Fake(lambda: [0.02, -0.36])
     found = ran(control, driver)

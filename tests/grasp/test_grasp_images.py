@@ -10,7 +10,7 @@ import pytest
 from benchmarks.grasp_images import LONGER, STRONGER, drawn, mirrored, moved, rolled, scaled, scene_of
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.search import Search
-from continuum_grasp.grasp.starts.starts import basin_starts, exchanges, make_starts
+from continuum_grasp.grasp.starts.starts import basin_starts, make_starts
 from continuum_grasp.grasp.values import tension_of
 from continuum_grasp.nlp import Budget
 from tests.marks import few
@@ -119,11 +119,11 @@ def test_an_object_or_a_base_that_may_move_takes_no_more_than_one_that_is_fixed(
     ("kind", "seed", "tension", "most"),
     [
         ("one", 3, 8.0221747, 180), ("one", 4, 6.5668732, 200), ("union", 3, 72.270932, 140),
-        ("one", 69, 22.118219, 180), ("one", 74, 10.659581, 120), ("two", 5, 35.371361, 160),
+        ("one", 69, 22.118219, 180), ("one", 74, 10.659581, 120), ("two", 5, 35.371361, 80),
     ],
 )  # fmt: skip
 def test_patience_saves_iterations_and_loses_no_grasp(kind, seed, tension, most):
-    """The tensions are those without it, which takes 537, 599, 163, 640, 257 and 326 iterations."""
+    """The tensions are those without it, which takes 537, 599, 163, 640, 257 and 121 iterations."""
     scene = scene_of(drawn(kind, seed), 4)
     search = Search(scene, budget := Budget.of(scene.solver))
     search.run()
@@ -139,9 +139,7 @@ def test_starts_of_several_fingers_are_those_of_the_image(kind, seed):
     image["fingers"] = dict(reversed(image["fingers"].items()))
     scene, other = scene_of(data, 4), scene_of(image, 4)
     for mode in contact_modes(scene):
-        first, second = make_starts(scene, mode, 8), make_starts(other, mode, 8)
-        exchanged = [exchanges(shown, starts[0], starts[1:3], 8) for shown, starts in ((scene, first), (other, second))]
-        for one, two in zip((*first, *exchanged[0]), (*second, *exchanged[1]), strict=True):
+        for one, two in zip(make_starts(scene, mode, 8), make_starts(other, mode, 8), strict=True):
             assert two.doubt == pytest.approx(one.doubt, abs=1e-5)
             for name, finger in one.fingers.items():
                 bent = -LONGER * np.array(two.fingers[name].curvatures)
@@ -181,15 +179,16 @@ def test_a_short_piece_leads_to_the_grasp():
 
 
 @pytest.mark.deep
-def test_three_fingers_begin_with_curves_that_bend_evenly_too():
-    """Without them the least tension is 35.4 N."""
-    assert least(scene_of(drawn("three", 0), 4)) == pytest.approx(9.9826246, rel=1e-6)
+@pytest.mark.parametrize(("seed", "tension"), [(4, 4.1385696), (8, 4.1840603)])
+def test_three_fingers_begin_with_curves_that_bend_evenly_too(seed, tension):
+    """Without them the least tensions are 9.38 and 22.16 N."""
+    assert least(scene_of(drawn("three", seed), 4)) == pytest.approx(tension, rel=1e-6)
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize(("seed", "tension"), [(2, 23.664701), (9, 14.704362)])
-def test_fingers_of_three_are_exchanged_for_other_postures(seed, tension):
-    """The tensions are those of three times as many starts; without exchanges they are 50.33 and 16.10 N."""
+@pytest.mark.parametrize(("seed", "tension"), [(2, 37.814885), (5, 50.963973), (9, 14.704362)])
+def test_fingers_are_exchanged_between_grasps_of_three(seed, tension):
+    """The tensions are those of three times as many starts; without exchanges they are 50.33, 63.97 and 16.10 N."""
     assert least(scene_of(drawn("three", seed), 4)) < (1.0 + 1e-6) * tension
 
 

@@ -8,10 +8,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from grasp_scenes import UPRIGHT, make_scene
+from scipy.optimize import nnls
 
 from continuum_grasp.grasp.starts import basins, starts
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.candidates import spread_order
+from continuum_grasp.grasp.starts.fingertips import pressed
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
 from continuum_grasp.grasp.starts.scan import task, touching
 from continuum_grasp.grasp.starts.scan.touching import Branch
@@ -166,6 +168,17 @@ def test_fingers_on_concentric_circles_overlap_by_what_their_radii_lack(apart):
     scene = SimpleNamespace(setups=setups, pairs=[setups])
     found = overlaps(scene, [circle(1.0 / 3.0), circle(1.0 / 3.0 + apart)], [np.zeros(1, int)] * 2)
     assert found == pytest.approx([max(0.04 - apart, 0.0)], abs=1e-3)
+
+
+def test_supports_bear_nearly_as_much_as_they_can():
+    """A face that lies on a wall, which bears at both ends: by non-negative least squares."""
+    edges = np.array([[0.5, 1.0], [-0.5, 1.0]])
+    effects = np.array([[*edge, at * edge[1]] for at in (-0.4, 0.4) for edge in edges]).T
+    off = np.random.default_rng(0).normal(size=(20, 3)) - [0.0, 2.0, 0.0]
+    forces = pressed(effects, off)
+    left = np.linalg.norm(off + forces @ effects.T, axis=1)
+    assert forces.min() >= 0.0
+    assert left == pytest.approx([nnls(effects, -one)[1] for one in off], abs=0.1)
 
 
 def test_of_one_finger_the_hundred_postures_with_least_in_the_way_are_weighed(monkeypatch):

@@ -102,6 +102,12 @@ def _slopes(loads: Loads, friction: float) -> tuple[Array, Array]:
     return np.array([friction, -friction]), np.zeros(2)
 
 
+def cone_edges(loads: Loads, friction: float) -> list[int]:
+    """The two edges of a friction cone that lie in the plane."""
+    lifts = _slopes(loads, friction)[1]
+    return [k for k, lift in enumerate(lifts.tolist()) if abs(lift) <= 1e-9 * friction][:2]
+
+
 def _onto(loads: Loads, arms: Array, edges: Array, lifts: Array) -> Array:
     """Effect on the object (P, rows, C * E) of forces at ``arms`` (P, C) from its center of mass.
 

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.basins import Basins, Scored, is_scanned
-from continuum_grasp.grasp.starts.candidates import Candidates, candidate_of, find_candidates, spread_order
+from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates, spread_order
+from continuum_grasp.grasp.starts.fingertips import matched_sets, polished
 from continuum_grasp.grasp.starts.force import (
     Block,
     Loads,
@@ -24,9 +26,9 @@ from continuum_grasp.grasp.starts.force import (
     support_block,
 )
 from continuum_grasp.grasp.starts.scan.curves import sample
-from continuum_grasp.grasp.starts.scan.task import join
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses, support_contacts
 from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
+from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.objects.body import Pose
 
@@ -37,39 +39,23 @@ _STEP = 1e-9
 def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[Start]:
     """Starting points with the contacts wanted, ``on`` by name: those of fingers, and walls and pegs.
 
-    There are ``count`` of them at most, the most promising first, then such that differ from those before; none where a
-    finger reaches nothing. Those labeled "scan" touch everywhere they should without penetration; "near" ones do so as
-    nearly as was found.
+    There are ``count`` of them at most, the most promising first, then such that differ from those before; where all
+    fingers touch with their tips alone, so many of sets that are bent into balance, and so many of others; none where a
+    finger reaches nothing. Those labeled "scan" touch everywhere they should without penetration; "near" ones do so
+    as nearly as was found.
     """
     weighing = Weighing(scene, on)
-    found = [at for k, pose in enumerate(object_poses(scene, on)) if (at := weighing.at_pose(pose, k)) is not None]
-    if not found:
-        return []
-    rows = [(at, row) for at in found for row in range(len(at.score))]
-    score, features = (np.concatenate(part) for part in zip(*((at.score, at.features) for at in found), strict=True))
-    return [_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)]
-
-
-def exchanges(scene: GraspScene, start: Start, others: list[Start], count: int) -> list[Start]:
-    """Starts in which one finger of a start has another posture, of all that touch and those of ``others`` with the
-    same contacts, by the balance of the object with the other fingers; ``count`` at most, ordered as `make_starts`.
-    """
-    weighing = Weighing(scene, frozenset(start.contacts))
-    found, pose = [], start.object_pose
-    for setup in scene.setups:
-        every = find_candidates(scene, setup, [start.fingers[setup.name].base], pose, weighing.on)
-        known = [candidate_of(setup, one) for one in (start, *others)]
-        found.append(join(known if every is None else [*known, every]) or known[0])
-    # The postures of each finger in turn, with the first ones of the others.
-    last = np.cumsum([len(some) - 1 for some in found])
-    if not last[-1]:
-        return []
-    index = [np.zeros(last[-1], int) for _ in found]
-    for mine, some, end in zip(index, found, last, strict=True):
-        mine[end - len(some) + 1 : end] = np.arange(1, len(some))
-    at = weighing.weighed(pose, found, index, _TENSION_WEIGHT)
-    rows = spread_order(at.score, at.features, count)
-    return [replace(_as_start(weighing, at, row), label="exchanged") for row in rows]
+    kinds = zip(
+        *(at for k, pose in enumerate(object_poses(scene, on)) if (at := weighing.at_pose(pose, k))), strict=True
+    )
+    chosen = []
+    for found in kinds:
+        rows = [(at, row) for at in found for row in range(len(at.score))]
+        score, features = (
+            np.concatenate(part) for part in zip(*((at.score, at.features) for at in found), strict=True)
+        )
+        chosen.append([_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)])
+    return [start for rank in zip_longest(*chosen) for start in rank if start is not None]
 
 
 def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Basins] | None:
@@ -153,15 +139,14 @@ def _as_start(made: Weighing | Basins, at: Weighed, row: int) -> Start:
     return Start(label, at.pose, fingers, contacts, forces, tensions, estimate, doubt=float(at.score[row]))
 
 
-_TENSION_WEIGHT = 10.0
-"""Weight of the tensions, per their limits, where one finger is exchanged and the others are in balance already: with
-20 the second exchange of a scene leads to the grasp that with 2 the 22nd leads to."""
 NEARLY_BALANCED = 0.02
 """Relative imbalance up to which its size ranks starts; IPOPT brings a few parts in a hundred to zero."""
 _PER_FINGER = {2: 14, 3: 8, 4: 6}
 """Postures per finger that are combined, by number of fingers: 200 to 1300 combinations."""
 _CLEAREST = 100
 """Postures of one finger that are weighed, those with least in the way: all that 8 scenes chose have nothing."""
+_SETS = {2: 48, 3: 96, 4: 96}
+"""Sets of so many fingers that touch with their tips alone, at a pose of the object."""
 
 
 @dataclass(frozen=True)
@@ -184,24 +169,34 @@ class Weighing:
     def __init__(self, scene: GraspScene, on: frozenset[str]) -> None:
         self.scene, self.on = scene, on
         self.setups, self.loads = scene.setups, loads_of(scene)
+        # Arcs have too few curvatures to be bent towards balance.
+        alone = [
+            setup.switches.keys() & on == {setup.tip_name} and family_class(setup.family).degree > 0
+            for setup in self.setups
+        ]
+        self._tips_alone = len(alone) > 1 and all(alone)
 
-    def at_pose(self, pose: Pose, number: int) -> Weighed | None:
-        """Candidates at the ``number``-th pose of the object; None where a finger does not reach it."""
+    def at_pose(self, pose: Pose, number: int) -> list[Weighed]:
+        """Candidates at the ``number``-th pose of the object; nothing where a finger does not reach it."""
         found: list[Candidates] = []
         for setup in self.setups:
             candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, self.on)
             if candidates is None:
-                return None
+                return []
             if len(self.setups) == 1 and len(candidates) > _CLEAREST:
                 wrong = candidates.violation
                 candidates = candidates.take(wrong <= np.partition(wrong, _CLEAREST)[_CLEAREST])
             found.append(candidates)
         blocks = self._blocks(pose, found)
-        return self._weigh(pose, found, blocks, combinations(self.loads, blocks, self._features(found)), 1.0)
-
-    def weighed(self, pose: Pose, found: list[Candidates], index: list[Array], weight: float) -> Weighed:
-        """Combinations, ``index`` (B,) per finger, of postures that were found; tensions have a weight."""
-        return self._weigh(pose, found, self._blocks(pose, found), index, weight)
+        plain = self._weigh(pose, found, blocks, combinations(self.loads, blocks, self._features(found)))
+        if not self._tips_alone:
+            return [plain]
+        touched = support_contacts(self.scene, pose, self.on)
+        supports = support_block(self.scene, self.loads, touched, pose), touched
+        sets = matched_sets(self.scene, self.loads, found, pose, supports, _SETS[len(self.setups)])
+        bent = polished(self.scene, self.loads, sets, pose, supports)
+        pairs = [np.arange(len(bent[0].knots))] * len(bent)
+        return [self._weigh(pose, bent, self._blocks(pose, bent), pairs), plain]
 
     def _blocks(self, pose: Pose, found: list[Candidates]) -> list[Block]:
         pairs = zip(self.setups, found, strict=True)
@@ -210,16 +205,14 @@ class Weighing:
     def _features(self, found: list[Candidates]) -> list[Array]:
         return [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, found, strict=True)]
 
-    def _weigh(
-        self, pose: Pose, found: list[Candidates], blocks: list[Block], index: list[Array], weight: float
-    ) -> Weighed:
+    def _weigh(self, pose: Pose, found: list[Candidates], blocks: list[Block], index: list[Array]) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
         every = [*index, np.zeros(len(index[0]), int)]
         left, cost, forces = imbalance(self.loads, [*blocks, supports], every)
         wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
         wrong += overlaps(self.scene, found, index)
         # What is in the way counts from half a unit on: any amount of it may cost the start.
-        score = doubt(left) + weight * cost + np.where(wrong > 0.0, 0.5 + 10.0 * np.minimum(wrong, 0.2), 0.0)
+        score = doubt(left) + cost + np.where(wrong > 0.0, 0.5 + 10.0 * np.minimum(wrong, 0.2), 0.0)
         size = self.scene.object.size
         place = np.broadcast_to([pose[0] / size, pose[1] / size, pose[2]], (len(left), 3))
         unlike = (what[i] for what, i in zip(self._features(found), index, strict=True))
