@@ -30,7 +30,7 @@ class Connection(Value):
     of: Annotated[int, Field(ge=1, le=16)]
     """Number of the tendon at its other end, from 1."""
     sign: Literal[-1, 1] = 1
-    """Whether it counts as the model does, or the other way round."""
+    """Sign of the number of the bench per that of the model."""
     zero: Annotated[Real, Unit("N or N m")] = 0.0
     """Command at which the drive exerts nothing, or reading of a load cell without load [N or N m]."""
 
