@@ -172,6 +172,7 @@ def compile_programs(compiler: str, package: Path, folder: Path, programs: str, 
 def shared_library(package: Path, out: Path, *flags: str):
     """The library by the Python binding of its own package, compiled here."""
     library = out / "libfinger.so"
+    out.mkdir(parents=True, exist_ok=True)
     run(
         "cc",
         *STRICT,

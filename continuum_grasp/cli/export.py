@@ -54,7 +54,7 @@ def export(
         "c: with --measure, such as 168MHz: calls as shares of the period; status 1 where one is longer.",
         metavar="FREQUENCY",
     ),
-    finger: str | None = option("c: finger of a mission of several.", metavar="NAME"),
+    finger: str | None = option("c, fmu: finger of a mission of several.", metavar="NAME"),
     fmi: str | None = option(
         "fmu: version of the standard (default: both).", metavar="2|3|both", parser=one_of("2", "3", "both")
     ),
@@ -89,7 +89,7 @@ def export(
     if "fmi" in given:
         given["fmi"] = _VERSIONS[given["fmi"]]
     output = replace(output, out=output.out or Path("runs/export") / to / f"{output.config.stem}{SUFFIXES[to]}")
-    more = {"c": (ControlScene, MissionScene), "mjcf": ()}.get(to, (ControlScene,))
+    more = {"web": (ControlScene,), "mjcf": ()}.get(to, (ControlScene, MissionScene))
     scene = resolved_scene(output, *more)[0]
     if to == "fmu":
         from continuum_grasp.export.fmu.write import identifier_of

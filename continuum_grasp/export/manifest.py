@@ -14,7 +14,7 @@ import casadi as ca
 from continuum_grasp import __version__
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
-from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.control.loop import Loop, identifiers
 from continuum_grasp.export.fields import Field, Real, Struct
 from continuum_grasp.export.layer import DIMENSIONS, Contents
 from continuum_grasp.export.part import Code
@@ -141,6 +141,11 @@ def _loop_description(loop: Loop, real: Real) -> dict[str, Any]:
         pairs = zip(struct.fields, values, strict=True)
         return {field.name: min(max(float(value), -real.greatest), real.greatest) for field, value in pairs}
 
+    mission = loop.phases and {
+        "phases": identifiers(loop.phases.names),
+        "planned_end_s": loop.phases.ends,
+        "reports": [name for name, _ in loop.phases.reported],
+    }
     return {
         "period_s": loop.period,
         "stage_s": loop.stages.stage,
@@ -151,6 +156,7 @@ def _loop_description(loop: Loop, real: Real) -> dict[str, Any]:
         "first_setpoints": named(loop.reference, loop.wanted),
         "nominal_settings": named(loop.settings, loop.nominal_settings),
         "nominal_known": {} if loop.known is None else named(loop.known, loop.stages.p_nominal),
+        "mission": mission,
     }
 
 

@@ -163,14 +163,17 @@ def _of_mission(given: MissionScene | MissionRun, real: Real, finger: str | None
 
     def phases(stages: Stages) -> Phases:
         table = Timetable(of)
-        sizes, fields = mission_fields(table, stages, needed_forces(assignments, of), leads=leads)
-        return Phases(sizes, tuple(fields), tuple(span.name for span in table.phases()), reported)
+        needed, holds_on = needed_forces(assignments, of), of.mission.phases.hold_until_release
+        sizes, fields = mission_fields(table, stages, needed, leads=leads, holds_on=holds_on)
+        spans = table.phases()
+        return Phases(sizes, tuple(fields), tuple(span.name for span in spans), spans[-1].start, reported)
 
     return replace(_of_loop(of.control, real), configuration=of.mission.model_dump(mode="json"), phases=phases)
 
 
-def names_of(scene: Scene | ControlScene) -> tuple[str, str]:
+def names_of(given: Scene | ControlScene | MissionScene | MissionRun) -> tuple[str, str]:
     """Title, and what the README says that it was made from."""
+    scene = given.assignments[0].mission if isinstance(given, MissionRun) else given
     title = " ".join(_MEANT.sub(" ", scene.name or "").split())
     return title or "a continuum finger", f"the scene '{title}'" if title else "a scene without a name"
 

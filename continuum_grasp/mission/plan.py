@@ -56,7 +56,7 @@ def blindness(command: Any) -> str:
 
 
 def mission_fields(
-    table: Timetable, stages: Stages, needed: Array, *, leads: bool = True
+    table: Timetable, stages: Stages, needed: Array, *, leads: bool = True, holds_on: bool = False
 ) -> tuple[dict[str, int], list[Field]]:
     """Dimensions of the C of a finger's phases, and the members of ``mission_settings``."""
     of, moves, phases = table.of, table.moves(stages.r_names), table.phases()
@@ -82,6 +82,7 @@ def mission_fields(
         Field("follows", [-1 if b is None else follows.index(b[0]) for b in begins], whole=True),
         Field("limits", [_NOMINAL if b is None else b[1] for b in begins], whole=True),
         *[Field(name, names.index(name), whole=True) for name in ("confirm", "lower", "release")],
+        Field("holds_on", int(holds_on), whole=True),
         Field("leads", int(leads), whole=True),
         Field("patience", patience),
         Field("needed", needed),

@@ -68,6 +68,9 @@ class Phases(Value):
     """Each disturbance: a quarter to grow, half to stay, a quarter to fade [s]."""
     rest: Duration = 0.2
     """After each disturbance [s]."""
+    hold_until_release: bool = False
+    """Whether an exported controller then holds the object until it is told to release; runs of the mission release it
+    there."""
     lower: Duration = 0.3
     """While the table comes back [s]."""
     release: Duration = 0.8

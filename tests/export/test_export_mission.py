@@ -6,6 +6,7 @@ import json
 import math
 import re
 import sys
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +17,7 @@ import pytest
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.status import Anomaly
 from continuum_grasp.errors import InputError
-from continuum_grasp.export import export_c
+from continuum_grasp.export import export_c, export_fmu
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assignment import assign
 from continuum_grasp.mission.plan import Plan
@@ -57,6 +58,11 @@ def phases_of(run, t):
     """Name of the phase in which each command was given."""
     starts, names = zip(*run.events, strict=True)
     return [names[k - 1] for k in np.searchsorted(starts, t + 1e-9)]
+
+
+def phase_numbers(package):
+    header = (package / "include/finger.h").read_text()
+    return {name: int(k) for name, k in re.findall(r"FINGER_PHASE_(\w+) = (\d+)", header)}
 
 
 @needs("cc")
@@ -111,8 +117,7 @@ def test_a_mission_to_the_bit_without_a_warning_and_any_bits_under_sanitizers(co
 def test_a_mission_lets_go_when_asked(carried, package, tmp_path):
     """Lowered first where it was lifted, aborted at once, within the rate all the way."""
     finger, library = shared_library(package, tmp_path)
-    header = (package / "include/finger.h").read_text()
-    number = {name: int(k) for name, k in re.findall(r"FINGER_PHASE_(\w+) = (\d+)", header)}
+    number = phase_numbers(package)
     limits = json.loads((package / "MANIFEST.json").read_text())["functions"]["mission_step"]["memory_bytes"]
     assert 0 < limits["mission"] < 12_000
     for ends, then, last in (("release", "LOWER", 130), ("release", "RELEASE", 70), ("abort", "RELEASE", 130)):
@@ -132,8 +137,7 @@ def test_a_mission_lets_go_when_asked(carried, package, tmp_path):
 @needs("cc")
 def test_a_mission_that_measures_nothing_lifts_nothing(package, tmp_path):
     finger, library = shared_library(package, tmp_path)
-    header = (package / "include/finger.h").read_text()
-    number = {name: int(k) for name, k in re.findall(r"FINGER_PHASE_(\w+) = (\d+)", header)}
+    number = phase_numbers(package)
     mission, passed = finger.Mission(library), set()
     for _ in range(1000):
         mission.step(finger.Measurement(*[math.nan] * len(finger.Measurement._fields_)))
@@ -180,3 +184,81 @@ def test_the_example_holds_the_mug_over_a_pipe(package, tmp_path):
     said = run(sys.executable, "-m", "benchmarks.mission_pipe", tmp_path / "loop", *QUICK, cwd=ROOT)
     assert re.search(r"1\.00 s  lift\n.*2\.82 s  lower\n.*3\.02 s  release\n", said, re.DOTALL)
     assert float(re.search(r"sank by (\S+) mm", said)[1]) < 1.0
+
+
+@needs("cc")
+@pytest.mark.parametrize("fmi", ["2", "3"])
+def test_a_functional_mock_up_unit_is_the_package_to_the_bit(fmi, carried, package, tmp_path):
+    """Command and phase of every step, with the object let go on the way."""
+    fmpy = pytest.importorskip("fmpy")
+    from fmpy.validation import validate_fmu
+
+    from tests.fmu_cases import Instance
+
+    mission, last = carried("mug"), 130
+    (unit,) = export_fmu(mission, tmp_path, name="mug", fmi=[fmi])
+    assert validate_fmu(str(unit.file)) == []
+    assert unit.inputs[-2:] == ("release", "abort")
+    fmpy.extract(str(unit.file), str(unit.file.with_suffix("")))
+    finger, library = shared_library(package, tmp_path / "package")
+    one, other = Instance(unit), finger.Mission(library)
+    for k, y in enumerate(mission.runs[0].y):
+        if k == last:
+            other.release()
+        wanted = other.step(finger.Measurement(*y))
+        one.set("measurement.", y)
+        one.set("release", float(k >= last))
+        # Outputs are those of the inputs of now, and asking for them twice takes no step.
+        found = [one.get("command.") for _ in range(2)]
+        assert np.array_equal(found, [[wanted.tension_1, wanted.tension_2]] * 2)
+        assert [one.count(name) for name in ("phase", "decision", "forces")] == [
+            other.phase(),
+            other.decision(),
+            other.forces(),
+        ]
+        one.step(k * unit.step, unit.step)
+    assert other.decision() == 1
+
+
+def test_units_of_missions_are_controllers(carried, tmp_path):
+    for given, options, words in (
+        ("mug", {"what": ["plant"]}, "a mission has a controller alone"),
+        ("mug", {"preview": True}, "follows its phases"),
+        ("mug", {"finger": "thumb"}, "expected one of finger"),
+        ("pinch", {}, "one of lower, upper, which have a package each"),
+    ):
+        with pytest.raises(InputError, match=words):
+            export_fmu(carried(given), tmp_path, binary=False, **options)
+    assert not list(tmp_path.iterdir())
+    (unit,) = export_fmu(carried("pinch"), tmp_path, finger="upper", binary=False, fmi=["3"])
+    assert unit.inputs[-4:] == ("release", "abort", "lift", "let_go")
+
+
+@needs("cc")
+def test_an_object_is_held_until_it_is_asked_for(carried, package, tmp_path):
+    """With the commands of the plan as long as the horizon does not see its end, then with those of the last rest."""
+    mission = carried("mug")
+    of, number = mission.assignments[0], phase_numbers(package)
+    waiting = of.mission.replaced(phases=of.mission.phases.replaced(hold_until_release=True))
+    export_c(replace(mission, assignments=(replace(of, mission=waiting),)), tmp_path / "waits")
+    planned, waits = (
+        shared_library(folder, tmp_path / name) for folder, name in ((package, "p"), (tmp_path / "waits", "w"))
+    )
+    one, other = (finger.Mission(library) for finger, library in (planned, waits))
+    lowered = round(mission.timetable.span("lower").start / mission.runs[0].period)
+    seen, last, passed, tensions = lowered - 20, lowered + 300, [], []
+    for k in range(last + 200):
+        measured = mission.runs[0].y[min(k, lowered)]
+        if k == last:
+            other.release()
+        found = other.step(waits[0].Measurement(*measured))
+        passed.append(other.phase())
+        tensions.append([found.tension_1, found.tension_2])
+        if k < seen:
+            wanted = one.step(planned[0].Measurement(*measured))
+            assert tensions[-1] == [wanted.tension_1, wanted.tension_2]
+    assert set(passed[lowered:last]) == {number["LOWER"] - 1}
+    assert np.ptp(tensions[lowered + 100 : last], axis=0).max() < 0.01 * max(tensions[lowered])
+    spent = {name: passed.count(number[name]) for name in ("LOWER", "RELEASE")}
+    assert spent == {"LOWER": 20, "RELEASE": 50}
+    assert passed[-1] == number["END"]

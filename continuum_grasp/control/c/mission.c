@@ -21,6 +21,7 @@ void mission_setpoints(const mission_state *state, const mission_settings *o, re
 {
   real at = o->begin[state->phase] + (t - state->start);
   if (state->phase <= o->confirm && at > o->begin[o->confirm]) at = o->begin[o->confirm];
+  if (o->holds_on && state->phase < o->lower && at > o->begin[o->lower]) at = o->begin[o->lower];
   mission_planned(o, at, row);
   if (state->left_at < 0) return;
   const real left = 1 - mission_smooth((t - state->left_at) / o->length[o->release]);
@@ -80,7 +81,7 @@ int mission_advance(mission_state *state, const mission_settings *o, real t, con
       else over = forces && mission_decide(state, o, since, forces, reported);
       if (state->decision == MISSION_LETS_GO) next = o->release;
     }
-    if (!over) return 1;
+    if (!over || (o->holds_on && next == o->lower)) return 1;
     if (next == MISSION_PHASES) return 0;
     mission_enter(state, o, next, t, u);
   }

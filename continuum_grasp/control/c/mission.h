@@ -10,7 +10,8 @@
  * (MISSION_BEARS), to the others what it decided; what is reported may be a period old.
  *
  * Setpoints are smooth functions of the instant of a plan in which nothing is waited for: those at first, and moves,
- * each by a row, from its begin over its length. What ends by a decision is foreseen to go on.
+ * each by a row, from its begin over its length. What ends by a decision is foreseen to go on; that one is asked to
+ * release is not.
  *
  * Dimensions: MISSION_PHASES, MISSION_MOVES, MISSION_NR (setpoints), MISSION_NU, MISSION_NC (contacts); and `real`.
  */
@@ -31,6 +32,7 @@ typedef struct {
   int follows[MISSION_PHASES];  /* row of weights from its begin on; -1: weights and limits stay */
   int limits[MISSION_PHASES];
   int confirm, lower, release;  /* numbers of phases */
+  int holds_on;                 /* whether the object is held until mission_release, not to the end of the plan */
   int leads;                    /* whether this finger decides */
   real patience;                /* longest wait for forces [s] */
   real needed[MISSION_SIZE(MISSION_NC)];        /* least normal force at each contact [N] */

@@ -71,13 +71,14 @@ _NAMES = {
 class Phases(NamedTuple):
     """Phases of a finger's mission.
 
-    Dimensions and settings of ``control/c/mission.h``, names of the phases, and what other fingers may tell this one by
-    the names of functions, with the words for it; none where it is alone.
+    Dimensions and settings of ``control/c/mission.h``, names of the phases, when the last one is planned to begin [s],
+    and what other fingers may tell this one by the names of functions, with the words for it; none where it is alone.
     """
 
     sizes: dict[str, int]
     members: tuple[Member, ...]
     names: tuple[str, ...]
+    ends: float
     reported: tuple[tuple[str, str], ...]
 
 

@@ -1,37 +1,56 @@
-"""A controller with its estimator."""
+"""A controller with its estimator, of a closed loop or of a finger's mission."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from continuum_grasp.export.control.loop import DIAGNOSIS
 from continuum_grasp.export.fmu.variable import STRICT, Unit, Variable, count, library_of, variables_of
 from continuum_grasp.export.source import names_of
+from continuum_grasp.mission.result import MissionRun
 from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.mission import MissionScene
 
 _COUNTS = [name for kind, name, _ in DIAGNOSIS if kind != "real"]
 _REALS = [name for kind, name, _ in DIAGNOSIS if kind == "real"]
 _TEXTS = {name: text for _, name, text in DIAGNOSIS}
+_TOLD = {
+    "release": "above 0.5: let the object go, lowered first where it was lifted",
+    "abort": "above 0.5: open at once, wherever the object is",
+    "others_bear": "above 0.5: all other fingers have forces 1",
+    "others_lack": "above 0.5: one of the other fingers has forces 2",
+    "lift": "above 0.5: the finger that decides has decision 1",
+    "let_go": "above 0.5: the finger that decides has decision 2",
+}
+"""What a mission may be told, by its function."""
 
 
-def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> Unit:
-    """The controller of a closed loop; of setpoints over the horizon each is given where there is a ``preview``."""
-    sources, manifest = library_of(scene, what=["mpc"], prefix=identifier)
-    structs: dict[str, Any] = manifest["structs"]
-    loop: dict[str, Any] = manifest["loop"]
-    nodes, wanted = loop["nodes"], list(loop["first_setpoints"].values())
-    known = structs.get("known", [])
-    settings = list(loop["nominal_settings"].values())
+def controller_unit(
+    scene: ControlScene | MissionScene | MissionRun,
+    identifier: str,
+    *,
+    preview: bool = False,
+    finger: str | None = None,
+) -> Unit:
+    """The controller of a closed loop; of setpoints over the horizon each is given where there is a ``preview``.
+
+    That of a mission, of the ``finger`` by name where there are several, brings its setpoints and settings, and may be
+    told to let go.
+    """
+    alone = isinstance(scene, ControlScene)
+    sources, manifest = library_of(scene, what=["mpc" if alone else "mission"], prefix=identifier, finger=finger)
+    structs, loop = manifest["structs"], manifest["loop"]
     start = "estimate" if "estimate" in structs else "measurement"
     measured = variables_of(
         "measurement", "input", structs["measurement"], list(loop["measurement_at_start"].values()), may_be_missing=True
     )
     nominal = list(loop["nominal_known"].values())
+    given, states, words = _of_loop(manifest, preview) if alone else _of_mission(loop["mission"])
     groups = {
         "FMU_MEASUREMENT": measured,
-        "FMU_REFERENCE": _reference(structs["reference"], wanted, nodes if preview else 0, loop["stage_s"]),
-        "FMU_SETTINGS": variables_of("settings", "tunable", structs["settings"], settings),
-        "FMU_KNOWN": variables_of("known", "tunable", known, nominal),
+        **given,
+        "FMU_KNOWN": variables_of("known", "tunable", structs.get("known", []), nominal),
         "FMU_COMMAND": variables_of("command", "output", structs["command"]),
         "FMU_ESTIMATE": variables_of("estimate", "output", structs[start]),
         "FMU_DIAGNOSIS": tuple(Variable(f"diagnosis.{k}", "1", _TEXTS[k], "output") for k in _REALS),
@@ -39,12 +58,13 @@ def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> U
     return Unit(
         identifier=identifier,
         title=names_of(scene)[0],
-        what="its predictive controller",
+        what="its predictive controller" if alone else "the controller of its mission",
         step=loop["period_s"],
-        stop=scene.duration or 1.0,
+        stop=(scene.duration or 1.0) if isinstance(scene, ControlScene) else loop["mission"]["planned_end_s"],
         groups=groups,
         counts=(
             count("code", "of the last call: 0 a new plan, above a warning, below what was refused"),
+            *(count(name, text) for name, text in states.items()),
             *(count(f"diagnosis.{name}", _TEXTS[name]) for name in _COUNTS),
         ),
         continuous=False,
@@ -52,19 +72,50 @@ def controller_unit(scene: ControlScene, identifier: str, *, preview: bool) -> U
         feedthrough=True,
         glue=("controller_types.c", "controller.c"),
         words={
+            "alone": alone,
+            "kind": "controller" if alone else "mission",
+            "inner": "" if alone else ".controller",
             "start": start,
-            "known": bool(known),
-            "nodes": nodes,
-            "reference": [
-                (entry["name"], f"{j * nodes} + k" if preview else j) for j, entry in enumerate(structs["reference"])
-            ],
+            "known": bool(nominal),
             "diagnosed": [*enumerate(_REALS)],
             "counted": [(name, name.upper()) for name in _COUNTS],
+            "states": [(name, name.upper()) for name in states],
+            **words,
         },
         sources=sources,
         flags=STRICT,
         manifest=manifest,
     )
+
+
+_Own = tuple[dict[str, tuple[Variable, ...]], dict[str, str], dict[str, Any]]
+"""Groups of variables, whole numbers with their texts, and words of the templates that one of both has."""
+
+
+def _of_loop(manifest: Mapping[str, Any], preview: bool) -> _Own:
+    """Setpoints and settings."""
+    structs, loop = manifest["structs"], manifest["loop"]
+    nodes, wanted = loop["nodes"], list(loop["first_setpoints"].values())
+    groups = {
+        "FMU_REFERENCE": _reference(structs["reference"], wanted, nodes if preview else 0, loop["stage_s"]),
+        "FMU_SETTINGS": variables_of("settings", "tunable", structs["settings"], [*loop["nominal_settings"].values()]),
+    }
+    names = [entry["name"] for entry in structs["reference"]]
+    places = [(name, f"{j * nodes} + k" if preview else j) for j, name in enumerate(names)]
+    return groups, {}, {"nodes": nodes, "reference": places}
+
+
+def _of_mission(mission: Mapping[str, Any]) -> _Own:
+    """What it is told, and where it is."""
+    told = ["release", "abort", *mission["reports"]]
+    groups = {"FMU_TOLD": tuple(Variable(name, "1", _TOLD[name], "input", low=0.0, high=1.0) for name in told)}
+    phases = ", ".join(f"{k} {name}" for k, name in enumerate(mission["phases"]))
+    states = {
+        "phase": f"number of the phase: {phases}",
+        "decision": "before the lift: 0 none, 1 lift, 2 let go",
+        "forces": "at the contacts: 0 unknown, 1 enough to lift, 2 too little",
+    }
+    return groups, states, {"told": [*enumerate(told)]}
 
 
 def _reference(entries: list[dict[str, Any]], wanted: list[float], nodes: int, stage: float) -> tuple[Variable, ...]:

@@ -32,21 +32,28 @@ from continuum_grasp.export.fmu.variable import Unit
 from continuum_grasp.export.manifest import manifest_text, strict_flags, write_files
 from continuum_grasp.export.source import chosen, names_of, prefix_of
 from continuum_grasp.export.template import fill
+from continuum_grasp.mission.result import MissionRun
 from continuum_grasp.results.atomic import replacing
 from continuum_grasp.scene.consumer import beside
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
+from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.simulate import Scene
 
 WHAT = ("plant", "controller")
-"""Parts of a closed loop that may be exported; of a simulated scene, the first."""
+"""Parts of a closed loop that may be exported; of a simulated scene the first, of a mission the second."""
 VERSIONS = ("2", "3")
-_NO_LOOP = "a simulated scene has a plant alone; a controller needs a closed loop"
+_NO_LOOP = "a simulated scene has a plant alone; a controller needs a closed loop or a mission"
+_NO_PLANT = "a mission has a controller alone; continuum-grasp mpc moves its plant"
 _OWN = "is for a simulated scene: a closed loop has its own"
+_MISSIONS = (MissionScene, MissionRun)
 _UNITS = (
     beside("export to fmu of no controller", lambda of: "controller" not in of[1], "preview", "is for a controller"),
     beside("export to fmu of a simulated scene", lambda of: isinstance(of[0], Scene), "what=controller", _NO_LOOP),
     beside("export to fmu of a closed loop", lambda of: not isinstance(of[0], Scene), "step ranges substeps", _OWN),
+    beside("export to fmu of a mission", lambda of: isinstance(of[0], _MISSIONS), "what=plant", _NO_PLANT),
+    beside("export to fmu of a mission", lambda of: isinstance(of[0], _MISSIONS), "preview", "follows its phases"),
+    beside("export to fmu of no mission", lambda of: not isinstance(of[0], _MISSIONS), "finger", "is for a mission"),
 )
 _LONG = 20_000
 """Lines of a source from which it is compiled with less optimization, as plants of many elements are."""
@@ -88,7 +95,7 @@ class FunctionalMockupUnit:
 @interrupt.listening()
 @check_arguments
 def export_fmu(
-    given: Scene | ControlScene | str | os.PathLike[str],
+    given: Scene | ControlScene | MissionScene | MissionRun | str | os.PathLike[str],
     folder: str | os.PathLike[str],
     *,
     what: Sequence[str] | None = None,
@@ -98,19 +105,20 @@ def export_fmu(
     substeps: int | None = None,
     ranges: Mapping[str, Sequence[float]] | None = None,
     preview: bool = False,
+    finger: str | None = None,
     binary: bool = True,
 ) -> tuple[FunctionalMockupUnit, ...]:
     """Write a plant, or a controller with its estimator, as functional mock-up units for co-simulation.
 
     Parameters
     ----------
-    given : Scene, ControlScene or path of a configuration
+    given : Scene, ControlScene, MissionScene, MissionRun or path of a configuration
         Of a simulated scene the finger is exported, moved by the steps of its C package; of a closed loop the
-        controller, and the plant that ``run_closed_loop`` moves.
+        controller, and the plant that ``run_closed_loop`` moves; of a mission the controller with its phases.
     folder : path-like
         Where to; units ``NAME_plant_fmi2.fmu`` and the like there are replaced, files that no export wrote are not.
     what : sequence of {"plant", "controller"}, optional
-        Of a closed loop; both by default.
+        Of a closed loop; by default all that there is.
     fmi : sequence of {"2", "3"}
         Versions of the standard: 2.0, 3.0.
     name : str, optional
@@ -123,6 +131,8 @@ def export_fmu(
         Least and greatest values of run-time parameters of a simulated scene, by name.
     preview : bool
         Whether the controller is given setpoints of every stage of its horizon, instead of those that hold over it.
+    finger : str, optional
+        Of a mission of several fingers, each of which has a unit of its own.
     binary : bool
         Whether to add the binary of this machine to the sources.
 
@@ -145,14 +155,16 @@ def export_fmu(
     >>> unit.file.name, unit.outputs[-4:]
     ('tendon_step_plant_fmi3.fmu', ('tip.x', 'tip.y', 'tip.angle', 'code'))
     """
-    scene = scene_of(given, (Scene, ControlScene))
+    scene = scene_of(given, (Scene, ControlScene, *_MISSIONS))
     own = prefix_of(name) if name is not None else identifier_of(given, scene)
     versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
     alone = isinstance(scene, Scene)
-    asked = WHAT[: 1 if alone else 2] if what is None else [what] if isinstance(what, str) else what
+    has = WHAT[:1] if alone else WHAT[1:] if isinstance(scene, _MISSIONS) else WHAT
+    asked = has if what is None else [what] if isinstance(what, str) else what
     kinds = chosen(asked, WHAT, "part", "what")
     given_options: dict[str, Any] = {f"what={kind}": "what" for kind in kinds}
     given_options |= {"step": bool(step), "ranges": bool(ranges), "substeps": bool(substeps), "preview": preview}
+    given_options["finger"] = finger is not None
     for one in _UNITS:
         one.check((scene, kinds), of=given_options)
     files = {(k, fmi): Path(folder) / f"{own}_{k}_fmi{fmi}.fmu" for k in WHAT if k in kinds for fmi in versions}
@@ -160,7 +172,7 @@ def export_fmu(
         check_file(file, is_unit)
     makers = {
         "plant": partial(finger_unit, step=step, substeps=substeps, ranges=ranges) if alone else loop_plant_unit,
-        "controller": partial(controller_unit, preview=preview),
+        "controller": partial(controller_unit, preview=preview, finger=finger),
     }
     units = {kind: makers[kind](scene, f"{own}_{kind}") for kind in kinds}
     with tempfile.TemporaryDirectory() as work:

@@ -9,21 +9,25 @@ static fmu_level fmu_computed(fmu_instance *f)
   <<p>>_<<start>> estimate;
   <<p>>_diagnosis diagnosis;
   fmu_level level;
-  int code, k;
+  int code<<if alone>>, k<<end>>;
   if (m->computed && f->data.shown) return FMU_OK;
-  if (!m->begun) <<p>>_controller_init(&m->now);
+  if (!m->begun) <<p>>_<<kind>>_init(&m->now);
   m->begun = 1;
   m->next = m->now;
-  memcpy(&m->next.settings, values + FMU_SETTINGS, sizeof m->next.settings);<<if known>>
-  memcpy(&m->next.known, values + FMU_KNOWN, sizeof m->next.known);<<end>>
-  memcpy(&measurement, values + FMU_MEASUREMENT, sizeof measurement);
+<<if known>>  memcpy(&m->next<<inner>>.known, values + FMU_KNOWN, sizeof m->next<<inner>>.known);
+<<end>>  memcpy(&measurement, values + FMU_MEASUREMENT, sizeof measurement);
+<<if alone>>  memcpy(&m->next.settings, values + FMU_SETTINGS, sizeof m->next.settings);
   for (k = 0; k < <<nodes>>; ++k) {
 <<for name, at in reference>>    f->scratch.reference.<<name>>[k] = values[FMU_REFERENCE + <<at>>];
 <<end>>  }
   code = <<p>>_mpc(&m->next, &f->scratch.work, &measurement, &f->scratch.reference, &command);
   if ((level = fmu_judged(f, "mpc", code)) > FMU_WARNING) return level;
-  <<p>>_controller_estimate(&m->next, &estimate);
-  <<p>>_controller_diagnosis(&m->next, &diagnosis);
+<<else>><<for k, name in told>>  if (values[FMU_TOLD + <<k>>] > 0.5) <<p>>_mission_<<name>>(&m->next);
+<<end>>  code = <<p>>_mission_step(&m->next, &f->scratch.work, &measurement, &command);
+  if ((level = fmu_judged(f, "mission_step", code)) > FMU_WARNING) return level;
+<<for name, place in states>>  f->data.counts[FMU_<<place>>] = <<p>>_mission_<<name>>(&m->next);
+<<end>><<end>>  <<p>>_controller_estimate(&m->next<<inner>>, &estimate);
+  <<p>>_controller_diagnosis(&m->next<<inner>>, &diagnosis);
   memcpy(values + FMU_COMMAND, &command, sizeof command);
   memcpy(values + FMU_ESTIMATE, &estimate, sizeof estimate);
 <<for k, name in diagnosed>>  values[FMU_DIAGNOSIS + <<k>>] = diagnosis.<<name>>;
