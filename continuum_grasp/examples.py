@@ -1,13 +1,13 @@
-"""The shipped examples: configurations that run, what each needs, and how it is run.
+"""The shipped examples: configurations that run, what each needs, and how it is run; and notebooks.
 
-A checkout has them in its ``configs`` and ``schema``; a wheel has these two folders inside the package.
+A checkout has them in its ``configs``, ``schema`` and ``notebooks``; a wheel has these folders inside the package.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache, cached_property
 from pathlib import Path
@@ -15,9 +15,11 @@ from typing import Any
 
 from continuum_grasp.errors import InputError
 
-__all__ = ["Example", "copy_example", "example", "examples", "shipped_folder"]
+__all__ = ["Example", "copy_example", "copy_notebooks", "example", "examples", "shipped_folder"]
 
 _SCHEMA_LINE = "# yaml-language-server: $schema="
+_READ = re.compile(r'configs / \\"(\w+)\\" / \\"(\w+)\.yaml\\"')
+"""A configuration that a notebook reads, within a string of JSON."""
 _SENTENCE = re.compile(r".*?[.?!](?=\s|$)")
 
 
@@ -95,12 +97,30 @@ def copy_example(name: str, folder: Path) -> list[Path]:
     the files in the folder, the example's own first. Where there is no such example, data that it needs are not
     shipped, or the folder has another file where one would be written, nothing is written: InputError.
     """
-    from continuum_grasp.results.atomic import replacing
-
-    one, root = example(name), shipped_folder()
+    one = example(name)
     if one.missing:
         raise InputError(f"{name} needs measured data that are not shipped: {', '.join(one.missing)}")
-    contents = {folder / file: (root / file).read_bytes() for file in one.files}
+    return _copy(one.files, folder)
+
+
+def copy_notebooks(folder: Path) -> list[Path]:
+    """Copy the notebooks that need nothing but the package, with the configurations that they read, as `copy_example`
+    copies.
+    """
+    root = shipped_folder()
+    texts = {file.relative_to(root): file.read_text(encoding="utf-8") for file in root.glob("notebooks/*.ipynb")}
+    alone = [file for file, text in sorted(texts.items()) if "benchmarks." not in text]
+    read = {name for file in alone for name in _READ.findall(texts[file])}
+    needed = [file for name in sorted(read) for file in example("/".join(name)).files]
+    return _copy(dict.fromkeys([*alone, *needed]), folder)
+
+
+def _copy(files: Iterable[Path], folder: Path) -> list[Path]:
+    """Copy shipped files into a folder; nothing is written where one is there with other content."""
+    from continuum_grasp.results.atomic import replacing
+
+    root = shipped_folder()
+    contents = {folder / file: (root / file).read_bytes() for file in files}
     new = {file: content for file, content in contents.items() if not (file.is_file() and file.read_bytes() == content)}
     if there := [str(file) for file in new if file.exists() or file.is_symlink()]:
         raise InputError(f"already there, with other content: {', '.join(there)}; nothing is overwritten")

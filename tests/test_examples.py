@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -86,6 +87,24 @@ def test_new_prints_a_command_that_runs(tmp_path, monkeypatch):
     assert json.loads(run("new", ".", "--json").output)["command"][1:] == ["grasp", "configs/grasp/mug.yaml"]
 
 
+def test_notebooks_come_with_what_they_read(tmp_path):
+    """Of those in the checkout all that name no benchmark; what their code reads is there and is valid."""
+    said = json.loads(run("new", str(tmp_path), "--notebooks", "--json").output)
+    copied = {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in tmp_path.glob("notebooks/*")}
+    codes = {
+        name: "".join(line for cell in book["cells"] if cell["cell_type"] == "code" for line in cell["source"])
+        for name, book in copied.items()
+    }
+    assert {"own_models", "casadi", "design_by_gradient"} <= codes.keys()
+    assert not any("benchmarks" in code for code in codes.values())
+    read = {name for code in codes.values() for name in re.findall(r"[\w/]+\.yaml", code.replace('" / "', "/"))}
+    assert len(read) > 2
+    for name in read:
+        assert load(tmp_path / "configs" / name)
+    assert len(said["files"]) == len({file for file in tmp_path.rglob("*") if file.is_file()})
+    assert run("new", str(tmp_path), "--notebooks").exit_code == 0  # again
+
+
 def test_new_overwrites_nothing(tmp_path):
     assert run("new", str(tmp_path)).exit_code == 0
     assert run("new", str(tmp_path), "--example", "grasp/mug_arcs").exit_code == 0  # the same finger is there
@@ -107,6 +126,7 @@ def test_new_refuses_what_it_cannot_do(tmp_path):
         (["new"], "--list"),
         (["new", str(file)], "expected a folder, got a file"),
         (["new", str(tmp_path / "a"), "--example", "grasp/mugg"], "did you mean 'grasp/mug'?"),
+        (["new", str(tmp_path / "a"), "--notebooks", "--list"], "--notebooks: is in place of --example and --list"),
         (["new", str(tmp_path / "a"), "--example", "nothing of the kind"], "no example 'nothing of the kind'"),
     ):
         refused = run(*arguments)

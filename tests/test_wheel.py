@@ -36,6 +36,7 @@ def test_the_wheel_has_the_examples_and_nothing_beside_the_package(wheel):
     names = set(zipfile.ZipFile(wheel).namelist())
     shipped = {f"continuum_grasp/{path.relative_to(ROOT)}" for path in ROOT.glob("configs/*/*")}
     shipped |= {f"continuum_grasp/{path.relative_to(ROOT)}" for path in ROOT.glob("schema/*.json")}
+    shipped |= {f"continuum_grasp/{path.relative_to(ROOT)}" for path in ROOT.glob("notebooks/*.ipynb")}
     assert len(shipped) > 60
     assert shipped <= names
     assert {name.partition("/")[0].partition("-")[0] for name in names} == {"continuum_grasp"}

@@ -16,6 +16,9 @@ from continuum_grasp.errors import InputError
 if TYPE_CHECKING:
     from continuum_grasp.examples import Example
 
+_FIRST = "grasp/mug"
+"""The example of those who name none."""
+
 
 @verb("as_json", "quiet")
 def new(
@@ -26,13 +29,16 @@ def new(
             metavar="DIR", parser=named_path, help="Where to; made where it is missing.", show_default=False
         ),
     ] = None,
-    name: str = option("Which one.", "--example", default="grasp/mug", metavar="NAME", autocompletion=complete_example),
+    name: str = option("Which one.", "--example", default=_FIRST, metavar="NAME", autocompletion=complete_example),
     listed: bool = option("Copy nothing: list all examples, by the command.", "--list", default=False),
+    notebooks: bool = option("Copy the notebooks in place of an example.", "--notebooks", default=False),
 ) -> None:
-    """Copy an example that runs, with the files that it needs.
+    """Copy an example that runs, or the notebooks, with the files that they need.
 
     Nothing is overwritten; one folder takes several examples.
     """
+    if notebooks and (listed or name != _FIRST):
+        raise InputError("is in place of --example and --list", key="--notebooks")
     if listed:
         _list(output)
         return
@@ -41,17 +47,21 @@ def new(
     if folder.exists() and not folder.is_dir():
         raise InputError("expected a folder, got a file", file=str(folder))
 
-    from continuum_grasp.examples import copy_example, example
+    from continuum_grasp.examples import copy_example, copy_notebooks, example
 
-    one, files = example(name), copy_example(name, folder)
-    output.say(f"{name}: {one.summary}\n")
+    if notebooks:
+        files, command = copy_notebooks(folder), ["jupyter", "lab", "notebooks"]
+        output.say("Notebooks, and what they read:\n")
+    else:
+        files, command = copy_example(name, folder), _command(example(name))
+        output.say(f"{name}: {example(name).summary}\n")
     for file in files:
         output.say(f"  {file}")
     output.say("\nRun it:\n")
     if folder.resolve() != Path.cwd():
         output.say(f"  cd {shlex.quote(str(folder))}")
-    output.say(f"  {shlex.join(_command(one))}")
-    output.result(example=name, folder=folder, files=files, command=_command(one))
+    output.say(f"  {shlex.join(command)}")
+    output.result(example=None if notebooks else name, folder=folder, files=files, command=command)
 
 
 def _list(output: Output) -> None:
