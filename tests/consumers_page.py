@@ -14,8 +14,6 @@ from tests.results_page import table
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "consumers.md"
-ADVICE = re.compile(r"[:;] (?:leave|give|expected|take|set|use|command|state|see) .*")
-"""End of a reason that says what to write instead: in the error, not in the list."""
 BEGIN = "<!-- What follows is written by `python -m tests.consumers_page`. -->\n"
 for path in sorted((ROOT / "continuum_grasp").rglob("*.py")):
     if "scene.consumer import " in path.read_text(encoding="utf-8"):
@@ -23,9 +21,9 @@ for path in sorted((ROOT / "continuum_grasp").rglob("*.py")):
 
 
 def tables() -> str:
-    """Features that verbs refuse, and the keys of all consumers, one line per reason."""
+    """Features that verbs refuse, and the keys that consumers take otherwise or do not need, one line per reason."""
     parts = [features()]
-    for heading, kind in (("Refused", "refused"), ("Taken otherwise", "otherwise"), ("Not needed", "unneeded")):
+    for heading, kind in (("Taken otherwise", "otherwise"), ("Not needed", "unneeded")):
         parts += [f"## {heading}", "", *reasons(kind)]
     return "\n".join(parts)
 
@@ -56,7 +54,7 @@ def reasons(kind: str) -> Iterator[str]:
     found: defaultdict[str, tuple[dict[str, None], dict[str, None]]] = defaultdict(lambda: ({}, {}))
     for name, one in sorted(CONSUMERS.items()):
         for key, why in getattr(one, kind).items():
-            keys, verbs = found[ADVICE.sub("", why)]
+            keys, verbs = found[why]
             keys[key.replace("=", ": ")] = verbs[re.match(r"export to \w+|[^, ]+", name)[0]] = None
     lines: defaultdict[str, list[str]] = defaultdict(list)
     for line, heading in merged({why: (tuple(keys), ", ".join(verbs)) for why, (keys, verbs) in found.items()}):
