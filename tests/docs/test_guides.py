@@ -82,52 +82,34 @@ def test_pages_of_a_path_are_short_examples_from_an_empty_folder(page):
     assert pictures(text)
 
 
-PLACES = {
-    "Scene": "",
-    "Finger": "finger.",
-    "Rod": "finger.rod.",
-    "Damping": "finger.damping.",
-    "DryFriction": "finger.damping.dry_friction.",
-    "Relaxation": "finger.damping.relaxation.",
-    "Softening": "finger.softening.",
-    "PointMass": "finger.masses.",
-    "Tendons": "finger.tendons.",
-    "Chamber": "finger.pressure.",
-    "LengthDrive": "finger.tendons.drive.",
-    "MotorDrive": "finger.tendons.drive.",
-    "BasePose": "finger.base.",
-    "PiecewiseCurvature": "finger.rest_curvature.",
-    "Actuation": "actuation.",
-    "Initial": "initial.",
-    "ForceLoad": "loads.",
-    "MomentLoad": "loads.",
-    "Timing": "time.",
-    "Fidelity": "fidelity.",
-    "ContactLaw": "contact_law.",
-    "Table": "table.",
-}
-"""Where classes of a scene for simulation stand in it; keys of the others stand on the page by themselves."""
-ELSEWHERE = {"RodSection", "RodSamples", "SpiRob", "RodFactors", "Tendon", "Stops", "TipBody"}
-"""Classes whose keys are in the part of docs/configurations.md on fingers that are not uniform."""
-NESTED = {"finger.rod", "finger.damping", "finger.masses", "finger.base", "contact_law", "table"}
-NESTED |= {"finger.tendons", "finger.pressure"}
-"""Keys that the page has with those below them."""
+ROWS = re.compile(r"^\| ((?:`[\w.]+`(?:, )?)+) \|", re.MULTILINE)
 
 
-def test_the_page_of_simulate_has_every_key():
-    schema = json_schema("simulate")
-    classes = {"Scene": schema, **schema["$defs"]}
-    assert PLACES.keys() <= classes.keys()
-    page, graded = page_text("simulate"), page_text("configurations").partition("## Fingers that are not uniform")[2]
-    for name, described in classes.items():
-        if name.endswith("Changes"):  # changes: what may stand beside ``extends``
-            continue
-        for key in described["properties"].keys() - {"extends"}:
-            if name in ELSEWHERE:
-                assert re.search(rf"\b{key}\b", graded), f"configurations.md lacks {key} of {name}"
-                continue
-            path = PLACES.get(name, "") + key
-            assert f"`{path}`" in page or (path in NESTED and f"`{path}." in page), f"simulate.md lacks {path}"
+def keys_below(schema, path):
+    """Keys that a configuration may have below a key, by its JSON Schema."""
+    places = [schema]
+    for name in (*path, None):
+        reached, places = places, []
+        while reached:
+            one = reached.pop()
+            if "$ref" in one:
+                reached.append(schema["$defs"][one["$ref"].rpartition("/")[2]])
+            reached += [*one.get("anyOf", []), *one.get("oneOf", []), *filter(None, [one.get("items")])]
+            if "properties" in one:
+                places += [one] if name is None else [one["properties"][name]] if name in one["properties"] else []
+    return {key for one in places for key in one.get("properties", {})}
+
+
+def test_the_keys_on_the_page_of_simulate_are_those_of_the_schema():
+    schema, checked = json_schema("simulate"), 0
+    for table in re.split(r"\n\n", page_text("simulate")):
+        head = re.match(r"\| key(?: of `([\w.]+)`)? \| +\|", table)
+        if head is not None:
+            known = keys_below(schema, (head[1] or "").split(".") if head[1] else ())
+            named = {key for row in ROWS.findall(table) for key in re.findall(r"[\w.]+", row)}
+            assert named <= known, f"{head[1]}: {sorted(named - known)}"
+            checked += len(named)
+    assert checked > 30
 
 
 @pytest.mark.deep
