@@ -34,6 +34,13 @@ def test_the_overview_names_every_guide():
     assert [path for path in PAGES if path.startswith("docs/") and path not in {*named, "docs/README.md"}] == []
 
 
+def test_pages_that_people_write_are_short():
+    """Errata, gallery and results are lists, of which programs write two."""
+    lists = {"docs/errata.md", "docs/gallery.md", "docs/results.md"}
+    words = {page: len(read(page).split()) for page in PAGES if page.startswith("docs/") and page not in lists}
+    assert sum(words.values()) <= 45_000, sorted(words.items(), key=lambda one: -one[1])
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_links_lead_somewhere(page):
     dead = [link for link in links(read(page)) if not leads_somewhere(page, link)]
