@@ -13,12 +13,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib.text import Text
 from PIL import Image
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.plotting import motion as plotting
-from continuum_grasp.plotting.drawing.axes import show_box
+from continuum_grasp.plotting.drawing.axes import draw_timed, head, plane_axes, show_box
 from continuum_grasp.results import MotionResult, save_picture
 from continuum_grasp.scene import Finger, Rod
 from continuum_grasp.simulation import Trajectory
@@ -402,3 +403,13 @@ def test_a_finger_wider_than_a_line_is_drawn_as_thick_as_it_is() -> None:
     body = plotting.plot_snapshots(run, times=[0.0]).patches[0].get_xy()
     # The straight finger points along +Y.
     assert np.ptp(body[:, 0]) == pytest.approx(2.0 * finger.half_thickness, rel=1e-6)
+
+
+@pytest.mark.parametrize("box", [(-0.13, 0.13, 0.0, 0.21), (-0.15, 0.15, 0.0, 0.1), (-0.05, 0.05, 0.0, 0.3)])
+def test_a_saved_picture_of_equal_scales_shows_its_title_whole(box: tuple[float, ...], tmp_path: Path) -> None:
+    ax = plane_axes(None, box)
+    draw_timed(ax, [np.array([box[::2], box[1::2]])], np.zeros(1), np.array([0.0, 1.0]))
+    head(ax, "Three tendons")
+    save_picture(ax, tmp_path / "title.png")
+    title = next(text for text in ax.findobj(Text) if text.get_text() == "Three tendons").get_window_extent()
+    assert title.y1 < ax.figure.bbox.y1

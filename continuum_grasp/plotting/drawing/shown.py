@@ -32,6 +32,13 @@ class ShownFigure(Figure):
         """Axes that are shown, too."""
         return super().add_axes(*arguments, **{"axes_class": ShownAxes, **named})
 
+    def savefig(self, *arguments: Any, **named: Any) -> None:
+        """Save; one pass of the layout measures axes of equal scales before they shrink, and would cut their title."""
+        engine = self.get_layout_engine()
+        if engine is not None and any(ax.get_aspect() != "auto" for ax in self.axes):
+            engine.execute(self)
+        super().savefig(*arguments, **named)
+
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         buffer = io.BytesIO()
         self.savefig(buffer, format="png", dpi=self.dpi)
