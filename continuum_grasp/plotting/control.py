@@ -136,6 +136,9 @@ def plot_tracking(ax: Axes, run: ControlRun) -> str:
         if axis is not ax:  # the legend is of the left axes
             ax.plot([], [], color=color, linewidth=1.4, label=axes.words(run.r_names[k]))
     ax.plot([], [], color=GRAY, linewidth=1.0, linestyle="--", label="setpoint")
+    for k, axis in enumerate((ax, right)[: len(units)]):
+        if units[k] == "m":
+            units[k] = axes.length_unit(np.ptp(axis.get_ylim()), axis.yaxis)
     if right is not ax:
         right.set_ylabel(f"tracked [{units[1]}]", color=INK)
     return f"tracked [{units[0]}]"

@@ -268,7 +268,8 @@ def plot_tensions_along(trajectory: Trajectory, *, ax: Axes | None = None) -> Ax
         ax.plot([], [], color=INK, linestyle=_STYLES[k % len(_STYLES)], label=f"tendon {k + 1}")
     ax.set_xlim(0.0, trajectory.length)
     ax.set_ylim(0.0, 1.05 * max(most, 1e-3))
-    axes.label(ax, "position along the finger [m]", "tension [N]")
+    unit = axes.length_unit(np.ptp(ax.get_xlim()), ax.xaxis)
+    axes.label(ax, f"position along the finger [{unit}]", "tension [N]")
     axes.head(ax, trajectory.name)
     return ax
 

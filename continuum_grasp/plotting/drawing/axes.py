@@ -15,6 +15,7 @@ from continuum_grasp.plotting.drawing.style import BLUE, GRAY, GREEN, INK, ORANG
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.cm import ScalarMappable
     from matplotlib.collections import LineCollection
     from matplotlib.colors import Colormap
@@ -53,9 +54,14 @@ def show_box(ax: Axes, box: Box) -> str:
     ax.set_aspect("equal", adjustable="box")
     ax.set_xlim(box[0], box[1])
     ax.set_ylim(box[2], box[3])
-    if max(box[1] - box[0], box[3] - box[2]) >= 1.0:
+    return length_unit(max(box[1] - box[0], box[3] - box[2]), ax.xaxis, ax.yaxis)
+
+
+def length_unit(extent: float, *shown: Axis) -> str:
+    """Unit of axes of lengths [m] that show an extent [m]: below a meter they count mm."""
+    if extent >= 1.0:
         return "m"
-    for axis in (ax.xaxis, ax.yaxis):
+    for axis in shown:
         axis.set_major_formatter(lambda value, _: f"{1e3 * value + 0.0:.5g}".replace("-", "\N{MINUS SIGN}"))
     return "mm"
 
