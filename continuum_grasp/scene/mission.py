@@ -69,7 +69,7 @@ class Phases(Value):
     rest: Duration = 0.2
     """After each disturbance [s]."""
     hold_until_release: bool = False
-    """Whether an exported controller then holds the object until it is told to release; runs of the mission release it
+    """Whether an exported controller then holds the object until it is asked to release; runs of the mission release it
     there."""
     lower: Duration = 0.3
     """While the table comes back [s]."""

@@ -189,7 +189,7 @@ def test_the_example_holds_the_mug_over_a_pipe(package, tmp_path):
 @needs("cc")
 @pytest.mark.parametrize("fmi", ["2", "3"])
 def test_a_functional_mock_up_unit_is_the_package_to_the_bit(fmi, carried, package, tmp_path):
-    """Command and phase of every step, with the object let go on the way."""
+    """Command and phase of every step, with the object let go before the plan does."""
     fmpy = pytest.importorskip("fmpy")
     from fmpy.validation import validate_fmu
 

@@ -15,7 +15,7 @@ from continuum_grasp.scene.mission import MissionScene
 _COUNTS = [name for kind, name, _ in DIAGNOSIS if kind != "real"]
 _REALS = [name for kind, name, _ in DIAGNOSIS if kind == "real"]
 _TEXTS = {name: text for _, name, text in DIAGNOSIS}
-_TOLD = {
+_EVENTS = {
     "release": "above 0.5: let the object go, lowered first where it was lifted",
     "abort": "above 0.5: open at once, wherever the object is",
     "others_bear": "above 0.5: all other fingers have forces 1",
@@ -23,7 +23,7 @@ _TOLD = {
     "lift": "above 0.5: the finger that decides has decision 1",
     "let_go": "above 0.5: the finger that decides has decision 2",
 }
-"""What a mission may be told, by its function."""
+"""Commands and reports that a mission takes, by its function."""
 
 
 def controller_unit(
@@ -36,7 +36,7 @@ def controller_unit(
     """The controller of a closed loop; of setpoints over the horizon each is given where there is a ``preview``.
 
     That of a mission, of the ``finger`` by name where there are several, brings its setpoints and settings, and may be
-    told to let go.
+    asked to let go.
     """
     alone = isinstance(scene, ControlScene)
     sources, manifest = library_of(scene, what=["mpc" if alone else "mission"], prefix=identifier, finger=finger)
@@ -106,16 +106,16 @@ def _of_loop(manifest: Mapping[str, Any], preview: bool) -> _Own:
 
 
 def _of_mission(mission: Mapping[str, Any]) -> _Own:
-    """What it is told, and where it is."""
-    told = ["release", "abort", *mission["reports"]]
-    groups = {"FMU_TOLD": tuple(Variable(name, "1", _TOLD[name], "input", low=0.0, high=1.0) for name in told)}
+    """Commands and reports that it takes, and where it is."""
+    events = ["release", "abort", *mission["reports"]]
+    groups = {"FMU_EVENTS": tuple(Variable(name, "1", _EVENTS[name], "input", low=0.0, high=1.0) for name in events)}
     phases = ", ".join(f"{k} {name}" for k, name in enumerate(mission["phases"]))
     states = {
         "phase": f"number of the phase: {phases}",
         "decision": "before the lift: 0 none, 1 lift, 2 let go",
         "forces": "at the contacts: 0 unknown, 1 enough to lift, 2 too little",
     }
-    return groups, states, {"told": [*enumerate(told)]}
+    return groups, states, {"events": [*enumerate(events)]}
 
 
 def _reference(entries: list[dict[str, Any]], wanted: list[float], nodes: int, stage: float) -> tuple[Variable, ...]:
