@@ -261,11 +261,6 @@ FAULTS: tuple[Fault, ...] = (
         tests="grasp/test_grasp_quality.py grasp/test_grasp_response.py",
     ),
     *_in(
-        "grasp/closing/verdict.py",
-        ("arms = sight.points[:, here] - center[:, None]", "arms = sight.points[:, here] + center[:, None]"),
-        tests="grasp/test_closing.py",
-    ),
-    *_in(
         "grasp/robust/response.py",
         ("return self.reserve >= HOLDS", "return self.reserve >= -1.0"),
         tests="grasp/test_grasp_robust.py grasp/test_grasp_response.py",

@@ -73,7 +73,7 @@ def test_a_public_function_has_parameters_and_an_example(name):
 COSTLY = [
     f"continuum_grasp.{name}"
     for name in (
-        *("accuracy_report", "commission", "run_closed_loop", "plan", "grasp.closing_path", "mission.check_mission"),
+        *("accuracy_report", "commission", "run_closed_loop", "plan", "mission.check_mission"),
         "operators.TorchOperators",
     )
 ]

@@ -203,12 +203,12 @@ def test_drawing_is_imported_when_needed(importer):
 
 
 def test_what_few_grasps_ask_for_is_imported_when_needed():
-    """Errors, friction states and the way in."""
-    rare = ("grasp.robust", "grasp.closing")
+    """Errors and friction states."""
+    rare = ("grasp.robust",)
     wrong = [
         f"{file.relative_to(PACKAGE)}:{line}: {module}"
         for file in FILES
-        if module_of(file) == "grasp" and not {"robust", "closing"} & {*file.parts}
+        if module_of(file) == "grasp" and "robust" not in file.parts
         for module, line, at_load in imports(file)
         if at_load and module.startswith(tuple(f"continuum_grasp.{one}" for one in rare))
     ]

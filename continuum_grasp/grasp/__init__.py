@@ -9,9 +9,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.certificate import Certificate as Certificate
     from continuum_grasp.grasp.certificate.certificate import certify as certify
     from continuum_grasp.grasp.certificate.check import Check as Check
-    from continuum_grasp.grasp.closing.path import closing_path as closing_path
-    from continuum_grasp.grasp.closing.result import ClosingPath as ClosingPath
-    from continuum_grasp.grasp.closing.result import ClosingStatus as ClosingStatus
     from continuum_grasp.grasp.quality.quality import Quality as Quality
     from continuum_grasp.grasp.result import GraspResult as GraspResult
     from continuum_grasp.grasp.robust.result import Robustness as Robustness
@@ -25,4 +22,8 @@ if TYPE_CHECKING:
 
 _MODULES = checked_imports(__name__)
 __all__ = [name for names in _MODULES.values() for name in names]
-__getattr__, __dir__ = lazy_names(__name__, _MODULES)
+_GONE = dict.fromkeys(
+    ("closing_path", "ClosingPath", "ClosingStatus"),
+    "continuum_grasp.simulate closes a finger on the object of its scene, a mission several",
+)
+__getattr__, __dir__ = lazy_names(__name__, _MODULES, _GONE)

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.grasp.text import amount, further_advice, parts
 from continuum_grasp.results.html import (
-    badge,
     cards,
     details,
     escaped,
@@ -82,7 +81,6 @@ def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None, res
         _picture(result, drawn),
         cards(_key_numbers(result)),
         *found,
-        _closing(result),
         section("The search", folded("Statistics", searched)),
         section("The scene", folded("Configuration, as it was read", given, exact=True)),
         solved=result.solved,
@@ -179,19 +177,3 @@ def _resistance(resisted: ArrayLike | None, beside: Mapping[str, Axes]) -> str:
         f"the dashed circle is what is resisted whichever way it acts. {words[0].upper() + words[1:]}."
     )
     return _figure("polygon", beside["resisted"], "resisted force by direction", caption)
-
-
-def _closing(result: GraspResult) -> str:
-    """The way in, where it was asked for."""
-    from continuum_grasp.plotting.grasp.closing import plot_closing
-
-    path = result.closing
-    if path is None:
-        return ""
-    caption = (
-        "Central lines of the fingers while all tensions grow from none to those of the grasp, light to dark; dots "
-        "press on the object; dashed: the grasp."
-    )
-    lead = f"<p>{badge(path.status.value, path.reached)} {escaped(path.message)}</p>"
-    drawing = _figure("closing", plot_closing(result), "fingers on their way into the grasp", caption)
-    return section("The way in", lead, drawing)

@@ -33,7 +33,6 @@ from continuum_grasp.scene.grasp import GraspScene
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.drives import DriveState
-    from continuum_grasp.grasp.closing.result import ClosingPath
     from continuum_grasp.grasp.exploration import Exploration
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.robust.result import Robustness
@@ -98,7 +97,6 @@ class GraspResult(Result):
     texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.text:result_yaml"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("grasp", "grasp.page:picture"),
-        Picture("closing", "plotting.grasp.closing:plot_closing", needs="closing"),
         Picture("robustness", "plotting.grasp.robustness:plot_robustness", needs="robustness", panels=True),
     )
     pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.page:page"),)
@@ -141,16 +139,6 @@ class GraspResult(Result):
         from continuum_grasp.grasp.robust.share import plant_share
 
         return plant_share(self.scene, self.arrays)
-
-    @cached_property
-    def closing(self) -> ClosingPath | None:
-        """The way in, where the scene asks for it and there is a grasp; followed when it is first read."""
-        asked = self.scene.closing
-        if asked is None or not self.solved:
-            return None
-        from continuum_grasp.grasp.closing.path import closing_path
-
-        return closing_path(self.scene, self.arrays, steps=asked.steps, table_friction=asked.table_friction)
 
     @property
     def greatest_normal_force(self) -> float:
@@ -201,8 +189,6 @@ class GraspResult(Result):
                 forces += f" ({self.bound_words})"
             least = min(self.contacts, key=lambda contact: contact.friction_margin)
             rows |= {"normal forces": forces, "least friction margin": self.margin_text(least)}
-        if self.closing is not None:
-            rows["closing"] = f"{self.closing.status.value}: {self.closing.message}"
         if self.certificate is not None:
             rows["certificate"] = f"{self.certificate.headline()}, {self.certificate.stability.word}"
         return rows

@@ -14,13 +14,14 @@ if TYPE_CHECKING:
     from continuum_grasp.plotting.objects import plot_object as plot_object
 
 _OF_RESULTS = (
-    *("accuracy", "closing", "contact_forces", "coordinates", "energy", "front", "grasp", "map", "modes", "robustness"),
+    *("accuracy", "contact_forces", "coordinates", "energy", "front", "grasp", "map", "modes", "robustness"),
     *("shape", "snapshots", "tension_loop", "tensions", "tensions_along", "tip_path"),
 )
 _GONE = {
     f"plot_{name}": f"results draw it, write result.plot(picture={('pareto' if name == 'front' else name)!r})"
     for name in _OF_RESULTS
 }
+_GONE["plot_closing"] = "simulate the scene with its object, and write trajectory.plot()"
 _GONE["plot_friction"] = "results draw it beside a grasp, write result.plot()"
 _MODULES = checked_imports(__name__)
 __all__ = [name for names in _MODULES.values() for name in names]

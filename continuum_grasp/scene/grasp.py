@@ -17,7 +17,6 @@ from continuum_grasp.scene.grasp_drive import DriveLaw
 from continuum_grasp.scene.grasp_options import (
     Aim,
     AnyFinger,
-    Closing,
     Disturbances,
     GraspContacts,
     GraspFinger,
@@ -57,7 +56,6 @@ _OF_FINGERS = {
 _OF_FIDELITY = {
     "fidelity.frequencies": "is not for grasps, which do not move",
 }
-_DRY = "its path knows no dry friction in bending: leave one of both out"
 _PAIR = (
     "a grasp needs a pair: two tendons of the same limits, the first with a positive offset and the second with the "
     "same offset on the other side, that end at the same place"
@@ -66,15 +64,9 @@ _ARRANGED = "tendons.drive.arrangement"
 _TAUT = "keeps the antagonist taut, and tendons_used leaves none: set it to 0"
 _ALONE = "one_pulley moves both tendons, and tendons_used leaves one: use per_tendon"
 _PLACES = "stations stand in place of middle contacts: give one of them"
-_NO_TABLE = "an object stands on a table only where gravity.mode is out_of_plane"
-ON_A_TABLE = beside(
-    "grasp in the plane", lambda s: s.gravity.mode != "out_of_plane", "closing.table_friction", _NO_TABLE
-)
 _GRASPS = (
     Consumer("grasp", _OF_FIDELITY),
     beside("grasp by stations", lambda s: any(one.stations for one in s.setups), "contacts.middle", _PLACES),
-    ON_A_TABLE,
-    beside("grasp with dry friction", lambda s: any(one.finger.has_dry_friction for one in s.setups), "closing", _DRY),
 )
 _FINGERS = (
     Consumer("grasp fingers", {f"finger.{key}": why for key, why in (_OF_FINGERS | _OF_FIDELITY).items()}, at="finger"),
@@ -224,9 +216,6 @@ class GraspScene(Configuration, Supported):
     contacts are as far from slipping as can be; or weights of these."""
     disturbances: Disturbances = Disturbances()
     """Wrenches that the grasp should resist."""
-    closing: Closing | None = None
-    """Whether closing the fingers by their tendons leads to the grasp, where that is asked: then a path is followed
-    and drawn."""
     stability: Literal["require", "ignore"] = "require"
     """require: small motions that the contacts allow must raise the energy, at constant tensions; ignore: an
     equilibrium is enough, as where the drives hold their position or something else steadies the object."""

@@ -173,16 +173,6 @@ class Disturbances(Value):
     their position, so that a taut tendon keeps its length and its tension reacts."""
 
 
-class Closing(Value):
-    """The way into the grasp: how the fingers close on the object."""
-
-    steps: Annotated[int, Field(ge=10, le=1000)] = 40
-    """Steps from no tension to that of the grasp."""
-    table_friction: Friction | None = None
-    """Friction coefficient of the table that the object stands on and may slide on [1], where gravity is out of the
-    plane; None: the object is held until it is grasped."""
-
-
 Effort = Literal["quick", "normal", "thorough"]
 """Effort of a search."""
 

@@ -38,8 +38,9 @@ _RENAMED = {
     "q_above_rest": "q",
     "second_moment": "thickness and width of finger.rod",
     "residual": "finger.tendons.friction, finger.damping.dry_friction or finger.softening",
+    "closing": "a scene of simulate with the object, or a mission",
 }
-"""Keys that are said by another one."""
+"""Keys that are said by another one, or by another scene."""
 _LIMITS = {
     "greater_than": ("gt", "greater than"),
     "greater_than_equal": ("ge", "at least"),

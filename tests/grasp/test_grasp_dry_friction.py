@@ -60,7 +60,6 @@ def held():
     ("changes", "said"),
     [
         ({"fidelity.family": "matched_clothoid"}, "dry friction in bending"),
-        ({"closing": {}}, "closing: its path knows no dry friction"),
     ],
 )
 def test_what_is_refused_says_why(changes, said):

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 import continuum_grasp.grasp
+import continuum_grasp.plotting
 from continuum_grasp.cli import app
 from continuum_grasp.grasp import certify
 from continuum_grasp.grasp.page import page as page_of
@@ -431,3 +432,9 @@ def test_slippery_bottle_names_friction_and_mass_that_would_do(tmp_path):
     needed = {reason["name"]: reason["needed"] for reason in data["reasons"]}
     assert needed["friction"] == pytest.approx(0.2 * 9.81 / (2 * 3.0), rel=1e-3)
     assert needed["mass"] == pytest.approx(2 * 0.15 * 3.0 / 9.81, rel=1e-3)
+
+
+def test_names_that_left_say_what_is_in_their_place():
+    for package, name in ((continuum_grasp.grasp, "closing_path"), (continuum_grasp.plotting, "plot_closing")):
+        with pytest.raises(AttributeError, match=f"no attribute '{name}': .*simulate"):
+            getattr(package, name)

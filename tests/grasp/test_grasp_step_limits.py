@@ -1,4 +1,4 @@
-"""Limits of what follows a search: reasons, stable grasps, stations, robust ones and the closing path; each decides
+"""Limits of what follows a search: reasons, stable grasps, stations and robust ones; each decides
 otherwise on either side of it, or counts so many tries.
 """
 
@@ -12,10 +12,6 @@ import pytest
 
 from continuum_grasp import nlp
 from continuum_grasp.grasp import changes, stations, steady
-from continuum_grasp.grasp.closing.energy import Closing
-from continuum_grasp.grasp.closing.path import _Walk
-from continuum_grasp.grasp.closing.result import ClosingStatus
-from continuum_grasp.grasp.closing.verdict import Ending
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem import solver_run
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
@@ -98,67 +94,6 @@ def tied(size):
     """Whether a second limit that is off by less, by the logarithm of a factor, comes after the first."""
     reasons = [reason("mass", 1.0, 2.0), reason("tension", 1.0, 2.0 * math.exp(size))]
     return [one.name for one in ordered(reasons)] == ["tension", "mass"]
-
-
-# -- the closing path, of one finger of length one and E I / L^2 of one -----------------------------------------
-
-
-def ending(*lines, free=True):
-    """The end of a path with so many shapes, one place at (0, x) each."""
-    finger = Some(name="finger", stations=np.array([0.5, 0.7, 0.9]), length=1.0)
-    closing = Some(fingers=[finger], unit=1.0, length=1.0, free=free, grasped=np.zeros(3), scene=SCENE)
-    taken = [Some(sight=Some(lines=np.array([[0.0], [x]])), share=0.1 * k) for k, x in enumerate(lines)]
-    arrays = {
-        "contact_names": np.array(["finger.middle"]),
-        "contact_forces": np.array([[1.0, 0.0, 0.0]]),
-        "contact_stations": np.array([0.6]),
-    }
-    return Ending(closing, arrays, taken, 0.0)
-
-
-def touches_nothing(force):
-    return not ending(0.0, 0.0)._touches(np.array([[[0.0, 0.0, 0.0]], [[0.0, force, 0.0]]]))
-
-
-def status(moved=0.0, distance=0.0):
-    """The verdict on an object moved by a part of its size, and on a finger so far from where it is in the grasp."""
-    end = ending(0.0)
-    end._missing = lambda normal: []
-    poses = np.array([[moved * SCENE.object.size, 0.0, 0.0]])
-    return end._verdict(None, np.zeros((1, 1, 3)), poses, np.zeros((1, 3)), distance, ())[0]
-
-
-def touches_where_it_should(along):
-    """Whether a place so far along the finger from a contact of the grasp, at 0.6, stands for it."""
-    end = ending(0.0)
-    end.closing.fingers[0].stations = np.array([0.6 + along])
-    return not end._missing(np.ones((1, 1)))
-
-
-def opens(depth):
-    """Whether a finger that lies so deep in the object, unloaded, begins its path there."""
-    walk, _ = walking(depth)
-    return walk._open() is not None
-
-
-def walking(depth=0.0, converged=True):
-    """A path whose solver counts its calls."""
-    setup = Some(finger=Some(tendons_used="both", tendon_list=[Some(max_tension=1.0)] * 2))
-    calls = []
-
-    def solve(*arguments):
-        calls.append(arguments)
-        return Some(converged=converged, x=np.zeros(1))
-
-    sight = Some(gaps=np.array([-depth]), lines=np.zeros((2, 1)), pose=np.zeros(3))
-    closing = Some(fingers=[Some(name="finger", setup=setup)], pairs=[], free=False, length=1.0, grasped=np.zeros(3))
-    closing.problem, closing.solve, closing.found = Some(x=np.zeros(1)), solve, lambda *_: sight
-    closing.problem.x = Some(numel=lambda: 1)
-    closing.sliding = lambda *_: None
-    walk = _Walk(closing, {"finger.tensions": np.array([2.0, 1.0])}, 40)
-    walk._keep = lambda *_: None
-    walk.taken, walk._multipliers = [Some(share=0.0, normal=np.zeros(0), x=np.zeros(1), sight=sight)], None
-    return walk, calls
 
 
 # -- solver, stable and robust grasps ----------------------------------------------------------------------------
@@ -304,12 +239,6 @@ LIMITS = [
     ("part of several limits that is none", 1e-3, lambda x: not repaired(0.5, other=x)),
     ("part of a limit that another is in place of", 1e-3, in_place),
     ("factors that are equal", 1e-3, tied),
-    ("force of a place that touches", 1e-3, touches_nothing),
-    ("movement of the object", 0.02, lambda x: status(moved=x) is not ClosingStatus.PUSHED),
-    ("distance from the grasp", 0.03, lambda x: status(distance=x) is ClosingStatus.REACHED),
-    ("place that stands for a contact", 0.1, touches_where_it_should),
-    ("jump of a finger that snaps", 0.15, lambda x: not ending(0.0, x)._snaps()),
-    ("depth of an unloaded finger", 1e-4, opens),
     ("depth between guarded places", 1.0, lambda x: rounds(deepest=x) == 1),
     ("change by new guarded places", 1e-5, lambda x: rounds(change=x) == 1),
     ("objectives of unstable grasps that are one", 1.01, lambda x: unstable(1.0, x) == 1),
@@ -445,18 +374,6 @@ def share_that_holds(most):
     return result.reasons[0].needed / 0.1
 
 
-def halved():
-    walk, calls = walking(converged=False)
-    walk._advance(1.0)
-    return len(calls)
-
-
-def opened():
-    walk, calls = walking(depth=1.0)
-    assert walk._open() is None
-    return len(calls)
-
-
 def begun(count):
     """Grasps with one middle contact from which stations are sought, and sets tried while each is better."""
     before, begins, better = [Some(attempt=Some(objective=k), arrays=k) for k in range(count)], [], []
@@ -554,20 +471,6 @@ def tried_poses():
     return len(set(object_poses(scene, frozenset()))), *of_bases
 
 
-def moves_by():
-    """How far places and an object may move in a step."""
-    asked = []
-    closing = Some(pairs=[], free=True, problem=None)
-    closing.solver = Some(solve=lambda problem, start, budget: asked.append(start.high) or Some(converged=True))
-    Closing.solve(closing, np.zeros(2), Some(packed=[]), np.zeros(3), np.zeros(5), None, False)
-    return asked[0].tolist()
-
-
-def named():
-    end = ending(0.0)
-    return end._verdict(ClosingStatus.STOPPED, None, None, None, 0.0, tuple("abcdefghi"))[1][-16:]
-
-
 COUNTS = [
     ("sets of contacts of an error", [4, 4, 4, 4, 1, 1], lambda: contacts_tried(6)),
     ("errors that enter the problem", [4, 8, 12, 16, 20, 24], taken_in),
@@ -576,8 +479,6 @@ COUNTS = [
     ("elements per segment", [6, 1, 2, 3, 4, 5], within_tolerance),
     ("parts by which an object yields", [0.2, 0.2, 0.2], lambda: pytest.approx(yields_by())),
     ("poses", (6, 5, 2, 2), tried_poses),
-    ("parts of a step", [1.0, 1.0, 0.1, 0.1, 0.3], moves_by),
-    ("touches that are named", "a, b, c, d, e, f", named),
     ("weight of postures in error", [1e-6], effort_in_error),
     ("starts of a limit that gives no grasp", [0, 1], lambda: starts_per_limit(None)),
     ("starts of a limit that gives as much", [0, 1, 2], lambda: starts_per_limit(True)),
@@ -594,8 +495,6 @@ COUNTS = [
     ("amounts no less", (False, True), lambda: (settled([3.0, 1.0, 2.0, 2.0]), settled([1.0, 2.0, 3.0, math.inf]))),
     ("usual amounts", [1.0, 4.0, 16.0], lambda: pytest.approx(eased_by())),
     ("halvings of a share", 0.25, lambda: pytest.approx(share_that_holds(0.3))),
-    ("halvings of a step", 6, halved),
-    ("tensions that open", 11, opened),
     ("begins and exchanges of stations", ([0, 1, 2], 24), lambda: begun(9)),
     ("rounds of guarded places", 8, lambda: rounds(deepest=2.0)),
     ("rounds towards stability", [(pytest.approx(0.1), 40), 12],

@@ -170,6 +170,10 @@ def test_byte_order_mark_is_not_part_of_the_first_key(write):
     [
         ("contcts: [0.3]", "scene.yaml:5:1: contcts: unknown key; did you mean 'contacts'?"),
         ("initial: {q_above_rest: [0]}", "scene.yaml:5:11: initial.q_above_rest: unknown key; write 'q'"),
+        (
+            "closing: {}",
+            "scene.yaml:5:1: closing: unknown key; write 'a scene of simulate with the object, or a mission'",
+        ),
         ("fidelity: {residual: a.yaml}", "fidelity.residual: unknown key; write 'finger.tendons.friction, finger"),
         (
             "contacts: [true]",

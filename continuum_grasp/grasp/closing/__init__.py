@@ -1,1 +1,0 @@
-"""Closing a grasp: the way from open fingers to it."""
