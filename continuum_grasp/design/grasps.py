@@ -21,16 +21,13 @@ from continuum_grasp.grasp.robust.joint import JointSolverRun
 from continuum_grasp.grasp.robust.search import Exchange, with_postures
 from continuum_grasp.grasp.solve import optimize_grasp
 from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from
-from continuum_grasp.grasp.values import Status
+from continuum_grasp.grasp.values import SAME, Status
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
 
 MASS = next(one for one in RELAXATIONS if one.name == "mass")
-SAME = 1e-4
-"""Relative difference from which on a full search has found another grasp: ten times what moving the guarded places
-changes."""
 _SETTLED = 1e-9
 """Relative change of a quantity at which another run from the same point is not worth it [1]."""
 _SEARCH, _LEAST_SEARCH = 5, 1000

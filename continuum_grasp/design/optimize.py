@@ -16,11 +16,12 @@ from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.design.evaluation import DesignProblem, Evaluation
-from continuum_grasp.design.grasps import SAME, LostGrasp
+from continuum_grasp.design.grasps import LostGrasp
 from continuum_grasp.design.manufacture import HOLDS, worse_than_known, worst_cases
 from continuum_grasp.design.result import DesignResult, Status, WorstCase
 from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.grasp.values import SAME
 from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.design import Design
 from continuum_grasp.scene.design_space import DesignSpace, design_space_of

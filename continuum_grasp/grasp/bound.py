@@ -28,6 +28,7 @@ from continuum_grasp.grasp.quality.lp import FAR, solve_lp
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.scan.curves import wrapped
 from continuum_grasp.grasp.starts.supports import object_outlines, support_contacts, touching_supports
+from continuum_grasp.grasp.values import NEAR, SAME
 from continuum_grasp.model.surfaces.outline import Outline
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
@@ -38,12 +39,8 @@ _PIECES = 40
 """Intervals of an outline to begin with: in each the normal turns by about 9 degrees, far less than 180."""
 _ROUNDS, _MOST = 40, 4000
 """Most rounds of cutting planes, of which shipped scenes take 23 at most, and of bisections of the intervals that may
-hold a maximum; and most intervals: at a flat maximum the bound is looser."""
-_EXACT = 1e-4
-"""Relative difference between an upper bound of h and its value at a place up to which intervals are bisected, and by
-which the bound must exceed a limit."""
-_CLOSE = 1e-3
-"""Relative gap at which no more cutting planes are added."""
+hold a maximum; and most intervals: at a flat maximum the bound is looser. Cutting planes are added up to a gap of
+`NEAR`, intervals bisected until an upper bound of h is its value at a place up to `SAME`."""
 
 
 @check_arguments
@@ -90,7 +87,7 @@ def _bound(scene: GraspScene, limit: float) -> float:
         for mine, (_, effect) in zip(cuts, found, strict=True):
             mine.append(effect)
         # What the cuts leave is the least that there may be, so that further ones end above it.
-        if least - value <= _CLOSE * least or least * limit < scene.weight or value * limit > scene.weight:
+        if least - value <= NEAR * least or least * limit < scene.weight or value * limit > scene.weight:
             break
         y, value = _best_multipliers(need, _in_use(scene), cuts)
         if not np.isfinite(value):
@@ -104,7 +101,7 @@ def cannot_balance(scene: GraspScene) -> bool:
     """
     limits = [setup.normal_force_max for setup in scene.setups]
     limits += [scene.normal_force_max(body.name) for body in scene.places if body.touch != "off"]
-    limit = (1.0 + _EXACT) * max(limits)
+    limit = (1.0 + SAME) * max(limits)
     return _bound(scene, limit) > limit
 
 
@@ -264,7 +261,7 @@ class _Places:
             way = bow * np.abs(last.point - first.point)
             near = np.abs(lines).min(axis=0) - bow * np.abs(lines[1] - lines[0]) <= self.reach
             if not near.any():
-                return (1.0 + _EXACT) * best, *at
+                return (1.0 + SAME) * best, *at
             low, high, turn, way, lines = low[near], high[near], turn[near], way[near], lines[:, near]
             points = np.stack([first.point[near], last.point[near]])
             angles = np.stack([first.angle[near], last.angle[near]])
@@ -278,8 +275,8 @@ class _Places:
             rise = steep * (abs(y[2]) * way / self.size + np.abs(force).max(axis=0) * turn)
             rise += self.friction * math.hypot(y[4], y[5]) * way / self.size
             upper = works.max(axis=0) + rise
-            most = max((1.0 + _EXACT) * best, float(upper.max()))
-            wide = upper > (1.0 + _EXACT) * best
+            most = max((1.0 + SAME) * best, float(upper.max()))
+            wide = upper > (1.0 + SAME) * best
             if not wide.any() or wide.sum() > _MOST:
                 break
             low, high = low[wide], high[wide]

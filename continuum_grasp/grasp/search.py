@@ -20,33 +20,34 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, held_still, make_starts, rebalanced_starts
 from continuum_grasp.grasp.starts.values import Start, start_from
-from continuum_grasp.grasp.tried import NEAR, Tried, branch_of, exchanged, least_of
-from continuum_grasp.grasp.values import tension_of
+from continuum_grasp.grasp.tried import Tried, branch_of, exchanged, least_of
+from continuum_grasp.grasp.values import NEAR, SAME, tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.nlp.solver import STALLED
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Effort
 
 HELD, HELD_STILL = 3, "held still"
-"""Grasps from which another scene starts: of nearby branches another may be best for it; label of those starts where
-object and bases were held that may move."""
+"""Grasps from which another scene starts, such as one with stations: of nearby branches another may be best for it; as
+many starts, nearest to their constraints, where few elements hold nothing. Label of starts where object and bases were
+held that may move."""
 EXCHANGE_CAP, ITERATION_CAP, FIRST_CAP = 25, 40, 80
-"""Iterations of an exchange of fingers, of a rough start once there is a grasp, and before: from good starts IPOPT
-needs a median of 12 and 17 at the 95th percentile (400 random scenes), at most 52 from the best of shipped scenes and
-76 of 36 random ones of several fingers. Beyond 100, of exchanges beyond 25, rounding decides where it ends, which then
-differs between a scene and its mirror image."""
+"""Iterations of an exchange of fingers, of a rough start once there is a grasp, and before or with limits relaxed,
+where 98 % of the starts that give a grasp take fewer (50 scenes): from good starts IPOPT needs a median of 12 and 17 at
+the 95th percentile (400 random scenes), at most 52 from the best of shipped scenes and 76 of 36 random ones of several
+fingers. Beyond 100, of exchanges beyond 25, rounding decides where it ends, which then differs between a scene and its
+mirror image."""
 PRUNE_FACTOR = 1.5
 """Estimated tension, per that of the best grasp, up to which a start is worth trying: the estimates are no
 bounds, and those of rough starts are off by tens of percent."""
-SKIP_FACTOR, OPEN_FACTOR = 1.1, 0.98
-"""Estimated tension of a basin, per that of the best grasp, up to which it is solved at all, and up to which the search
-is not complete without it. Of 300 scenes of two elements 95 % of the estimates were less than 4 % above the tension
-found, 99 % less than 7 %; with four they are 6 times too high in the median, so that all basins are solved."""
+SKIP_FACTOR, OPEN = 1.1, 0.02
+"""Estimated tension of a basin, per that of the best grasp, up to which it is solved at all, and the part by which it
+must be better for the search not to be complete without it; likewise a lower bound. Of 300 scenes of two elements 95 %
+of the estimates were less than 4 % above the tension found, 99 % less than 7 %; with four they are 6 times too high in
+the median, so that all basins are solved."""
 COARSE = 4
 """Elements with which grasps of fingers with more are found first. From there 20 of 22 scenes with eight needed 5
 iterations in the median, and none was worse than from a scan of postures."""
-NEAREST = 3
-"""Starts tried with all elements where none led to a grasp with few, those with the least violation there."""
 PATIENCE, IMPATIENT = 7, 4
 """Iterations that bring a start no nearer to its constraints, after which its run ends, and where there is a grasp of
 one finger. Of 256 scenes (one finger, two, parts) none loses its best grasp, which one does with 5 before any grasp,
@@ -68,8 +69,6 @@ BENT = 0.06
 it: a scene that a greater tension repairs had 0.031."""
 UNPROVEN = 6
 """Starts without a grasp after which a proof is tried that there is none: it takes as long as one or two of them."""
-LEAST_DIFFERENCE = 1e-4
-"""Tension that is none, per the greatest."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +140,7 @@ class Search:
             nearest = dict[int, tuple[Start, int]]()
             for _, start, rung in sorted(self._missed, key=lambda one: one[0]):
                 nearest.setdefault(id(start), (start, rung))
-            for start, rung in list(nearest.values())[: 1 if self._few is None else NEAREST]:
+            for start, rung in list(nearest.values())[: 1 if self._few is None else HELD]:
                 self.attempt(start, rung=rung)
         if not self.proven:
             self._converge()
@@ -296,14 +295,14 @@ class Search:
         best = self.best
         if best is None or self.scene.objective != "least_tension":
             return math.inf
-        return WORSE * best.attempt.objective + LEAST_DIFFERENCE
+        return WORSE * best.attempt.objective + SAME
 
     def _keeps_promise(self, found: Tried, basin: Basin) -> bool:
         """Whether a start led to a grasp that takes no more than was estimated, where that tells: otherwise it is
         another basin's.
         """
         most = basin.start.estimate + self._least_difference
-        return found in self.good and not (self._tells and OPEN_FACTOR * self._tension(found) > most)
+        return found in self.good and not (self._tells and (1.0 - OPEN) * self._tension(found) > most)
 
     @property
     def _is_over(self) -> bool:
@@ -317,7 +316,7 @@ class Search:
         estimates do not tell.
         """
         open_ = not basin.solved if self._tells else not basin.tried
-        return open_ and self.best is not None and self._is_worth(basin.start, OPEN_FACTOR)
+        return open_ and self.best is not None and self._is_worth(basin.start, 1.0 - OPEN)
 
     def _is_worth(self, start: Start, factor: float) -> bool:
         """Whether the estimate of a start is at most a factor times what there is."""
@@ -449,7 +448,7 @@ class Search:
     @property
     def _least_difference(self) -> float:
         """Tension below which differences are rounding [N]: grasps may take none at all."""
-        return LEAST_DIFFERENCE * sum(setup.max_tension for setup in self.scene.setups)
+        return SAME * sum(setup.max_tension for setup in self.scene.setups)
 
     def basins_of(self, mode: frozenset[str]) -> list[Start] | None:
         """The starts of a mode's basins; None where it has none that are scanned."""

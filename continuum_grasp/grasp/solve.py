@@ -25,7 +25,7 @@ from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.words import out_of_reach
 from continuum_grasp.grasp.result import GraspResult, flawed
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.search import OPEN, Search
 from continuum_grasp.grasp.stations import find_station_reasons, search_stations, without_stations
 from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.grasp.tried import Tried
@@ -34,9 +34,6 @@ from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
-
-OPEN = 0.02
-"""Part by which a result may be above a lower bound while starts are left open and yet be called optimal."""
 
 FINEST = 16
 """Elements per finger up to which they are doubled where they cannot bend enough: half a turn each is eight turns."""

@@ -18,17 +18,16 @@ from continuum_grasp.grasp.changes import FIRST
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.words import ordered
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.search import HELD, Search
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import FingerStart, Start, start_from, with_contacts
-from continuum_grasp.grasp.tried import NEAR
-from continuum_grasp.grasp.values import Reason
+from continuum_grasp.grasp.values import NEAR, Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 
 MOST = 60
 """Iterations of an exchange: 40 stop two stations of the mug, which are best, before they balance."""
-STARTS, EXCHANGES = 3, 24
-"""Grasps with one middle contact from which sets of stations are sought, and sets that are tried next to the best."""
+EXCHANGES = 24
+"""Sets of stations that are tried next to the best."""
 
 
 def without_stations(scene: GraspScene) -> GraspScene:
@@ -43,7 +42,7 @@ def without_stations(scene: GraspScene) -> GraspScene:
 
 def search_stations(search: Search, before: Search) -> None:
     """Find grasps with stations next to those of a search ``before`` `without_stations`, then exchange stations."""
-    for held in sorted(before.good, key=lambda t: t.attempt.objective)[:STARTS]:
+    for held in sorted(before.good, key=lambda t: t.attempt.objective)[:HELD]:
         _begin(search, before.scene, held.arrays)
     _exchange(search)
 

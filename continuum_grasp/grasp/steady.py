@@ -17,6 +17,7 @@ from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.problem.solver_run import RUNGS, solver_for
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.tried import Tried
+from continuum_grasp.grasp.values import SAME
 from continuum_grasp.scene.grasp import GraspScene
 
 LEAST = 1e-2
@@ -27,8 +28,6 @@ UNSTABLE, ALIKE = 2, 1e-2
 """Unstable grasps from which a stable one is sought, and the relative difference of their objectives."""
 SMALLEST = 0.3
 """Part of the way to stability of a step that the solver must at least follow."""
-SETTLED = 1e-4
-"""Relative change of the objective from one round to the next at which it is taken for converged."""
 _STEP = 1e-6
 """Step of a difference quotient (problem's units): rounding of the eigenvalue is 1e-12 of the stiffest spring."""
 
@@ -67,7 +66,7 @@ def _stabilize(search: Search, at: Tried) -> None:
                 return
             continue
         at, share, objective = found, min(1.0, 2.0 * share), found.attempt.objective
-        if at.acceptable and abs(objective - before) <= SETTLED * max(1.0, abs(objective)):
+        if at.acceptable and abs(objective - before) <= SAME * max(1.0, abs(objective)):
             return
         before, slope = objective, _slope(search.scene, at)
 

@@ -10,11 +10,9 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.certificate import Certificate, certify_reached
 from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
 from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.grasp import GraspScene
 
-NEAR = 1e-3
-"""Relative difference of the objective for which a converged attempt is preferred: an interrupted one has no
-sensitivities, and 0.1 % of tension is below the model's error."""
 SECTOR = 0.8
 """Difference of a contact's direction from which on a start is of another branch [rad]: starts whose
 contacts face alike to within it end in the same grasp as a rule."""
@@ -73,7 +71,9 @@ def exchanged(scene: GraspScene, start: Start, other: Start, name: str) -> Start
 
 
 def least_of(tried: list[Tried]) -> Tried | None:
-    """The one with the least objective; one that converged, where that costs next to nothing."""
+    """The one with the least objective; one that converged, where that costs next to nothing: an interrupted one has no
+    sensitivities.
+    """
     least = min((t.attempt.objective for t in tried), default=0.0)
     near = least + NEAR * max(1.0, abs(least))
     converged = [t for t in tried if t.attempt.optimal and t.attempt.objective <= near]

@@ -12,6 +12,9 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.scene.grasp import GraspScene
 
+NEAR, SAME = 1e-3, 1e-4
+"""Relative differences of what is sought: below the first a grasp is no better than another, since 0.1 % of tension is
+below the model's error; below the second two points are the same, and what is left is rounding and guarded places."""
 UNSTABLE = "unstable"
 REFUTED = "refuted by the fine model"
 STEADIER = (

@@ -1,4 +1,4 @@
-"""The inner loops of the scan, compiled and by numpy: closed forms, conditions of optimality, and one by the other."""
+"""The inner loops of the scan, compiled and not: closed forms, conditions of optimality, and one by the other."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ def without(monkeypatch):
     monkeypatch.setattr(kernel, "library", lambda: None)
 
 
-@pytest.fixture(params=["compiled", "numpy"])
+@pytest.fixture(params=["compiled", "not compiled"])
 def way(request, monkeypatch):
     """Each way to compute; the compiled one where there is a compiler."""
-    if request.param == "numpy":
+    if request.param == "not compiled":
         without(monkeypatch)
     elif kernel.library() is None:
         pytest.skip("no C compiler")
@@ -110,9 +110,10 @@ def test_basins_are_the_same_without_a_compiler(monkeypatch, family, middle):
         assert starts
         return [basins.places, basins.postures, *(start.estimate for start in starts)]
 
+    # The compiled one ends where tensions are exact to 5e-5 of their limits.
     compiled = numbers()
     without(monkeypatch)
-    assert compiled == pytest.approx(numbers(), rel=1e-6, nan_ok=True)
+    assert compiled == pytest.approx(numbers(), rel=1e-4, nan_ok=True)
 
 
 def scene_with(shape, angle=0.0):

@@ -408,7 +408,9 @@ def solve_clear(
     return replace(last, iterations=iterations), numbers
 
 
-@lru_cache(maxsize=24)
+# One takes 4 MB with two elements per finger, 6 MB with four. 150 random scenes of one finger have 116 structures,
+# which are built 157 times where the last 24 stay, 127 times where 64 do, and 118 times where 96 do.
+@lru_cache(maxsize=64)
 def solver_for(spec: ProblemSpec) -> GraspSolverRun:
     """The solver of a structure; built once in a process."""
     return GraspSolverRun(spec)

@@ -16,12 +16,12 @@ from collections.abc import Iterable, Sequence
 from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.problem.relaxations import NONE, RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import MODEST
-from continuum_grasp.grasp.reasons.elastic import HASTY, SAME, Elastic, Limits, Repair, settled
+from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, SEEDS, Starts, eased
 from continuum_grasp.grasp.reasons.words import in_words, is_clear, is_rare, ordered, part_of
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.search import FIRST_CAP, Search
 from continuum_grasp.grasp.starts.values import Start
-from continuum_grasp.grasp.values import Reason
+from continuum_grasp.grasp.values import SAME, Reason
 from continuum_grasp.scene.grasp import GraspScene
 
 FIRST, MORE = 2, 8
@@ -82,7 +82,7 @@ class Repairs(Elastic):
         """A repair in words; where little is missing, whether its posture needs none after all is tried."""
         attempt, reason = repair.attempt, in_words(self, repair)
         if not (attempt.optimal and all(is_clear(each, self.scene) for each in (reason, *reason.also))):
-            self.search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=HASTY)
+            self.search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=FIRST_CAP)
         return reason
 
     # -- one limit ---------------------------------------------------------------------------------------------

@@ -16,17 +16,14 @@ from continuum_grasp.grasp.certificate.certificate import certify_reached
 from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.problem.values import contact_features
-from continuum_grasp.grasp.search import Search
+from continuum_grasp.grasp.search import FIRST_CAP, Search
 from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.grasp.values import SAME
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
 
-HASTY = 80
-"""Iterations from one start, all renewals of the guarded places included: most limits are no reason, and of 50 scenes
-98 % of the starts that gave a grasp took fewer."""
-SAME, AGREEING = 1e-4, 3
-"""Relative difference up to which two amounts are taken for the same point, and how many starts end there, or end
-elsewhere after the least, before no more are tried."""
+AGREEING = 3
+"""Number of starts that end at the same point, or elsewhere after the least, before no more are tried."""
 STEPS, HALVINGS = (0.01, 0.04, 0.16, 0.64), 2
 """Usual amounts by which a limit is relaxed further until a grasp holds for all errors and friction states, and how
 often the last interval is halved.
@@ -85,7 +82,7 @@ class Elastic:
         usual = {limit: limit.start(scene) for limit in limits}
         relaxed = [(limit, most * known.get(limit, 1.0 if begin is None else 0.0)) for limit, most in usual.items()]
         x0 = None if begin is None else begin.attempt.x
-        options = {"rung": 2, "iterations": HASTY, "relaxed": relaxed, "x0": x0, **options}
+        options = {"rung": 2, "iterations": FIRST_CAP, "relaxed": relaxed, "x0": x0, **options}
         attempt = solver.run(scene, start, search.budget, smoothed=begin is None, **options)
         if attempt.violations and attempt.features != contact_features(scene, start.contacts):
             # A limit may be relaxed far enough for some corner where the circles led to none.
@@ -157,7 +154,7 @@ class Elastic:
         parts = {limit: min(part + step, most[limit]) for limit, part in repair.parts.items()}
         eased, start, bounds = self.relaxed(parts), repair.attempt.start, scene.robust or Robust.model_construct()
         solver = search.solver(start)
-        attempt = solver.run(eased, start, search.budget, rung=2, x0=repair.attempt.x, iterations=HASTY)
+        attempt = solver.run(eased, start, search.budget, rung=2, x0=repair.attempt.x, iterations=FIRST_CAP)
         if not attempt.converged or not np.isfinite(attempt.x).all():
             return None
         found = find_robust(eased, bounds, solver.arrays(eased, attempt), search.budget)

@@ -11,13 +11,11 @@ from typing import Any
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
 from continuum_grasp.grasp.search import BENT, Search
+from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.tried import branch_of
 from continuum_grasp.scene.grasp import GraspScene
 
-BALANCED = 0.02
-"""Imbalance up to which a posture may hold with the limit relaxed: those that do had 0.003 at most, others 0.02 and
-more with few exceptions (28 scenes)."""
 NEARER = 0.95
 """Imbalance per that without the limit relaxed from which on relaxing it does not help."""
 LARGER = (1.0, 4.0, 16.0)
@@ -100,7 +98,7 @@ class Starts:
     def _hopeful(self, starts: list[Start]) -> list[Start]:
         """Starts nearly in balance, and nearer than without the limit relaxed."""
         search, tips = self._search, {setup.tip_name for setup in self._scene.setups}
-        most = BALANCED if all(setup.elements <= 2 for setup in self._scene.setups) else BENT
+        most = NEARLY_BALANCED if all(setup.elements <= 2 for setup in self._scene.setups) else BENT
 
         def enough(start: Start) -> float:
             # Behind the last contact a finger is as its tendons bend it, and its imbalance says little.

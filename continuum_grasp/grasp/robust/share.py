@@ -32,6 +32,7 @@ from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.robust.response import HOLDS
 from continuum_grasp.grasp.robust.result import ERRORS
 from continuum_grasp.grasp.shape import ROUNDING
+from continuum_grasp.grasp.starts.supports import evenly
 from continuum_grasp.grasp.starts.values import start_from
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
@@ -115,18 +116,13 @@ def plant_share(scene: GraspScene, arrays: Mapping[str, Any]) -> PlantShare:
 
 
 def drawn_evenly(count: int) -> Array:
-    """Points (8 PLANTS, count) of the cube from -1 to 1, evenly: an additive recurrence as that of
-    `continuum_grasp.grasp.starts.supports`, with both signs of the first two columns, and with their product that of
-    the third, so that a mirrored scene has mirrored errors; and both signs of all others.
+    """Points (8 PLANTS, count) of the cube from -1 to 1, evenly, with both signs of the first two columns, and with
+    their product that of the third, so that a mirrored scene has mirrored errors; and both signs of all others.
     """
-    root = 2.0
-    for _ in range(60):
-        root = (1.0 + root) ** (1.0 / (count + 1.0))
-    steps = np.arange(1, PLANTS + 1)[:, None] * root ** -np.arange(1.0, count + 1.0)
     signs = np.ones((8, count))
     signs[:, :3] = [[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]] * 2
     signs[4:, 3:] = -1.0
-    points: Array = signs[:, None] * (2.0 * np.mod(0.5 + steps, 1.0) - 1.0)
+    points: Array = signs[:, None] * (2.0 * np.array(evenly(count, PLANTS)) - 1.0)
     return points.reshape(-1, count)
 
 

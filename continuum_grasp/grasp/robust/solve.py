@@ -27,8 +27,8 @@ from continuum_grasp.grasp.robust.result import Robustness, Trials
 from continuum_grasp.grasp.robust.search import Exchange, find_robust, with_postures
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.values import start_from
-from continuum_grasp.grasp.tried import NEAR, Tried
-from continuum_grasp.grasp.values import UNSTABLE, Reason, Status, tension_of
+from continuum_grasp.grasp.tried import Tried
+from continuum_grasp.grasp.values import NEAR, UNSTABLE, Reason, Status, tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import GraspFinger, Robust

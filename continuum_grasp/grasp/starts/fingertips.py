@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.candidates import Candidates, spread_order
 from continuum_grasp.grasp.starts.force import Block, Loads, cone_edges, finger_block
 from continuum_grasp.grasp.starts.scan.curves import segment_end, touch
@@ -109,8 +110,6 @@ _IN_THE_WAY, _GAP = 5.0, 20.0
 """Weights of what is in the way and of the gap at the tip, in lengths of the finger, beside relative imbalances."""
 _SHALLOW = 1e-3
 """Depth in obstacles, in lengths of the finger, that the weights leave at the best posture beside an object."""
-_TOUCHES = 1e-9
-"""Gap at which a tip touches [L]."""
 
 
 @dataclass(frozen=True)
@@ -337,7 +336,7 @@ class _Finger:
         """The postures at unknowns (K, n), changed so that their tips touch, with what is in their way."""
         found, gap = self._postures(x, np.arange(len(x)), touching=True)
         wrong = np.maximum(self._in_the_way(found) - _SHALLOW, 0.0)
-        return replace(found, violation=wrong + np.where(np.abs(gap) < _TOUCHES, 0.0, 1.0))
+        return replace(found, violation=wrong + np.where(np.abs(gap) < ROUNDING, 0.0, 1.0))
 
     def _in_the_way(self, found: Candidates) -> Array:
         """By how much each posture penetrates, or breaks a limit, from where its base is."""

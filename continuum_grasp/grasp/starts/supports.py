@@ -8,6 +8,7 @@ from collections.abc import Collection
 
 import numpy as np
 
+from continuum_grasp.grasp.starts.scan.curves import EXACT
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.model.surfaces import outline_of
 from continuum_grasp.model.surfaces.outline import Outline
@@ -23,11 +24,6 @@ _MORE_BASES = (4, 1)
 """Further poses of a free base: for the first pose of the object, and for the others."""
 _FLAT = 4
 """Most angles of a free object at which a face lies flat on a wall."""
-_EXACT = 1e-12
-"""Gap, per size of the object, at which it touches a support: rounding."""
-_ROOTS = {1: (1.0 + math.sqrt(5.0)) / 2.0, 2: 1.32471795724474602596, 3: 1.22074408460575947536}
-"""Real roots of x^(d + 1) = x + 1: powers of their inverses spread points evenly in d dimensions (additive recurrence;
-M. Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018)."""
 
 
 def object_outlines(scene: GraspScene) -> tuple[Outline, ...]:
@@ -168,7 +164,7 @@ def settle(
     scale = np.array([size, size, 1.0])
     for _ in range(30):
         gaps, slopes = _gaps(scene, shapes, on, (float(here[0]), float(here[1]), float(here[2])))
-        if not len(gaps) or np.abs(gaps).max() < _EXACT * size:
+        if not len(gaps) or np.abs(gaps).max() < EXACT * size:
             return float(here[0]), float(here[1]), float(here[2])
         # Newton's step of least length, as there are fewer gaps than freedoms; a coordinate that it drives against its
         # bound is taken out and the step computed again with the others.
@@ -269,10 +265,23 @@ def _spread(bounds: list[Interval], count: int, skip: int = 0) -> list[Pose]:
     """Points spread evenly within bounds; none where nothing is free."""
     dims = [k for k, (low, high) in enumerate(bounds) if high > low]
     found: list[Pose] = []
-    for j in range(1 + skip * count, 1 + (skip + 1) * count) if dims else ():
+    for shares in evenly(len(dims), count, skip * count) if dims else ():
         pose = [low for low, _ in bounds]
-        for n, k in enumerate(dims):
+        for share, k in zip(shares, dims, strict=True):
             low, high = bounds[k]
-            pose[k] = low + (high - low) * ((0.5 + j * _ROOTS[len(dims)] ** -(n + 1.0)) % 1.0)
+            pose[k] = low + (high - low) * share
         found.append((pose[0], pose[1], pose[2]))
     return found
+
+
+def evenly(dims: int, count: int, skip: int = 0) -> list[list[float]]:
+    """Points of the unit cube in so many dimensions, spread evenly, after some that are skipped.
+
+    Powers of the inverse of the real root of x^(d + 1) = x + 1 are added again and again (additive recurrence; M.
+    Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
+    """
+    root = 2.0
+    for _ in range(60):
+        root = (1.0 + root) ** (1.0 / (dims + 1.0))
+    steps = [root ** -(n + 1.0) for n in range(dims)]
+    return [[(0.5 + j * step) % 1.0 for step in steps] for j in range(1 + skip, 1 + skip + count)]

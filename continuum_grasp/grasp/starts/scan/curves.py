@@ -23,8 +23,9 @@ _TWO = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 """Gauss-Legendre rule of 2 nodes on [0, 1], between samples that lie close to each other."""
 
 Equations = Callable[[Array, Array], tuple[list[Array], list[list[Array]]]]
-_EXACT = 1e-12
-"""Residual, in lengths of the finger and rad, at which a curve touches: rounding after a few operations."""
+EXACT = 1e-12
+"""Residual, in lengths of the finger or sizes of the object and rad, at which something touches: rounding after a few
+operations."""
 _STEPS = 14
 """Newton steps."""
 
@@ -173,8 +174,8 @@ def _newton(equations: Equations, first: Array, most: tuple[float, ...]) -> tupl
         wrong = np.abs(left[0])
         for more in left[1:]:
             wrong = np.maximum(wrong, np.abs(more))
-        good[rows[wrong < _EXACT]] = True
-        going = (wrong >= _EXACT) & np.isfinite(wrong)
+        good[rows[wrong < EXACT]] = True
+        going = (wrong >= EXACT) & np.isfinite(wrong)
         if not going.all():
             rows = rows[going]
             left = [part[going] for part in left]

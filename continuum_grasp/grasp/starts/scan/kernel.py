@@ -1,5 +1,5 @@
 """The compiled inner loops of the scan, `kernel.c`, and least squares within bounds for many systems at once; without a
-C compiler numpy does the same.
+C compiler numpy and PIQP do the same.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from continuum_grasp.arrays import Numbers as Array
@@ -54,8 +55,6 @@ _STEPS = 30
 _RIGID, _ENOUGH = 1e-9, 1e-6
 """Stiffness that makes every system regular, and mean product of distances and multipliers, per weight, at which a
 system is done: of 26 forces the tensions are exact to 5e-5 of their limits then."""
-_SIGNS = np.array([1.0, -1.0])[:, None, None]
-"""Changes of the distances from both bounds per change of an unknown."""
 
 
 def boxed(
@@ -78,57 +77,34 @@ def within_bounds(across: Array, goal: Array, weight: Array, enough: float) -> A
     ``across`` (B, n, m), by an interior point method until distances times multipliers are ``enough`` in the mean.
 
     S. Mehrotra's predictor and corrector, SIAM J. Optim. 2 (1992), doi:10.1137/0802028. The Newton steps are solved in
-    the rows of the system, of which there are fewer than columns.
+    the rows of the system, of which there are fewer than columns. Without a compiler PIQP solves the systems, to less
+    than that.
     """
     count, size, height = across.shape
     if library():
         sizes = count, height, size, _STEPS, _RIGID, enough
         return called("within_bounds", np.empty((count, size)), *sizes, across, goal, weight)
-    scaled, unit = np.swapaxes(across, 1, 2), np.eye(height)
-    # Distances from both bounds (2, B, n) and their multipliers.
-    away = np.empty((2, count, size))
-    away[0], away[1] = 0.1, 0.9
-    press = np.full(away.shape, 0.05)
-    # Where multipliers are nearly zero the steps are inaccurate: what was best counts.
-    best, least = away[0], np.full(count, np.inf)
-    for _ in range(_STEPS + 1):
-        x = away[0]
-        left = (scaled @ x[..., None])[..., 0] - goal
-        value = 0.5 * np.einsum("bn,bn->b", left, left) + x @ weight
-        worse = value > least
-        best, least = (np.where(worse[:, None], best, x) if worse.any() else x), np.minimum(value, least)
-        gap = np.einsum("kbn,kbn->b", away, press) / (2 * size)
-        going = gap > enough
-        if not going.any():
-            break
-        slope = (across @ left[..., None])[..., 0] + weight
-        # (K' K + D) step = -down, by the Woodbury identity: D is diagonal, and its inverse is `soft`.
-        stiff = press / away
-        soft = 1.0 / (stiff[0] + stiff[1] + _RIGID)
-        slim = scaled * soft[:, None, :]
-        newton = soft, slim, across, unit + slim @ across
-        step = _step(*newton, slope) * _SIGNS
-        change = -press - stiff * step
-        length = _longest(step, change, away, press)[:, 0]
-        # To first order the products of both fall by the step's part.
-        after = (1.0 - length) * gap + length**2 * np.einsum("kbn,kbn->b", step, change) / (2 * size)
-        barrier = np.maximum(gap * np.minimum((after / gap) ** 3, 1.0), 0.1 * enough)[:, None]
-        pull = (barrier - step * change) / away
-        step = _step(*newton, slope - pull[0] + pull[1]) * _SIGNS
-        change = pull - press - stiff * step
-        # Those that have converged stay: with multipliers of zero the system is singular.
-        length = 0.99 * _longest(step, change, away, press) * going[:, None]
-        away, press = away + length * step, press + length * change
-    return np.asarray(best)
+    solve = _by_library(size, height).map(count, [False, False, True], [False])
+    return np.array(solve(across.transpose(0, 2, 1).reshape(-1, size).T, goal.T, weight)).T
 
 
-def _step(soft: Array, slim: Array, across: Array, matrix: Array, slope: Array) -> Array:
-    """A Newton step (B, n) down a slope."""
-    inner = np.linalg.solve(matrix, slim @ slope[..., None])
-    return np.asarray(soft * ((across @ inner)[..., 0] - slope))
-
-
-def _longest(step: Array, change: Array, away: Array, press: Array) -> Array:
-    """The longest step (B, 1), at most one, that no bound and no multiplier of one cuts."""
-    least = np.minimum(step / away, change / press).min(axis=(0, 2))
-    return np.asarray(1.0 / np.maximum(-least, 1.0))[:, None]
+@cache
+def _by_library(size: int, height: int) -> ca.Function:
+    """Function of a system K' (n, m), goal and weight: the unknowns, by PIQP with the residuals beside them, so that
+    its matrices are sparse.
+    """
+    across, goal, weight = ca.MX.sym("across", size, height), ca.MX.sym("goal", height), ca.MX.sym("weight", size)
+    squares, rows = ca.diag(ca.DM([_RIGID] * size + [1.0] * height)), ca.horzcat(across.T, -ca.MX.eye(height))
+    free = [np.inf] * height
+    options: dict[str, Any] = {"error_on_fail": False, "piqp": {"eps_abs": 1e-11, "eps_rel": 1e-11}}
+    solver = ca.conic("squares", "piqp", {"h": squares.sparsity(), "a": rows.sparsity()}, options)
+    found = solver(
+        h=squares,
+        g=ca.vertcat(weight, ca.MX(height, 1)),
+        a=rows,
+        lba=goal,
+        uba=goal,
+        lbx=ca.DM([0.0] * size + [-one for one in free]),
+        ubx=ca.DM([1.0] * size + free),
+    )
+    return ca.Function("squares", [across, goal, weight], [ca.fmin(ca.fmax(found["x"][:size], 0.0), 1.0)])

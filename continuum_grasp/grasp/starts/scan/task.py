@@ -17,7 +17,7 @@ import numpy as np
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.shape import skin
 from continuum_grasp.grasp.starts.scan import kernel
-from continuum_grasp.grasp.starts.scan.curves import bends, sample
+from continuum_grasp.grasp.starts.scan.curves import EXACT, bends, sample
 from continuum_grasp.model.family import family_class
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.outline import Frame, Outline
@@ -36,8 +36,6 @@ the last contact, and how many end curvatures are tried: 0.5 rad apart."""
 _STATIONS = 65
 """Places along a finger whose clearance is looked at: 1.5 % of the length apart."""
 _EVEN = np.linspace(0.0, 1.0, _STATIONS)
-_TOUCHING = 1e-12
-"""Gap that is none: rounding [L]."""
 _TOUCHES = 0.75
 """Place along the finger whose thickness a posture is found with [1]: between middle contacts and the tip."""
 LOOSER = 1.25
@@ -97,7 +95,7 @@ class FingerTask:
     def gap(self, tips: Array, part: int | None = None) -> Array:
         """Gap between tips and the object, or one part of it, zero to rounding: a straight finger may just touch."""
         gap = self.rough_distance(tips, part) - self.half
-        return np.where(np.abs(gap) < _TOUCHING, 0.0, gap)
+        return np.where(np.abs(gap) < EXACT, 0.0, gap)
 
     def touched(self, points: Array) -> tuple[Array, Array, Array]:
         """The parts nearest to points (B,), and the places on their grown outlines: points, angles of the normals."""
