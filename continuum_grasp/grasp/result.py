@@ -33,10 +33,10 @@ from continuum_grasp.scene.grasp import GraspScene
 
 if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.drives import DriveState
-    from continuum_grasp.grasp.exploration import Exploration
     from continuum_grasp.grasp.quality.quality import Quality
     from continuum_grasp.grasp.robust.result import Robustness
     from continuum_grasp.grasp.robust.share import PlantShare
+    from continuum_grasp.grasp.tried import Exploration
 
 
 SLACK = 1e-3

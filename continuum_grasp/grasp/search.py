@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
-from continuum_grasp.grasp.exploration import Basin, Exploration
 from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.solver_run import RUNGS, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, held_still, make_starts, rebalanced_starts
 from continuum_grasp.grasp.starts.values import Start, start_from
-from continuum_grasp.grasp.tried import Tried, branch_of, exchanged, least_of
+from continuum_grasp.grasp.tried import Basin, Exploration, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
 from continuum_grasp.nlp import Budget
 from continuum_grasp.nlp.solver import STALLED
@@ -29,8 +28,8 @@ from continuum_grasp.scene.grasp_options import Effort
 
 HELD, HELD_STILL = 3, "held still"
 """Grasps from which another scene starts, such as one with stations: of nearby branches another may be best for it; as
-many starts, nearest to their constraints, where few elements hold nothing. Label of starts where object and bases were
-held that may move."""
+many starts, nearest to their constraints, where few elements hold nothing, and for all limits relaxed at once. Label of
+starts where object and bases were held that may move."""
 EXCHANGE_CAP, ITERATION_CAP, FIRST_CAP = 25, 40, 80
 """Iterations of an exchange of fingers, of a rough start once there is a grasp, and before or with limits relaxed,
 where 98 % of the starts that give a grasp take fewer (50 scenes): from good starts IPOPT needs a median of 12 and 17 at

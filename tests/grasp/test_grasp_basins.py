@@ -10,13 +10,13 @@ import pytest
 from grasp_scenes import UPRIGHT, make_scene
 from scipy.optimize import brentq, linprog
 
-from continuum_grasp.grasp.exploration import Basin
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.force import Block, Loads, imbalance
 from continuum_grasp.grasp.starts.scan.curves import bends_to, chords, exact_bends
 from continuum_grasp.grasp.starts.scan.touching import bracketed_root, folds
 from continuum_grasp.grasp.starts.values import Start
+from continuum_grasp.grasp.tried import Basin
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.outline import Frame
 from continuum_grasp.nlp import Budget

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 
 from continuum_grasp.grasp import search as module
-from continuum_grasp.grasp.exploration import Basin
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.search import Search
-from continuum_grasp.grasp.tried import Tried, branch_of, least_of
+from continuum_grasp.grasp.tried import Basin, Tried, branch_of, least_of
 from continuum_grasp.nlp import Budget
 from tests import certificate_cases as cases
 

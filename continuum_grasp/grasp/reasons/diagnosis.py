@@ -17,9 +17,9 @@ from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.problem.relaxations import NONE, RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import MODEST
 from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, settled
-from continuum_grasp.grasp.reasons.starts import LARGER, SEEDS, Starts, eased
+from continuum_grasp.grasp.reasons.starts import LARGER, Starts, eased
 from continuum_grasp.grasp.reasons.words import in_words, is_clear, is_rare, ordered, part_of
-from continuum_grasp.grasp.search import FIRST_CAP, Search
+from continuum_grasp.grasp.search import FIRST_CAP, HELD, Search
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.values import SAME, Reason
 from continuum_grasp.scene.grasp import GraspScene
@@ -153,7 +153,7 @@ class Repairs(Elastic):
             if self.explained:
                 return
             points = [self.relax(every, seed.attempt.start, seed) for seed in seeds]
-            seeds = _least(points or self._all_from(every, self.starts.together(every)))[:SEEDS]
+            seeds = _least(points or self._all_from(every, self.starts.together(every)))[:HELD]
             for limits, point in filter(None, map(self._few, seeds)):
                 # Each alone from there, too: of several limits none may be enough without the others.
                 last = self.attempt(limits, point.attempt.start, point) or point

@@ -10,7 +10,7 @@ from typing import Any
 
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
-from continuum_grasp.grasp.search import BENT, Search
+from continuum_grasp.grasp.search import BENT, HELD, Search
 from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.tried import branch_of
@@ -22,9 +22,6 @@ LARGER = (1.0, 4.0, 16.0)
 """Usual amounts by which a limit is relaxed in search of postures that are then nearly in balance."""
 WIDER = (1.0, 2.9)
 """Usual amounts by which limits of the shape are relaxed in search of postures for all limits at once."""
-SEEDS = 3
-"""Starts for all limits at once: so many of the scene's own postures, and twice as many of those with limits of the
-shape relaxed; and the least of their sums, so many, that are brought down to few limits."""
 
 
 class Starts:
@@ -61,12 +58,14 @@ class Starts:
         return interleaved([*self._of(relaxed, hopeful=True, rough=limit.limit is None), known])
 
     def together(self, limits: Iterable[Relaxation]) -> list[Start]:
-        """Starts for many limits at once, those of limits of the shape relaxed in several amounts."""
+        """Starts for many limits at once: some of the scene's own postures, and twice as many of those with limits of
+        the shape relaxed in several amounts.
+        """
         limits = list(limits)
         scans = self._search.rebalanced(eased(self._scene, [one for one in limits if not one.bounds_shape], 1.0))
         near = self.rough if self._search.unscanned else interleaved(scans)
         wider = [start for factor in WIDER for start in self._of(eased(self._scene, limits, factor))]
-        return [*near[:SEEDS], *interleaved(wider)[: 2 * SEEDS]]
+        return [*near[:HELD], *interleaved(wider)[: 2 * HELD]]
 
     def _balanced(self, limit: Relaxation, factors: Iterable[float]) -> list[Start]:
         """Starts of scanned postures nearly in balance with the limit relaxed by the first factor for which there are
