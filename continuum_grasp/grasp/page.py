@@ -1,4 +1,4 @@
-"""A grasp result as one web page that needs nothing but itself, and as a picture, with the forces that it resists."""
+"""A grasp result as one web page that needs nothing but itself."""
 
 from __future__ import annotations
 
@@ -28,36 +28,20 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
 
 
-def picture(
-    result: GraspResult, *, ax: Axes | None = None, tendons: bool = True, numbers: bool = True, resisted: bool = True
-) -> Axes:
-    """Draw a grasp as `plot_grasp` does, with the forces that it resists in a new figure that has numbers."""
-    from continuum_grasp.plotting.grasp.picture import plot_grasp
-
-    polygon = _resisted(result) if resisted and numbers and ax is None else None
-    return plot_grasp(result, ax=ax, tendons=tendons, numbers=numbers, resisted=polygon)
-
-
-def _resisted(result: GraspResult) -> ArrayLike | None:
-    return result.quality.resistance_polygon if result.solved else None
-
-
-def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None, resisted: ArrayLike | None = None) -> str:
+def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None, resisted: ArrayLike | bool = True) -> str:
     """The result as an HTML page: picture, numbers, certificate, and the reasons where there is no grasp.
 
-    ``pictures`` has what `picture` drew as ``grasp``, which is drawn anew where it is not given; ``resisted`` (D, 2) is
-    the greatest resisted force in each of D directions around the circle [N], by default that of the result's quality.
+    ``pictures`` has the drawing as ``grasp``; where it is not given, `plot_grasp` draws it with what is ``resisted``.
     The page, HTML5, has its pictures inside and refers to no other file or site.
     """
     from continuum_grasp.plotting.grasp.picture import plot_grasp
 
-    resisted = _resisted(result) if resisted is None else resisted
     drawn = (pictures or {}).get("grasp") or plot_grasp(result, resisted=resisted)
     beside = {str(one.get_label()): one for one in drawn.figure.axes}
     scene = result.scene
     # A scene that was made in Python may not have its version set, which a file needs.
     given = {"schema_version": scene.schema_version, **scene.model_dump(mode="json", exclude_unset=True)}
-    extra = {"Contacts": _friction(beside), "Resisted disturbances": _resistance(resisted, beside)}
+    extra = {"Contacts": _friction(beside), "Resisted disturbances": _resistance(beside)}
     found = [
         section(
             part.title,
@@ -166,12 +150,10 @@ def _friction(beside: Mapping[str, Axes]) -> str:
     return note + _figure("friction", beside["friction"], "friction by contact", caption)
 
 
-def _resistance(resisted: ArrayLike | None, beside: Mapping[str, Axes]) -> str:
-    from continuum_grasp.plotting.grasp.resistance import resistance_words
-
-    if resisted is None or "resisted" not in beside:
+def _resistance(beside: Mapping[str, Axes]) -> str:
+    if "resisted" not in beside:
         return ""
-    words = resistance_words(resisted)
+    words = beside["resisted"].get_title(loc="left")
     caption = (
         "The greatest pure force at the center of mass that is resisted on top of the weight, direction by direction; "
         f"the dashed circle is what is resisted whichever way it acts. {words[0].upper() + words[1:]}."

@@ -96,7 +96,7 @@ class GraspResult(Result):
     dimensions: ClassVar[tuple[Dimension, ...]] = DIMENSIONS
     texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "grasp.text:result_yaml"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
-        Picture("grasp", "grasp.page:picture"),
+        Picture("grasp", "plotting.grasp.picture:plot_grasp"),
         Picture("robustness", "plotting.grasp.robustness:plot_robustness", needs="robustness", panels=True),
     )
     pages: ClassVar[tuple[File, ...]] = (File("report.html", "grasp.page:page"),)

@@ -1,4 +1,4 @@
-"""Attempts of a search: their verification, the least of them, the starts that they make, and the record of them all."""
+"""Attempts of a search: their verification, the least of them, the starts that they make, and their record."""
 
 from __future__ import annotations
 

@@ -155,7 +155,7 @@ CIRCLE = np.stack([2 * np.cos(np.arange(24) * math.tau / 24), 2 * np.sin(np.aran
 
 @pytest.mark.parametrize("result", [held(), failed(), failed(arrays=False)], ids=["held", "closest", "none"])
 def test_page_is_whole_and_refers_to_nothing_else(result):
-    text = page_of(result, resisted=CIRCLE if result.solved else None)
+    text = page_of(result, resisted=CIRCLE if result.solved else False)
     page = Page(text)
     assert text.startswith("<!DOCTYPE html>")
     assert page.tags.count("svg") == (3 if result.solved else 1)  # the grasp, friction, resisted forces
@@ -236,7 +236,7 @@ def background(ax):
 @pytest.mark.parametrize("name", few(SCENES, 8))
 @pytest.mark.parametrize("shown", [held, lambda name: failed(name, arrays=False)], ids=["held", "start"])
 def test_labels_lie_on_nothing(name, shown):
-    ax = plot_grasp(shown(name))
+    ax = plot_grasp(shown(name), resisted=False)
     pixels, boxes = background(ax)
     assert boxes
     height = pixels.shape[0]
@@ -254,7 +254,7 @@ def test_a_force_is_written_alike_everywhere():
         result_text(result),
         Page(page_of(result).replace("</td>", " </td>")).text,
         " ".join(result.pairs().values()),
-        " ".join(text.get_text() for ax in plot_grasp(result).figure.axes for text in ax.texts),
+        " ".join(text.get_text() for ax in plot_grasp(result, resisted=False).figure.axes for text in ax.texts),
     )
     for text in texts:
         assert re.findall(r"37\.6\d*", text) in ([], ["37.61"])
@@ -291,7 +291,7 @@ def test_lift_is_drawn_beside_friction_in_the_plane():
     dots = [line.get_xydata()[0] for line in drawn.lines if line.get_marker() == "o"]
     assert [1.0 - math.dist(*pair) for pair in zip(rims, dots, strict=True)] == pytest.approx([0.0, 0.4, 0.5])
     assert dots[0] - rims[0] == pytest.approx([0.6, 0.8])
-    ax = plot_grasp(result)
+    ax = plot_grasp(result, resisted=False)
     wedges = [patch.get_xy() for patch in ax.patches if patch.get_zorder() == 1.4]
     left = []
     for outer, inner in zip(wedges[::2], wedges[1::2], strict=True):

@@ -54,7 +54,7 @@ def pages():
         "not solved": GraspResult(scene_of("mug", name="m" * 90), Status.NOT_SOLVED, LONG.text, advice=LONG.text),
     }
     # the quality of made-up numbers means nothing: only its polygon is drawn
-    return {name: page_of(r, resisted=CIRCLE if r.solved else None) for name, r in results.items()}
+    return {name: page_of(r, resisted=CIRCLE if r.solved else False) for name, r in results.items()}
 
 
 MEASURE = """

@@ -50,7 +50,7 @@ def plot_grasp(
     ax: Axes | None = None,
     tendons: bool = True,
     numbers: bool = True,
-    resisted: ArrayLike | None = None,
+    resisted: ArrayLike | bool = True,
 ) -> Axes:
     """Draw a grasp in the plane of the fingers, in millimeters.
 
@@ -60,8 +60,8 @@ def plot_grasp(
     scene as it starts; the title reports it, and why.
 
     ``numbers`` writes the forces: beside the drawing in a new figure, with the friction by contact where it acts out of
-    the plane too; in the labels in axes that are given. ``resisted`` (D, 2) is the greatest resisted force in each of D
-    directions around the circle [N], drawn below the numbers.
+    the plane too; in the labels in axes that are given. ``resisted`` draws the forces that are resisted below them:
+    those of the result's quality, or the greatest one in each of D directions around the circle (D, 2) [N].
     """
     view = GraspView(result)
     alone = ax is None
@@ -82,12 +82,14 @@ def plot_grasp(
     return ax
 
 
-def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | None) -> Axes:
+def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | bool) -> Axes:
     """Axes in a new figure, which holds what stands beside them too."""
     rows = _panel_rows(view) if numbers else []
+    if isinstance(resisted, bool):
+        resisted = view.result.quality.resistance_polygon if resisted and rows and view.result.solved else np.zeros(0)
     low, high = view.box
     size = (high - low) * min(np.array(_DRAWING) / (high - low))
-    polygon = bool(rows) and resisted is not None and resistance_extremes(resisted)[1] > 0
+    polygon = bool(rows) and resistance_extremes(resisted)[1] > 0
     discs = _DISCS * friction_rows(view) + 0.4 if rows and view.lifted and view.contacts else 0.0
     text = _ROW * len(rows)
     beside = _BETWEEN + _PANEL if rows else 0.0
@@ -107,7 +109,7 @@ def _sheet(view: GraspView, numbers: bool, resisted: ArrayLike | None) -> Axes:
         plot_friction(view.result, ax=_at(figure, right, top - text - discs, _PANEL, discs - 0.15)).set_label(
             "friction"
         )
-    if polygon and resisted is not None:
+    if polygon:
         below = top - text - discs - 0.6 - _POLYGON
         forces = quiet(_at(figure, right + 0.55, below, _POLYGON, _POLYGON))
         plot_resistance(resisted, ax=forces).set_label("resisted")
