@@ -49,7 +49,6 @@ def readme(
         stateful=_stateful(contents),
         step="step" in names,
         mpc="mpc" in names,
-        skeletons={"step", "mpc"} & names,
         note=f"\n\n{textwrap.fill(note, 118)}" if note else "",
         wasm=wasm,
         cases=sum(vectors.values()),

@@ -1,18 +1,17 @@
-"""Targets of a package, and examples for bare metal, Simulink blocks, and a GPU."""
+"""Targets of a package, and examples for bare metal and a GPU."""
 
 from __future__ import annotations
 
 import re
 import subprocess
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from continuum_grasp.core.compiler import check_tools, version_of
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.manifest import write_files
 from continuum_grasp.export.subject import Subject
@@ -102,18 +101,16 @@ def example_files(contents: Contents, target: str) -> dict[str, str]:
     core = _core(target) or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")
     sources = {f"examples/baremetal/{name}": f"examples/baremetal/{name}" for name in _BARE_METAL}
     found = {path: contents.fill(name, core=core) for path, name in sources.items()}
-    prefix, loop = subject.prefix, subject.loop
+    loop = subject.loop
     if "step" in names:
         words = _step_words(subject)
         sources = {name: name for name in ("examples/loop.c", "tests/batch.c", "examples/cuda/batch.cu")}
-        sources[f"examples/simulink/sfun_{prefix}.c"] = "examples/simulink/sfun.c"
         found |= {path: contents.fill(name, **words) for path, name in sources.items()}
     if "mpc" in names and loop is not None:
-        words = _control_words(subject, loop, contents.words["sources"].split())
+        wanted = ", ".join(subject.real.literal(float(v)) for v in loop.wanted)
         sources = {"examples/control_loop.c": "examples/control/loop.c"}
         sources |= {"examples/mission_loop.c": "examples/control/mission.c"} if "mission" in names else {}
-        sources[f"examples/simulink/sfun_{prefix}_control.c"] = "examples/control/sfun.c"
-        found |= {path: contents.fill(name, **words) for path, name in sources.items()}
+        found |= {path: contents.fill(name, wanted=wanted) for path, name in sources.items()}
     return found
 
 
@@ -128,15 +125,4 @@ def _step_words(subject: Subject) -> dict[str, object]:
         "first_input": first.name,
         "first_state": state[0].name,
         "reach": real.literal(0.5 * state[0].high),
-        "most_port": max(subject.moving.nx, subject.input.size, subject.moving.nw),
-    }
-
-
-def _control_words(subject: Subject, loop: Loop, sources: Sequence[str]) -> dict[str, object]:
-    structs = [loop.settings, *([loop.known] if loop.known is not None else [])]
-    return {
-        "wanted": ", ".join(subject.real.literal(float(v)) for v in loop.wanted),
-        "known": loop.known.size if loop.known is not None else 0,
-        "structs": [*enumerate(structs)],
-        "mex_sources": "".join(f" ../../src/{name}.c" for name in sources),
     }

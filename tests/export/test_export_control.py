@@ -558,6 +558,9 @@ def test_names_types_and_literals_are_those_of_the_package():
         == "x = 1.0 + 3 + p_call_stage_step(.5e2);"
     )
     assert renamed("a.rti.u_min, 2.0f, 0x1f", "p", "float") == "a.rti.u_min, 2.0f, 0x1f"
+    # A prefix may be the name of a module.
+    made = renamed("controller_kernel_slope(controller_plan);", "controller", "float")
+    assert made == "controller_kernel_slope(controller_loop_plan);"
 
 
 def test_conditions_of_a_macro_are_settled():

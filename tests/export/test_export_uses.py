@@ -1,4 +1,4 @@
-"""The package as others use it: CMake and pkg-config projects, examples, skeletons, a GPU compiler."""
+"""The package as others use it: CMake and pkg-config projects, examples, a GPU compiler."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from continuum_grasp.core import Core
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.model import FingerModel
 from tests.export_cases import ROOT, STRICT, TENDONS, WARNINGS, needs, packages, run, scene  # noqa: F401
-from tests.marks import few
 
 PROJECT = ROOT / "examples/c_project"
 
@@ -100,25 +99,6 @@ def test_the_loop_moves_as_the_core_does(name, real, packages, tmp_path):  # noq
         u = np.zeros(model.nu)
         u[0] = level * (1.0 if model.structure.moment_is_constant else min(row[0] / 0.1, 1.0))
         x = core.rollout(x, 1, h, u=u)[-1]
-
-
-@needs("cc")
-@pytest.mark.parametrize("name", ["tendons", "contact"])
-def test_the_skeletons_are_c(name, packages, tmp_path):  # noqa: F811
-    """Against a stand-in of Simulink that declares what the skeletons use."""
-    package = packages(name, "float")
-    stand_ins = ROOT / "tests/stand_ins"
-    include = (f"-I{package / 'include'}", f"-I{stand_ins}")
-    run("cc", "-std=c99", "-Wall", "-Wextra", "-fsyntax-only", *include, package / "examples/simulink/sfun_finger.c")
-
-
-@needs("cc")
-@pytest.mark.parametrize(("name", "real"), few([("given", "double"), ("observed", "float")], 1))
-def test_the_skeletons_of_controllers_are_c(name, real, packages, tmp_path):  # noqa: F811
-    package = packages(name, real)
-    include = (f"-I{package / 'include'}", f"-I{ROOT / 'tests/stand_ins'}")
-    block = package / "examples/simulink/sfun_finger_control.c"
-    run("cc", "-std=c99", "-Wall", "-Wextra", "-Wno-unused-function", "-Werror", "-fsyntax-only", *include, block)
 
 
 @pytest.mark.deep

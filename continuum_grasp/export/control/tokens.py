@@ -33,6 +33,8 @@ def renamed(source: str, prefix: str, real: str, functions: Collection[str] = ()
     """
 
     def of_package(match: re.Match[str]) -> str:
+        if match[0].startswith(f"{prefix}_kernel_"):  # of the package already, whose prefix may be a module's
+            return match[0]
         module, rest = match[0].split("_", 1)
         if module.isupper():
             return f"{prefix.upper()}_{_MODULES[module.lower()].upper()}_{rest}"
