@@ -6,147 +6,104 @@ import ctypes
 import hashlib
 import re
 import struct
-from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.estimation.contact_model import ContactModel
-from continuum_grasp.control.estimation.model import Estimation
-from continuum_grasp.control.field import Field
-from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.parts import ControlParts, Settings, is_whole
 from continuum_grasp.control.rti import source as rti
 from continuum_grasp.core.source import in_lanes, plain_source
 from continuum_grasp.errors import InputError
 
 
-def estimator_source(
-    estimation: Estimation, periods: int, nu: int, np_: int, fields: Sequence[Field], real: str
-) -> str:
+def macros(parts: ControlParts, *, controls: bool) -> list[str]:
+    """Write the dimensions of what a controller has beside its iterations; without ``controls`` of the filter alone."""
+    s, e, c, sizes = parts.stages, parts.estimation, parts.contact, dict[str, int]()
+    if controls:
+        own = {"ND": s.nd, "NM": len(parts.measurement_names), "ESTIMATES": int(e is not None)}
+        own |= {"TOUCHES": int(c is not None), "NS": len(parts.sensor_names)}
+        sizes |= {f"CONTROLLER_{name}": size for name, size in own.items()}
+    if e is not None:
+        own = {"NZ": e.nz, "NX": e.nx, "NU": s.nu, "NP": s.np, "NY": e.ny, "NS": len(e.sensor_names), "NM": e.nm}
+        own |= {"DELAY": parts.periods, "AHEAD": parts.ahead, "NF": len(e.friction), "NA": len(e.adapted)}
+        sizes |= {f"EKF_{name}": size for name, size in own.items()}
+    if c is not None:
+        sizes |= {f"CONTACT_{name}": size for name, size in c.sizes.items()}
+    return [f"#define {name} {size}" for name, size in sizes.items()]
+
+
+def estimator_source(parts: ControlParts, real: str) -> str:
     """Write the C of an estimator for Python: the functions of ``c/estimator_python.c``."""
-    return "\n".join(
-        [
-            f"#include <stddef.h>\ntypedef {real} real;",
-            *_estimator(estimation, periods, steps_ahead(periods, fields), nu, np_, real),
-            _setter("ekf_settings", fields),
-            _templates("doubles.h", "estimator_python.c"),
-        ]
+    return _joined(
+        real,
+        *macros(replace(parts, contact=None), controls=False),
+        *_estimator(parts, real),
+        _setter("ekf_settings", parts.filter),
+        _templates("doubles.h", "estimator_python.c"),
     )
 
 
-def controller_source(
-    stages: Stages,
-    estimation: Estimation | None,
-    periods: int,
-    fields: Sequence[Field],
-    real: str,
-    contact: ContactModel | None = None,
-) -> str:
+def controller_source(parts: ControlParts, real: str) -> str:
     """Write the C of a controller for Python: the functions of ``c/controller_python.c``."""
-    # The clock of timing.h is POSIX, which a compiler asked for plain C11 hides without the macro.
+    estimation, contact = parts.estimation, parts.contact
     filtered = None if estimation is None else estimation.single
-    iterations = rti.iteration_source(stages, real=real, filtered=filtered)
-    parts = ["#define _POSIX_C_SOURCE 199309L\n#include <stddef.h>", iterations]
-    measured, sensors = stages.nd, 0
-    if estimation is None:
-        parts += ["#define CG_SINGLE" if real == "float" else "", _templates("checks.h")]
-    else:
-        measured, sensors = estimation.nm, len(estimation.sensor_names)
-        has_lanes = "#define EKF_VECTOR" in iterations
-        ahead = steps_ahead(periods, fields)
-        dimensions, *rest = _estimator(estimation, periods, ahead, stages.nu, stages.np, real, has_lanes=has_lanes)
-        # CasADi defines the prefix of its helpers' names once per file; here those of the stages come first.
-        parts += [dimensions, "#undef CASADI_PREFIX", *rest]
-    parts += [
-        f"#define CONTROLLER_ND {stages.nd}\n#define CONTROLLER_NM {measured}\n#define CONTROLLER_NS {sensors}",
-        f"#define CONTROLLER_ESTIMATES {int(estimation is not None)}",
-        f"#define CONTROLLER_TOUCHES {int(contact is not None)}",
-        *([] if contact is None else ["#undef CASADI_PREFIX", *_detector(contact, real)]),
+    iterations = rti.iteration_source(parts.stages, real=real, filtered=filtered)
+    # The clock of timing.h is POSIX, which a compiler asked for plain C11 hides without the macro.
+    texts = ["#define _POSIX_C_SOURCE 199309L\n#include <stddef.h>", iterations, *macros(parts, controls=True)]
+    texts += ["#define CG_SINGLE" if real == "float" else "", _templates("checks.h")]
+    # CasADi defines the prefix of its helpers' names once per file; here those of the stages come first.
+    if estimation is not None:
+        texts += ["#undef CASADI_PREFIX", *_estimator(parts, real, has_lanes="#define EKF_VECTOR" in iterations)]
+    texts += [] if contact is None else ["#undef CASADI_PREFIX", *_detector(contact, real)]
+    texts += [
         _templates("timing.h", "supervisor.h", "controller.h", "supervisor.c", "controller.c"),
-        _setter("controller_settings", fields),
+        _setter("controller_settings", parts.settings_in(real)),
         _templates("doubles.h", *(["contact_python.c"] if contact is not None else []), "controller_python.c"),
     ]
-    return "\n".join(parts)
+    return "\n".join(texts)
 
 
 def detector_source(model: ContactModel, real: str) -> str:
     """Write the C of a contact detector for Python: the functions of ``c/detector_python.c``."""
-    return "\n".join(
-        [
-            f"#include <stddef.h>\ntypedef {real} real;",
-            "#define CG_SINGLE" if real == "float" else "",
-            *_detector(model, real),
-            _setter("contact_settings", model.fields),
-            _templates("doubles.h", "contact_python.c", "detector_python.c"),
-        ]
+    return _joined(
+        real,
+        *[f"#define CONTACT_{name} {size}" for name, size in model.sizes.items()],
+        *_detector(model, real),
+        _setter("contact_settings", model.settings),
+        _templates("doubles.h", "contact_python.c", "detector_python.c"),
     )
 
 
-def mission_source(sizes: dict[str, int], fields: Sequence[Field]) -> str:
+def mission_source(sizes: dict[str, int], settings: Settings) -> str:
     """Write the C of the phases of a mission for Python: the functions of ``c/mission_python.c``."""
     # Setpoints to the bit as in exported C: products and sums are not fused.
     unfused = '#ifdef __clang__\n#pragma STDC FP_CONTRACT OFF\n#else\n#pragma GCC optimize("fp-contract=off")\n#endif'
-    return "\n".join(
-        [
-            f"{unfused}\n#include <stddef.h>\ntypedef double real;",
-            *[f"#define MISSION_{name} {size}" for name, size in sizes.items()],
-            _templates("checks.h", "mission.h", "mission.c"),
-            _setter("mission_settings", fields),
-            _templates("doubles.h", "mission_python.c"),
-        ]
-    )
+    macros = [f"#define MISSION_{name} {size}" for name, size in sizes.items()]
+    own = _templates("checks.h", "mission.h", "mission.c"), _setter("mission_settings", settings)
+    return "\n".join([unfused, _joined("double", *macros, *own, _templates("doubles.h", "mission_python.c"))])
+
+
+def _joined(real: str, *texts: str) -> str:
+    """Join C that computes in a type."""
+    return "\n".join([f"#include <stddef.h>\ntypedef {real} real;", "#define CG_SINGLE" * (real == "float"), *texts])
 
 
 def _detector(model: ContactModel, real: str) -> list[str]:
-    """Write dimensions, generated functions and templates of a contact detector."""
-    return [
-        *[f"#define CONTACT_{name} {size}" for name, size in model.sizes.items()],
-        plain_source("contact", model.functions, real),
-        _templates("checks.h", "contact_detector.h", "contact_detector.c"),
-    ]
+    """Write generated functions and templates of a contact detector."""
+    written = plain_source("contact", model.functions, real)
+    return [written, _templates("checks.h", "contact_detector.h", "contact_detector.c")]
 
 
-def steps_ahead(periods: int, fields: Sequence[Field]) -> int:
-    """Number of a filter's steps from a measurement, some periods ago, to now, from the members of its settings.
-
-    The first is that of the next call's prediction; only further ones need the step without derivatives.
-    """
-    substeps = next(field.values for field in fields if field.member in ("substeps", "ekf.substeps"))
-    return periods * int(np.asarray(substeps))
-
-
-def estimator_sizes(estimation: Estimation, periods: int, ahead: int, nu: int, np_: int) -> dict[str, int]:
-    """Dimensions of the C of an estimator."""
-    return {
-        "NZ": estimation.nz,
-        "NX": estimation.nx,
-        "NU": nu,
-        "NP": np_,
-        "NY": estimation.ny,
-        "NS": len(estimation.sensor_names),
-        "NM": estimation.nm,
-        "DELAY": periods,
-        "AHEAD": ahead,
-        "NF": len(estimation.friction),
-        "NA": len(estimation.adapted),
-    }
-
-
-def _estimator(
-    estimation: Estimation, periods: int, ahead: int, nu: int, np_: int, real: str, *, has_lanes: bool = False
-) -> list[str]:
-    """Write dimensions, generated functions, those in lanes unless it has them already, and templates of an
-    estimator.
-    """
-    lines = [
-        f"#define EKF_{name} {size}" for name, size in estimator_sizes(estimation, periods, ahead, nu, np_).items()
-    ]
+def _estimator(parts: ControlParts, real: str, *, has_lanes: bool = False) -> list[str]:
+    """Write generated functions, those in lanes unless they are there already, and templates of an estimator."""
+    e = parts.observed
     # Step and half a step are two lanes of one, where they are made alike.
-    vector = in_lanes([estimation.single], real) if estimation.single is not None and not has_lanes else ""
-    scalar = [] if vector or has_lanes else [estimation.step, *([estimation.flow] if ahead > 1 else [])]
+    vector = in_lanes([e.single], real) if e.single is not None and not has_lanes else ""
+    scalar = [] if vector or has_lanes else [e.step, *([e.flow] if parts.ahead > 1 else [])]
     return [
-        "\n".join([*lines, "#define CG_SINGLE" if real == "float" else ""]),
-        plain_source("estimator", [*scalar, estimation.outputs, estimation.parameters], real),
+        plain_source("estimator", [*scalar, e.outputs, e.parameters], real),
         f"{vector}#define EKF_VECTOR" if vector else "",
         _templates("checks.h", "ekf.h", "ekf.c"),
     ]
@@ -157,25 +114,25 @@ def _templates(*names: str) -> str:
     return "\n".join(re.sub(r'#include "\w+\.[ch]"\n', "", rti.template(name)) for name in names)
 
 
-def _setter(structure: str, fields: Sequence[Field]) -> str:
+def _setter(structure: str, settings: Settings) -> str:
     """Write ``cg_fill``, which reads settings from the concatenated values of all members."""
     lines = [f"static void cg_fill({structure} *o, const double *v)", "{", "  memset(o, 0, sizeof *o);"]
-    for field in fields:
-        values = np.asarray(field.values)
-        kind = "int" if field.whole else "real"
+    for member, given in settings.items():
+        values = np.asarray(given)
+        kind = "int" if is_whole(values) else "real"
         if values.ndim == 0:
-            lines.append(f"  o->{field.member} = ({kind})*v++;")
+            lines.append(f"  o->{member} = ({kind})*v++;")
         elif values.size:
             lines += [
-                f"  for (int i = 0; i < {values.size}; ++i) (({kind} *)o->{field.member})[i] = ({kind})v[i];",
+                f"  for (int i = 0; i < {values.size}; ++i) (({kind} *)o->{member})[i] = ({kind})v[i];",
                 f"  v += {values.size};",
             ]
     return "\n".join([*lines, "}"])
 
 
-def _values(fields: Sequence[Field]) -> Array:
+def _values(settings: Settings) -> Array:
     """Concatenate the values of all members."""
-    return np.concatenate([np.ravel(np.asarray(f.values, dtype=float)) for f in fields])
+    return np.concatenate([np.ravel(np.asarray(values, dtype=float)) for values in settings.values()])
 
 
 _HEAD = struct.Struct("<8s16sqqq")
@@ -199,13 +156,13 @@ class Compiled:
     """
 
     def __init__(
-        self, source: str, fields: Sequence[Field], given: dict[str, int], parts: dict[str, int], what: str
+        self, source: str, settings: Settings, given: dict[str, int], parts: dict[str, int], what: str
     ) -> None:
         self.library = rti.load_library(source, what)
         for name in ("cg_size", "cg_state_size"):
             getattr(self.library, name).restype = ctypes.c_size_t
         # The memory's layout depends on the source, what a state means on the settings too.
-        self._key = hashlib.sha256(source.encode() + _values(fields).tobytes()).digest()[:16]
+        self._key = hashlib.sha256(source.encode() + _values(settings).tobytes()).digest()[:16]
         memory = np.zeros(self.library.cg_size() + _ALIGNMENT, np.uint8)
         start = -memory.ctypes.data % _ALIGNMENT
         self._memory = memory[start : start + self.library.cg_size()]
@@ -216,11 +173,11 @@ class Compiled:
         self.address = ctypes.c_void_p(self._memory.ctypes.data)
         self.input_address = ctypes.c_void_p(self._input.ctypes.data)
         self.output_address = ctypes.c_void_p(self.output.ctypes.data)
-        self.configure(fields)
+        self.configure(settings)
 
-    def configure(self, fields: Sequence[Field]) -> None:
+    def configure(self, settings: Settings) -> None:
         """Set the settings; the state stays."""
-        values = _values(fields)
+        values = _values(settings)
         self.library.cg_settings(self.address, ctypes.c_void_p(values.ctypes.data))
 
     def found(self) -> dict[str, Array]:

@@ -17,12 +17,11 @@ from continuum_grasp.control.arguments import named, numbers, vector
 from continuum_grasp.control.command import Command, Layout
 from continuum_grasp.control.compiled import Compiled, controller_source
 from continuum_grasp.control.estimation.contact_detector import contact_parts
-from continuum_grasp.control.estimation.contact_model import ContactModel
-from continuum_grasp.control.estimation.model import Estimation
-from continuum_grasp.control.field import Field
 from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.parts import ControlParts, Settings
 from continuum_grasp.control.status import Statistics, Status
+from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.remade import Remade
 from continuum_grasp.summary import Summarized
@@ -48,50 +47,37 @@ class CompiledController(Remade, Summarized):
     Subclasses compile by ``_compile``, and have ``nominal_setpoints``: those where ``reference`` sets none.
     """
 
+    parts: ControlParts
     stages: Stages
     period: float
+    precision: str
     nominal_setpoints: Setpoints
     measurement_names: tuple[str, ...]
     _what = "the controller"
-    _period_key = "controller.period"
     _called: Mapping[str, str] = MappingProxyType({})
     """Arguments of a step by another name."""
 
-    def _compile(
-        self,
-        fields: list[Field],
-        precision: str,
-        deadline: float,
-        estimation: Estimation | None = None,
-        contact: ContactModel | None = None,
-        delay: int = 0,
-    ) -> None:
-        """Compile for ``stages``; ``deadline`` [s], ``delay`` of measurements in periods."""
-        s, n = self.stages, self.stages.stages
-        if self.period > s.stage * (1.0 + 1e-9):
-            raise InputError(
-                f"{self.period:g} s is longer than a stage of {s.stage:g} s, over which the plan holds an "
-                "input: expected a period of at most a stage",
-                key=self._period_key,
-            )
+    def _compile(self, parts: ControlParts, precision: str, deadline: float) -> None:
+        """Compile from parts, whose commands are late after ``deadline`` [s]."""
+        s, n, estimation, contact = parts.stages, parts.stages.stages, parts.estimation, parts.contact
+        self.parts, self.stages, self.period, self.precision = parts, s, parts.calls.period, precision_of(precision)
+        self.measurement_names = parts.measurement_names
         # With an infinite deadline no command is late.
         self._deadline_ns = 1e9 * (deadline if deadline == math.inf else positive("deadline", deadline))
-        self._fields = {field.member: field for field in fields}
-        source = controller_source(s, estimation, delay, fields, precision, contact)
+        self._settings = parts.settings_in(self.precision)
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
         nm = len(self.measurement_names)
         given = {"measurement": nm, "p": s.np, "applied": s.nu, "setpoints": (n + 1) * s.nr, "elapsed": 1}
-        parts = dict.fromkeys(_NUMBERS, 1) | {"ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": nm}
-        parts |= {"excess": s.nc, "then": nz, "upper": nz * nz, "diagonal": nz}
-        parts |= {"innovation": ny, "innovation_variance": ny}
-        parts |= {} if contact is None else contact_parts(contact)
-        parts |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
-        self._c = Compiled(source, fields, given, parts, self._what)
+        sizes = dict.fromkeys(_NUMBERS, 1) | {"ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": nm}
+        sizes |= {"excess": s.nc, "then": nz, "upper": nz * nz, "diagonal": nz}
+        sizes |= {"innovation": ny, "innovation_variance": ny}
+        sizes |= {} if contact is None else contact_parts(contact)
+        sizes |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
+        self._c = Compiled(controller_source(parts, self.precision), self._settings, given, sizes, self._what)
         places = () if contact is None else contact.finger.places
-        sensors = () if estimation is None else estimation.sensor_names
         touch = None if estimation is None else estimation.contact_forces
         adapted = () if estimation is None else estimation.adapted
-        self._layout = Layout(self._c.parts, self.measurement_names, sensors, places, s, touch, adapted)
+        self._layout = Layout(self._c.parts, self.measurement_names, parts.sensor_names, places, s, touch, adapted)
         self._measurement, self._p, self._applied, rows, self._elapsed = self._c.given
         self._setpoints = rows.reshape(n + 1, s.nr)
         self._call = self._c.library.cg_controller_step
@@ -197,7 +183,7 @@ class CompiledController(Remade, Summarized):
         A limit that is moved past the last command is approached at ``controller.input.rate_max``: until a command is
         within it, steps report ``Anomaly.BEYOND_LIMIT``.
         """
-        fields = dict(self._fields)
+        changed = dict(self._settings)
         for name, given in settings.items():
             if name not in CHANGEABLE:
                 raise InputError(f"expected some of {', '.join(CHANGEABLE)}, got {name!r:.60}", key=name)
@@ -208,22 +194,22 @@ class CompiledController(Remade, Summarized):
             # The safe ramp and the supervisor's scales are those of the nominal limits.
             if name.startswith("u_") and (np.any(value < self.stages.u_min) or np.any(value > self.stages.u_max)):
                 raise InputError("expected entries within the limits of the scene", key=name)
-            fields[f"rti.{name}"] = Field(f"rti.{name}", value)
-        self._check_settings(fields, tuple(settings))
-        self._fields = fields
-        self._c.configure(tuple(fields.values()))
+            changed[f"rti.{name}"] = value
+        self._check_settings(changed, tuple(settings))
+        self._settings = changed
+        self._c.configure(changed)
 
-    def _check_settings(self, fields: Mapping[str, Field], given: tuple[str, ...]) -> None:
+    def _check_settings(self, settings: Settings, given: tuple[str, ...]) -> None:
         """Refuse crossed limits and a QP without a unique solution."""
         for kind, names in (("u", self.stages.u_names), ("c", self.stages.c_names)):
-            low, high = (np.asarray(fields[f"rti.{kind}_{end}"].values) for end in ("min", "max"))
+            low, high = (np.asarray(settings[f"rti.{kind}_{end}"]) for end in ("min", "max"))
             crossed = [f"{n}: {a:g} > {b:g}" for n, a, b in zip(names, low, high, strict=True) if a > b]
             if crossed:
                 key = next(name for name in given if name.startswith(f"{kind}_"))
                 raise InputError(f"a lower limit is above its upper one ({'; '.join(crossed)})", key=key)
         of_inputs = slice(self.stages.nt, None)
         # A problem may leave inputs to the dynamics alone: then no weight can be taken away.
-        if self.stages.nt < self.stages.nr and not np.any(np.asarray(fields["rti.weights"].values)[of_inputs] > 0.0):
+        if self.stages.nt < self.stages.nr and not np.any(np.asarray(settings["rti.weights"])[of_inputs] > 0.0):
             asked = ", ".join(self.stages.r_names[of_inputs])
             raise InputError(f"one of {asked} needs a weight above 0, else inputs are not unique", key="weights")
 
@@ -242,13 +228,13 @@ class CompiledController(Remade, Summarized):
         self._step, late = self._c.restore(saved)
         self._late, self._time = bool(late), math.nan
 
-    def __getstate__(self) -> tuple[dict[str, Field], dict[str, tuple[Any, float]], bytes]:
-        return self._fields, self._own, self.save_state()
+    def __getstate__(self) -> tuple[Settings, dict[str, tuple[Any, float]], bytes]:
+        return self._settings, self._own, self.save_state()
 
-    def __setstate__(self, state: tuple[dict[str, Field], dict[str, tuple[Any, float]], bytes]) -> None:
-        self._fields, self._own, saved = state
+    def __setstate__(self, state: tuple[Settings, dict[str, tuple[Any, float]], bytes]) -> None:
+        self._settings, self._own, saved = state
         self._targets = None
-        self._c.configure(tuple(self._fields.values()))
+        self._c.configure(self._settings)
         self.restore(saved)
 
     # -- setpoints ---------------------------------------------------------------------------------------------------

@@ -13,14 +13,10 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled_controller import CompiledController
-from continuum_grasp.control.estimation.contact_model import contact_model_of
-from continuum_grasp.control.estimation.model import estimation_of
 from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.setpoints import Function, Setpoints, setpoints
+from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.prediction import Prediction, first_state
-from continuum_grasp.control.settings import controller_fields, delay_periods
-from continuum_grasp.core.precision import precision_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.summary import quoted
@@ -104,20 +100,14 @@ class Controller(CompiledController):
         self._arguments = (self.scene,), {"precision": precision, "deadline": deadline}
         self.prediction = Prediction(self.scene)
         self.setpoints()  # those that are wrong are refused before anything is compiled
-        self.stages = stages_of(self.scene, self.prediction)
-        self.precision = precision_of(precision)
-        estimation = None
-        if self.scene.estimator is not None:
-            estimation = estimation_of(self.scene, self.prediction, self.stages.method)
-        self.estimation, self.period = estimation, self.scene.controller.step
-        self.measurement_names = self.prediction.x_names if estimation is None else estimation.measurement_names
-        self.sensor_names = () if estimation is None else estimation.sensor_names
-        self.estimated_names = self.prediction.x_names if estimation is None else estimation.z_names
-        asked = self.scene.estimator
-        contact = contact_model_of(self.scene) if asked is not None and asked.contact_detection is not None else None
-        fields = controller_fields(self.scene, self.prediction, self.stages, estimation, self.precision, contact)
-        wanted = self.scene.controller.deadline or self.period if deadline is None else deadline
-        self._compile(fields, self.precision, wanted, estimation, contact, delay_periods(self.scene))
+        parts = ControlParts.of_scene(self.scene, self.prediction)
+        wanted = self.scene.controller.deadline or self.scene.controller.step if deadline is None else deadline
+        self._compile(parts, precision, wanted)
+        self.estimation, self.sensor_names, self.estimated_names = (
+            parts.estimation,
+            parts.sensor_names,
+            parts.estimated_names,
+        )
         self.first = first_state(self.scene, self.prediction)
         self.reset()
 

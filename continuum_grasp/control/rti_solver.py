@@ -17,8 +17,7 @@ from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled_controller import CompiledController
 from continuum_grasp.control.ocp.control_problem import ControlProblem
 from continuum_grasp.control.ocp.setpoints import Setpoints
-from continuum_grasp.control.settings import Calls, solver_fields
-from continuum_grasp.core.precision import precision_of
+from continuum_grasp.control.parts import Calls, ControlParts
 from continuum_grasp.errors import InputError
 
 
@@ -86,7 +85,6 @@ class RtiSolver(CompiledController):
     """
 
     _what = "the solver"
-    _period_key = "period"
     _called = MappingProxyType({"measurement": "x", "p": "parameters"})
 
     @check_arguments
@@ -104,25 +102,24 @@ class RtiSolver(CompiledController):
         check_gaps: bool = False,
         deadline: float = math.inf,
     ) -> None:
-        self.problem, self.stages = problem, replace(problem.stages, checks_gaps=check_gaps)
-        s = self.stages
-        self.precision = precision_of(precision)
-        self.period = s.stage if period is None else positive("period", period)
-        self.measurement_names = s.x_names[: s.nd]
+        self.problem, s = problem, replace(problem.stages, checks_gaps=check_gaps)
         near_zero = np.clip(np.zeros(s.nu), s.u_min, s.u_max)
         self.safe = near_zero if safe is None else named("safe", safe, s.u_names, near_zero)
         if np.any(self.safe < s.u_min) or np.any(self.safe > s.u_max):
             raise InputError("expected inputs within their bounds", key="safe")
         counts = {"sqp_iterations": sqp_iterations, "start_iterations": start_iterations}
         counts |= {"start_calls": start_calls, "iterations": iterations}
-        self.calls = Calls(
-            self.period, self.safe, s.stages * s.stage, **{key: whole(key, count) for key, count in counts.items()}
+        calls = Calls(
+            s.stage if period is None else positive("period", period),
+            self.safe,
+            s.stages * s.stage,
+            **{key: whole(key, count) for key, count in counts.items()},
         )
         if start_calls > start_iterations:
             raise InputError(
                 f"expected start_iterations = {start_iterations} or less, got {start_calls}", key="start_calls"
             )
-        self._compile(solver_fields(s, self.calls, self.precision), self.precision, deadline)
+        self._compile(ControlParts.of_problem(s, calls), precision, deadline)
         keys, widths = zip(*problem.cost_names, strict=True)
         self.nominal_setpoints = Setpoints(s.r_names, [(width, None) for width in widths], keys)
         self.reset()

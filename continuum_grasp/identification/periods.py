@@ -16,7 +16,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.log import COMMANDED, ControlLog
-from continuum_grasp.control.settings import delay_periods
+from continuum_grasp.control.parts import delay_periods
 from continuum_grasp.errors import InputError
 from continuum_grasp.labels import name_of, split_unit, unit_of
 from continuum_grasp.scene.control import ControlScene

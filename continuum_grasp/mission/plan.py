@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.schedule import Phase, Schedule
 from continuum_grasp.control.compiled import Compiled, mission_source
-from continuum_grasp.control.field import Field
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.parts import Settings
 from continuum_grasp.control.status import Anomaly
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import certified_contact
@@ -55,9 +55,9 @@ def blindness(command: Any) -> str:
     return f"the controller is tripped ({command.trip.name.lower()})" if command.trip else ""
 
 
-def mission_fields(
+def mission_settings(
     table: Timetable, stages: Stages, needed: Array, *, leads: bool = True, holds_on: bool = False
-) -> tuple[dict[str, int], list[Field]]:
+) -> tuple[dict[str, int], Settings]:
     """Dimensions of the C of a finger's phases, and the members of ``mission_settings``."""
     of, moves, phases = table.of, table.moves(stages.r_names), table.phases()
     names, period, patience = [span.name for span in phases], of.control.controller.step, of.mission.phases.squeeze
@@ -74,29 +74,29 @@ def mission_fields(
     # way short of the grasp, and settles there, or lets the other tendon pull against the one that closes: fingers that
     # squeeze on close as in the grasp or tighter.
     tighter = np.where(low > -ABSENT, of.held, low)
-    fields = [
-        Field("period", period),
-        Field("begin", [span.start for span in phases]),
+    members: Settings = {
+        "period": period,
+        "begin": [span.start for span in phases],
         # Asked once more at the latest instant.
-        Field("length", [patience + period if s.name == "confirm" else s.end - s.start for s in phases]),
-        Field("follows", [-1 if b is None else follows.index(b[0]) for b in begins], whole=True),
-        Field("limits", [_NOMINAL if b is None else b[1] for b in begins], whole=True),
-        *[Field(name, names.index(name), whole=True) for name in ("confirm", "lower", "release")],
-        Field("holds_on", int(holds_on), whole=True),
-        Field("leads", int(leads), whole=True),
-        Field("patience", patience),
-        Field("needed", needed),
-        Field("weights", weights),
-        Field("u_min", stages.u_min),
-        Field("u_max", stages.u_max),
-        Field("low", [stages.u_min, tighter, low]),
-        Field("high", [stages.u_max, high, high]),
-        Field("follows_command", int(bool(of.control.finger.winches)), whole=True),
-        Field("held", of.held),
-        *map(Field, ("first", "moves_at", "moves_for", "moves_by"), moves),
-    ]
+        "length": [patience + period if s.name == "confirm" else s.end - s.start for s in phases],
+        "follows": [-1 if b is None else follows.index(b[0]) for b in begins],
+        "limits": [_NOMINAL if b is None else b[1] for b in begins],
+        **{name: names.index(name) for name in ("confirm", "lower", "release")},
+        "holds_on": int(holds_on),
+        "leads": int(leads),
+        "patience": patience,
+        "needed": needed,
+        "weights": weights,
+        "u_min": stages.u_min,
+        "u_max": stages.u_max,
+        "low": [stages.u_min, tighter, low],
+        "high": [stages.u_max, high, high],
+        "follows_command": int(bool(of.control.finger.winches)),
+        "held": of.held,
+        **dict(zip(("first", "moves_at", "moves_for", "moves_by"), moves, strict=True)),
+    }
     sizes = {"PHASES": len(phases), "MOVES": len(moves[1]), "NR": len(stages.r_names)}
-    return sizes | {"NU": len(stages.u_min), "NC": needed.size}, fields
+    return sizes | {"NU": len(stages.u_min), "NC": needed.size}, members
 
 
 class Plan(Schedule):
@@ -116,16 +116,16 @@ class Plan(Schedule):
         reported: Callable[[], int] = lambda: BEARS,
         waits: Callable[[float, Any], None] = lambda t, command: None,
     ) -> None:
-        sizes, fields = mission_fields(table, stages, needed, leads=leads)
+        sizes, settings = mission_settings(table, stages, needed, leads=leads)
         names = [span.name for span in table.phases()]
-        lengths = np.ravel(next(field.values for field in fields if field.member == "length")).tolist()
+        lengths = np.ravel(np.asarray(settings["length"])).tolist()
         super().__init__([Phase(name, self.rows, length) for name, length in zip(names, lengths, strict=True)])
         self._confirm, self._release = names.index("confirm"), names.index("release")
         self._reported, self._waits, self._nr = reported, waits, sizes["NR"]
         given = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1, "blind": 1}
         parts = {"phase": 1, "changed": 1, "decision": 1, "bears": 1, "weights": sizes["NR"]}
         parts |= {"u_min": sizes["NU"], "u_max": sizes["NU"]}
-        self._c = Compiled(mission_source(sizes, fields), fields, given, parts, "the mission")
+        self._c = Compiled(mission_source(sizes, settings), settings, given, parts, "the mission")
         self.decision, self.bears = WAITS, UNKNOWN
 
     def enter(self, t: float, controller: Any, plant: Any, phase: int = 0) -> None:

@@ -17,7 +17,7 @@ from continuum_grasp.control.controller import Controller
 from continuum_grasp.control.estimation import excitation
 from continuum_grasp.control.estimation.adaptation import Observability
 from continuum_grasp.control.estimation.estimator import Estimator
-from continuum_grasp.control.field import Field
+from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.load import load
@@ -378,11 +378,8 @@ def test_in_closed_loop_fine_plants_are_found_and_followed(changes):
 @pytest.mark.parametrize("precision", ["double", "float"])
 def test_compilers_have_nothing_to_say(precision, tmp_path):
     estimator = hand()
-    fields = [
-        Field(name, value, name in ("substeps", "sensor", "adapted")) for name, value in estimator.settings.items()
-    ]
     file = tmp_path / "estimator.c"
-    file.write_text(estimator_source(estimator.estimation, 0, 2, 3, fields, precision))
+    file.write_text(estimator_source(ControlParts.of_scene(estimator.scene, estimator.prediction), precision))
     flags = "-std=c99 -fsyntax-only -Werror -Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow"
     generated = "-Wno-unused-parameter -Wno-unused-function -Wno-unused-variable"  # what CasADi writes needs these
     done = subprocess.run(["cc", *flags.split(), *generated.split(), str(file)], capture_output=True, text=True)

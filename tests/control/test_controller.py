@@ -15,8 +15,6 @@ from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.arguments import numbers
 from continuum_grasp.control.compiled import controller_source
 from continuum_grasp.control.controller import Controller
-from continuum_grasp.control.estimation.model import estimation_of
-from continuum_grasp.control.settings import controller_fields
 from continuum_grasp.control.status import Anomaly, Health, Status
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.load import load
@@ -204,10 +202,8 @@ GENERATED = "-Wno-unused-parameter -Wno-unused-function -Wno-unused-variable"
 @pytest.mark.parametrize("precision", ["double", "float"])
 def test_compilers_have_nothing_to_say(precision, tmp_path):
     control = estimating()
-    estimation = estimation_of(control.scene, control.prediction)
-    fields = controller_fields(control.scene, control.prediction, control.stages, estimation, precision)
     file = tmp_path / "controller.c"
-    file.write_text(controller_source(control.stages, estimation, 1, fields, precision))
+    file.write_text(controller_source(control.parts, precision))
     done = subprocess.run(["cc", *STRICT.split(), *GENERATED.split(), str(file)], capture_output=True, text=True)
     assert not done.stderr
 

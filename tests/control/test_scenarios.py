@@ -18,7 +18,6 @@ from continuum_grasp.control.compiled import controller_source
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Scenarios, Stages
-from continuum_grasp.control.settings import controller_fields
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.errors import InputError
 from tests.control_cases import HAND, Reality, hand_scene, swing_scene
@@ -290,9 +289,8 @@ STRICT = "-fsyntax-only -std=gnu11 -Wall -Wextra -Wshadow -Wstrict-prototypes -W
 @pytest.mark.parametrize("precision", ["double", "float"])
 def test_compilers_have_nothing_to_say(precision, tmp_path):
     control = cg.Controller(hand([{}, {"stiffness": 2.0}]), deadline=math.inf)
-    fields = controller_fields(control.scene, control.prediction, control.stages, None, precision)
     file = tmp_path / "controller.c"
-    file.write_text(controller_source(control.stages, None, 0, fields, precision))
+    file.write_text(controller_source(control.parts, precision))
     quiet = "-Wno-unused-parameter -Wno-unused-function -Wno-unused-variable"
     done = subprocess.run(["cc", *STRICT.split(), *quiet.split(), str(file)], capture_output=True, text=True)
     assert not done.stderr

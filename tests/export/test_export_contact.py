@@ -106,7 +106,7 @@ def test_the_detector_is_that_of_python_to_the_bit(made, readings):
     """The C that Python compiles, with the package's sine, exponential and flags in place of the library's."""
     real, path, finger, library = made
     model = contact_model_of(own_scene())
-    numbers = np.concatenate([np.ravel(np.asarray(field.values, dtype=float)) for field in model.fields])
+    numbers = np.concatenate([np.ravel(np.asarray(values, dtype=float)) for values in model.settings.values()])
     functions = ("sin", "cos", "exp", "sqrt")
     names = [name + ("f" if real == "float" else "") for name in functions]
     source = "#include <math.h>\n#include <stdint.h>\n#define FINGER_API\n"
@@ -124,7 +124,7 @@ def test_the_detector_is_that_of_python_to_the_bit(made, readings):
         return ctypes.c_void_p(array.ctypes.data)
 
     own.cg_settings(memory, at(numbers))
-    own.cg_start(memory, at(np.ravel(model.fields[0].values).astype(float)))
+    own.cg_start(memory, at(np.ravel(model.settings["first"]).astype(float)))
     estimator = finger.Estimator(library)
     for y in readings:
         own.cg_step(memory, at(np.array([*y, 0.1])), at(out))

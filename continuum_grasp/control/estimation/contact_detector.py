@@ -197,11 +197,10 @@ class ContactDetector(Remade, Summarized):
         self.model = contact_model_of(self.scene)
         self.precision = precision_of(precision)
         self.period, self.measurement_names = self.scene.controller.step, self.model.measurement_names
-        fields, sizes = self.model.fields, self.model.sizes
-        self.settings = {field.member: field.values for field in fields}
+        self.settings, sizes = self.model.settings, self.model.sizes
         self._drives, self._nx = sizes["ND"], self.model.prediction.nx
         source, parts = detector_source(self.model, self.precision), contact_parts(self.model)
-        self._c = Compiled(source, fields, {"y": sizes["NY"], "u": sizes["NU"]}, parts, "the contact detector")
+        self._c = Compiled(source, self.settings, {"y": sizes["NY"], "u": sizes["NU"]}, parts, "the contact detector")
         self._y, self._u = self._c.given
         self._call = self._c.library.cg_step
         self.reset()

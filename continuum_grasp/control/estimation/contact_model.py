@@ -10,12 +10,12 @@ from itertools import product
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.estimation.free_finger import FreeFinger, steps_per_period
 from continuum_grasp.control.estimation.model import torque_name, torque_per_reading
 from continuum_grasp.control.estimation.noise import measurement_range
-from continuum_grasp.control.field import Field
 from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.errors import InputError
@@ -81,14 +81,13 @@ class ContactModel:
         return np.array([w.radius * start[each.state] for w, each in zip(winches, driven, strict=False)])
 
     @cached_property
-    def fields(self) -> list[Field]:
+    def settings(self) -> dict[str, ArrayLike]:
         """Members of ``contact_settings``, the states at the start first."""
-        return self.fields_within(self.measurement_names)
+        return self.settings_within(self.measurement_names)
 
-    def fields_within(self, names: Sequence[str]) -> list[Field]:
-        """Fields of a step that is given the measurements of these names."""
-        felt = [names.index(name) for name in self.measurement_names]
-        return [*_fields(self.scene, self), Field("felt", felt, whole=True)]
+    def settings_within(self, names: Sequence[str]) -> dict[str, ArrayLike]:
+        """Members for a step that is given the measurements of these names."""
+        return {**_settings(self.scene, self), "felt": [names.index(name) for name in self.measurement_names]}
 
     @property
     def functions(self) -> list[ca.Function]:
@@ -179,7 +178,7 @@ def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) 
     return straight_function("contact_measured", given, found), tuple(names)
 
 
-def _fields(scene: ControlScene, model: ContactModel) -> list[Field]:
+def _settings(scene: ControlScene, model: ContactModel) -> dict[str, ArrayLike]:
     if scene.estimator is None or scene.estimator.contact_detection is None:
         raise InputError("this needs `estimator.contact_detection`", key="estimator.contact_detection")
     asked, period = scene.estimator.contact_detection, scene.controller.step
@@ -190,26 +189,23 @@ def _fields(scene: ControlScene, model: ContactModel) -> list[Field]:
     names = (*prediction.x_names[: 2 * finger.n], *finger.model.friction_names)
     limits = [measurement_range(scene, prediction, name) for name in model.measurement_names]
     own = [_friction(scene.estimator.measured, winch, period, blend) for winch in motors]
-    return [
-        Field(
-            "first",
-            model.first(model.lengths, _friction_at_start(scene.initial, finger) if asked.history_known else None),
-        ),
-        Field("p", model.members),
-        Field("group", model.groups, whole=True),
-        Field("period", period),
-        Field("substeps", steps_per_period(finger, model.members, period), whole=True),
-        Field("blend", blend),
-        Field("fade", math.exp(-period / (_FADING * asked.time_constant))),
-        *[Field(name, [each[name] for each in own]) for name in _OF_MOTORS],
-        Field("single", [int(len(winch.tendons) == 1) for winch in motors], whole=True),
-        Field("dry_error", asked.coulomb_friction),
-        Field("model_error", asked.tension),
-        Field("y_min", [low for low, _ in limits]),
-        Field("y_max", [high for _, high in limits]),
-        Field("from", [prediction.x_names.index(name) for name in names], whole=True),
-        Field("history_known", int(asked.history_known), whole=True),
-    ]
+    return {
+        "first": model.first(model.lengths, _friction_at_start(scene.initial, finger) if asked.history_known else None),
+        "p": model.members,
+        "group": model.groups,
+        "period": period,
+        "substeps": steps_per_period(finger, model.members, period),
+        "blend": blend,
+        "fade": math.exp(-period / (_FADING * asked.time_constant)),
+        **{name: [each[name] for each in own] for name in _OF_MOTORS},
+        "single": [int(len(winch.tendons) == 1) for winch in motors],
+        "dry_error": asked.coulomb_friction,
+        "model_error": asked.tension,
+        "y_min": [low for low, _ in limits],
+        "y_max": [high for _, high in limits],
+        "from": [prediction.x_names.index(name) for name in names],
+        "history_known": int(asked.history_known),
+    }
 
 
 def _friction_at_start(initial: Initial, finger: FreeFinger) -> Friction:

@@ -13,11 +13,8 @@ from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.compiled import Compiled, estimator_source
 from continuum_grasp.control.estimation.adaptation import AdaptedState
 from continuum_grasp.control.estimation.contact_detector import ContactDetector, DetectedContact
-from continuum_grasp.control.estimation.model import estimation_of
-from continuum_grasp.control.estimation.noise import ranges_of
-from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.prediction import Prediction, first_state
-from continuum_grasp.control.settings import delay_periods, estimator_fields
 from continuum_grasp.control.status import Anomaly, Verdict, texts
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError
@@ -148,30 +145,21 @@ class Estimator(Remade, Summarized):
     def __init__(self, scene: ControlScene | str | PathLike[str], *, precision: str = "double") -> None:
         self.scene = scene_of(scene, ControlScene)
         self._arguments = (self.scene,), {"precision": precision}  # no path, whose file may change
-        self.prediction = Prediction(self.scene)
-        stages = stages_of(self.scene, self.prediction)
-        self.estimation = estimation_of(self.scene, self.prediction, stages.method)
-        self.precision = precision_of(precision)
-        self.period, self.delay = self.scene.controller.step, delay_periods(self.scene)
-        self.names, self.measurement_names = self.estimation.z_names, self.estimation.measurement_names
-        ranges = ranges_of(self.scene, self.prediction, stages, self.estimation)
-        fields = estimator_fields(self.scene, self.prediction, stages, self.estimation, ranges)
-        self.settings = {field.member: field.values for field in fields}
-        nu, np_, nz, ny, nm = stages.nu, stages.np, self.estimation.nz, self.estimation.ny, self.estimation.nm
-        source = estimator_source(self.estimation, self.delay, nu, np_, fields, self.precision)
-        parts = {"limited": 1, "z": nz, "p": np_, "verdict": nm, "innovation": ny, "innovation_variance": ny}
-        parts |= {"then": nz, "covariance": nz * nz}
-        self._c = Compiled(source, fields, {"measurement": nm, "u": nu, "p": np_}, parts, "the estimator")
+        self.prediction, self.precision = Prediction(self.scene), precision_of(precision)
+        parts = ControlParts.of_scene(self.scene, self.prediction)
+        self.estimation = e = parts.observed
+        self.period, self.delay, self.settings = parts.calls.period, parts.periods, parts.filter
+        self.names, self.measurement_names = parts.estimated_names, parts.measurement_names
+        nu, np_, nz, ny, nm = parts.stages.nu, parts.stages.np, e.nz, e.ny, e.nm
+        sizes = {"limited": 1, "z": nz, "p": np_, "verdict": nm, "innovation": ny, "innovation_variance": ny}
+        sizes |= {"then": nz, "covariance": nz * nz}
+        given = {"measurement": nm, "u": nu, "p": np_}
+        self._c = Compiled(estimator_source(parts, self.precision), parts.filter, given, sizes, "the estimator")
         self._measurement, self._u, self._p = self._c.given
         self._call = self._c.library.cg_step
         self._nominal = np.array(self.prediction.p_nominal, dtype=float)
         self.first = first_state(self.scene, self.prediction)
-        asked = self.scene.estimator
-        self.detector = (
-            ContactDetector(self.scene, precision=precision)
-            if asked is not None and asked.contact_detection is not None
-            else None
-        )
+        self.detector = None if parts.contact is None else ContactDetector(self.scene, precision=precision)
         felt = () if self.detector is None else self.detector.measurement_names
         self._felt = [self.measurement_names.index(name) for name in felt]
         self.reset()

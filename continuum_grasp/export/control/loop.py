@@ -13,28 +13,14 @@ import casadi as ca
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.control.compiled import steps_ahead
 from continuum_grasp.control.compiled_controller import CHANGEABLE
-from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
-from continuum_grasp.control.estimation.model import Estimation, estimation_of
-from continuum_grasp.control.estimation.noise import Ranges, ranges_of
-from continuum_grasp.control.field import Field as Member
 from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
 from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.parts import ControlParts, Settings, free_ranges
 from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.control.rti_solver import RtiSolver
-from continuum_grasp.control.settings import (
-    Calls,
-    calls_of,
-    controller_fields,
-    delay_periods,
-    free_ranges,
-    solver_fields,
-)
 from continuum_grasp.control.status import CALL_RATE
-from continuum_grasp.errors import InputError
 from continuum_grasp.export.fields import Field, Real, Struct
 from continuum_grasp.scene.control import ControlScene
 
@@ -76,32 +62,22 @@ class Phases(NamedTuple):
     """
 
     sizes: dict[str, int]
-    members: tuple[Member, ...]
+    members: Settings
     names: tuple[str, ...]
     ends: float
     reported: tuple[tuple[str, str], ...]
 
 
-@dataclass(frozen=True)
-class Loop:
-    """A closed loop as its parts see it."""
+@dataclass(frozen=True, kw_only=True)
+class Loop(ControlParts):
+    """A closed loop as the parts of a package see it."""
 
     parts: tuple[str, ...]
     """Parts that the package has: estimator, mpc."""
-    stages: Stages
-    estimation: Estimation | None
-    contact: ContactModel | None
-    ranges: Ranges
-    periods: int
-    """Age of a measurement when it arrives, in periods."""
-    members: tuple[Member, ...]
+    members: Settings
     """Numbers of ``controller_settings``."""
     first: Array
     """State (nz) from which the controller starts."""
-    before: Array
-    """Input (nu) before."""
-    calls: Calls
-    """Period and iterations."""
     setpoints: Setpoints
     """Setpoints over time, for as long as ``duration`` [s]."""
     duration: float
@@ -109,8 +85,6 @@ class Loop:
     """Size (nd) of pushes in test vectors, of each state."""
     safe: str
     """Command that is approached when there is no plan."""
-    estimated: tuple[str, ...]
-    """Names and units of what the plan starts from: states, then disturbances."""
     phases: Phases | None = None
     """Phases of a mission; None of a controller alone."""
 
@@ -120,59 +94,42 @@ class Loop:
     ) -> Loop:
         """A scene's loop for a package that computes in a type, with the ``phases`` of a mission."""
         model = Prediction(scene)
-        stages = stages_of(scene, model)
-        # A plan is followed within its first stage; equal up to the rounding of a duration over a count.
-        if scene.controller.step > stages.stage * (1.0 + 1e-9):
-            raise InputError(
-                f"{scene.controller.step:g} s is longer than a stage of {stages.stage:g} s", key="controller.period"
-            )
-        estimation = None if scene.estimator is None else estimation_of(scene, model, stages.method)
-        detects = scene.estimator is not None and scene.estimator.contact_detection is not None
-        contact = contact_model_of(scene) if detects else None
-        z = np.zeros(model.nx if estimation is None else estimation.nz)
+        own = ControlParts.of_scene(scene, model)
+        z = np.zeros(len(own.estimated_names))
         z[: model.nx] = first_state(scene, model)  # disturbances start at zero, as nothing is known of them
         n, kicks = model.system.finger_model.n, np.zeros(model.nx)
         kicks[n : 2 * n] = 1.0  # rates of the coordinates
         return Loop(
+            **vars(own),
             parts=tuple(parts),
-            stages=stages,
-            estimation=estimation,
-            contact=contact,
-            ranges=ranges_of(scene, model, stages, estimation),
-            periods=delay_periods(scene),
-            members=tuple(controller_fields(scene, model, stages, estimation, real.name, contact)),
+            members=own.settings_in(real.name),
             first=z,
-            before=np.array(scene.rest_input),
-            calls=calls_of(scene),
             setpoints=setpoints(Outputs.of(scene.controller.cost, model), scene.reference),
             duration=scene.duration or 1.0,
             kicks=kicks,
             safe="the least tensions" if scene.finger.tendons is not None else "no moment",
-            estimated=model.x_names if estimation is None else estimation.z_names,
-            phases=phases(stages) if phases is not None and "mission" in parts else None,
+            phases=phases(own.stages) if phases is not None and "mission" in parts else None,
         )
 
     @staticmethod
     def of_solver(solver: RtiSolver, real: Real) -> Loop:
         """The loop of a solver, whose measurement is the state and which takes any finite number."""
-        s = solver.stages
+        nd = solver.stages.nd
         return Loop(
+            **{**vars(solver.parts), "ranges": free_ranges(solver.stages, np.inf)},
             parts=("mpc",),
-            stages=s,
-            estimation=None,
-            contact=None,
-            ranges=free_ranges(s, np.inf),
-            periods=0,
-            members=tuple(solver_fields(s, solver.calls, real.name)),
-            first=np.zeros(s.nd),
-            before=solver.safe,
-            calls=solver.calls,
+            members=solver.parts.settings_in(real.name),
+            first=np.zeros(nd),
             setpoints=solver.nominal_setpoints,
             duration=1.0,
-            kicks=np.full(s.nd, _KICK),
+            kicks=np.full(nd, _KICK),
             safe="the safe command",
-            estimated=s.x_names[: s.nd],
         )
+
+    @property
+    def before(self) -> Array:
+        """Input (nu) before."""
+        return self.calls.safe
 
     @property
     def period(self) -> float:
@@ -185,14 +142,9 @@ class Loop:
         return self.stages.stages + 1
 
     @property
-    def measurement_names(self) -> tuple[str, ...]:
-        """Names and units of what is measured; the state where there is no estimator."""
-        return self.estimated if self.estimation is None else self.estimation.measurement_names
-
-    @property
     def watched(self) -> tuple[str, ...]:
         """Signals that the supervisor watches: the sensors, then the call rate."""
-        return (*(() if self.estimation is None else self.estimation.sensor_names), CALL_RATE)
+        return (*self.sensor_names, CALL_RATE)
 
     # -- structs ------------------------------------------------------------------------------------------------------
 
@@ -207,7 +159,7 @@ class Loop:
         """States and disturbances."""
         ranges = np.vstack([self.ranges.x, self.ranges.disturbances])
         text = "State of the finger and, behind it, what disturbs it."
-        return Struct("estimate", text, named_fields(self.estimated, ranges))
+        return Struct("estimate", text, named_fields(self.estimated_names, ranges))
 
     @property
     def start(self) -> Struct:
@@ -310,11 +262,6 @@ class Loop:
     def nominal_settings(self) -> Array:
         """Values of ``settings`` that the scene gives."""
         return np.concatenate([np.ravel(getattr(self.stages, member)) for member in CHANGEABLE])
-
-    @property
-    def ahead(self) -> int:
-        """Steps of the filter from a measurement to now."""
-        return steps_ahead(self.periods, self.members)
 
     @cached_property
     def functions(self) -> tuple[ca.Function, ...]:

@@ -257,7 +257,7 @@ def _mission_vectors(contents: Contents, loop: Loop, host: _Host, function: Stat
     rng, real, nu = np.random.default_rng(2), contents.subject.real, loop.command.size
     record = _Record(host, function, nu + loop.start.size + 3, real.dtype)
     phases = [] if loop.phases is None else [*loop.phases.names]
-    numbers = {} if loop.phases is None else {member.member: member.values for member in loop.phases.members}
+    numbers = {} if loop.phases is None else loop.phases.members
     begins, last = np.asarray(numbers["begin"]), float(np.sum(numbers["length"]))
     lifted, squeezed = (begins[phases.index(name)] for name in ("hold", "squeeze"))
     for ends, asked in ((last, 0), (lifted + 0.5 * last, 1), (squeezed + 0.5 * last, 2)):

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 
 from continuum_grasp import __version__
-from continuum_grasp.control.compiled import estimator_sizes
+from continuum_grasp.control.compiled import macros
 from continuum_grasp.control.compiled_controller import CHANGEABLE
-from continuum_grasp.control.field import Field as Member
+from continuum_grasp.control.parts import Settings, is_whole
 from continuum_grasp.control.rti.source import dimensions, iteration_bodies, template
 from continuum_grasp.control.status import ANOMALY_TEXTS, MEASUREMENT_TEXTS, Anomaly, Verdict
 from continuum_grasp.core.calls import calls_source, straight_functions
@@ -61,20 +60,13 @@ class _Writer:
     # -- memory ------------------------------------------------------------------------------------------------------
 
     def macros(self) -> str:
-        loop, s, e = self.loop, self.loop.stages, self.loop.estimation
-        found = []
+        loop, found = self.loop, list[str]()
         if self.mpc:
-            found += [line for line in dimensions(s, self.real.name).splitlines() if line.startswith("#define")]
-            sizes = {"ND": s.nd, "NM": len(loop.measurement_names), "ESTIMATES": int(self.filter)}
-            sizes["TOUCHES"] = int(loop.contact is not None)
-            sizes["NS"] = 0 if e is None else len(e.sensor_names)
-            # Plain C has no vectors: one lane.
-            found += ["#define RTI_LANES 1", *(f"#define CONTROLLER_{name} {size}" for name, size in sizes.items())]
-        if e is not None:
-            sizes = estimator_sizes(e, loop.periods, loop.ahead, s.nu, s.np)
-            found += [f"#define EKF_{name} {size}" for name, size in sizes.items()]
-        if loop.contact is not None:
-            found += [f"#define CONTACT_{name} {size}" for name, size in loop.contact.sizes.items()]
+            found += [
+                line for line in dimensions(loop.stages, self.real.name).splitlines() if line.startswith("#define")
+            ]
+            found.append("#define RTI_LANES 1")  # plain C has no vectors: one lane
+        found += macros(loop, controls=self.mpc)
         if loop.phases is not None:
             found += [f"#define MISSION_{name} {size}" for name, size in loop.phases.sizes.items()]
         if self.real.name == "float":
@@ -151,12 +143,12 @@ class _Writer:
 
     def own_settings(self, module: str) -> str:
         """Settings of a module, where there are none of a controller around them."""
-        own = [m for m in self.loop.members if m.member.startswith(f"{module}.")]
-        own = [replace(m, member=m.member.removeprefix(f"{module}.")) for m in own]
+        start, members = f"{module}.", self.loop.members.items()
+        own = {name.removeprefix(start): values for name, values in members if name.startswith(start)}
         return f"static const {self.prefix}_{module}_settings {module}_settings = {self.initializer(own)};"
 
-    def initializer(self, members: Iterable[Member]) -> str:
-        lines = (f"  .{m.member} = {self.braced(np.asarray(m.values), m.whole)}" for m in members)
+    def initializer(self, members: Settings) -> str:
+        lines = (f"  .{name} = {self.braced(np.asarray(v), is_whole(v))}" for name, v in members.items())
         return "{\n" + ",\n".join(lines) + "}"
 
     def braced(self, values: np.ndarray, whole: bool) -> str:

@@ -1,0 +1,334 @@
+"""Parts of a controller and their numbers: what its C is written from and set up with.
+
+Settings are members of a structure of the C by name, with their values: whole numbers where the values are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from continuum_grasp.arrays import Array
+from continuum_grasp.control.estimation.contact_model import ContactModel, contact_model_of
+from continuum_grasp.control.estimation.excitation import quiet_sensitivities
+from continuum_grasp.control.estimation.model import Estimation, estimation_of
+from continuum_grasp.control.estimation.noise import Ranges, measurement_std, noise_of, ranges_of
+from continuum_grasp.control.ocp.bounds import ABSENT
+from continuum_grasp.control.ocp.scene_problem import stages_of
+from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.control.rti import source as rti
+from continuum_grasp.errors import InputError
+from continuum_grasp.scene.control import ControlScene
+
+Settings = dict[str, ArrayLike]
+
+
+def is_whole(values: ArrayLike) -> bool:
+    """Whether a member of settings is of whole numbers."""
+    return np.asarray(values).dtype.kind in "biu"
+
+
+_RAMP = 0.5
+"""Time in which the safe ramp crosses the whole range of an input [s]: longer than the period of the first mode of the
+shipped fingers (0.4 s), so that the ramp does not make them swing."""
+_WINDOW = 0.2
+"""Time over which mismatch and activity are averaged [s]: a shorter one reports noise, and a swinging loop is lost
+within a second."""
+_LEAST_WINDOW = 20
+"""Least number of calls of that window [1]: a mean over fewer exceeds the thresholds of ``c/supervisor.c`` by
+chance."""
+_SETTLING = 3
+"""Calls beyond the estimator's delay until innovations are compared [1]: the first ones contain the error of the
+start."""
+_RUNGS = 3
+"""Fourfold raises of the weight of the command's rate [1]: with five periods of unmodeled delay, 64 times the weight
+holds the tip of configs/mpc/steady_tip.yaml within 2.4 mm (r.m.s.), 16 times within 42 mm."""
+_STILL = 1e-3
+"""Change of a reading, relative to its sensor's standard deviation, up to which it is at rest [1]: 20 readings of white
+noise in a row stay within it once in 1e60 cases, at a tenth of the declared noise once in 1e45."""
+_HELD = 3.0
+"""Motion by drives that friction in the tendons, of which the model knows little, may hold, in standard deviations of a
+reading [1]: in configs/mpc/winches.yaml a tip that rests answers none of the 1 to 2 that the noise causes."""
+_CROSSING = 0.1
+"""Time in which a fully active command crosses its range where its rate has no tighter limit [s]: that of the shipped
+scenes (59 N at 600 N/s)."""
+_FAR = 0.1
+"""Distance of the tip from its setpoint beyond which it is away, in finger lengths [1]: working loops stay below 0.09
+(configs/mpc/keep_out.yaml: 16 mm of 180 mm), lost ones reach 0.5."""
+
+
+class Calls(NamedTuple):
+    """Calls of a controller: numbers that its C needs beside the problem.
+
+    Period [s]; safe input (nu), to which the command goes where there is no plan, and the time in which that ramp
+    crosses the whole range of an input [s]; iterations per call and from a plan at rest, and calls over which the
+    latter are spread; cap of a QP's factorizations.
+    """
+
+    period: float
+    safe: Array
+    ramp: float
+    sqp_iterations: int
+    start_iterations: int
+    start_calls: int
+    iterations: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlParts:
+    """Parts that a controller is compiled from: a problem, and of a scene what estimates and supervises.
+
+    Attributes
+    ----------
+    stages : Stages
+    calls : Calls
+    ranges : Ranges
+        Limits beyond which what is given to it is implausible.
+    rate : (nu,) ndarray
+        Greatest change of the command per time.
+    supervisor, filter : dict
+        Members of ``supervisor_settings`` and ``ekf_settings``; no filter without an estimator.
+    estimation : Estimation or None
+    contact : ContactModel or None
+        Without ``estimator.contact_detection`` there is none.
+    periods : int
+        Age of a measurement when it arrives, in periods.
+    """
+
+    stages: Stages
+    calls: Calls
+    ranges: Ranges
+    rate: Array
+    supervisor: Settings
+    filter: Settings
+    estimation: Estimation | None = None
+    contact: ContactModel | None = None
+    periods: int = 0
+
+    @staticmethod
+    def of_scene(scene: ControlScene, model: Prediction) -> ControlParts:
+        """Parts of a scene, whose model exists already."""
+        asked, stages, estimation, contact = scene.controller, stages_of(scene, model), None, None
+        _check_period(asked.step, stages, "controller.period")
+        if scene.estimator is not None:
+            estimation = estimation_of(scene, model, stages.method)
+            contact = contact_model_of(scene) if scene.estimator.contact_detection is not None else None
+        counts = asked.sqp_iterations, asked.start_iterations, asked.start_calls, asked.iterations
+        ranges = ranges_of(scene, model, stages, estimation)
+        unknown = estimation.z_names if estimation is not None else ()
+        touches = model.system.surroundings is not None or contact is not None
+        touches = touches or any("contact" in name for name in unknown)
+        return ControlParts(
+            stages=stages,
+            calls=Calls(asked.step, np.array(scene.rest_input), _RAMP, *counts),
+            ranges=ranges,
+            rate=np.full(stages.nu, asked.input.rate_max or ABSENT),
+            supervisor=_supervised(scene, stages, estimation, touches),
+            filter={} if estimation is None else _filter(scene, model, stages, estimation, ranges),
+            estimation=estimation,
+            contact=contact,
+            periods=delay_periods(scene),
+        )
+
+    @staticmethod
+    def of_problem(stages: Stages, calls: Calls) -> ControlParts:
+        """Parts of a problem without a scene, whose state is given.
+
+        Any finite number is plausible, and nothing is supervised.
+        """
+        _check_period(calls.period, stages, "period")
+        return ControlParts(
+            stages=stages,
+            calls=calls,
+            ranges=free_ranges(stages, ABSENT),
+            rate=np.full(stages.nu, ABSENT),
+            supervisor=_unsupervised(stages),
+            filter={},
+        )
+
+    @property
+    def observed(self) -> Estimation:
+        """The estimator's model; InputError where there is none."""
+        if self.estimation is None:
+            raise InputError("this needs an `estimator:` section with `measured:`", key="estimator")
+        return self.estimation
+
+    @property
+    def estimated_names(self) -> tuple[str, ...]:
+        """Name and unit of each entry of what a plan starts from: states, then disturbances."""
+        s = self.stages
+        return s.x_names[: s.nd] if self.estimation is None else self.estimation.z_names
+
+    @property
+    def measurement_names(self) -> tuple[str, ...]:
+        """Name and unit of each measured number; of the states where there is no estimator."""
+        return self.estimated_names if self.estimation is None else self.estimation.measurement_names
+
+    @property
+    def sensor_names(self) -> tuple[str, ...]:
+        """Supervised devices."""
+        return () if self.estimation is None else self.estimation.sensor_names
+
+    @property
+    def ahead(self) -> int:
+        """Number of the filter's steps from a measurement, some periods ago, to now.
+
+        The first is that of the next call's prediction; only further ones need the step without derivatives.
+        """
+        return self.periods * int(np.asarray(self.filter["substeps"]))
+
+    def settings_in(self, precision: str) -> Settings:
+        """Members of ``controller_settings``, for C in double or float."""
+        s, calls, ranges = self.stages, self.calls, self.ranges
+        real = np.float64 if precision == "double" else np.float32
+        iteration: Settings = {name: getattr(s, name) for name in rti.SETTINGS}
+        iteration |= {"stage": s.stage, "substeps": s.substeps, "iterations": calls.iterations}
+        iteration |= {"tolerance": float(real(rti.TOLERANCE[precision]))}
+        iteration |= {"regularization": float(real(rti.REGULARIZATION)), **rti.scenario_settings(s)}
+        limits = {"applied": ranges.applied, "r": ranges.r, "p": ranges.p, "x": ranges.x}
+        own: Settings = {"period": calls.period, "u_rate": self.rate, "u_safe": calls.safe}
+        # The C refuses a rate of zero, which an input that cannot move would have.
+        own["safe_rate"] = np.maximum((s.u_max - s.u_min) / calls.ramp, 1e-9)
+        for name, pairs in limits.items():
+            own |= {f"{name}_min": pairs[:, 0], f"{name}_max": pairs[:, 1]}
+        own |= {name: getattr(calls, name) for name in ("sqp_iterations", "start_iterations", "start_calls")}
+        contact = {} if self.contact is None else self.contact.settings_within(self.measurement_names)
+        return {
+            **_nested("rti", iteration),
+            **own,
+            **_nested("supervisor", self.supervisor),
+            **_nested("ekf", self.filter),
+            **_nested("contact", contact),
+        }
+
+
+def free_ranges(stages: Stages, most: float) -> Ranges:
+    """Ranges of a problem without a scene: all numbers up to a magnitude."""
+    sizes = {"x": stages.nd, "r": stages.nr, "p": stages.np, "applied": stages.nu}
+    limits = {key: np.tile((-most, most), (size, 1)) for key, size in sizes.items()}
+    return Ranges(disturbances=np.zeros((0, 2)), measurement=limits["x"], **limits)
+
+
+def _nested(name: str, settings: Mapping[str, ArrayLike]) -> Settings:
+    return {f"{name}.{member}": values for member, values in settings.items()}
+
+
+def _check_period(period: float, stages: Stages, key: str) -> None:
+    # A plan is followed within its first stage; equal up to the rounding of a duration over a count.
+    if period > stages.stage * (1.0 + 1e-9):
+        raise InputError(
+            f"{period:g} s is longer than a stage of {stages.stage:g} s, over which the plan holds an input: expected "
+            "a period of at most a stage",
+            key=key,
+        )
+
+
+def delay_periods(scene: ControlScene) -> int:
+    """Return the age of measurements in control periods."""
+    return 0 if scene.estimator is None else round(scene.estimator.delay / scene.controller.step)
+
+
+def _window(scene: ControlScene) -> int:
+    """Return the number of calls over which a controller's supervisor averages."""
+    return max(_LEAST_WINDOW, math.ceil(_WINDOW / scene.controller.step - 1e-9))
+
+
+def _filter(scene: ControlScene, model: Prediction, stages: Stages, estimation: Estimation, ranges: Ranges) -> Settings:
+    """Members of ``ekf_settings`` of a scene with an estimator."""
+    process, initial, measured = noise_of(scene, model, estimation)
+    states = np.vstack([ranges.x, ranges.disturbances])
+    period = scene.controller.step
+    # At a limit for long, others are beyond what is plausible: there is no friction below none and none beyond its
+    # limit, and an adapted parameter may be as far off as the range that it is adapted in.
+    adapted = [one.state for one in estimation.adapted]
+    natural = [
+        int(k in adapted or name.startswith(("tendon_friction", "unknown_contact_friction")))
+        for k, name in enumerate(estimation.z_names)
+    ]
+    drives = {drive.state for drive in model.driven}
+    # Steps as long as those of the stages, which the stiffness allows; rounding must not add one.
+    substeps = max(1, math.ceil(stages.substeps * period / stages.stage - 1e-9))
+    found: Settings = {
+        "noise": process,
+        "initial": initial,
+        "z_min": states[:, 0],
+        "z_max": states[:, 1],
+        "natural": natural,
+        "mixing": estimation.mixing,
+        "variance": measured,
+        "y_min": ranges.measurement[:, 0],
+        "y_max": ranges.measurement[:, 1],
+        "period": period,
+        "substeps": substeps,
+        "gate": scene.estimator.outlier if scene.estimator is not None else math.inf,
+        "sensor": [estimation.sensor_names.index(name) for name in estimation.sensors],
+        "drive": [int(k in drives) for k in range(estimation.nx)],
+        "fade": 2.0 / _window(scene),
+    }
+    if estimation.friction:
+        found["friction"] = estimation.friction
+    if adapted:
+        found |= {"adapted": adapted, "quiet": quiet_sensitivities(scene, model, estimation, substeps)}
+    return found
+
+
+def _unsupervised(stages: Stages) -> Settings:
+    """Members of ``supervisor_settings`` where nothing is supervised."""
+    none = np.full(stages.nd, -1)
+    return {
+        **dict.fromkeys(("window", "delay", "rungs"), 0),
+        "sensor": 0 * none,
+        "shape": [0],
+        "drive": [0],
+        "cause": none,
+        "still": np.full(stages.nd, -1.0),
+        "noise": np.full(stages.nd, -1.0),
+        "hidden": np.zeros(stages.nd),
+        "change": np.ones(stages.nu),
+        "tip": -1,
+        "setpoint": -1,
+        "far": 1.0,
+    }
+
+
+def _supervised(scene: ControlScene, stages: Stages, estimation: Estimation | None, touches: bool) -> Settings:
+    """Members of ``supervisor_settings`` of a scene."""
+    asked, period = scene.controller, scene.controller.step
+    names = estimation.measurement_names if estimation is not None else tuple("x" * stages.nd)
+    devices = estimation.sensor_names if estimation is not None else ()
+    sensor = [devices.index(estimation.device(name)) for name in names] if estimation is not None else [0] * len(names)
+    free = estimation is not None and not touches
+    checks_frozen = scene.estimator is not None and scene.estimator.frozen
+    rate = np.minimum(asked.input.rate_max or math.inf, (stages.u_max - stages.u_min) / _CROSSING)
+    return {
+        "window": _window(scene) if asked.supervisor else 0,
+        "delay": delay_periods(scene) + _SETTLING,
+        # Without a weight of the command's rate there is nothing to raise.
+        "rungs": _RUNGS if asked.cost.input_rate else 0,
+        "sensor": sensor,
+        # Tip and angles show the shape, the pose of an object neither that nor a drive.
+        "shape": [int(name in ("tip", "bending")) for name in devices] or [0],
+        "drive": [int(name not in ("tip", "bending", "object")) for name in devices] or [0],
+        # A tension moves with its own command, everything else with all of them.
+        "cause": [_first(name, stages.u_names) for name in names],
+        # Below zero: not tested.
+        "still": [_STILL * measurement_std(scene, name) if checks_frozen else -1.0 for name in names],
+        # A finger that touches something is held by it, whatever its drives do: then below zero.
+        "noise": [measurement_std(scene, name) if free else -1.0 for name in names],
+        "hidden": [_HELD**2 if scene.finger.has_tendon_friction else 0.0] * len(names),
+        # Divisors in the C: not zero where an input cannot move.
+        "change": np.maximum(rate * period, 1e-12),
+        "tip": _first("tip_x [m]", names),
+        "setpoint": _first("tip_x [m]", stages.r_names),
+        "far": _FAR * scene.finger.rod.length,
+    }
+
+
+def _first(name: str, names: tuple[str, ...]) -> int:
+    return names.index(name) if name in names else -1
