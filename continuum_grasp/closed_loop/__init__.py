@@ -5,7 +5,6 @@ from __future__ import annotations
 from continuum_grasp._lazy import TYPE_CHECKING, checked_imports, lazy_names
 
 if TYPE_CHECKING:
-    from continuum_grasp.closed_loop.converged import Converged as Converged
     from continuum_grasp.closed_loop.drivers import SerialBoard as SerialBoard
     from continuum_grasp.closed_loop.drivers import SimulatedBench as SimulatedBench
     from continuum_grasp.closed_loop.hardware import Driver as Driver
@@ -20,4 +19,7 @@ if TYPE_CHECKING:
 
 _MODULES = checked_imports(__name__)
 __all__ = [name for names in _MODULES.values() for name in names]
-__getattr__, __dir__ = lazy_names(__name__, _MODULES)
+_GONE = {
+    "Converged": "continuum_grasp.Controller does it, of a scene with controller.sqp_iterations=20 and no estimator"
+}
+__getattr__, __dir__ = lazy_names(__name__, _MODULES, _GONE)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from continuum_grasp.arguments import check_arguments
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.control.controller import Controller
@@ -40,17 +39,11 @@ _CONVERGED = Consumer(
 )
 
 
-class Converged(Controller):
-    """Nonlinear model predictive control without a time limit, of a scene without an estimator."""
-
-    @check_arguments
-    def __init__(self, scene: ControlScene) -> None:
-        _CONVERGED.check(scene)
-        settings = {**_ITERATIONS, "supervisor": False}
-        super().__init__(
-            scene.changed({f"controller.{key}": value for key, value in settings.items()}), deadline=math.inf
-        )
-        self._arguments = (scene,), {}
+def converged(scene: ControlScene) -> Controller:
+    """Make a controller of a scene without an estimator that has no time limit."""
+    _CONVERGED.check(scene)
+    settings = {**_ITERATIONS, "supervisor": False}
+    return Controller(scene.changed({f"controller.{key}": v for key, v in settings.items()}), deadline=math.inf)
 
 
 def compared(scene: ControlScene, progress: Callable[[float], None] | None = None) -> dict[str, ControlRun]:
@@ -65,9 +58,9 @@ def compared(scene: ControlScene, progress: Callable[[float], None] | None = Non
 
     arcs = Fidelity(family=PAPER_FAMILY, elements=max(2, len(scene.contacts) + 1))
     on_arcs, known = scene.model_copy(update={"fidelity": arcs}), scene.model_copy(update={"estimator": None})
-    converged = Converged(known)  # first: what it refuses need not wait for two runs
+    to_convergence = converged(known)  # first: what it refuses need not wait for two runs
     return {
         "two arcs": run_closed_loop(on_arcs, progress=part(0)),
         "with the state": run_closed_loop(known, progress=part(1)),
-        "converged": run_closed_loop(known, controller=converged, progress=part(2)),
+        "converged": run_closed_loop(known, controller=to_convergence, progress=part(2)),
     }

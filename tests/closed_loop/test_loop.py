@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import minimize
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.converged import Converged
+from continuum_grasp.closed_loop.converged import converged
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
 from continuum_grasp.closed_loop.readings import Bound, Readings
@@ -352,14 +352,14 @@ def test_the_plan_begins_at_the_estimate():
 @pytest.mark.deep
 def test_real_time_iterations_lose_little_against_convergence():
     scene = make()
-    cost, best = run(False).metrics().cost, run_closed_loop(scene, controller=Converged(scene)).metrics().cost
+    cost, best = run(False).metrics().cost, run_closed_loop(scene, controller=converged(scene)).metrics().cost
     assert best * 0.999 < cost < best * 1.01
 
 
 def test_convergence_is_that_of_an_independent_solver():
     """Single shooting and sequential quadratic programming with finite differences: no better cost is found."""
     scene = make(controller={**CONTROLLER, "horizon": {"stages": 4, "stage": 0.01}})
-    control = Converged(scene)
+    control = converged(scene)
     s, x0 = control.stages, np.zeros(6)
     refs = np.tile([*ON_CURVE, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0], (5, 1))
     found = control.step(x0, refs)
@@ -438,7 +438,7 @@ def test_a_lost_motion_keeps_what_it_has():
 
 def test_other_controllers_have_other_scenes():
     with pytest.raises(InputError, match="estimator"):
-        Converged(make(estimator=ESTIMATOR))
+        converged(make(estimator=ESTIMATOR))
 
 
 @pytest.mark.parametrize(
