@@ -187,8 +187,12 @@ class Compiled:
 
     def start(self, *arguments: Array) -> None:
         """Start again from the arguments of ``cg_start``."""
+        self.give("cg_start", *arguments)
+
+    def give(self, function: str, *arguments: Array) -> None:
+        """Call a function of the object that takes its arguments one after the other."""
         values = np.concatenate(arguments)
-        self.library.cg_start(self.address, ctypes.c_void_p(values.ctypes.data))
+        getattr(self.library, function)(self.address, ctypes.c_void_p(values.ctypes.data))
 
     def save(self, step: int, flags: int = 0) -> bytes:
         """Serialize the state with two numbers of its owner."""

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.arguments import check_arguments, positive, whole
-from continuum_grasp.control.arguments import named, vector
+from continuum_grasp.arrays import Array
+from continuum_grasp.control.arguments import bare, named, vector
 from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled_controller import CompiledController
 from continuum_grasp.control.ocp.control_problem import ControlProblem
@@ -133,16 +134,44 @@ class RtiSolver(CompiledController):
         counts = ", ".join(f"{count} {name}" for name, count in self.statistics["status"].items() if count)
         return {**self.problem.pairs(), "steps": counts or "none"}
 
-    def reset(self, u: ArrayLike | Mapping[str, float] | None = None) -> None:
-        """Start again without a plan, at time zero, with an input (nu) before; the safe one where not given.
+    def reset(
+        self, u: ArrayLike | Mapping[str, float] | None = None, guess: Mapping[str, ArrayLike] | None = None
+    ) -> None:
+        """Start again, at time zero.
+
+        Parameters
+        ----------
+        u : (nu,) array_like or mapping of str to float, optional
+            Input before; the safe one where not given.
+        guess : mapping of str to array_like, optional
+            Plan from which the next step iterates, as often as from the last one (``sqp_iterations``), in place of one
+            at rest: by name of a state N + 1 numbers, of an input N, or one number for all of them. What is left out is
+            zero, of inputs the safe one.
 
         Raises
         ------
         InputError
-            If the input has another size or other names, or is not finite.
+            If something has another size or other names, or is not finite.
         """
         given = named("u", u, self.stages.u_names) if isinstance(u, Mapping) else self.safe if u is None else u
-        self._start(np.zeros(self.stages.nd), vector("u", given, self.stages.nu))
+        before = vector("u", given, self.stages.nu)
+        self._start(np.zeros(self.stages.nd), before)
+        if guess is not None:
+            self._c.give("cg_guess", *self._guessed(guess, before))
+
+    def _guessed(self, guess: Mapping[str, ArrayLike], before: Array) -> tuple[Array, Array]:
+        """States and inputs over the horizon, each stage after the other."""
+        s = self.stages
+        x, u = np.zeros((s.stages + 1, s.nx)), np.tile(self.safe, (s.stages, 1))
+        courses = {bare(name): x[:, k] for k, name in enumerate(s.x_names[: s.nd])}
+        courses |= {bare(name): u[:, k] for k, name in enumerate(s.u_names)}
+        for name, value in guess.items():
+            if name not in courses:
+                raise InputError(f"expected some of {', '.join(courses)}, got {name!r:.60}", key="guess")
+            own = courses[name]
+            own[:] = vector(f"guess.{name}", np.full(own.size, value) if np.ndim(value) == 0 else value, own.size)
+        x[:, s.nd :] = np.vstack([before, u])[:, : s.nx - s.nd]
+        return x.ravel(), u.ravel()
 
     def step(
         self,

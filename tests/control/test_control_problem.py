@@ -305,3 +305,79 @@ def test_the_input_before_limits_the_change():
     changes = np.diff(np.r_[0.1, command.planned("u")])
     assert np.abs(changes).max() == pytest.approx(0.2, abs=1e-6)
     assert command.u[0] == pytest.approx(-0.1, abs=1e-6)
+
+
+def test_rows_change_from_stage_to_stage_and_hold_at_the_end_alone():
+    """A mass above a floor of which each node has its own, at rest in the end: the quadratic program of HiGHS."""
+    n, h = 10, 0.1
+    place, speed, time, push = (ca.SX.sym(name) for name in ("place [m]", "speed [m/s]", "time [s]", "push [m/s2]"))
+    now, floor = ca.SX.sym("now"), ca.SX.sym("floor", n + 1)
+    node = (time - now) / h
+    below = sum(floor[k] * ca.fmax(0.0, 1.0 - ca.fabs(node - k)) for k in range(n + 1))
+    solver = cg.rti(
+        cg.ControlProblem(
+            states=[place, speed, time],
+            inputs=push,
+            parameters=ca.vertcat(now, floor),
+            nominal=dict.fromkeys(["now", *(f"floor_{k}" for k in range(n + 1))], 0.0),
+            dynamics=[speed, push, 1.0],
+            cost={"place": (place, 1.0), "push": (push, 0.01)},
+            rows={
+                "floor": (place - below, 0.0, ca.inf),
+                "rest": (ca.if_else(node > n - 0.5, speed, 0.0), -0.05, 0.05),
+            },
+            stages=n,
+            stage=h,
+        ),
+        sqp_iterations=20,
+        start_iterations=20,
+    )
+    free, held = np.array([[1.0, h], [0.0, 1.0]]), np.array([0.5 * h**2, h])
+    x = np.array([1.0, 0.0])
+    for k in range(3):
+        floors = 0.5 * np.sin(2.0 * h * (k + np.arange(n + 1))) + 0.3
+        command = solver.step([*x, k * h], parameters=[k * h, *floors])
+        opti = ca.Opti("conic")
+        path, pushes = opti.variable(2, n + 1), opti.variable(n)
+        opti.subject_to(path[:, 0] == x)
+        for j in range(n):
+            opti.subject_to(path[:, j + 1] == free @ path[:, j] + held * pushes[j])
+            opti.subject_to(path[0, j + 1] >= floors[j + 1])
+        opti.subject_to(opti.bounded(-0.05, path[1, n], 0.05))
+        opti.minimize(0.5 * h * (ca.sumsqr(path[0, :n]) + 0.01 * ca.sumsqr(pushes)))
+        opti.solver("highs", {"highs": {"output_flag": False}})
+        assert command.planned("place") == pytest.approx(np.ravel(opti.solve().value(path[0, :])), abs=1e-4)
+        x = free @ x + held * command.u[0]
+
+
+def test_a_guess_chooses_on_which_side_a_disc_is_passed():
+    """By symmetry both plans are mirror images; a plan at rest has no side, and stays before the disc."""
+    x, y, vx, vy = (ca.SX.sym(name) for name in ("x", "y", "vx", "vy"))
+    ax, ay = ca.SX.sym("ax"), ca.SX.sym("ay")
+    problem = cg.ControlProblem(
+        states=[x, y, vx, vy],
+        inputs=[ax, ay],
+        dynamics=[vx, vy, ax, ay],
+        cost={"goal": (ca.vertcat(x - 1.0, y, vx, vy), 1.0, 10.0), "push": (ca.vertcat(ax, ay), 0.05)},
+        rows={"disc": (ca.hypot(x, y), 0.5, ca.inf)},
+        stages=20,
+        stage=0.15,
+    )
+    solver, start, along = cg.rti(problem, sqp_iterations=20), [-1.0, 0.0, 0.0, 0.0], np.linspace(-1.0, 1.0, 21)
+    plans = []
+    for side in (1.0, -1.0):
+        solver.reset(guess={"x": along, "y": 0.8 * side * np.cos(0.5 * np.pi * along)})
+        plans.append(solver.step(start))
+    left, right = plans
+    assert left.planned("y").max() > 0.4
+    assert left.planned("y") == pytest.approx(-right.planned("y"), abs=1e-9)
+    assert not left.violated
+    solver.reset()
+    assert solver.step(start).cost > 5.0 * left.cost
+    # An optimum is where an iteration stays.
+    once = cg.rti(problem, sqp_iterations=1)
+    once.reset(guess={name: left.planned(name) for name in ("x", "y", "vx", "vy", "ax", "ay")})
+    assert once.step(start).planned("y") == pytest.approx(left.planned("y"), abs=1e-6)
+    for guess, key in (({"z": 0.0}, "guess"), ({"ax": along}, "guess.ax"), ({"x": np.nan}, "guess.x")):
+        with pytest.raises(InputError, match=key):
+            solver.reset(guess=guess)

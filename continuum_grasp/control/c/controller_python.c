@@ -31,6 +31,14 @@ void cg_start(cg_object *o, const double *in)
 #endif
 }
 
+/* in: states and inputs over the horizon, from which the next step iterates as from a plan of now */
+void cg_guess(cg_object *o, const double *in)
+{
+  cg_read(&o->state.plan.u[0][0], cg_read(&o->state.plan.x[0][0], in, (RTI_N + 1) * RTI_NX), RTI_N * RTI_NU);
+  o->state.planned = 1;
+  o->state.age = -o->settings.period / o->settings.rti.stage;    /* a step begins by a period */
+}
+
 int cg_rearm(cg_object *o) { return controller_rearm(&o->state, &o->settings); }
 
 /* in: measurement, p, applied, setpoints, elapsed; flags: 1 late, 2 applied is an argument;
