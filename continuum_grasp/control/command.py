@@ -4,31 +4,18 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.arguments import bare
-from continuum_grasp.control.estimation.adaptation import Adapted, AdaptedState
+from continuum_grasp.control.estimation.adaptation import Adapted
 from continuum_grasp.control.estimation.contact_detector import DetectedContact, detected_contact
-from continuum_grasp.control.ocp.stages import Stages
+from continuum_grasp.control.parts import ControlParts
 from continuum_grasp.control.status import CALL_RATE, Anomaly, Health, Status, Trip, health_text, texts
 from continuum_grasp.errors import InputError
 from continuum_grasp.summary import Summarized, quoted
 
 _HEALTH = tuple(Health)
-
-
-class Layout(NamedTuple):
-    """Layout of the numbers that the C controller writes, and the names of its vectors."""
-
-    parts: dict[str, slice]
-    measurement_names: tuple[str, ...]
-    sensor_names: tuple[str, ...]
-    places: tuple[float, ...]  # where contacts are considered [m]; none without a contact detector
-    stages: Stages
-    touch: ca.Function | None = None  # Estimation.contact_forces
-    adapted: tuple[AdaptedState, ...] = ()
 
 
 class Plan(NamedTuple):
@@ -88,10 +75,10 @@ class Command(Summarized):
     """
 
     # Numbers stay where the C wrote them until they are read: a loop pays for what it looks at.
-    __slots__ = ("_layout", "_out", "health", "status", "u")
+    __slots__ = ("_control", "_out", "_places", "health", "status", "u")
 
-    def __init__(self, layout: Layout, status: Status, out: Array) -> None:
-        self._layout, self._out = layout, out
+    def __init__(self, control: ControlParts, places: dict[str, slice], status: Status, out: Array) -> None:
+        self._control, self._places, self._out = control, places, out
         self.status = status
         self.health = _HEALTH[int(self._number("health"))]
         self.u = self._part("u")
@@ -99,8 +86,8 @@ class Command(Summarized):
     def with_input(self, u: Array, status: Status | None = None) -> Command:
         """Copy with another input (nu), such as a bench counts it, and another status where it is given."""
         out = self._out.copy()
-        out[self._layout.parts["u"]] = u
-        return Command(self._layout, self.status if status is None else status, out)
+        out[self._places["u"]] = u
+        return Command(self._control, self._places, self.status if status is None else status, out)
 
     def headline(self) -> str:
         """Status and health of the command."""
@@ -122,10 +109,10 @@ class Command(Summarized):
         return {**rows, **({"anomalies": "; ".join(self.anomalies)} if self.anomaly else {})}
 
     def _part(self, name: str) -> Array:
-        return self._out[self._layout.parts[name]]
+        return self._out[self._places[name]]
 
     def _number(self, name: str) -> float:
-        return float(self._out[self._layout.parts[name].start])
+        return float(self._out[self._places[name].start])
 
     @property
     def fallback(self) -> bool:
@@ -136,19 +123,19 @@ class Command(Summarized):
     def plan(self) -> Plan:
         """The last plan, with scenarios that of the first; all zero where there is none yet."""
         x, u = self._part("plan_x"), self._part("plan_u")
-        return Plan(x.reshape(-1, self._layout.stages.nx), u.reshape(-1, self._layout.stages.nu))
+        return Plan(x.reshape(-1, self._control.stages.nx), u.reshape(-1, self._control.stages.nu))
 
     @property
     def inputs(self) -> dict[str, float]:
         """The command by name of its entries."""
-        return {bare(name): value for name, value in zip(self._layout.stages.u_names, self.u.tolist(), strict=True)}
+        return {bare(name): value for name, value in zip(self._control.stages.u_names, self.u.tolist(), strict=True)}
 
     def planned(self, name: str) -> Array:
         """Course of an input (N,), or else of a state (N + 1,), in the last plan.
 
         ``InputError`` where neither has the name.
         """
-        s = self._layout.stages
+        s = self._control.stages
         for values, labels in zip(self.plan[::-1], (s.u_names, s.x_names), strict=True):
             order = [bare(label) for label in labels]
             if name in order:
@@ -166,8 +153,7 @@ class Command(Summarized):
 
         Examples
         --------
-        >>> import casadi as ca
-        >>> import continuum_grasp as cg
+        >>>         >>> import continuum_grasp as cg
         >>> angle, torque = ca.SX.sym("angle [rad]"), ca.SX.sym("torque")
         >>> problem = cg.ControlProblem(
         ...     states=angle,
@@ -181,7 +167,7 @@ class Command(Summarized):
         >>> bool(solver.step([0.8]).gaps["angle"] < 1e-6)
         True
         """
-        s, plan, p = self._layout.stages, self.plan, self._part("p")
+        s, plan, p = self._control.stages, self.plan, self._part("p")
         if s.scenarios is not None:  # the plan is that of the first
             p = s.scenarios.scale[0] * p + s.scenarios.shift[0]
         largest = np.abs(s.ends(plan.x[:-1], plan.u, p) - plan.x[1:]).max(axis=0).tolist()
@@ -191,12 +177,12 @@ class Command(Summarized):
     def violated(self) -> dict[str, float]:
         """Rows that the plan violates: by name, the largest violation in shares of the row's scale."""
         excess = self._part("excess").tolist()
-        return {name: value for name, value in zip(self._layout.stages.c_names, excess, strict=True) if value > 0.0}
+        return {name: value for name, value in zip(self._control.stages.c_names, excess, strict=True) if value > 0.0}
 
     @property
     def estimate(self) -> Estimate:
         """State and parameters."""
-        x, p, then = self._part("x")[: self._layout.stages.nd], self._part("p"), self._part("then")
+        x, p, then = self._part("x")[: self._control.stages.nd], self._part("p"), self._part("then")
         if not then.size:
             return Estimate(x, p)
         root = self._part("upper").reshape(then.size, -1) * np.sqrt(np.maximum(self._part("diagonal"), 0.0))
@@ -206,22 +192,22 @@ class Command(Summarized):
     @property
     def adapted(self) -> dict[str, Adapted]:
         """Parameters of ``estimator.adapt`` by name: value, standard deviation, and whether measurements tell it."""
-        estimate, then = self.estimate, self._part("then")
+        estimate, then, filtered = self.estimate, self._part("then"), self._control.estimation
         return {
             one.name: one.read(estimate.p[one.parameter], then[one.state], estimate.std[one.state])
-            for one in self._layout.adapted
+            for one in (() if filtered is None else filtered.adapted)
             if estimate.std is not None
         }
 
     @property
     def contact_forces(self) -> ContactForces | None:
         """Normal forces on the object and how well they are known; None without an object or an estimator."""
-        estimate = self.estimate
-        if self._layout.touch is None or estimate.covariance is None:
+        estimate, filtered = self.estimate, self._control.estimation
+        if filtered is None or filtered.contact_forces is None or estimate.covariance is None:
             return None
         # Disturbances are constant from the measurement on.
         z = np.concatenate([estimate.x, self._part("then")[estimate.x.size :]])
-        force, slope = (np.array(value) for value in self._layout.touch(z, self.u, estimate.p))
+        force, slope = (np.array(value) for value in filtered.contact_forces(z, self.u, estimate.p))
         covariance = slope @ estimate.covariance @ slope.T
         return ContactForces(force.ravel(), np.sqrt(np.diag(covariance)), covariance)
 
@@ -257,8 +243,8 @@ class Command(Summarized):
         """
         sensor, entry = int(self._number("sensor")), int(self._number("entry"))
         if self.health in (Health.FROZEN, Health.TRIPPED) and entry >= 0:
-            return self._layout.measurement_names[entry].split(" ")[0]
-        names = (*self._layout.sensor_names, CALL_RATE)
+            return self._control.measurement_names[entry].split(" ")[0]
+        names = (*self._control.sensor_names, CALL_RATE)
         return names[sensor] if self.health and 0 <= sensor < len(names) else None
 
     @property
@@ -296,15 +282,15 @@ class Command(Summarized):
     @property
     def anomalies(self) -> tuple[str, ...]:
         """Anomalies in words; those of measurements begin with their name."""
-        return texts(int(self._number("anomalies")), self._part("verdict").tolist(), self._layout.measurement_names)
+        return texts(int(self._number("anomalies")), self._part("verdict").tolist(), self._control.measurement_names)
 
     @property
     def contact(self) -> DetectedContact | None:
         """Contact that the drives feel, by ``estimator.contact_detection``; None without."""
-        if not self._layout.places:
+        if self._control.contact is None:
             return None
-        parts = {name: self._out[part] for name, part in self._layout.parts.items()}
-        return detected_contact(parts, self._layout.places)
+        parts = {name: self._out[part] for name, part in self._places.items()}
+        return detected_contact(parts, self._control.contact.finger.places)
 
     @property
     def innovation(self) -> tuple[Array, Array]:

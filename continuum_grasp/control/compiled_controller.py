@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.arguments import check_arguments, positive, shown
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.arguments import named, numbers, vector
-from continuum_grasp.control.command import Command, Layout
+from continuum_grasp.control.command import Command
 from continuum_grasp.control.compiled import Compiled, controller_source
 from continuum_grasp.control.estimation.contact_detector import contact_parts
 from continuum_grasp.control.ocp.setpoints import Setpoints
@@ -74,10 +74,6 @@ class CompiledController(Remade, Summarized):
         sizes |= {} if contact is None else contact_parts(contact)
         sizes |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
         self._c = Compiled(controller_source(parts, self.precision), self._settings, given, sizes, self._what)
-        places = () if contact is None else contact.finger.places
-        touch = None if estimation is None else estimation.contact_forces
-        adapted = () if estimation is None else estimation.adapted
-        self._layout = Layout(self._c.parts, self.measurement_names, parts.sensor_names, places, s, touch, adapted)
         self._measurement, self._p, self._applied, rows, self._elapsed = self._c.given
         self._setpoints = rows.reshape(n + 1, s.nr)
         self._call = self._c.library.cg_controller_step
@@ -147,12 +143,11 @@ class CompiledController(Remade, Summarized):
             raise InputError(f"the settings of {self._what} are not valid")
         self._step += 1
         out = c.output.copy()
-        command = Command(self._layout, _STATUS[status], out)
+        command = Command(self.parts, c.parts, _STATUS[status], out)
         elapsed = perf_counter_ns() - began
         self._late = elapsed > self._deadline_ns
-        parts = self._layout.parts
         self._counts.add(
-            status, out[parts["anomalies"].start], out[parts["ticks"]], elapsed, self._late, command.health
+            status, out[c.parts["anomalies"].start], out[c.parts["ticks"]], elapsed, self._late, command.health
         )
         return command
 
