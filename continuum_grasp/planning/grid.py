@@ -1,8 +1,7 @@
-"""Equations of motion and bounds of the state on the grid: multiple shooting or collocation."""
+"""Equations of motion and bounds of the state on the grid: single shooting or collocation."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import casadi as ca
@@ -10,21 +9,11 @@ import numpy as np
 
 from continuum_grasp.arrays import Array, Indices
 from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.errors import InputError
 from continuum_grasp.nlp import Block
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import Term, derived, shooting_interval
 
-_LONGER = 2.0
-"""Factor by which a duration is expected to be longer than where the search begins."""
-_TARGET = 0.6
-"""Product of sub-step and fastest rate, where the Runge-Kutta method is accurate to some 1e-4 of the fastest mode."""
-_TARGET_OF_INPUTS = 1.5
-"""Product of sub-step and fastest rate where inputs alone are unknowns: half of where the method is unstable. What is
-that fast is overdamped, and a finer simulation checks the plan."""
-_MOST_SUBSTEPS = 10_000
-"""Sub-steps per interval up to which their expressions are built [1]: 5 ms and 0.1 MB each."""
 _PARTS = 4
 """Places per interval at which the finger stays out of zones [1], the last one at the node."""
 _OUTSIDE_WHEN_RELAXED = 100.0
@@ -35,7 +24,7 @@ _OUTSIDE_WHEN_RELAXED = 100.0
 @dataclass(frozen=True)
 class Grid:
     """Columns of the unknowns of a plan: duration (1, 1), states at the nodes (N + 1, ns), controls (N, nu), and states
-    at the collocation points (N, degree, ns), which multiple shooting does not have.
+    at the collocation points (N, degree, ns), which single shooting does not have.
     """
 
     time: Indices
@@ -53,37 +42,16 @@ class Grid:
         return np.hstack([s, self.v, np.repeat(self.time, self.intervals, axis=0)])
 
 
-def default_substeps(motion: Motion) -> int:
-    """Runge-Kutta steps per interval that the stiffness asks for; InputError where these are too many."""
-    scene = motion.scene
-    rate = motion.prediction.fastest_rate(*(np.array(limit) for limit in scene.input_limits))
-    longest = min(scene.duration_range[1], _LONGER * motion.first_duration)
-    target = _TARGET_OF_INPUTS if scene.transcription == "single_shooting" else _TARGET
-    found = max(1, math.ceil(longest / scene.intervals * rate / target))
-    if found > _MOST_SUBSTEPS:
-        repair = "" if scene.sudden else "take method: collocation, or "
-        raise InputError(
-            f"{scene.transcription} follows motions of up to {rate:.2g} 1/s, for which each of {scene.intervals} "
-            f"intervals needs {found:,} sub-steps, more than {_MOST_SUBSTEPS:,}: {repair}raise intervals"
-            + (", or lower contact_law.stiffness" if scene.object is not None else ""),
-            key="method",
-        )
-    return found
-
-
-def add_shooting(
-    assembly: Assembly, motion: Motion, flow: Term, grid: Grid, substeps: int, weight: float
-) -> tuple[Term, list[ca.DM]]:
+def add_shooting(assembly: Assembly, motion: Motion, flow: Term, grid: Grid, weight: float) -> tuple[Term, list[ca.DM]]:
     """The end of each interval, by a flow, is the next node; the running objective is weighted by ``weight``.
 
     Returns the motion over an interval, and the numbers that it reads in each.
     """
-    intervals = grid.intervals
-    term = shooting_interval(flow, motion.ns, intervals, substeps, motion.flow_of_inputs)
+    intervals, (steps, stages) = grid.intervals, motion.steps
+    term = shooting_interval(flow, motion.ns, intervals, steps, stages)
     rows = _defects(assembly, motion, intervals)
     into = np.hstack([rows, np.full((intervals, 1), OBJECTIVE)])
-    instants = np.arange(intervals)[:, None] + np.linspace(0.0, 1.0, 2 * substeps + 1)
-    data = _numbers(motion, instants / intervals)
+    data = _numbers(motion, (np.arange(intervals)[:, None] + np.linspace(0.0, 1.0, steps + 1)) / intervals)
     assembly.add(term, grid.reads(grid.s[:-1]), into, data, np.append(np.ones(motion.ns), weight))
     assembly.add_linear(rows, grid.s[1:], -1.0)
     return term, [ca.DM(each.T) for each in data]

@@ -143,7 +143,7 @@ def _result(search: Search) -> Plan:
             "starts": [f"{name}: {a.outcome} after {a.iterations} iterations, {a.seconds:.2f} s" for name, a in tried],
             "unknowns": search.problem.assembly.size,
             "constraints": search.problem.assembly.count,
-            "substeps": search.problem.substeps,
+            "steps": motion.steps if scene.transcription == "single_shooting" else (),
             "tightened": search.tightened,
             "cut_short": search.budget.cut,
         },
