@@ -96,10 +96,16 @@ class Assembly(Constraints):
         """Number of unknowns."""
         return len(self.low)
 
-    def start(self, w: Array, multipliers: Multipliers | None = None, barrier: float | None = None) -> Start:
+    def start(
+        self,
+        w: Array,
+        multipliers: Multipliers | None = None,
+        barrier: float | None = None,
+        patience: int | None = None,
+    ) -> Start:
         """A start of the solver; see `continuum_grasp.nlp.Start`."""
         bounds = np.array(self.low), np.array(self.high), *self.bounds(self.margins)
-        return Start(w, *bounds, multipliers=multipliers, barrier=barrier)
+        return Start(w, *bounds, multipliers=multipliers, barrier=barrier, patience=patience)
 
     @cached_property
     def _w(self) -> ca.MX:

@@ -38,6 +38,8 @@ _FINER_OFF = 0.01
 """Deviation of the tip on a finer model, per finger length, from which on there is a warning."""
 _HELD = 0.1
 """Time after the end in which a finger that is held must stay where it is [s]: ten times as long as it settles."""
+_AFTER = 0.5
+"""Time after the end in which it is seen whether bounds still hold [s]: two periods of the slowest fingers here."""
 _ROUNDS = 5
 """Most rounds of tightening; shipped plans need up to three."""
 _EXCESS = 2e-4
@@ -134,6 +136,10 @@ def checked(plan: Plan, motion: Motion) -> Plan:
         name = np.array(motion.bounded.names)[motion.hard][int(hard.max(axis=0).argmax())]
         text = f"{name} is left by {100 * hard.max():.2g} % of its scale"
         warnings.append(f"between the nodes {text}: take more intervals")
+    after = _after_the_end(motion, plan, states[-1])
+    if after:
+        warnings.append(after)
+        plan = replace(plan, message=f"{plan.message}; {after}")
     finer = None
     if scene.check.finer is not None:
         finer, found_there = _on_finer(scene, plan, path)
@@ -157,6 +163,33 @@ def _not_reproduced(plan: Plan, model: Prediction, states: Array, found: Deviati
     first, last = (np.array(model.tip(x, u, p)).ravel() for x in ends)
     drift = float(np.hypot(*(last - first)))
     return f"no plan: the tip moves on by {1e3 * drift:.3g} mm after its end" if drift > most else ""
+
+
+def _after_the_end(motion: Motion, plan: Plan, last: Array) -> str:
+    """By how much and when the finger leaves a hard bound under its last input; empty where it leaves none."""
+    scene = plan.scene
+    if scene.goal.end == "held" or scene.load_varies or not motion.hard.any():
+        return ""
+    interval = plan.duration / (len(plan.t) - 1)
+    count = math.ceil(_AFTER / interval)
+    path = Path(np.tile(plan.x[-1], (count + 1, 1)), np.tile(plan.u[-1], (count + 1, 1)), count * interval)
+    try:
+        excess = excess_over_intervals(motion, simulated(scene, motion.prediction, path, last))
+    except NumericalError:
+        return ""
+    excess[:, ~motion.hard] = 0.0
+    left = excess.max(axis=1)
+    if left.max() <= _OUTSIDE:
+        return ""
+    row, k = int(excess.max(axis=0).argmax()), int((left > _OUTSIDE).argmax())
+    name = motion.bounded.names[row]
+    zone = name in scene.bounds.keep_out or name.rpartition("_")[0] in scene.bounds.keep_out
+    amount = f"{1e3 * left.max() * plan.length:.3g} mm" if zone else f"{100 * left.max():.2g} % of its limit"
+    return (
+        f"after the end, under its last input, the finger leaves the bound {name} by up to {amount} (first "
+        f"{1e3 * (k + 1) * interval:.3g} ms after it): end: {scene.goal.end} keeps bounds up to the end alone, "
+        "end: held stays there"
+    )
 
 
 def _deviation(name: str, model: Prediction, plan: Plan, states: Array) -> Deviation:

@@ -11,11 +11,9 @@ from continuum_grasp.arrays import Array, Indices
 from continuum_grasp.control.ocp.bounds import ABSENT
 from continuum_grasp.nlp import Block
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
-from continuum_grasp.planning.motion import Motion
+from continuum_grasp.planning.motion import Motion, parameters_over_time
 from continuum_grasp.planning.shooting import Term, derived, shooting_interval
 
-_PARTS = 4
-"""Places per interval at which the finger stays out of zones [1], the last one at the node."""
 _OUTSIDE_WHEN_RELAXED = 100.0
 """Penalty per share by which a hard bound is violated, where only the distance from the goal is minimized
 [units of the squared distance]: large, so that bounds give way last."""
@@ -36,6 +34,15 @@ class Grid:
     def intervals(self) -> int:
         """N."""
         return len(self.v)
+
+    def points(self) -> tuple[Indices, Array]:
+        """Columns of states (N * points, ns) at collocation points, or else at nodes, and shares of the duration."""
+        if not self.inner.size:
+            return self.s[1:], np.arange(1, self.intervals + 1) / self.intervals
+        degree = self.inner.shape[1]
+        tau = np.array(ca.collocation_points(degree, "radau"))  # the last one is the end
+        shares = (np.arange(self.intervals)[:, None] + tau) / self.intervals
+        return self.inner.reshape(-1, self.inner.shape[2]), shares.ravel()
 
     def reads(self, s: Indices) -> Indices:
         """Columns of [s, v, T] for states (N, ns) of the intervals."""
@@ -90,79 +97,39 @@ def _numbers(motion: Motion, shares: Array) -> Array:
     return rows.reshape(*shares.shape, -1)
 
 
-@dataclass(frozen=True)
-class _Bound:
-    """Rows of one name: entries among the stages' rows, where and how they are evaluated, places per interval."""
-
-    entries: list[int]
-    term: Term
-    columns: Indices
-    data: Array
-    parts: int
-
-
 class StateBounds:
-    """Bounds of the state, at the nodes and for zones also between them; ``relaxed`` bounds have a penalty.
+    """Bounds of the state at the nodes and the collocation points; ``relaxed`` bounds have a penalty.
 
-    Between nodes the state is a cubic polynomial through both nodes with their rates, as far as these are states too.
+    ``instants`` are shares of the duration at which they hold.
     """
 
     def __init__(self, assembly: Assembly, motion: Motion, grid: Grid, relaxed: bool) -> None:
-        self._assembly, self._motion, self._grid = assembly, motion, grid
-        self._bounds: dict[str, _Bound] = {}
-        bounded = motion.bounded
-        least, most = np.array(bounded.least), np.array(bounded.most)
-        lower = np.where(least > -ABSENT, least, -np.inf)
-        upper = np.where(most < ABSENT, most, np.inf)
+        self._assembly, self._motion = assembly, motion
+        self._entries: dict[str, list[int]] = {}
+        self._points, self.instants = grid.points()
+        bounded, count = motion.bounded, len(self.instants)
+        self._parts = count // grid.intervals
+        s, _, _, numbers = motion.symbols
+        x, _, _, p, _ = motion.physical
+        values = motion.rows(x, ca.DM.zeros(motion.nu), p)
+        lower = np.where(np.array(bounded.least) > -ABSENT, bounded.least, -np.inf)
+        upper = np.where(np.array(bounded.most) < ABSENT, bounded.most, np.inf)
         zones = tuple(motion.scene.bounds.keep_out)
         for name, entries in _groups(bounded.names, zones).items():
             key, unit, size = f"bounds.{name}", "of its limit", 1.0
             if name in zones:
                 key, unit, size = f"bounds.keep_out.{name}", "m", motion.length
-            bound = self._bounds[name] = self._bound(entries, _PARTS if name in zones else 1)
-            count = grid.intervals * bound.parts
+            self._entries[name] = entries
             scale = np.full(len(entries), size)
             rows = assembly.rows(name, key, unit, count, scale, lower[entries], upper[entries])
-            assembly.add(bound.term, bound.columns, rows, bound.data)
+            term = derived("rows", s, numbers, values[entries], exact=motion.exact)
+            assembly.add(term, self._points, rows, motion.numbers([0.0]))
             share = motion.first_duration / count / motion.scales.objective  # penalties are per second
             if relaxed:
-                self._soften(rows, np.full(len(entries), _OUTSIDE_WHEN_RELAXED), np.zeros(len(entries)))
+                most = np.full(len(entries), _OUTSIDE_WHEN_RELAXED / self._parts)
+                self._soften(rows, most, np.zeros(len(entries)))
             elif not motion.hard[entries].any():
                 self._soften(rows, share * bounded.linear[entries], share * bounded.quadratic[entries])
-
-    def _bound(self, entries: list[int], parts: int) -> _Bound:
-        """Rows at equal parts of every interval."""
-        motion, grid = self._motion, self._grid
-        before, after, time = ca.SX.sym("before", motion.ns), ca.SX.sym("after", motion.ns), ca.SX.sym("T")
-        at = ca.SX.sym("at")
-        s, _, _, numbers = motion.symbols
-        x, _, _, p, _ = motion.physical
-        rows = motion.rows(x, ca.DM.zeros(motion.nu), p)[entries]
-        state = self._between(before, after, time, at) if parts > 1 else after
-        z, d = ca.vertcat(before, after, time), ca.vertcat(numbers, at)
-        term = derived("rows", z, d, ca.substitute(rows, s, state), exact=motion.exact)
-        shares = np.tile(np.arange(1, parts + 1) / parts, grid.intervals)
-        columns = np.hstack([grid.s[:-1], grid.s[1:], np.repeat(grid.time, grid.intervals, axis=0)])
-        fixed = np.tile(motion.numbers([0.0]), (len(shares), 1))
-        return _Bound(entries, term, np.repeat(columns, parts, axis=0), np.hstack([fixed, shares[:, None]]), parts)
-
-    def _between(self, before: ca.SX, after: ca.SX, time: ca.SX, at: ca.SX) -> ca.SX:
-        """State at a share of an interval."""
-        motion, names = self._motion, self._motion.prediction.x_names
-        rates = {name.split(" ")[0]: k for k, name in enumerate(names)}
-        h = time * motion.scales.time / self._grid.intervals
-        change = after - before
-        values = []
-        for k in range(motion.ns):
-            rate = rates.get(f"{names[k].split(' ')[0]}_rate") if k < motion.nx else None
-            value = before[k] + at * change[k]
-            if rate is not None:
-                # Hermite's cubic: the line, and what the rates at both ends differ from its slope.
-                size = h * float(motion.scales.x[rate] / motion.scales.x[k])
-                first, last = size * before[rate] - change[k], size * after[rate] - change[k]
-                value += at * (1 - at) * ((1 - at) * first - at * last)
-            values.append(value)
-        return ca.vertcat(*values)
 
     def _soften(self, rows: Indices, linear: Array, quadratic: Array) -> None:
         """Slacks of rows, and their penalty."""
@@ -178,15 +145,17 @@ class StateBounds:
 
     def values(self, w: Array, g: Array, block: Block) -> Array:
         """Values that a block of constraints bounds (count, size), without slacks."""
-        bound = self._bounds.get(block.name)
-        if bound is None:
+        if block.name not in self._entries:
             return np.asarray(g[block.rows])
-        return np.array(bound.term.value.map(len(bound.columns))(ca.DM(w[bound.columns].T), ca.DM(bound.data.T))).T
+        motion, count = self._motion, len(self._points)
+        x, fixed = w[self._points][:, : motion.nx] * motion.scales.x, np.zeros((motion.nu, count))
+        p = np.tile(parameters_over_time(motion.scene, motion.prediction, [0.0]).T, (1, count))
+        return np.array(motion.rows.map(count)(x.T, fixed, p)).T[:, self._entries[block.name]]
 
     def tighten(self, margins: Array) -> None:
         """Move the bounds inwards by amounts (N, ns)."""
-        for name, bound in self._bounds.items():
-            self._assembly.margins[name] = np.repeat(margins[:, bound.entries], bound.parts, axis=0)
+        for name, entries in self._entries.items():
+            self._assembly.margins[name] = np.repeat(margins[:, entries], self._parts, axis=0)
 
 
 def _groups(names: list[str], zones: tuple[str, ...]) -> dict[str, list[int]]:

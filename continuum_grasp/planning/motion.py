@@ -15,8 +15,8 @@ from continuum_grasp.control.ocp.bounds import HARD, state_bounds
 from continuum_grasp.control.ocp.cost_terms import Outputs, cost_terms
 from continuum_grasp.control.ocp.setpoints import missed_setpoints, setpoints
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.model.memory import RETURN_TIME, clipped
 from continuum_grasp.errors import InputError
+from continuum_grasp.model.memory import RETURN_TIME, clipped
 from continuum_grasp.planning.shooting import MOST_STEPS, Term, compiled, derived, fewest_evaluations
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.plan import PlanScene
@@ -123,12 +123,12 @@ class Motion:
         longest = min(scene.duration_range[1], _LONGER * self.first_duration) / scene.intervals
         steps, stages = fewest_evaluations(rates, longest, scene.solver.substeps)
         if steps > MOST_STEPS:
-            others = ["leave out solver.substeps"] if scene.solver.substeps else ["raise intervals"]
-            others += [] if scene.sudden else ["take method: collocation"]
+            given = scene.solver.substeps
+            lever = "leave out solver.substeps" if given else "raise intervals"
             raise InputError(
                 f"single_shooting follows motions of up to {np.abs(rates).max():.2g} 1/s, for which each of "
-                f"{scene.intervals} intervals needs {'other' if scene.solver.substeps else f'more than {MOST_STEPS:,}'} "
-                f"steps: {', or '.join(others)}",
+                f"{scene.intervals} intervals needs more steps than {given or MOST_STEPS:,}: "
+                + (lever if scene.sudden else f"take method: collocation, or {lever}"),
                 key="method",
             )
         return steps, stages

@@ -16,13 +16,12 @@ from numpy.polynomial import Chebyshev
 from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
-
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler
 from continuum_grasp.core.source import externals_source
 
 _DAMPING = 2.0 / 13.0
-"""Damping of the stability polynomial [1]: a third of what is fast is left after a step, a fiftieth of the range lost."""
+"""Damping of the stability polynomial [1], as in the source: a third of what is fast is left after a step."""
 _MARGIN = np.array([1.0, 1.2, 1.5])[:, None]
 """Factors on the eigenvalues up to which steps must be stable [1], since they are those of some shapes alone."""
 _MOST_STAGES, MOST_STEPS = 40, 10_000

@@ -63,12 +63,11 @@ def tendons(**changes) -> PlanScene:
 # -- the solver's problem ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["multiple_shooting", "collocation"])
-@pytest.mark.parametrize("kind", few(KINDS, 2))
-def test_derivatives_are_those_of_automatic_differentiation(kind, method):
+@pytest.mark.parametrize("kind", few(KINDS, 4))
+def test_derivatives_are_those_of_automatic_differentiation(kind):
     zone = {"keep_out": {"post": {"type": "disc", "center": (-0.05, 0.28), "radius": 0.01}}}
     bounds = KINDS[kind].get("bounds", {}) | zone
-    scene = two_arcs(**(KINDS[kind] | {"method": method, "intervals": 4, "bounds": bounds}))
+    scene = two_arcs(**(KINDS[kind] | {"intervals": 4, "bounds": bounds}))
     assembly = Search(scene).problem.assembly
     nlp, lam = assembly.nlp, ca.MX.sym("lam", assembly.count)
     lagrangian = 0.7 * nlp.f + ca.dot(lam, nlp.g)
@@ -110,13 +109,14 @@ def test_conditions_of_optimality_hold(kind):
 
 @pytest.mark.parametrize("kind", few([k for k in KINDS if k != "soft"], 4))
 def test_shooting_and_collocation_agree(kind):
-    of_methods = {"multiple_shooting": {}, "collocation": {"degree": 4}}
+    """Two transcriptions, and two optimizers: what single shooting leaves of the optimum is 1e-5 of the objective."""
+    of_methods = {"single_shooting": {"substeps": 20}, "collocation": {"degree": 4}}
     shot, collocated = (
         plan(two_arcs(**(KINDS[kind] | {"intervals": 50, "method": m, "solver": {**own, "tolerance": 1e-10}})))
         for m, own in of_methods.items()
     )
-    assert collocated.objective == pytest.approx(shot.objective, rel=1e-4)
-    assert collocated.tip == pytest.approx(shot.tip, abs=2e-4)
+    assert collocated.objective == pytest.approx(shot.objective, rel=1e-3)
+    assert collocated.tip == pytest.approx(shot.tip, abs=1e-3)
 
 
 @pytest.mark.deep
@@ -201,7 +201,7 @@ def test_multiplier_is_the_gain_from_a_wider_bound():
 def test_simulation_of_the_inputs_is_the_plan():
     """The package's simulator, with error control, on the scene that a user would write."""
     form = {"form": "linear", "rate_max": 400.0}
-    scene = tendons(input=form, goal={"bending": (0.9,)}, intervals=15, solver={"substeps": 20})
+    scene = tendons(input=form, goal={"bending": (0.9,)}, intervals=15, solver={"degree": 5})
     found = plan(scene)
     tensions = tuple(cg.Samples(times=tuple(found.t), values=tuple(c), interpolation="linear") for c in found.u.T)
     played = cg.Scene(
@@ -218,7 +218,7 @@ def test_simulation_of_the_inputs_is_the_plan():
 
 
 def test_held_inputs_give_the_plan_in_an_independent_integrator():
-    found = plan(two_arcs(solver={"substeps": 20}))
+    found = plan(two_arcs(solver={"degree": 5}))
     model = found.prediction
     x = [found.x[0]]
     for k, u in enumerate(found.u[:-1]):
@@ -267,7 +267,7 @@ def test_goals_out_of_reach_are_named_with_what_stops_them(changes, texts):
     assert all(text in str(caught.value) for text in texts)
     nearest = caught.value.result
     assert nearest.violated
-    assert nearest.constraints["motion"].excess < 1e-6
+    assert max(c.excess for name, c in nearest.constraints.items() if name.startswith("motion")) < 1e-6
 
 
 @pytest.mark.parametrize(("share", "status"), [(0.999, PlanStatus.GOAL_MISSED), (1.001, PlanStatus.OPTIMAL)])
