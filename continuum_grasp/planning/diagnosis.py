@@ -97,8 +97,8 @@ def _outside(problem: PlanProblem, attempt: Attempt) -> dict[str, str]:
         if block.key.startswith("bounds."):
             violation = block.violation(problem.bounds.values(attempt.x, attempt.g, block))
             if violation.scaled > _OUTSIDE:
-                place = violation.index // block.rows.shape[1]
-                time = problem.bounds.instants[place] * problem.path(attempt.x).duration
+                count, size = block.rows.shape
+                time = (violation.index // size + 1) / count * problem.path(attempt.x).duration
                 amount = f"{violation.amount:.3g} {violation.unit}"
                 found[str(violation)] = f"{violation.name} is left by {amount} at t = {time:.3g} s"
     return found

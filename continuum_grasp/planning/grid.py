@@ -14,6 +14,8 @@ from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.motion import Motion, parameters_over_time
 from continuum_grasp.planning.shooting import Term, derived, shooting_interval
 
+_PARTS = 4
+"""Places per interval at which the finger stays out of zones [1], the last one at the node."""
 _OUTSIDE_WHEN_RELAXED = 100.0
 """Penalty per share by which a hard bound is violated, where only the distance from the goal is minimized
 [units of the squared distance]: large, so that bounds give way last."""
@@ -35,14 +37,19 @@ class Grid:
         """N."""
         return len(self.v)
 
-    def points(self) -> tuple[Indices, Array]:
-        """Columns of states (N * points, ns) at collocation points, or else at nodes, and shares of the duration."""
-        if not self.inner.size:
-            return self.s[1:], np.arange(1, self.intervals + 1) / self.intervals
+    def places(self, parts: int) -> tuple[Indices, Array]:
+        """Columns (N parts, basis, ns) and weights (N parts, basis) of states at equal parts of every interval.
+
+        Of collocation they are on its polynomial, else on the line between both nodes.
+        """
+        if parts == 1:
+            return self.s[1:, None], np.ones((self.intervals, 1))
         degree = self.inner.shape[1]
-        tau = np.array(ca.collocation_points(degree, "radau"))  # the last one is the end
-        shares = (np.arange(self.intervals)[:, None] + tau) / self.intervals
-        return self.inner.reshape(-1, self.inner.shape[2]), shares.ravel()
+        tau = [0.0, *(ca.collocation_points(degree, "radau") if degree else [1.0])]
+        basis = np.concatenate([self.s[:-1, None], self.inner if degree else self.s[1:, None]], axis=1)
+        shares = np.arange(1, parts + 1) / parts
+        weights = np.linalg.solve(np.vander(tau).T, np.vander(shares, len(tau)).T).T
+        return np.repeat(basis, parts, axis=0), np.tile(weights, (self.intervals, 1))
 
     def reads(self, s: Indices) -> Indices:
         """Columns of [s, v, T] for states (N, ns) of the intervals."""
@@ -97,21 +104,22 @@ def _numbers(motion: Motion, shares: Array) -> Array:
     return rows.reshape(*shares.shape, -1)
 
 
-class StateBounds:
-    """Bounds of the state at the nodes and the collocation points; ``relaxed`` bounds have a penalty.
+@dataclass(frozen=True)
+class _Places:
+    """Where a bound holds: columns (count, basis, ns) of states of which it is the sum by weights (count, basis)."""
 
-    ``instants`` are shares of the duration at which they hold.
-    """
+    entries: list[int]
+    columns: Indices
+    weights: Array
+
+
+class StateBounds:
+    """Bounds of the state, at the nodes and for zones also between them; ``relaxed`` bounds have a penalty."""
 
     def __init__(self, assembly: Assembly, motion: Motion, grid: Grid, relaxed: bool) -> None:
-        self._assembly, self._motion = assembly, motion
-        self._entries: dict[str, list[int]] = {}
-        self._points, self.instants = grid.points()
-        bounded, count = motion.bounded, len(self.instants)
-        self._parts = count // grid.intervals
-        s, _, _, numbers = motion.symbols
-        x, _, _, p, _ = motion.physical
-        values = motion.rows(x, ca.DM.zeros(motion.nu), p)
+        self._assembly, self._motion, self._grid = assembly, motion, grid
+        self._places: dict[str, _Places] = {}
+        bounded = motion.bounded
         lower = np.where(np.array(bounded.least) > -ABSENT, bounded.least, -np.inf)
         upper = np.where(np.array(bounded.most) < ABSENT, bounded.most, np.inf)
         zones = tuple(motion.scene.bounds.keep_out)
@@ -119,17 +127,25 @@ class StateBounds:
             key, unit, size = f"bounds.{name}", "of its limit", 1.0
             if name in zones:
                 key, unit, size = f"bounds.keep_out.{name}", "m", motion.length
-            self._entries[name] = entries
-            scale = np.full(len(entries), size)
+            found = self._places[name] = _Places(entries, *grid.places(_PARTS if name in zones else 1))
+            count, scale = len(found.columns), np.full(len(entries), size)
             rows = assembly.rows(name, key, unit, count, scale, lower[entries], upper[entries])
-            term = derived("rows", s, numbers, values[entries], exact=motion.exact)
-            assembly.add(term, self._points, rows, motion.numbers([0.0]))
+            self._add(found, rows)
             share = motion.first_duration / count / motion.scales.objective  # penalties are per second
             if relaxed:
-                most = np.full(len(entries), _OUTSIDE_WHEN_RELAXED / self._parts)
-                self._soften(rows, most, np.zeros(len(entries)))
+                self._soften(rows, np.full(len(entries), _OUTSIDE_WHEN_RELAXED), np.zeros(len(entries)))
             elif not motion.hard[entries].any():
                 self._soften(rows, share * bounded.linear[entries], share * bounded.quadratic[entries])
+
+    def _add(self, places: _Places, rows: Indices) -> None:
+        motion, (count, size) = self._motion, places.weights.shape
+        s, _, _, numbers = motion.symbols
+        x, _, _, p, _ = motion.physical
+        basis, weights = ca.SX.sym("basis", motion.ns, size), ca.SX.sym("weights", size)
+        value = ca.substitute(motion.rows(x, ca.DM.zeros(motion.nu), p)[places.entries], s, ca.mtimes(basis, weights))
+        term = derived("rows", ca.vec(basis), ca.vertcat(numbers, weights), value, exact=motion.exact)
+        fixed = np.tile(motion.numbers([0.0]), (count, 1))
+        self._assembly.add(term, places.columns.reshape(count, -1), rows, np.hstack([fixed, places.weights]))
 
     def _soften(self, rows: Indices, linear: Array, quadratic: Array) -> None:
         """Slacks of rows, and their penalty."""
@@ -145,17 +161,19 @@ class StateBounds:
 
     def values(self, w: Array, g: Array, block: Block) -> Array:
         """Values that a block of constraints bounds (count, size), without slacks."""
-        if block.name not in self._entries:
+        found = self._places.get(block.name)
+        if found is None:
             return np.asarray(g[block.rows])
-        motion, count = self._motion, len(self._points)
-        x, fixed = w[self._points][:, : motion.nx] * motion.scales.x, np.zeros((motion.nu, count))
+        motion, count = self._motion, len(found.columns)
+        x = np.einsum("ij,ijk->ik", found.weights, w[found.columns])[:, : motion.nx] * motion.scales.x
         p = np.tile(parameters_over_time(motion.scene, motion.prediction, [0.0]).T, (1, count))
-        return np.array(motion.rows.map(count)(x.T, fixed, p)).T[:, self._entries[block.name]]
+        return np.array(motion.rows.map(count)(x.T, np.zeros((motion.nu, count)), p)).T[:, found.entries]
 
     def tighten(self, margins: Array) -> None:
         """Move the bounds inwards by amounts (N, ns)."""
-        for name, entries in self._entries.items():
-            self._assembly.margins[name] = np.repeat(margins[:, entries], self._parts, axis=0)
+        for name, found in self._places.items():
+            parts = len(found.columns) // self._grid.intervals
+            self._assembly.margins[name] = np.repeat(margins[:, found.entries], parts, axis=0)
 
 
 def _groups(names: list[str], zones: tuple[str, ...]) -> dict[str, list[int]]:

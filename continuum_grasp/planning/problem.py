@@ -60,7 +60,7 @@ class PlanProblem:
             first[motion.friction_states] = np.where(one_way.ways, one_way.ways, first[motion.friction_states])
         self._add_unknowns(first)
         weight = _EFFORT_WHEN_RELAXED if relaxed else 1.0
-        scene = motion.scene
+        scene, self.motion_unknowns = motion.scene, self.assembly.size  # slacks follow
         if scene.transcription == "collocation":
             add_collocation(self.assembly, motion, self.grid, weight)
         else:
@@ -108,6 +108,12 @@ class PlanProblem:
             return inputs[1:], inputs[:-1]
         count = len(np.unique(inputs[:, 0]))  # the last one is that before it where it does not jump
         return inputs[:count], np.vstack([self.before, inputs[: count - 1]])
+
+    def like(self, other: PlanProblem, w: Array) -> Array:
+        """Unknowns that stand for the motion of another problem of this grid, between the nodes too."""
+        found, own = self.start(other.path(w)), self.motion_unknowns
+        found[:own] = w[:own]
+        return found
 
     def start(self, path: Path) -> Array:
         """Unknowns that stand for a path."""

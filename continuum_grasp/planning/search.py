@@ -303,7 +303,7 @@ class Search:
         self.relaxed.append((name, attempt))
         found = diagnose(problem, attempt)
         if found is None and not self.over:
-            self._try(f"{name}, from the goal", self.problem.start(problem.path(attempt.x)), None, barrier)
+            self._try(f"{name}, from the goal", self.problem.like(problem, attempt.x), None, _NEAR)
         elif attempt.objective <= min(a.objective for _, a in self.relaxed):
             self.diagnosis = found
         ends = [a.objective for _, a in self.relaxed]

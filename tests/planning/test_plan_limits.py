@@ -257,7 +257,7 @@ def diagnosed(monkeypatch, strengths, *, error=1.0, excess=0.0):
     monkeypatch.setattr(diagnosis, "missed_goals", lambda *_, **__: (["goal tip"] if error else [], error))
     monkeypatch.setattr(diagnosis, "_strengths", lambda *_: strengths)
     monkeypatch.setattr(diagnosis, "_nearest", lambda *_: "")
-    bounds = SimpleNamespace(values=lambda *_: None, instants=[0.1, 0.2, 0.3, 0.4])
+    bounds = SimpleNamespace(values=lambda *_: None)
     problem = SimpleNamespace(
         assembly=SimpleNamespace(blocks=[block]), bounds=bounds, path=lambda _: SimpleNamespace(duration=2.0)
     )
@@ -270,7 +270,7 @@ REASONS = [
      lambda p: ({"duration": 0.6 * p, "input": 3.0}, {})),
     ("strength near the goal", "the input limit stops it", lambda p: ({"input": 1e-6 * p}, {"error": 0.5})),
     ("strength far from it", "the speed limit stops it", lambda p: ({"speed": 3e-6 * p}, {"error": 3.0})),
-    ("excess of a bound", "a bound of the state cannot be satisfied: speed is left by 1e-05 m/s at t = 0.8 s",
+    ("excess of a bound", "a bound of the state cannot be satisfied: speed is left by 1e-05 m/s at t = 2 s",
      lambda p: ({}, {"error": 0.0, "excess": 1e-5 * p})),
 ]  # fmt: skip
 
