@@ -15,7 +15,7 @@ from continuum_grasp.planning.motion import Motion, parameters_over_time
 from continuum_grasp.planning.shooting import Term, derived, shooting_interval
 
 _PARTS = 4
-"""Places per interval at which the finger stays out of zones [1], the last one at the node."""
+"""Places per interval at which bounds hold [1], the last one at the node."""
 _OUTSIDE_WHEN_RELAXED = 100.0
 """Penalty per share by which a hard bound is violated, where only the distance from the goal is minimized
 [units of the squared distance]: large, so that bounds give way last."""
@@ -114,10 +114,13 @@ class _Places:
 
 
 class StateBounds:
-    """Bounds of the state, at the nodes and for zones also between them; ``relaxed`` bounds have a penalty."""
+    """Bounds of the state, at the nodes and between them; ``relaxed`` bounds have a penalty.
+
+    Between the nodes of single shooting, where the state is not known, zones alone hold: of the line between both.
+    """
 
     def __init__(self, assembly: Assembly, motion: Motion, grid: Grid, relaxed: bool) -> None:
-        self._assembly, self._motion, self._grid = assembly, motion, grid
+        self._assembly, self._motion = assembly, motion
         self._places: dict[str, _Places] = {}
         bounded = motion.bounded
         lower = np.where(np.array(bounded.least) > -ABSENT, bounded.least, -np.inf)
@@ -127,7 +130,9 @@ class StateBounds:
             key, unit, size = f"bounds.{name}", "of its limit", 1.0
             if name in zones:
                 key, unit, size = f"bounds.keep_out.{name}", "m", motion.length
-            found = self._places[name] = _Places(entries, *grid.places(_PARTS if name in zones else 1))
+            found = self._places[name] = _Places(
+                entries, *grid.places(_PARTS if name in zones or grid.inner.size else 1)
+            )
             count, scale = len(found.columns), np.full(len(entries), size)
             rows = assembly.rows(name, key, unit, count, scale, lower[entries], upper[entries])
             self._add(found, rows)
@@ -168,12 +173,6 @@ class StateBounds:
         x = np.einsum("ij,ijk->ik", found.weights, w[found.columns])[:, : motion.nx] * motion.scales.x
         p = np.tile(parameters_over_time(motion.scene, motion.prediction, [0.0]).T, (1, count))
         return np.array(motion.rows.map(count)(x.T, np.zeros((motion.nu, count)), p)).T[:, found.entries]
-
-    def tighten(self, margins: Array) -> None:
-        """Move the bounds inwards by amounts (N, ns)."""
-        for name, found in self._places.items():
-            parts = len(found.columns) // self._grid.intervals
-            self._assembly.margins[name] = np.repeat(margins[:, found.entries], parts, axis=0)
 
 
 def _groups(names: list[str], zones: tuple[str, ...]) -> dict[str, list[int]]:

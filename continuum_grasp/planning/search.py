@@ -14,7 +14,7 @@ from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, new_solver
 from continuum_grasp.planning.condensed import Condensed
 from continuum_grasp.planning.diagnosis import Diagnosis, diagnose
-from continuum_grasp.planning.fine import satisfied_between_nodes, simulated
+from continuum_grasp.planning.fine import simulated
 from continuum_grasp.planning.guess import (
     Hint,
     Path,
@@ -63,8 +63,7 @@ class Search:
 
     ``warm`` is a plan from which to begin, ``near`` a posture near which the last one is sought. ``attempts`` and
     ``relaxed`` are what was tried, by name, at the problem and at the relaxed one that seeks the least distance from
-    the goal; ``diagnosis`` is what stops the nearest one of these. ``tightened`` counts how often bounds were tightened
-    at the nodes.
+    the goal; ``diagnosis`` is what stops the nearest one of these.
     """
 
     def __init__(self, scene: PlanScene, warm: Plan | None = None, near: Hint | None = None) -> None:
@@ -73,7 +72,7 @@ class Search:
         self.relaxed: list[tuple[str, Attempt]] = []
         self.best: Attempt | None = None
         self.diagnosis: Diagnosis | None = None
-        self.interrupted, self.tightened = False, 0
+        self.interrupted = False
         self.motion = Motion(scene)
         self.feasible = FEASIBLE_MOTION if scene.transcription == "single_shooting" else FEASIBLE
         self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
@@ -106,9 +105,6 @@ class Search:
             self._try("warm", *self._warm_start(self.warm), _NEAR)
         if self.best is None:
             self._try_paths()
-        if self.best is not None and self.best.converged and not self.over:
-            found = satisfied_between_nodes(self.problem, self.best, self._solved, lambda: self.over)
-            self.best, self.tightened = found
 
     def _try_one_way(self) -> None:
         """Start with tendons that slide one way, up to rest.

@@ -144,7 +144,6 @@ def _result(search: Search) -> Plan:
             "unknowns": search.problem.assembly.size,
             "constraints": search.problem.assembly.count,
             "steps": motion.steps if scene.transcription == "single_shooting" else (),
-            "tightened": search.tightened,
             "cut_short": search.budget.cut,
         },
         solver_state={

@@ -127,47 +127,6 @@ def test_what_no_check_is_about_goes_unsaid(monkeypatch):
         assert verdict(monkeypatch, off(0.0), **how, drift=1.0).status == "optimal"
 
 
-def tightening(monkeypatch, *rounds, fails=()):
-    """Rounds, margins and solver runs where bounds are left by so much in each round; whether the first plan stays."""
-    shares, margins, solved = iter(rounds), [], []
-    monkeypatch.setattr(fine, "simulated", lambda *_: None)
-    monkeypatch.setattr(fine, "excess_over_intervals", lambda *_: np.array(next(shares, rounds[-1]), dtype=float))
-    motion = SimpleNamespace(hard=np.array([True, False]), scene=None, prediction=None)
-    problem = SimpleNamespace(
-        motion=motion, grid=SimpleNamespace(intervals=3), path=lambda w: SimpleNamespace(x=[None]),
-        bounds=SimpleNamespace(tighten=lambda m: margins.append(m.copy())),
-    )  # fmt: skip
-
-    def solve(*given):
-        solved.append(given)
-        return SimpleNamespace(x=None, multipliers=None, converged=len(solved) - 1 not in fails)
-
-    first = SimpleNamespace(x=None, multipliers=None)
-    found, count = fine.satisfied_between_nodes(problem, first, solve, lambda: False)
-    return count, margins, solved, found is first
-
-
-def test_bounds_are_tightened_where_they_are_left_between_nodes(monkeypatch):
-    soft, within = 1.0, (np.zeros((3, 2)),)
-    for share, count in ((0.999, 0), (1.001, 1)):
-        left = [[share * 2e-4, soft], [0.0, soft], [0.0, soft]]
-        assert tightening(monkeypatch, left, *within)[0] == count
-    # Both nodes of the interval, of which the one at the start cannot move, and by a tenth more, added up.
-    _, margins, _, _ = tightening(
-        monkeypatch, [[0.0, soft], [0.0, soft], [0.1, soft]], [[0.2, 0], [0, 0], [0, 0]], *within
-    )
-    assert margins[0][:, 0] == pytest.approx([0.0, 0.11, 0.11])
-    assert margins[1][:, 0] == pytest.approx([0.22, 0.11, 0.11])
-    assert not margins[1][:, 1].any()
-    # No more than five rounds; where multipliers mislead, once more without; where that fails, the plan stays.
-    always = [[1.0, 0.0]] * 3
-    assert tightening(monkeypatch, always)[0] == 5
-    count, _, solved, stays = tightening(monkeypatch, always, *within, fails=(0,))
-    assert (count, len(solved), stays) == (1, 2, False)
-    count, _, solved, stays = tightening(monkeypatch, always, fails=(0, 1))
-    assert (count, len(solved), stays) == (0, 2, True)
-
-
 @pytest.mark.parametrize("given", [None, 3])
 @pytest.mark.parametrize("sudden", [True, False])
 def test_more_steps_than_can_be_taken_are_refused_with_what_to_try(monkeypatch, given, sudden):
