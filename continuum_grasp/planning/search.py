@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from continuum_grasp import interrupt
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, new_solver
+from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, Status, new_solver
 from continuum_grasp.planning.condensed import Condensed
 from continuum_grasp.planning.diagnosis import Diagnosis, diagnose
 from continuum_grasp.planning.fine import simulated
@@ -294,12 +294,18 @@ class Search:
         """
         problem = self._near_goal
         attempt = self._solved(problem, problem.start(path), None, barrier)
-        if not attempt.violation <= self.feasible:
+        # Motions along kinks creep to their end, which is one all the same.
+        ended = attempt.converged or attempt.outcome == "Search_Direction_Becomes_Too_Small"
+        if not (ended and attempt.violation <= self.feasible):
             return False
         self.relaxed.append((name, attempt))
         found = diagnose(problem, attempt)
         if found is None and not self.over:
-            self._try(f"{name}, from the goal", self.problem.like(problem, attempt.x), None, _NEAR)
+            w = self.problem.like(problem, attempt.x)
+            if not self._try(f"{name}, from the goal", w, None, barrier) and self.best is None:
+                # A plan all the same, if not the cheapest: its goal is met, its bounds and its motion hold.
+                f, g = (np.array(v).ravel() for v in self.problem.assembly.values(w))
+                self.best = replace(self.attempts[-1][1], status=Status.FAILED, x=w, g=g, objective=float(f[0]))
         elif attempt.objective <= min(a.objective for _, a in self.relaxed):
             self.diagnosis = found
         ends = [a.objective for _, a in self.relaxed]

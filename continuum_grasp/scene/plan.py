@@ -139,8 +139,8 @@ class PlanSolver(SolverOptions):
     max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 500
     """Greatest number of iterations per start."""
     max_total_iterations: Annotated[int, Field(ge=1, le=10_000_000)] = 3000
-    """Iterations of all starts together, 10 to 60 ms each: counted work, so that the verdict does not depend on how
-    fast or busy the machine is. Shipped plans take up to 400."""
+    """Iterations of all starts together: counted work, so that the verdict does not depend on how fast or busy the
+    machine is. Where it is not given, large plans take fewer, about a minute of one core."""
     starts: Annotated[int, Field(ge=1, le=9)] | None = None
     """Paths from which the search begins, the direct one first; None: one, or five where there are zones. The best
     plan counts."""
