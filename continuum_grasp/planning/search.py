@@ -39,8 +39,8 @@ _STARTS_WITH_ZONES = 5
 """The direct path, and two to either side [1], so that both ways past a zone are tried."""
 _NEAR = 1e-3
 """First barrier parameter from a motion that is worth staying near: an earlier plan, one simulated with contact."""
-_PATIENCE = 25
-"""Iterations that may leave a violation as it is, until it is halved [1]."""
+_PATIENCE, _PATIENCE_IN_CONTACT = 25, 100
+"""Iterations that may leave a violation as it is, until it is halved [1]: contacts that close hold steps up."""
 _WORK = 2_000_000
 """Unknowns, or stages of the steps of single shooting, times iterations: some 50 s of one core."""
 _TURNED, _TURNED_BY = 0.9, 0.8
@@ -277,7 +277,8 @@ class Search:
                     w, self.budget, min(most or options.max_iterations, options.max_iterations)
                 )
             else:
-                start = assembly.start(w, multipliers, barrier, _PATIENCE)
+                patience = _PATIENCE if self.scene.object is None else _PATIENCE_IN_CONTACT
+                start = assembly.start(w, multipliers, barrier, patience)
                 attempt = self._solver.solve(assembly.nlp, start, self.budget)
         self.interrupted |= pressed()
         return attempt
