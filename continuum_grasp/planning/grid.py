@@ -127,7 +127,7 @@ class StateBounds:
         lower = np.where(np.array(bounded.least) > -ABSENT, bounded.least, -np.inf)
         upper = np.where(np.array(bounded.most) < ABSENT, bounded.most, np.inf)
         zones = tuple(motion.scene.bounds.keep_out)
-        # With contact at the nodes: by bounds between them too IPOPT did not solve configs/plan/close_on_mug.yaml in 500
+        # With contact at the nodes alone: with bounds between them too, IPOPT did not solve the plan of a mug in 500
         # iterations; without, in 283.
         smooth = grid.inner.size and motion.scene.object is None
         for name, entries in _groups(bounded.names, zones).items():

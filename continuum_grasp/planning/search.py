@@ -39,7 +39,7 @@ _STARTS_WITH_ZONES = 5
 """The direct path, and two to either side [1], so that both ways past a zone are tried."""
 _NEAR = 1e-3
 """First barrier parameter from a motion that is worth staying near: an earlier plan, one simulated with contact."""
-_PATIENCE, _PATIENCE_IN_CONTACT = 25, 100
+_PATIENCE, _PATIENCE_IN_CONTACT = 25, 200
 """Iterations that may leave a violation as it is, until it is halved [1]: contacts that close hold steps up."""
 _WORK = 2_000_000
 """Unknowns, or stages of the steps of single shooting, times iterations: some 50 s of one core."""
@@ -302,7 +302,12 @@ class Search:
         self.relaxed.append((name, attempt))
         found = diagnose(problem, attempt)
         if found is None and not self.over:
-            w = self.problem.like(problem, attempt.x)
+            # Contacts are stiff: forces between the nodes are those of this motion.
+            w = (
+                self.problem.start(problem.path(attempt.x))
+                if barrier is None
+                else self.problem.like(problem, attempt.x)
+            )
             if not self._try(f"{name}, from the goal", w, None, barrier) and self.best is None:
                 # A plan all the same, if not the cheapest: its goal is met, its bounds and its motion hold.
                 f, g = (np.array(v).ravel() for v in self.problem.assembly.values(w))

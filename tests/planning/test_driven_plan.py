@@ -200,13 +200,15 @@ def test_steps_are_stable_as_far_as_published(stages):
 @pytest.mark.parametrize("given", [None, 7])
 def test_steps_are_the_fewest_that_are_stable(given):
     """Of modes with damping that grows with the stiffness: eigenvalues on a circle, then on the axis."""
-    frequency, lag, length = np.geomspace(10.0, 3e4, 200), 2e-3, 0.02
+    frequency, lag, length = np.geomspace(10.0, 5e3, 200), 2e-3, 0.02
     roots = [np.roots([1.0, lag * f**2, f**2]) for f in frequency]
     steps, stages = fewest_evaluations(np.concatenate(roots).astype(complex), length, given)
 
     def stable(steps, stages):
         z = np.concatenate(roots) * length / steps
-        return all((np.abs(amplification(stages, factor * z)) <= 1.0 + 1e-12).all() for factor in (1.0, 1.5))
+        off = np.abs(amplification(stages, z) ** steps - np.exp(z * steps)).max()
+        calm = all((np.abs(amplification(stages, factor * z)) <= 1.0 + 1e-12).all() for factor in (1.0, 1.5))
+        return calm and (given or off <= 1e-3)
 
     assert given in (None, steps)
     assert stable(steps, stages)
