@@ -193,7 +193,7 @@ class Search:
         return since if since.max() <= _TURNED_BY * self.scene.intervals else None
 
     def _try_paths(self) -> None:
-        """Start from paths; once one has failed, seek the least distance from the goal from it and from the others."""
+        """Start from paths; as long as none gave a plan, seek the least distance from the goal too."""
         count, barrier = self.scene.solver.starts or (_STARTS_WITH_ZONES if self.scene.bounds.keep_out else 1), None
         for side in _SIDES[:count]:
             name = "direct" if side == 0.0 else f"detour {side:+g}"
@@ -207,9 +207,8 @@ class Search:
                     name, path, barrier = f"{name}, simulated", replace(path, x=states), _NEAR
                 except NumericalError:
                     barrier = None
-            if not self.relaxed and self._try(name, self.problem.start(path), None, barrier):
-                continue
-            if self.over or self._approach(name, path, barrier):
+            found = self._try(name, self.problem.start(path), None, barrier) or self.best is not None
+            if not found and self._approach(name, path, barrier):
                 return
 
     @property
@@ -293,6 +292,8 @@ class Search:
 
         Whether nothing else is worth a trial: the starts to either side came where the direct one had.
         """
+        if self.over:
+            return True
         problem = self._near_goal
         attempt = self._solved(problem, problem.start(path), None, barrier)
         # Motions along kinks creep to their end, which is one all the same.

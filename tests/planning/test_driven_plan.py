@@ -206,7 +206,8 @@ def test_steps_are_the_fewest_that_are_stable(given):
 
     def stable(steps, stages):
         z = np.concatenate(roots) * length / steps
-        off = np.abs(amplification(stages, z) ** steps - np.exp(z * steps)).max()
+        slow = z[np.abs(z * steps) <= 2.0 * np.pi]
+        off = np.abs(amplification(stages, slow) ** steps - np.exp(slow * steps)).max()
         calm = all((np.abs(amplification(stages, factor * z)) <= 1.0 + 1e-12).all() for factor in (1.0, 1.5))
         return calm and (given or off <= 1e-3)
 

@@ -29,7 +29,7 @@ def test_least_effort_of_small_bends_is_that_of_the_linear_finger(arcs, method):
         gravity=(0.0, 0.0),
         method=method,
         intervals=40,
-        solver={"degree": 5} if method == "collocation" else {"substeps": 20},
+        solver={"degree": 5} if method == "collocation" else {"substeps": 40},
     )
     found = plan(scene)
     a, b = linearized(scene)
