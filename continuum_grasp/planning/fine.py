@@ -122,12 +122,9 @@ def checked(plan: Plan, motion: Motion) -> Plan:
     if reason:
         advice = "take more solver.substeps, or more intervals"
         return replace(plan, status=PlanStatus.NOT_SOLVED, message=reason, advice=advice, deviation=found)
-    hard = excess_over_intervals(motion, states)[:, motion.hard]
-    if hard.max(initial=0.0) > _OUTSIDE:
-        name = np.array(motion.bounded.names)[motion.hard][int(hard.max(axis=0).argmax())]
-        text = f"{name} is left by {100 * hard.max():.2g} % of its scale"
-        warnings.append(f"between the nodes {text}: take more intervals")
-    after = _after_the_end(motion, plan, states[-1])
+    left, after = _left(motion, states), _left_after_the_end(motion, plan, states[-1])
+    if left:
+        warnings.append(f"between the nodes {left}: take more intervals")
     if after:
         warnings.append(after)
         plan = replace(plan, message=f"{plan.message}; {after}")
@@ -156,31 +153,29 @@ def _not_reproduced(plan: Plan, model: Prediction, states: Array, found: Deviati
     return f"no plan: the tip moves on by {1e3 * drift:.3g} mm after its end" if drift > most else ""
 
 
-def _after_the_end(motion: Motion, plan: Plan, last: Array) -> str:
-    """By how much and when the finger leaves a hard bound under its last input; empty where it leaves none."""
+def _left(motion: Motion, states: Array) -> str:
+    """Which hard bound states leave most, and by how much; empty where they leave none."""
+    hard = excess_over_intervals(motion, states)[:, motion.hard]
+    if hard.max(initial=0.0) <= _OUTSIDE:
+        return ""
+    name = np.array(motion.bounded.names)[motion.hard][int(hard.max(axis=0).argmax())]
+    return f"{name} is left by {100 * hard.max():.2g} % of its limit (of zones: of the finger's length)"
+
+
+def _left_after_the_end(motion: Motion, plan: Plan, last: Array) -> str:
+    """The same under the last input, of a finger that need not stay where it ends."""
     scene = plan.scene
-    if scene.goal.end == "held" or scene.load_varies or not motion.hard.any():
+    if scene.goal.end == "held" or scene.load_varies:
         return ""
     interval = plan.duration / (len(plan.t) - 1)
-    count = math.ceil(_AFTER / interval)
-    path = Path(np.tile(plan.x[-1], (count + 1, 1)), np.tile(plan.u[-1], (count + 1, 1)), count * interval)
+    u = np.tile(plan.u[-1], (math.ceil(_AFTER / interval) + 1, 1))
+    path = Path(np.zeros((len(u), 0)), u, (len(u) - 1) * interval)
     try:
-        excess = excess_over_intervals(motion, simulated(scene, motion.prediction, path, last))
+        left = _left(motion, simulated(scene, motion.prediction, path, last))
     except NumericalError:
         return ""
-    excess[:, ~motion.hard] = 0.0
-    left = excess.max(axis=1)
-    if left.max() <= _OUTSIDE:
-        return ""
-    row, k = int(excess.max(axis=0).argmax()), int((left > _OUTSIDE).argmax())
-    name = motion.bounded.names[row]
-    zone = name in scene.bounds.keep_out or name.rpartition("_")[0] in scene.bounds.keep_out
-    amount = f"{1e3 * left.max() * plan.length:.3g} mm" if zone else f"{100 * left.max():.2g} % of its limit"
-    return (
-        f"after the end, under its last input, the finger leaves the bound {name} by up to {amount} (first "
-        f"{1e3 * (k + 1) * interval:.3g} ms after it): end: {scene.goal.end} keeps bounds up to the end alone, "
-        "end: held stays there"
-    )
+    keeps = f"end: {scene.goal.end} keeps bounds up to the end alone, end: held stays there"
+    return left and f"within {_AFTER:g} s after the end, under its last input, {left}: {keeps}"
 
 
 def _deviation(name: str, model: Prediction, plan: Plan, states: Array) -> Deviation:

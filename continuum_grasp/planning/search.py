@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 
@@ -78,12 +79,12 @@ class Search:
         self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
         self.problem = PlanProblem(self.motion, self.x0)
         """Problem of the last attempt."""
-        self.budget, options = Budget.of(scene.solver), scene.solver
+        self.budget, options, size = Budget.of(scene.solver), scene.solver, self.problem.assembly.size
+        if scene.transcription == "single_shooting":
+            size = scene.intervals * int(np.prod(self.motion.steps))
         if "max_total_iterations" not in options.model_fields_set:
-            size = self.problem.assembly.size
-            if scene.transcription == "single_shooting":
-                size = scene.intervals * int(np.prod(self.motion.steps))
             self.budget.left = min(self.budget.left, max(_WORK // size, 50))
+        self.allowed = int(self.budget.left)
         # Plans start far from their solution, where the adaptive barrier is the more robust one; no bound is relaxed,
         # since the limits of a plan are reported as satisfied.
         ipopt = {"acceptable_iter": 20, "bound_relax_factor": 0.0, "mu_strategy": "adaptive"}
@@ -202,11 +203,9 @@ class Search:
             path = smooth_path(self.motion, self.x0, self.first, self.last, side)
             if self.scene.object is not None:
                 # What the finger does under these inputs keeps off the object or presses on it, as the solver should.
-                try:
+                with suppress(NumericalError):
                     states = simulated(self.scene, self.motion.prediction, path, self.x0, 1)
                     name, path, barrier = f"{name}, simulated", replace(path, x=states), _NEAR
-                except NumericalError:
-                    barrier = None
             found = self._try(name, self.problem.start(path), None, barrier) or self.best is not None
             if not found and self._approach(name, path, barrier):
                 return
@@ -303,12 +302,7 @@ class Search:
         self.relaxed.append((name, attempt))
         found = diagnose(problem, attempt)
         if found is None and not self.over:
-            # Contacts are stiff: forces between the nodes are those of this motion.
-            w = (
-                self.problem.start(problem.path(attempt.x))
-                if barrier is None
-                else self.problem.like(problem, attempt.x)
-            )
+            w = self.problem.like(problem, attempt.x)
             if not self._try(f"{name}, from the goal", w, None, barrier) and self.best is None:
                 # A plan all the same, if not the cheapest: its goal is met, its bounds and its motion hold.
                 f, g = (np.array(v).ravel() for v in self.problem.assembly.values(w))

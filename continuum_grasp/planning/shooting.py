@@ -87,15 +87,12 @@ def compiled(term: Term) -> Term:
 def _polynomials(stages: int) -> tuple[float, float, Array, Array, Array]:
     """w0, w1 of the method with so many stages, and b, a, c (stages + 1) of each stage."""
     w0 = 1.0 + _DAMPING / stages**2
-    t, slope, bend = (
-        np.array([Chebyshev.basis(j).deriv(order)(w0) if j >= order else 0.0 for j in range(stages + 1)])
-        for order in range(3)
-    )
-    w1 = slope[-1] / bend[-1]
-    b = np.divide(bend, slope**2, out=np.zeros(stages + 1), where=slope > 0.0)
-    b[:2] = b[2]
-    c = w1 * np.divide(bend, slope, out=np.zeros(stages + 1), where=slope > 0.0)
-    c[1] = c[2] / (4.0 * w0)
+    j, angle = np.arange(stages + 1), np.arccosh(w0)
+    # Chebyshev's polynomials at w0 with two derivatives; the latter are zero up to the first.
+    t, slope = np.cosh(j * angle), np.maximum(j * np.sinh(j * angle) / np.sinh(angle), 1.0)
+    bend = np.where(j > 1, (j**2 * t - w0 * slope) / (w0**2 - 1.0), 0.0)
+    w1, b, c = slope[-1] / bend[-1], bend / slope**2, slope[-1] / bend[-1] * bend / slope
+    b[:2], c[1] = b[2], c[2] / (4.0 * w0)
     return w0, w1, b, 1.0 - b * t, c
 
 

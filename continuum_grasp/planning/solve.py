@@ -214,7 +214,7 @@ def _cut(search: Search) -> str:
     options = search.scene.solver
     if search.budget.stopped:
         return f"the clock stopped the search after {options.time_limit:g} s (solver.time_limit)"
-    return f"all {options.max_total_iterations} iterations were used up (solver.max_total_iterations)"
+    return f"all {search.allowed} iterations were used up (solver.max_total_iterations)"
 
 
 def _stopped(search: Search, attempt: Attempt) -> str:
