@@ -349,6 +349,49 @@ def test_wrong_scenes_are_refused(changes, text):
         plan(two_arcs(**changes))
 
 
+def test_a_bound_that_cannot_be_kept_is_named_with_its_amount_and_instant():
+    """A finger that stands 10 mm behind a wall, with half of its thickness of 2 mm, leaves it as fast as it can."""
+    zone = {"type": "half_plane", "point": (0.01, 0.0), "normal_angle": 0.0}
+    found = plan(small(bounds={"curvature": None, "keep_out": {"wall": zone}}), raise_on_failure=False)
+    model, first = found.prediction, 0.1 / 25 / 4
+    run = solve_ivp(lambda t, x: np.array(model.dynamics(x, [-0.3], [])).ravel(), (0.0, first), found.x[0], rtol=1e-8)
+    amount = 0.011 - np.array(model.tip(run.y[:, -1], [-0.3], [])).ravel()[0]
+    assert found.status is PlanStatus.INFEASIBLE
+    assert f"wall is left by {amount:.3g} m at t = {first:.3g} s" in found.message
+    assert any(text == f"wall: off by {amount:.3g} m (bounds.keep_out.wall)" for text in found.violated)
+
+
+@pytest.mark.parametrize("end", ["still", "held"])
+def test_a_wall_that_is_entered_after_the_end_is_said(end):
+    """Against the same motion by an integrator of its own."""
+    free = plan(small(goal={"bending": (0.5,), "end": end}))
+    model, times = free.prediction, np.linspace(0.0, 0.5, 2001)
+    run = solve_ivp(
+        lambda t, x: np.array(model.dynamics(x, free.u[-1], [])).ravel(),
+        (0.0, 0.5),
+        free.x[-1],
+        rtol=1e-9,
+        atol=1e-11,
+        t_eval=times,
+    )
+    after = np.array([np.array(model.tip(x, free.u[-1], [])).ravel()[0] for x in run.y.T])
+    wall = free.tip[:, 0].max() + 2e-3  # to the right, to which the finger swings back
+    assert bool(after.max() > wall) is (end == "still")
+    zone = {"type": "half_plane", "point": (wall, 0.0), "normal_angle": np.pi}
+    walled = plan(
+        small(
+            goal={"bending": (0.5,), "end": end},
+            bounds={"curvature": None, "keep_out": {"wall": zone}},
+            solver={"starts": 1},
+        )
+    )
+    assert walled.objective == pytest.approx(free.objective, rel=1e-4)
+    share = 100 * (after.max() + 1e-3 - wall) / 0.3  # the surface is 1 mm from the backbone
+    said = f"within 0.5 s after the end, under its last input, wall is left by {share:.2g} % of its limit"
+    assert (said in walled.message) is (end == "still")
+    assert walled.solved
+
+
 # -- files and starts --------------------------------------------------------------------------------------------------
 
 
