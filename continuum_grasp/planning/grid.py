@@ -104,15 +104,6 @@ def _numbers(motion: Motion, shares: Array) -> Array:
     return rows.reshape(*shares.shape, -1)
 
 
-@dataclass(frozen=True)
-class _Places:
-    """Where a bound holds: columns (count, basis, ns) of states of which it is the sum by weights (count, basis)."""
-
-    entries: list[int]
-    columns: Indices
-    weights: Array
-
-
 class StateBounds:
     """Bounds of the state, at the nodes and between them; ``relaxed`` bounds have a penalty.
 
@@ -122,37 +113,39 @@ class StateBounds:
 
     def __init__(self, assembly: Assembly, motion: Motion, grid: Grid, relaxed: bool) -> None:
         self._assembly, self._motion = assembly, motion
-        self._places: dict[str, _Places] = {}
+        # Entries of each bound, and places: columns of states, and weights of their sum.
+        self._places: dict[str, tuple[list[int], Indices, Array]] = {}
         bounded = motion.bounded
         lower = np.where(np.array(bounded.least) > -ABSENT, bounded.least, -np.inf)
         upper = np.where(np.array(bounded.most) < ABSENT, bounded.most, np.inf)
         zones = tuple(motion.scene.bounds.keep_out)
         # With contact at the nodes alone: with bounds between them too, IPOPT did not solve the plan of a mug in 500
-        # iterations; without, in 283.
+        # iterations; without, in 334.
         smooth = grid.inner.size and motion.scene.object is None
         for name, entries in _groups(bounded.names, zones).items():
             key, unit, size = f"bounds.{name}", "of its limit", 1.0
             if name in zones:
                 key, unit, size = f"bounds.keep_out.{name}", "m", motion.length
-            found = self._places[name] = _Places(entries, *grid.places(_PARTS if smooth or name in zones else 1))
-            count, scale = len(found.columns), np.full(len(entries), size)
+            self._places[name] = (entries, *grid.places(_PARTS if smooth or name in zones else 1))
+            count, scale = len(self._places[name][1]), np.full(len(entries), size)
             rows = assembly.rows(name, key, unit, count, scale, lower[entries], upper[entries])
-            self._add(found, rows)
+            self._add(*self._places[name], rows)
             share = motion.first_duration / count / motion.scales.objective  # penalties are per second
             if relaxed:
                 self._soften(rows, np.full(len(entries), _OUTSIDE_WHEN_RELAXED), np.zeros(len(entries)))
             elif not motion.hard[entries].any():
                 self._soften(rows, share * bounded.linear[entries], share * bounded.quadratic[entries])
 
-    def _add(self, places: _Places, rows: Indices) -> None:
-        motion, (count, size) = self._motion, places.weights.shape
+    def _add(self, entries: list[int], columns: Indices, weights: Array, rows: Indices) -> None:
+        motion, (count, size) = self._motion, weights.shape
         s, _, _, numbers = motion.symbols
         x, _, _, p, _ = motion.physical
-        basis, weights = ca.SX.sym("basis", motion.ns, size), ca.SX.sym("weights", size)
-        value = ca.substitute(motion.rows(x, ca.DM.zeros(motion.nu), p)[places.entries], s, ca.mtimes(basis, weights))
-        term = derived("rows", ca.vec(basis), ca.vertcat(numbers, weights), value, exact=motion.exact)
-        fixed = np.tile(motion.numbers([0.0]), (count, 1))
-        self._assembly.add(term, places.columns.reshape(count, -1), rows, np.hstack([fixed, places.weights]))
+        basis, share = ca.SX.sym("basis", motion.ns, size), ca.SX.sym("share", size)
+        values = motion.rows(x, ca.DM.zeros(motion.nu), p)[entries]
+        value = ca.substitute(values, s, ca.mtimes(basis, share))
+        term = derived("rows", ca.vec(basis), ca.vertcat(numbers, share), value, exact=motion.exact)
+        data = np.hstack([np.tile(motion.numbers([0.0]), (count, 1)), weights])
+        self._assembly.add(term, columns.reshape(count, -1), rows, data)
 
     def _soften(self, rows: Indices, linear: Array, quadratic: Array) -> None:
         """Slacks of rows, and their penalty."""
@@ -168,13 +161,12 @@ class StateBounds:
 
     def values(self, w: Array, g: Array, block: Block) -> Array:
         """Values that a block of constraints bounds (count, size), without slacks."""
-        found = self._places.get(block.name)
-        if found is None:
+        if block.name not in self._places:
             return np.asarray(g[block.rows])
-        motion, count = self._motion, len(found.columns)
-        x = np.einsum("ij,ijk->ik", found.weights, w[found.columns])[:, : motion.nx] * motion.scales.x
+        motion, (entries, columns, weights) = self._motion, self._places[block.name]
+        x, count = np.einsum("ij,ijk->ik", weights, w[columns])[:, : motion.nx] * motion.scales.x, len(columns)
         p = np.tile(parameters_over_time(motion.scene, motion.prediction, [0.0]).T, (1, count))
-        return np.array(motion.rows.map(count)(x.T, np.zeros((motion.nu, count)), p)).T[:, found.entries]
+        return np.array(motion.rows.map(count)(x.T, np.zeros((motion.nu, count)), p)).T[:, entries]
 
 
 def _groups(names: list[str], zones: tuple[str, ...]) -> dict[str, list[int]]:

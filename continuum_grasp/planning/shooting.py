@@ -147,17 +147,12 @@ def shooting_interval(flow: Term, ns: int, intervals: int, steps: int, stages: i
         )
         for slopes, first in ((False, start), (True, moved))
     )
+    hessian = flow.hessian(z, d[:, 0], weights) / intervals
     inputs, names = [z, d], ["z", "d"]
     return Term(
         ca.Function("interval", inputs, [value], names, ["o"]),
         ca.Function("interval_jac", inputs, [both[:, 1:]], names, ["J"]),
-        ca.Function(
-            "interval_hess",
-            [*inputs, weights],
-            [flow.hessian(z, d[:, 0], weights) / intervals],
-            [*names, "weights"],
-            ["H"],
-        ),
+        ca.Function("interval_hess", [*inputs, weights], [hessian], [*names, "weights"], ["H"]),
     )
 
 
