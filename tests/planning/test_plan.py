@@ -349,7 +349,7 @@ def test_wrong_scenes_are_refused(changes, text):
         plan(two_arcs(**changes))
 
 
-def test_a_bound_that_cannot_be_kept_is_named_with_its_amount_and_instant():
+def test_a_bound_that_cannot_be_satisfied_is_named_with_its_amount_and_instant():
     """A finger that stands 10 mm behind a wall, with half of its thickness of 2 mm, leaves it as fast as it can."""
     zone = {"type": "half_plane", "point": (0.01, 0.0), "normal_angle": 0.0}
     found = plan(small(bounds={"curvature": None, "keep_out": {"wall": zone}}), raise_on_failure=False)
