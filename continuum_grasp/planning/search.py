@@ -42,8 +42,8 @@ _NEAR = 1e-3
 """First barrier parameter from a motion that is worth staying near: an earlier plan, one simulated with contact."""
 _PATIENCE, _PATIENCE_IN_CONTACT = 25, 200
 """Iterations that may leave a violation as it is, until it is halved [1]: contacts that close hold steps up."""
-_WORK = 2_000_000
-"""Unknowns, or stages of the steps of single shooting, times iterations: some 50 s of one core."""
+_WORK = 18_000_000
+"""Unknowns, or stages of the steps of single shooting, times states and iterations: some 50 s of one core [1]."""
 _TURNED, _TURNED_BY = 0.9, 0.8
 """Friction state from which on friction counts as turned around [1], and the latest node, per the number of intervals:
 the finger needs the rest of the motion to come to rest."""
@@ -83,7 +83,7 @@ class Search:
         if scene.transcription == "single_shooting":
             size = scene.intervals * int(np.prod(self.motion.steps))
         if "max_total_iterations" not in options.model_fields_set:
-            self.budget.left = min(self.budget.left, max(_WORK // size, 50))
+            self.budget.left = min(self.budget.left, max(_WORK // (size * self.motion.ns), 50))
         self.allowed = int(self.budget.left)
         # Plans start far from their solution, where the adaptive barrier is the more robust one; no bound is relaxed,
         # since the limits of a plan are reported as satisfied.
