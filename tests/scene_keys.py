@@ -324,6 +324,7 @@ _PLANS: dict[str, tuple[str, dict[str, Any]]] = {
             "loads": [{"kind": "force", "at": 0.18, "force": [0.0, 0.01]}],
             "goal": {"end": "moving", "bending": {"value": [0.1, 0.1], "weight": 10.0}, "input": [3.0, 2.0]},
             "bounds.speed": 20.0,
+            "method": "single_shooting",
             "solver": {"substeps": 4, "starts": 2},
         },
     ),

@@ -315,8 +315,8 @@ class Prediction(Remade):
         """
         return sample_shapes(self.system.finger_model, np.zeros(self.system.finger_model.n))[:count]
 
-    def fastest_rate(self, u_min: Array, u_max: Array, p: Array | None = None) -> float:
-        """Find the largest absolute eigenvalue of the linearized motion [1/s], over inputs (nu) within their limits.
+    def eigenvalues(self, u_min: Array, u_max: Array, p: Array | None = None) -> Array:
+        """Find the eigenvalues of the linearized motion [1/s], over inputs (nu) within their limits.
 
         With the nominal parameters, or others p (np).
 
@@ -335,7 +335,7 @@ class Prediction(Remade):
         linearized = ca.Function("jacobian", given, [jacobian])
         # The seed is fixed: the number of steps follows, and with it the generated C, which must repeat.
         rng = np.random.default_rng(0)
-        largest = 0.0 if self.scene.lag is None else 1.0 / self.scene.lag
+        found = [np.zeros(1) if self.scene.lag is None else np.array([-1.0 / self.scene.lag])]
         finger, most = (
             self.system.finger_model,
             max((one.max_tension for one in self.scene.finger.tendon_list), default=0.0),
@@ -351,8 +351,12 @@ class Prediction(Remade):
                 a = np.array(linearized(x, u, parameters))
                 if not np.all(np.isfinite(a)):
                     raise NumericalError("the linearized motion is not finite", state=shape)
-                largest = max(largest, float(np.abs(np.linalg.eigvals(a)).max()))
-        return largest
+                found.append(np.linalg.eigvals(a))
+        return np.concatenate(found).astype(complex)
+
+    def fastest_rate(self, u_min: Array, u_max: Array, p: Array | None = None) -> float:
+        """Largest absolute value of the `eigenvalues` [1/s]."""
+        return float(np.abs(self.eigenvalues(u_min, u_max, p)).max())
 
 
 def _symbols(names: Sequence[str]) -> ca.SX:

@@ -182,10 +182,9 @@ class Constraints:
         self.count += rows.size
         return rows
 
-    def bounds(self, margins: Mapping[str, Array] | None = None) -> tuple[Array, Array]:
-        """Bounds of all rows, those of some blocks moved inwards by margins (count, size)."""
+    def bounds(self) -> tuple[Array, Array]:
+        """Bounds of all rows."""
         lower, upper = np.zeros(self.count), np.zeros(self.count)
         for block in self.blocks:
-            margin = (margins or {}).get(block.name, 0.0)
-            lower[block.rows], upper[block.rows] = block.lower + margin, block.upper - margin
+            lower[block.rows], upper[block.rows] = block.lower, block.upper
         return lower, upper

@@ -39,8 +39,7 @@ class _Placed:
 class Assembly(Constraints):
     """Minimize f(w) subject to lower <= g(w) <= upper and low <= w <= high.
 
-    ``semidefinite`` states whether all terms have Hessians of Gauss and Newton. ``margins`` are amounts by which the
-    bounds of a block are moved inwards, by its name.
+    ``semidefinite`` states whether all terms have Hessians of Gauss and Newton.
     """
 
     def __init__(self, *, semidefinite: bool) -> None:
@@ -48,7 +47,6 @@ class Assembly(Constraints):
         self.semidefinite = semidefinite
         self.low: list[float] = []
         self.high: list[float] = []
-        self.margins: dict[str, Array] = {}
         self._placed: list[_Placed] = []
         self._linear: list[list[NDArray[Any]]] = []
 
@@ -96,10 +94,16 @@ class Assembly(Constraints):
         """Number of unknowns."""
         return len(self.low)
 
-    def start(self, w: Array, multipliers: Multipliers | None = None, barrier: float | None = None) -> Start:
+    def start(
+        self,
+        w: Array,
+        multipliers: Multipliers | None = None,
+        barrier: float | None = None,
+        patience: int | None = None,
+    ) -> Start:
         """A start of the solver; see `continuum_grasp.nlp.Start`."""
-        bounds = np.array(self.low), np.array(self.high), *self.bounds(self.margins)
-        return Start(w, *bounds, multipliers=multipliers, barrier=barrier)
+        bounds = np.array(self.low), np.array(self.high), *self.bounds()
+        return Start(w, *bounds, multipliers=multipliers, barrier=barrier, patience=patience)
 
     @cached_property
     def _w(self) -> ca.MX:

@@ -43,23 +43,26 @@ def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis | None:
     if not missed and not outside:
         return None
     strengths = _strengths(problem, attempt)
-    most = max(strengths.values(), default=0.0)
-    if not missed:
-        what = "a bound of the state cannot be satisfied"
-        advice = "the motion begins outside the bound, or is driven out of it: move the bound or the initial state"
-    elif most > _WEAK * max(worst, 1.0):
+    most, levers = max(strengths.values(), default=0.0), []
+    what = [f"goal out of reach: {_nearest(problem, attempt.x)}"] if missed else []
+    if outside:
+        what.append(f"a bound of the state cannot be satisfied: {'; '.join(outside.values())}")
+        levers.append(
+            "the motion begins outside the bound, or is driven out of it: move the bound or the initial state"
+        )
+    if missed and most > _WEAK * max(worst, 1.0):
         named = [name for name, value in sorted(strengths.items(), key=lambda item: -item[1]) if value > _COUNTS * most]
         zone = ("zone {0} stops it", "move or shrink bounds.keep_out.{0}")
         texts = [[text.format(name) for text in _TEXTS.get(name, zone)] for name in named]
-        stops, advice = " and ".join(text for text, _ in texts), "; or ".join(text for _, text in texts)
-        what = f"goal out of reach: {_nearest(problem, attempt.x)}; {stops}"
-    else:
-        what = f"goal out of reach: {_nearest(problem, attempt.x)}; no limit stops it"
-        advice = (
+        what.append(" and ".join(text for text, _ in texts))
+        levers = [text for _, text in texts]
+    elif missed:
+        what.append("no limit stops it")
+        levers.append(
             "tendons bend the finger in few shapes: one with other bends, or a tip beside its path, cannot be held; "
             "give the goal a weight, or end: moving"
         )
-    return Diagnosis((*missed, *outside), what, advice)
+    return Diagnosis((*missed, *outside), "; ".join(what), "; or ".join(levers))
 
 
 def missed_goals(problem: PlanProblem, w: Array, *, weighted: bool) -> tuple[list[str], float]:
@@ -87,11 +90,18 @@ def missed_goals(problem: PlanProblem, w: Array, *, weighted: bool) -> tuple[lis
     return found, worst
 
 
-def _outside(problem: PlanProblem, attempt: Attempt) -> list[str]:
-    """State bounds that are left, with their amounts."""
-    blocks = [block for block in problem.assembly.blocks if block.key.startswith("bounds.")]
-    worst = [block.violation(problem.bounds.values(attempt.x, attempt.g, block)) for block in blocks]
-    return [str(violation) for violation in worst if violation.scaled > _OUTSIDE]
+def _outside(problem: PlanProblem, attempt: Attempt) -> dict[str, str]:
+    """State bounds that are left, with their amounts, and in words when."""
+    found = {}
+    for block in problem.assembly.blocks:
+        if block.key.startswith("bounds."):
+            violation = block.violation(problem.bounds.values(attempt.x, attempt.g, block))
+            if violation.scaled > _OUTSIDE:
+                count, size = block.rows.shape
+                time = (violation.index // size + 1) / count * problem.path(attempt.x).duration
+                amount = f"{violation.amount:.3g} {violation.unit}"
+                found[str(violation)] = f"{violation.name} is left by {amount} at t = {time:.3g} s"
+    return found
 
 
 def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:

@@ -1,9 +1,8 @@
-"""A plan on a finely integrated model and on a finer one, and bounds tightened where it leaves them between nodes."""
+"""A plan on a finely integrated model and on a finer one, and after its end."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -15,10 +14,8 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, Signal
 from continuum_grasp.errors import NumericalError
-from continuum_grasp.nlp import Attempt
 from continuum_grasp.planning.guess import Path, first_state_of_plan
 from continuum_grasp.planning.motion import Motion, parameters_over_time
-from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.result import Deviation, Plan, PlanStatus
 from continuum_grasp.scene.plan import PlanScene
 
@@ -38,12 +35,8 @@ _FINER_OFF = 0.01
 """Deviation of the tip on a finer model, per finger length, from which on there is a warning."""
 _HELD = 0.1
 """Time after the end in which a finger that is held must stay where it is [s]: ten times as long as it settles."""
-_ROUNDS = 5
-"""Most rounds of tightening; shipped plans need up to three."""
-_EXCESS = 2e-4
-"""Share of a bound's scale by which it may be violated between the nodes; a plan's warning begins at 1e-3."""
-_OVER_TIGHTENING = 1.1
-"""Factor on the excess, so that rounds converge from the safe side."""
+_AFTER = 0.5
+"""Time after the end in which it is seen whether bounds still hold [s]: two periods of the slowest fingers here."""
 
 
 def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts: int = PARTS) -> Array:
@@ -129,11 +122,12 @@ def checked(plan: Plan, motion: Motion) -> Plan:
     if reason:
         advice = "take more solver.substeps, or more intervals"
         return replace(plan, status=PlanStatus.NOT_SOLVED, message=reason, advice=advice, deviation=found)
-    hard = excess_over_intervals(motion, states)[:, motion.hard]
-    if hard.max(initial=0.0) > _OUTSIDE:
-        name = np.array(motion.bounded.names)[motion.hard][int(hard.max(axis=0).argmax())]
-        text = f"{name} is left by {100 * hard.max():.2g} % of its scale"
-        warnings.append(f"between the nodes {text}: take more intervals")
+    left, after = _left(motion, states), _left_after_the_end(motion, plan, states[-1])
+    if left:
+        warnings.append(f"between the nodes {left}: take more intervals")
+    if after:
+        warnings.append(after)
+        plan = replace(plan, message=f"{plan.message}; {after}")
     finer = None
     if scene.check.finer is not None:
         finer, found_there = _on_finer(scene, plan, path)
@@ -157,6 +151,31 @@ def _not_reproduced(plan: Plan, model: Prediction, states: Array, found: Deviati
     first, last = (np.array(model.tip(x, u, p)).ravel() for x in ends)
     drift = float(np.hypot(*(last - first)))
     return f"no plan: the tip moves on by {1e3 * drift:.3g} mm after its end" if drift > most else ""
+
+
+def _left(motion: Motion, states: Array) -> str:
+    """Which hard bound states leave most, and by how much; empty where they leave none."""
+    hard = excess_over_intervals(motion, states)[:, motion.hard]
+    if hard.max(initial=0.0) <= _OUTSIDE:
+        return ""
+    name = np.array(motion.bounded.names)[motion.hard][int(hard.max(axis=0).argmax())]
+    return f"{name} is left by {100 * hard.max():.2g} % of its limit (of zones: of the finger's length)"
+
+
+def _left_after_the_end(motion: Motion, plan: Plan, last: Array) -> str:
+    """The same under the last input, of a finger that need not stay where it ends."""
+    scene = plan.scene
+    if scene.goal.end == "held" or scene.load_varies:
+        return ""
+    interval = plan.duration / (len(plan.t) - 1)
+    u = np.tile(plan.u[-1], (math.ceil(_AFTER / interval) + 1, 1))
+    path = Path(np.zeros((len(u), 0)), u, (len(u) - 1) * interval)
+    try:
+        left = _left(motion, simulated(scene, motion.prediction, path, last))
+    except NumericalError:
+        return ""
+    keeps = f"end: {scene.goal.end} keeps bounds up to the end alone, end: held stays there"
+    return left and f"within {_AFTER:g} s after the end, under its last input, {left}: {keeps}"
 
 
 def _deviation(name: str, model: Prediction, plan: Plan, states: Array) -> Deviation:
@@ -184,38 +203,3 @@ def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | Non
     if found.final_tip <= _FINER_OFF * plan.length:
         return found, []
     return found, [f"on {name} the tip ends {1e3 * found.final_tip:.3g} mm from the plan: raise fidelity.elements"]
-
-
-def satisfied_between_nodes(
-    problem: PlanProblem, found: Attempt, solved: Callable[..., Attempt], over: Callable[[], bool]
-) -> tuple[Attempt, int]:
-    """Tighten bounds at the nodes where a plan violates them in between: the plan, and how often that was done.
-
-    Where no plan satisfies the tightened bounds, the last one that was found is retained. ``solved`` solves the problem
-    from unknowns and, if they are known, multipliers; ``over`` states whether the search has to end.
-    """
-    motion, hard = problem.motion, problem.motion.hard
-    if not hard.any():
-        return found, 0
-    margins = np.zeros((problem.grid.intervals, len(hard)))
-    for k in range(_ROUNDS):
-        path = problem.path(found.x)
-        try:
-            excess = excess_over_intervals(motion, simulated(motion.scene, motion.prediction, path, path.x[0]))
-        except NumericalError:
-            return found, k
-        excess[:, ~hard] = 0.0
-        if excess.max() <= _EXCESS:
-            return found, k
-        # An interval lies between two nodes; the one at the start cannot move.
-        before, after = np.zeros_like(margins), _OVER_TIGHTENING * excess
-        before[:-1] = after[1:]
-        margins += np.maximum(before, after)
-        problem.bounds.tighten(margins)
-        attempt = solved(problem, found.x, found.multipliers)
-        if not attempt.converged:
-            attempt = solved(problem, found.x)  # multipliers of active bounds that have moved can mislead the solver
-        if not attempt.converged or over():
-            return found, k
-        found = attempt
-    return found, _ROUNDS

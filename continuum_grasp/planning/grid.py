@@ -1,8 +1,7 @@
-"""Equations of motion and bounds of the state on the grid: multiple shooting or collocation."""
+"""Equations of motion and bounds of the state on the grid: single shooting or collocation."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import casadi as ca
@@ -10,23 +9,13 @@ import numpy as np
 
 from continuum_grasp.arrays import Array, Indices
 from continuum_grasp.control.ocp.bounds import ABSENT
-from continuum_grasp.errors import InputError
 from continuum_grasp.nlp import Block
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
-from continuum_grasp.planning.motion import Motion
+from continuum_grasp.planning.motion import Motion, parameters_over_time
 from continuum_grasp.planning.shooting import Term, derived, shooting_interval
 
-_LONGER = 2.0
-"""Factor by which a duration is expected to be longer than where the search begins."""
-_TARGET = 0.6
-"""Product of sub-step and fastest rate, where the Runge-Kutta method is accurate to some 1e-4 of the fastest mode."""
-_TARGET_OF_INPUTS = 1.5
-"""Product of sub-step and fastest rate where inputs alone are unknowns: half of where the method is unstable. What is
-that fast is overdamped, and a finer simulation checks the plan."""
-_MOST_SUBSTEPS = 10_000
-"""Sub-steps per interval up to which their expressions are built [1]: 5 ms and 0.1 MB each."""
 _PARTS = 4
-"""Places per interval at which the finger stays out of zones [1], the last one at the node."""
+"""Places per interval at which bounds hold [1], the last one at the node."""
 _OUTSIDE_WHEN_RELAXED = 100.0
 """Penalty per share by which a hard bound is violated, where only the distance from the goal is minimized
 [units of the squared distance]: large, so that bounds give way last."""
@@ -35,7 +24,7 @@ _OUTSIDE_WHEN_RELAXED = 100.0
 @dataclass(frozen=True)
 class Grid:
     """Columns of the unknowns of a plan: duration (1, 1), states at the nodes (N + 1, ns), controls (N, nu), and states
-    at the collocation points (N, degree, ns), which multiple shooting does not have.
+    at the collocation points (N, degree, ns), which single shooting does not have.
     """
 
     time: Indices
@@ -48,42 +37,35 @@ class Grid:
         """N."""
         return len(self.v)
 
+    def places(self, parts: int) -> tuple[Indices, Array]:
+        """Columns (N parts, basis, ns) and weights (N parts, basis) of states at equal parts of every interval.
+
+        Of collocation they are on its polynomial, else on the line between both nodes.
+        """
+        if parts == 1:
+            return self.s[1:, None], np.ones((self.intervals, 1))
+        degree = self.inner.shape[1]
+        tau = [0.0, *(ca.collocation_points(degree, "radau") if degree else [1.0])]
+        basis = np.concatenate([self.s[:-1, None], self.inner if degree else self.s[1:, None]], axis=1)
+        shares = np.arange(1, parts + 1) / parts
+        weights = np.linalg.solve(np.vander(tau).T, np.vander(shares, len(tau)).T).T
+        return np.repeat(basis, parts, axis=0), np.tile(weights, (self.intervals, 1))
+
     def reads(self, s: Indices) -> Indices:
         """Columns of [s, v, T] for states (N, ns) of the intervals."""
         return np.hstack([s, self.v, np.repeat(self.time, self.intervals, axis=0)])
 
 
-def default_substeps(motion: Motion) -> int:
-    """Runge-Kutta steps per interval that the stiffness asks for; InputError where these are too many."""
-    scene = motion.scene
-    rate = motion.prediction.fastest_rate(*(np.array(limit) for limit in scene.input_limits))
-    longest = min(scene.duration_range[1], _LONGER * motion.first_duration)
-    target = _TARGET_OF_INPUTS if scene.transcription == "single_shooting" else _TARGET
-    found = max(1, math.ceil(longest / scene.intervals * rate / target))
-    if found > _MOST_SUBSTEPS:
-        repair = "" if scene.sudden else "take method: collocation, or "
-        raise InputError(
-            f"{scene.transcription} follows motions of up to {rate:.2g} 1/s, for which each of {scene.intervals} "
-            f"intervals needs {found:,} sub-steps, more than {_MOST_SUBSTEPS:,}: {repair}raise intervals"
-            + (", or lower contact_law.stiffness" if scene.object is not None else ""),
-            key="method",
-        )
-    return found
-
-
-def add_shooting(
-    assembly: Assembly, motion: Motion, flow: Term, grid: Grid, substeps: int, weight: float
-) -> tuple[Term, list[ca.DM]]:
+def add_shooting(assembly: Assembly, motion: Motion, flow: Term, grid: Grid, weight: float) -> tuple[Term, list[ca.DM]]:
     """The end of each interval, by a flow, is the next node; the running objective is weighted by ``weight``.
 
     Returns the motion over an interval, and the numbers that it reads in each.
     """
-    intervals = grid.intervals
-    term = shooting_interval(flow, motion.ns, intervals, substeps, motion.flow_of_inputs)
+    intervals, (steps, stages) = grid.intervals, motion.steps
+    term = shooting_interval(flow, motion.ns, intervals, steps, stages)
     rows = _defects(assembly, motion, intervals)
     into = np.hstack([rows, np.full((intervals, 1), OBJECTIVE)])
-    instants = np.arange(intervals)[:, None] + np.linspace(0.0, 1.0, 2 * substeps + 1)
-    data = _numbers(motion, instants / intervals)
+    data = _numbers(motion, (np.arange(intervals)[:, None] + np.linspace(0.0, 1.0, steps + 1)) / intervals)
     assembly.add(term, grid.reads(grid.s[:-1]), into, data, np.append(np.ones(motion.ns), weight))
     assembly.add_linear(rows, grid.s[1:], -1.0)
     return term, [ca.DM(each.T) for each in data]
@@ -122,79 +104,48 @@ def _numbers(motion: Motion, shares: Array) -> Array:
     return rows.reshape(*shares.shape, -1)
 
 
-@dataclass(frozen=True)
-class _Bound:
-    """Rows of one name: entries among the stages' rows, where and how they are evaluated, places per interval."""
-
-    entries: list[int]
-    term: Term
-    columns: Indices
-    data: Array
-    parts: int
-
-
 class StateBounds:
-    """Bounds of the state, at the nodes and for zones also between them; ``relaxed`` bounds have a penalty.
+    """Bounds of the state, at the nodes and between them; ``relaxed`` bounds have a penalty.
 
-    Between nodes the state is a cubic polynomial through both nodes with their rates, as far as these are states too.
+    Between the nodes of single shooting, where the state is not known, zones alone hold, of the line between both, and
+    where there is contact.
     """
 
     def __init__(self, assembly: Assembly, motion: Motion, grid: Grid, relaxed: bool) -> None:
-        self._assembly, self._motion, self._grid = assembly, motion, grid
-        self._bounds: dict[str, _Bound] = {}
+        self._assembly, self._motion = assembly, motion
+        # Entries of each bound, and places: columns of states, and weights of their sum.
+        self._places: dict[str, tuple[list[int], Indices, Array]] = {}
         bounded = motion.bounded
-        least, most = np.array(bounded.least), np.array(bounded.most)
-        lower = np.where(least > -ABSENT, least, -np.inf)
-        upper = np.where(most < ABSENT, most, np.inf)
+        lower = np.where(np.array(bounded.least) > -ABSENT, bounded.least, -np.inf)
+        upper = np.where(np.array(bounded.most) < ABSENT, bounded.most, np.inf)
         zones = tuple(motion.scene.bounds.keep_out)
+        # With contact at the nodes alone: with bounds between them too, IPOPT did not solve the plan of a mug in 500
+        # iterations; without, in 334.
+        smooth = grid.inner.size and motion.scene.object is None
         for name, entries in _groups(bounded.names, zones).items():
             key, unit, size = f"bounds.{name}", "of its limit", 1.0
             if name in zones:
                 key, unit, size = f"bounds.keep_out.{name}", "m", motion.length
-            bound = self._bounds[name] = self._bound(entries, _PARTS if name in zones else 1)
-            count = grid.intervals * bound.parts
-            scale = np.full(len(entries), size)
+            self._places[name] = (entries, *grid.places(_PARTS if smooth or name in zones else 1))
+            count, scale = len(self._places[name][1]), np.full(len(entries), size)
             rows = assembly.rows(name, key, unit, count, scale, lower[entries], upper[entries])
-            assembly.add(bound.term, bound.columns, rows, bound.data)
+            self._add(*self._places[name], rows)
             share = motion.first_duration / count / motion.scales.objective  # penalties are per second
             if relaxed:
                 self._soften(rows, np.full(len(entries), _OUTSIDE_WHEN_RELAXED), np.zeros(len(entries)))
             elif not motion.hard[entries].any():
                 self._soften(rows, share * bounded.linear[entries], share * bounded.quadratic[entries])
 
-    def _bound(self, entries: list[int], parts: int) -> _Bound:
-        """Rows at equal parts of every interval."""
-        motion, grid = self._motion, self._grid
-        before, after, time = ca.SX.sym("before", motion.ns), ca.SX.sym("after", motion.ns), ca.SX.sym("T")
-        at = ca.SX.sym("at")
+    def _add(self, entries: list[int], columns: Indices, weights: Array, rows: Indices) -> None:
+        motion, (count, size) = self._motion, weights.shape
         s, _, _, numbers = motion.symbols
         x, _, _, p, _ = motion.physical
-        rows = motion.rows(x, ca.DM.zeros(motion.nu), p)[entries]
-        state = self._between(before, after, time, at) if parts > 1 else after
-        z, d = ca.vertcat(before, after, time), ca.vertcat(numbers, at)
-        term = derived("rows", z, d, ca.substitute(rows, s, state), exact=motion.exact)
-        shares = np.tile(np.arange(1, parts + 1) / parts, grid.intervals)
-        columns = np.hstack([grid.s[:-1], grid.s[1:], np.repeat(grid.time, grid.intervals, axis=0)])
-        fixed = np.tile(motion.numbers([0.0]), (len(shares), 1))
-        return _Bound(entries, term, np.repeat(columns, parts, axis=0), np.hstack([fixed, shares[:, None]]), parts)
-
-    def _between(self, before: ca.SX, after: ca.SX, time: ca.SX, at: ca.SX) -> ca.SX:
-        """State at a share of an interval."""
-        motion, names = self._motion, self._motion.prediction.x_names
-        rates = {name.split(" ")[0]: k for k, name in enumerate(names)}
-        h = time * motion.scales.time / self._grid.intervals
-        change = after - before
-        values = []
-        for k in range(motion.ns):
-            rate = rates.get(f"{names[k].split(' ')[0]}_rate") if k < motion.nx else None
-            value = before[k] + at * change[k]
-            if rate is not None:
-                # Hermite's cubic: the line, and what the rates at both ends differ from its slope.
-                size = h * float(motion.scales.x[rate] / motion.scales.x[k])
-                first, last = size * before[rate] - change[k], size * after[rate] - change[k]
-                value += at * (1 - at) * ((1 - at) * first - at * last)
-            values.append(value)
-        return ca.vertcat(*values)
+        basis, share = ca.SX.sym("basis", motion.ns, size), ca.SX.sym("share", size)
+        values = motion.rows(x, ca.DM.zeros(motion.nu), p)[entries]
+        value = ca.substitute(values, s, ca.mtimes(basis, share))
+        term = derived("rows", ca.vec(basis), ca.vertcat(numbers, share), value, exact=motion.exact)
+        data = np.hstack([np.tile(motion.numbers([0.0]), (count, 1)), weights])
+        self._assembly.add(term, columns.reshape(count, -1), rows, data)
 
     def _soften(self, rows: Indices, linear: Array, quadratic: Array) -> None:
         """Slacks of rows, and their penalty."""
@@ -210,15 +161,12 @@ class StateBounds:
 
     def values(self, w: Array, g: Array, block: Block) -> Array:
         """Values that a block of constraints bounds (count, size), without slacks."""
-        bound = self._bounds.get(block.name)
-        if bound is None:
+        if block.name not in self._places:
             return np.asarray(g[block.rows])
-        return np.array(bound.term.value.map(len(bound.columns))(ca.DM(w[bound.columns].T), ca.DM(bound.data.T))).T
-
-    def tighten(self, margins: Array) -> None:
-        """Move the bounds inwards by amounts (N, ns)."""
-        for name, bound in self._bounds.items():
-            self._assembly.margins[name] = np.repeat(margins[:, bound.entries], bound.parts, axis=0)
+        motion, (entries, columns, weights) = self._motion, self._places[block.name]
+        x, count = np.einsum("ij,ijk->ik", weights, w[columns])[:, : motion.nx] * motion.scales.x, len(columns)
+        p = np.tile(parameters_over_time(motion.scene, motion.prediction, [0.0]).T, (1, count))
+        return np.array(motion.rows.map(count)(x.T, np.zeros((motion.nu, count)), p)).T[:, entries]
 
 
 def _groups(names: list[str], zones: tuple[str, ...]) -> dict[str, list[int]]:

@@ -15,12 +15,15 @@ from continuum_grasp.control.ocp.bounds import HARD, state_bounds
 from continuum_grasp.control.ocp.cost_terms import Outputs, cost_terms
 from continuum_grasp.control.ocp.setpoints import missed_setpoints, setpoints
 from continuum_grasp.control.prediction import Prediction
+from continuum_grasp.errors import InputError
 from continuum_grasp.model.memory import RETURN_TIME, clipped
-from continuum_grasp.planning.shooting import Term, compiled, derived
+from continuum_grasp.planning.shooting import MOST_STEPS, Term, compiled, derived, fewest_evaluations
 from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.plan import PlanScene
 from continuum_grasp.simulation.signals import interpolate
 
+_LONGER = 2.0
+"""Factor by which a duration is expected to be longer than where the search begins."""
 _COMPILE_FROM = 150_000
 """Instructions of the second derivatives at all intervals from which on compiling them pays."""
 
@@ -112,6 +115,24 @@ class Motion:
         parts = [np.asarray(x) / self.scales.x]
         return np.concatenate([*parts, np.asarray(u) / self.scales.u] if self.linear else parts, axis=-1)
 
+    @cached_property
+    def steps(self) -> tuple[int, int]:
+        """Steps per interval of single shooting, and stages of each, that the stiffness asks for."""
+        scene = self.scene
+        rates = self.prediction.eigenvalues(*(np.array(limit) for limit in scene.input_limits))
+        longest = min(scene.duration_range[1], _LONGER * self.first_duration) / scene.intervals
+        steps, stages = fewest_evaluations(rates, longest, scene.solver.substeps)
+        if steps > MOST_STEPS:
+            given = scene.solver.substeps
+            lever = "leave out solver.substeps" if given else "raise intervals"
+            raise InputError(
+                f"single_shooting follows motions of up to {np.abs(rates).max():.2g} 1/s, for which each of "
+                f"{scene.intervals} intervals needs more steps than {given or MOST_STEPS:,}: "
+                + (lever if scene.sudden else f"take method: collocation, or {lever}"),
+                key="method",
+            )
+        return steps, stages
+
     # -- functions ----------------------------------------------------------------------------------------------------
 
     @cached_property
@@ -176,24 +197,9 @@ class Motion:
         z, out = ca.vertcat(s, v, duration), ca.vertcat(time * rate, running)
         term = derived("flow", z, d, out, exact=self.exact, squared=squared)
         work = term.hessian.n_instructions() * self.scene.intervals
-        simulated = self.scene.transcription == "single_shooting"  # in small steps
+        simulated = self.scene.transcription == "single_shooting"  # in many steps
         found = compiled(term) if simulated or work > _COMPILE_FROM else term
         return _with_given_friction(found, self.prediction.x_names) if simulated else found
-
-    @cached_property
-    def flow_of_inputs(self) -> Term | None:
-        """(z = [inputs that are states, v, T], d) -> their rates and that of the objective.
-
-        None where the objective depends on the rest of the state, or where Hessians are exact.
-        """
-        s, v, duration, d = self.symbols
-        errors, (_, _, time, _, _) = self._errors(), self.physical
-        _, _, of_time, of_objective = self._units
-        if self.exact or any(ca.which_depends(errors, s[: self.nx], 1, True)):
-            return None
-        z, squared = ca.vertcat(s[self.nx :], v, duration), ca.sqrt(time / of_objective) * errors
-        rates = ca.vertcat(time * v / of_time if self.linear else ca.SX(0, 1), ca.dot(squared, squared) / 2)
-        return derived("flow_of_inputs", z, d, rates, exact=False, squared=squared)
 
     @cached_property
     def flow_of_given_friction(self) -> Term:

@@ -11,7 +11,7 @@ import numpy as np
 from continuum_grasp.arrays import Array, Indices
 from continuum_grasp.planning.assembly import OBJECTIVE, Assembly
 from continuum_grasp.planning.goal import goal_parts
-from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting, default_substeps
+from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.shooting import derived
@@ -48,7 +48,7 @@ class PlanProblem:
     Where it is ``relaxed``, the distance from the goal is minimized in place of the objective, and hard bounds have a
     penalty. Where ``one_way`` is None, tendons with friction may slide to and fro. ``before`` (1, nu) are columns of
     the input before the motion begins, ``inputs`` (N + 1, nu) those of the inputs at the nodes; the last one is held
-    after the end. ``substeps`` are Runge-Kutta steps per interval; 0 for collocation.
+    after the end.
     """
 
     def __init__(self, motion: Motion, x0: Array, *, relaxed: bool = False, one_way: OneWay | None = None) -> None:
@@ -60,14 +60,12 @@ class PlanProblem:
             first[motion.friction_states] = np.where(one_way.ways, one_way.ways, first[motion.friction_states])
         self._add_unknowns(first)
         weight = _EFFORT_WHEN_RELAXED if relaxed else 1.0
-        scene = motion.scene
-        self.substeps = 0
+        scene, self.motion_unknowns = motion.scene, self.assembly.size  # slacks follow
         if scene.transcription == "collocation":
             add_collocation(self.assembly, motion, self.grid, weight)
         else:
-            self.substeps = scene.solver.substeps or default_substeps(motion)
             flow = motion.flow_of_given_friction if one_way is not None and one_way.given else motion.flow
-            self.interval = add_shooting(self.assembly, motion, flow, self.grid, self.substeps, weight)
+            self.interval = add_shooting(self.assembly, motion, flow, self.grid, weight)
         self.bounds = StateBounds(self.assembly, motion, self.grid, relaxed)
         self._add_rate_limit()
         self._add_sliding()
@@ -110,6 +108,12 @@ class PlanProblem:
             return inputs[1:], inputs[:-1]
         count = len(np.unique(inputs[:, 0]))  # the last one is that before it where it does not jump
         return inputs[:count], np.vstack([self.before, inputs[: count - 1]])
+
+    def like(self, other: PlanProblem, w: Array) -> Array:
+        """Unknowns that stand for the motion of another problem of this grid, between the nodes too."""
+        found, own = self.start(other.path(w)), self.motion_unknowns
+        found[:own] = w[:own]
+        return found
 
     def start(self, path: Path) -> Array:
         """Unknowns that stand for a path."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 
@@ -11,10 +12,10 @@ from numpy.typing import NDArray
 from continuum_grasp import interrupt
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, new_solver
+from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, Status, new_solver
 from continuum_grasp.planning.condensed import Condensed
 from continuum_grasp.planning.diagnosis import Diagnosis, diagnose
-from continuum_grasp.planning.fine import satisfied_between_nodes, simulated
+from continuum_grasp.planning.fine import simulated
 from continuum_grasp.planning.guess import (
     Hint,
     Path,
@@ -37,11 +38,17 @@ _SIDES = (0.0, 0.5, -0.5, 1.0, -1.0, 0.25, -0.25, 1.5, -1.5)
 """Amplitudes of the paths, in half bending ranges, bent to one side or the other in between."""
 _STARTS_WITH_ZONES = 5
 """The direct path, and two to either side [1], so that both ways past a zone are tried."""
-_BARRIERS = (1e-3, 1e-4, 1e-2)
-"""First barrier parameters from a simulated motion with contact, whose forces change steeply."""
+_NEAR = 1e-3
+"""First barrier parameter from a motion that is worth staying near: an earlier plan, one simulated with contact."""
+_PATIENCE, _PATIENCE_IN_CONTACT = 25, 200
+"""Iterations that may leave a violation as it is, until it is halved [1]: contacts that close hold steps up."""
+_WORK = 18_000_000
+"""Unknowns, or stages of the steps of single shooting, times states and iterations: some 50 s of one core [1]."""
 _TURNED, _TURNED_BY = 0.9, 0.8
 """Friction state from which on friction counts as turned around [1], and the latest node, per the number of intervals:
 the finger needs the rest of the motion to come to rest."""
+_SAME = 1e-3
+"""Relative difference of distances from the goal of two starts that came to the same end [1]."""
 _MOST_TURNING = 60
 """Most iterations from a motion in which friction turns around [1]: the plans of twenty random cases took up to 33."""
 _PACE = 0.85
@@ -57,8 +64,7 @@ class Search:
 
     ``warm`` is a plan from which to begin, ``near`` a posture near which the last one is sought. ``attempts`` and
     ``relaxed`` are what was tried, by name, at the problem and at the relaxed one that seeks the least distance from
-    the goal; ``diagnosis`` is what stops the nearest one of these. ``tightened`` counts how often bounds were tightened
-    at the nodes.
+    the goal; ``diagnosis`` is what stops the nearest one of these.
     """
 
     def __init__(self, scene: PlanScene, warm: Plan | None = None, near: Hint | None = None) -> None:
@@ -67,13 +73,18 @@ class Search:
         self.relaxed: list[tuple[str, Attempt]] = []
         self.best: Attempt | None = None
         self.diagnosis: Diagnosis | None = None
-        self.interrupted, self.tightened = False, 0
+        self.interrupted = False
         self.motion = Motion(scene)
         self.feasible = FEASIBLE_MOTION if scene.transcription == "single_shooting" else FEASIBLE
         self.x0, self.first = first_state_of_plan(scene, self.motion.prediction)
         self.problem = PlanProblem(self.motion, self.x0)
         """Problem of the last attempt."""
-        self.budget, options = Budget.of(scene.solver), scene.solver
+        self.budget, options, size = Budget.of(scene.solver), scene.solver, self.problem.assembly.size
+        if scene.transcription == "single_shooting":
+            size = scene.intervals * int(np.prod(self.motion.steps))
+        if "max_total_iterations" not in options.model_fields_set:
+            self.budget.left = min(self.budget.left, max(_WORK // (size * self.motion.ns), 50))
+        self.allowed = int(self.budget.left)
         # Plans start far from their solution, where the adaptive barrier is the more robust one; no bound is relaxed,
         # since the limits of a plan are reported as satisfied.
         ipopt = {"acceptable_iter": 20, "bound_relax_factor": 0.0, "mu_strategy": "adaptive"}
@@ -92,16 +103,9 @@ class Search:
         if self.motion.friction_states and rests:
             self._try_one_way()
         if self.best is None and self.warm is not None and not self.over:
-            w, multipliers = self._warm_start(self.warm)
-            # Where there are no multipliers, a low first barrier keeps the solver near the plan all the same.
-            self._try("warm", w, multipliers, _BARRIERS[0])
-        if self.best is None and self.scene.object is not None:
-            self._try_motion()
+            self._try("warm", *self._warm_start(self.warm), _NEAR)
         if self.best is None:
             self._try_paths()
-        if self.best is not None and self.best.converged and not self.over:
-            found = satisfied_between_nodes(self.problem, self.best, self._solved, lambda: self.over)
-            self.best, self.tightened = found
 
     def _try_one_way(self) -> None:
         """Start with tendons that slide one way, up to rest.
@@ -189,31 +193,22 @@ class Search:
         since = np.asarray(len(path.x) - np.argmin(sliding[::-1], axis=0), dtype=np.int64)
         return since if since.max() <= _TURNED_BY * self.scene.intervals else None
 
-    def _try_motion(self) -> None:
-        """Start from what the finger does under an input that grows smoothly: it keeps off the object, or presses."""
-        direct = smooth_path(self.motion, self.x0, self.first, self.last, 0.0)
-        # Its states satisfy the equations of motion: the solver has contacts right from the start.
-        try:
-            states = simulated(self.scene, self.motion.prediction, direct, self.x0, 1)
-        except NumericalError:
-            return
-        w = self.problem.start(replace(direct, x=states))
-        for barrier in _BARRIERS:
-            if self.best is None and not self.over:
-                self._try(f"simulated, barrier {barrier:g}", w, None, barrier)
-
     def _try_paths(self) -> None:
-        count, failed = self.scene.solver.starts or (_STARTS_WITH_ZONES if self.scene.bounds.keep_out else 1), False
+        """Start from paths; as long as none gave a plan, seek the least distance from the goal too."""
+        count, barrier = self.scene.solver.starts or (_STARTS_WITH_ZONES if self.scene.bounds.keep_out else 1), None
         for side in _SIDES[:count]:
             name = "direct" if side == 0.0 else f"detour {side:+g}"
             if self.over and self.attempts:
                 return
             path = smooth_path(self.motion, self.x0, self.first, self.last, side)
-            if not failed:
-                failed = not self._try(name, self.problem.start(path))
-            # Not with contact, whose forces do not change before surfaces touch: their distance from a goal is flat.
-            if failed and not self.over and self.scene.object is None:
-                self._approach(name, path)
+            if self.scene.object is not None:
+                # What the finger does under these inputs keeps off the object or presses on it, as the solver should.
+                with suppress(NumericalError):
+                    states = simulated(self.scene, self.motion.prediction, path, self.x0, 1)
+                    name, path, barrier = f"{name}, simulated", replace(path, x=states), _NEAR
+            found = self._try(name, self.problem.start(path), None, barrier) or self.best is not None
+            if not found and self._approach(name, path, barrier):
+                return
 
     @property
     def over(self) -> bool:
@@ -280,7 +275,9 @@ class Search:
                     w, self.budget, min(most or options.max_iterations, options.max_iterations)
                 )
             else:
-                attempt = self._solver.solve(assembly.nlp, assembly.start(w, multipliers, barrier), self.budget)
+                patience = _PATIENCE if self.scene.object is None else _PATIENCE_IN_CONTACT
+                start = assembly.start(w, multipliers, barrier, patience)
+                attempt = self._solver.solve(assembly.nlp, start, self.budget)
         self.interrupted |= pressed()
         return attempt
 
@@ -289,18 +286,31 @@ class Search:
         """The relaxed problem."""
         return PlanProblem(self.motion, self.x0, relaxed=True)
 
-    def _approach(self, name: str, path: Path) -> None:
-        """Seek the least distance from the goal; where it is none, go on with the search from there."""
+    def _approach(self, name: str, path: Path, barrier: float | None) -> bool:
+        """Seek the least distance from the goal; where it is none, go on with the search from there.
+
+        Whether nothing else is worth a trial: the starts to either side came where the direct one had.
+        """
+        if self.over:
+            return True
         problem = self._near_goal
-        attempt = self._solved(problem, problem.start(path))
-        if not attempt.violation <= self.feasible:
-            return
+        attempt = self._solved(problem, problem.start(path), None, barrier)
+        # Motions along kinks creep to their end, which is one all the same.
+        ended = attempt.converged or attempt.outcome == "Search_Direction_Becomes_Too_Small"
+        if not (ended and attempt.violation <= self.feasible):
+            return False
         self.relaxed.append((name, attempt))
         found = diagnose(problem, attempt)
         if found is None and not self.over:
-            self._try(f"{name}, from the goal", self.problem.start(problem.path(attempt.x)))
+            w = self.problem.like(problem, attempt.x)
+            if not self._try(f"{name}, from the goal", w, None, barrier) and self.best is None:
+                # A plan all the same, if not the cheapest: its goal is met, its bounds and its motion hold.
+                f, g = (np.array(v).ravel() for v in self.problem.assembly.values(w))
+                self.best = replace(self.attempts[-1][1], status=Status.FAILED, x=w, g=g, objective=float(f[0]))
         elif attempt.objective <= min(a.objective for _, a in self.relaxed):
             self.diagnosis = found
+        ends = [a.objective for _, a in self.relaxed]
+        return len(ends) > 2 and max(ends) - min(ends) <= _SAME * min(ends)
 
     @property
     def nearest(self) -> tuple[PlanProblem, Attempt]:

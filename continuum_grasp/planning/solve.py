@@ -14,6 +14,7 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import Interrupted, SolverError
 from continuum_grasp.nlp import Attempt
+from continuum_grasp.nlp.solver import STALLED
 from continuum_grasp.planning.diagnosis import missed_goals
 from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.guess import closing
@@ -143,8 +144,7 @@ def _result(search: Search) -> Plan:
             "starts": [f"{name}: {a.outcome} after {a.iterations} iterations, {a.seconds:.2f} s" for name, a in tried],
             "unknowns": search.problem.assembly.size,
             "constraints": search.problem.assembly.count,
-            "substeps": search.problem.substeps,
-            "tightened": search.tightened,
+            "steps": motion.steps if scene.transcription == "single_shooting" else (),
             "cut_short": search.budget.cut,
         },
         solver_state={
@@ -214,7 +214,7 @@ def _cut(search: Search) -> str:
     options = search.scene.solver
     if search.budget.stopped:
         return f"the clock stopped the search after {options.time_limit:g} s (solver.time_limit)"
-    return f"all {options.max_total_iterations} iterations were used up (solver.max_total_iterations)"
+    return f"all {search.allowed} iterations were used up (solver.max_total_iterations)"
 
 
 def _stopped(search: Search, attempt: Attempt) -> str:
@@ -224,6 +224,7 @@ def _stopped(search: Search, attempt: Attempt) -> str:
     return {
         "Maximum_Iterations_Exceeded": "the iterations were used up",
         "Search_Direction_Becomes_Too_Small": "steps lowered the objective by less than 1 % in 10 iterations",
+        STALLED: "constraints stayed violated while the solver went on",
         "Restoration_Failed": "the solver ended where no step lowers what is violated",
         "Infeasible_Problem_Detected": "the solver ended where constraints cannot be met nearby",
     }.get(attempt.outcome, f"the solver ended with {attempt.outcome}")

@@ -139,13 +139,13 @@ class PlanSolver(SolverOptions):
     max_iterations: Annotated[int, Field(ge=1, le=100_000)] = 500
     """Greatest number of iterations per start."""
     max_total_iterations: Annotated[int, Field(ge=1, le=10_000_000)] = 3000
-    """Iterations of all starts together, 10 to 60 ms each: counted work, so that the verdict does not depend on how
-    fast or busy the machine is. Shipped plans take up to 400."""
+    """Iterations of all starts together: counted work, so that the verdict does not depend on how fast or busy the
+    machine is. Where it is not given, large plans take fewer, about a minute of one core."""
     starts: Annotated[int, Field(ge=1, le=9)] | None = None
     """Paths from which the search begins, the direct one first; None: one, or five where there are zones. The best
     plan counts."""
     substeps: Annotated[int, Field(ge=1, le=1000)] | None = None
-    """Runge-Kutta steps per interval of multiple shooting; None: as many as the stiffness asks for."""
+    """Runge-Kutta-Chebyshev steps per interval of single shooting; None: as many as the stiffness asks for."""
     degree: Annotated[int, Field(ge=2, le=9)] = 3
     """Number of collocation points per interval, those of Radau."""
 
@@ -182,9 +182,9 @@ _GIVEN = "needs a duration that is given"
 _ITS_OWN = "has no effect on method: single_shooting, which has its own; leave it out"
 _PLANS = (
     Consumer("plan", _PLAN),
-    # Measured on two winches without friction, with both methods and stiffnesses of 1e4 to 1e5 N/m: IPOPT solves them
-    # or not by rounding; with friction not in 200 iterations, at 25 times the usual presliding neither.
-    beside("plan of sudden forces", lambda s: s.sudden, "method=multiple_shooting method=collocation", _SUDDEN),
+    # Measured on two winches without friction, with stiffnesses of 1e4 to 1e5 N/m: IPOPT solves them or not by
+    # rounding; with friction not in 200 iterations, at 25 times the usual presliding neither.
+    beside("plan of sudden forces", lambda s: s.sudden, "method=collocation", _SUDDEN),
     beside("plan by single shooting", lambda s: s.transcription == "single_shooting", "object", _EXPLICIT),
     # The NLP needs derivatives, and friction with presliding would add states to the plan.
     beside(
@@ -196,9 +196,11 @@ _PLANS = (
     beside("plan of a free duration", lambda s: isinstance(s.duration, DurationRange), "loads.force.times", _GIVEN),
     beside("plan by collocation", lambda s: s.transcription == "collocation", "solver.substeps", "is of shooting"),
     beside(
-        "plan by shooting", lambda s: s.transcription != "collocation", "solver.degree", "is of method: collocation"
+        "plan by inputs",
+        lambda s: s.transcription == "single_shooting",
+        "solver.method solver.hessian solver.degree",
+        _ITS_OWN,
     ),
-    beside("plan by inputs", lambda s: s.transcription == "single_shooting", "solver.method solver.hessian", _ITS_OWN),
     beside("plan of an effort", lambda s: s.objective != "least_time", "smoothing", "is of objective: least_time"),
     beside("plan without tracking", lambda s: s.objective != "tracking", "cost reference", "is of objective: tracking"),
     beside("plan of several fingers", lambda s: s.grasp and len(s.grasp.setups) > 1, "grasp", "needs one finger"),
@@ -242,10 +244,10 @@ class PlanScene(CommandedScene):
     """Duration of the motion, or bounds between which it is found [s]."""
     intervals: Annotated[int, Field(ge=2, le=5000)] = 50
     """Number of intervals of the time grid."""
-    method: Literal["multiple_shooting", "collocation", "single_shooting"] | None = None
-    """multiple_shooting: Runge-Kutta steps over each interval; collocation: polynomials that satisfy the equations of
-    motion at some points of it; single_shooting: inputs are the only unknowns, states are simulated; None:
-    single_shooting where tendons have friction or are wound up, else multiple_shooting."""
+    method: Literal["collocation", "single_shooting"] | None = None
+    """collocation: polynomials that satisfy the equations of motion at some points of each interval; single_shooting:
+    inputs are the only unknowns, states are simulated; None: single_shooting where tendons have friction or are wound
+    up, else collocation."""
     solver: PlanSolver = PlanSolver()
     """Options of the solver."""
     check: FineCheck = FineCheck()
@@ -303,7 +305,7 @@ class PlanScene(CommandedScene):
     @property
     def transcription(self) -> str:
         """Method that is taken."""
-        return self.method or ("single_shooting" if self.sudden else "multiple_shooting")
+        return self.method or ("single_shooting" if self.sudden else "collocation")
 
     @property
     def model_parameters(self) -> tuple[str, ...]:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
@@ -14,7 +16,7 @@ from continuum_grasp.planning.fine import checked
 from continuum_grasp.planning.guess import first_state_of_plan, smooth_path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.search import Search
-from continuum_grasp.planning.shooting import shooting_interval
+from continuum_grasp.planning.shooting import amplification, derived, fewest_evaluations, shooting_interval
 from continuum_grasp.scene import Tendons
 from continuum_grasp.scene.plan import PlanScene
 from tests.control_cases import CABLE, DRIVES, HAND
@@ -162,19 +164,56 @@ def test_weighted_goal_that_a_limit_keeps_out_of_reach_is_missed():
     assert off > 0.05
 
 
-@pytest.mark.parametrize("form", ["linear", "hold"])
-@pytest.mark.parametrize("objective", ["least_effort", "least_input_rate"])
-def test_curvature_of_an_objective_of_inputs_needs_no_other_states(objective, form):
-    own = {"fidelity": {"family": "arc", "elements": 1}, "input": {**DRIVES["winches"][1], "form": form}}
-    motion, rng = Motion(scene(0.2, objective=objective, **own)), np.random.default_rng(0)
-    start = motion.scaled_state(motion.prediction.at_rest([0.1], [0.0, 0.0]), [0.1, 0.2])
-    z, d = [*start, *rng.normal(size=2), 1.1], np.tile(motion.numbers([0.0]).T, (1, 9))
-    weights = rng.normal(size=motion.ns + 1)
-    of_all, of_inputs = (
-        np.array(shooting_interval(motion.flow, motion.ns, 20, 4, own).hessian(z, d, weights))
-        for own in (None, motion.flow_of_inputs)
-    )
-    assert np.allclose(of_inputs, of_all, rtol=1e-12, atol=1e-12 * np.abs(of_all).max())
+@pytest.mark.parametrize(("steps", "stages"), [(3, 2), (5, 4), (2, 9)])
+def test_an_interval_is_that_of_a_linear_motion_by_its_matrix_exponential(steps, stages):
+    """Of order 2 in state and input, and its Jacobian exactly that of its own steps."""
+    a = np.array([[0.0, 1.0, 0.3], [-40.0, -3.0, 2.0], [0.0, 0.0, 0.0]])  # the last state is the input, which is held
+    z, d, t = ca.SX.sym("z", 4), ca.SX.sym("d", 1), 0.2
+    rate = z[3] * ca.vertcat(ca.mtimes(a[:2], z[:3]), 0.5 * z[2] ** 2)
+    flow = derived("flow", z, d, rate, exact=False, squared=ca.sqrt(z[3]) * z[2])
+    at = np.array([0.3, -0.2, 0.7, t])
+    numbers, errors = np.zeros((1, 0)), []
+    for count in (steps * 4, steps * 8):
+        term = shooting_interval(flow, 2, 1, count, stages)
+        numbers = np.zeros((1, count + 1))
+        end = np.array(term.value(at, numbers)).ravel()
+        errors.append(np.abs(end[:2] - (expm(a * t) @ at[:3])[:2]).max())
+        assert end[2] == pytest.approx(0.5 * t * 0.7**2, rel=1e-12)
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.25)
+    slopes = np.array(term.jacobian(at, numbers))
+    for k, step in enumerate(1e-6 * np.eye(4)):
+        ahead, behind = (np.array(term.value(at + sign * step, numbers)).ravel() for sign in (1.0, -1.0))
+        assert slopes[:, k] == pytest.approx((ahead - behind) / 2e-6, abs=1e-7)
+    assert np.array(term.hessian(at, numbers, [0.0, 0.0, 1.0]))[2, 2] == pytest.approx(t)
+
+
+@pytest.mark.parametrize("stages", [2, 5, 18])
+def test_steps_are_stable_as_far_as_published(stages):
+    """Along 0.65 s^2 of the negative axis (Sommeijer, Shampine, Verwer), and of order 2 at its end."""
+    reach = 2.0 / 3.0 * (stages**2 - 1.0) * (1.0 - 2.0 / 15.0 * 2.0 / 13.0)
+    assert np.abs(amplification(stages, -np.linspace(0.0, 0.999 * reach, 4001))).max() <= 1.0 + 1e-12
+    assert np.abs(amplification(stages, -1.2 * reach)) > 1.0
+    small = np.array([1e-3, 1e-3j])
+    assert amplification(stages, small) == pytest.approx(np.exp(small), abs=1e-9)
+
+
+@pytest.mark.parametrize("given", [None, 7])
+def test_steps_are_the_fewest_that_are_stable(given):
+    """Of modes with damping that grows with the stiffness: eigenvalues on a circle, then on the axis."""
+    frequency, lag, length = np.geomspace(10.0, 5e3, 200), 2e-3, 0.02
+    roots = [np.roots([1.0, lag * f**2, f**2]) for f in frequency]
+    steps, stages = fewest_evaluations(np.concatenate(roots).astype(complex), length, given)
+
+    def stable(steps, stages):
+        z = np.concatenate(roots) * length / steps
+        slow = z[np.abs(z * steps) <= 2.0 * np.pi]
+        off = np.abs(amplification(stages, slow) ** steps - np.exp(slow * steps)).max()
+        calm = all((np.abs(amplification(stages, factor * z)) <= 1.0 + 1e-12).all() for factor in (1.0, 1.5))
+        return calm and (given or off <= 1e-3)
+
+    assert given in (None, steps)
+    assert stable(steps, stages)
+    assert not any(stable(k, s) for s in (2, stages - 1) for k in ([given] if given else [steps * stages // s - 1]))
 
 
 @pytest.mark.deep
@@ -205,7 +244,7 @@ def test_plan_that_a_fine_simulation_does_not_reproduce_is_none():
     ("friction", "drive", "changes", "message"),
     [
         (0.0, "winches", {"method": "collocation"}, "not for tendons with friction, winches or motors"),
-        (0.15, None, {"method": "multiple_shooting"}, "not for tendons with friction, winches or motors"),
+        (0.15, None, {"method": "collocation"}, "not for tendons with friction, winches or motors"),
         (0.15, None, {"solver": {"method": "sqp", "hessian": "gauss_newton"}}, "has its own"),
     ],
 )

@@ -63,12 +63,11 @@ def tendons(**changes) -> PlanScene:
 # -- the solver's problem ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("method", ["multiple_shooting", "collocation"])
-@pytest.mark.parametrize("kind", few(KINDS, 2))
-def test_derivatives_are_those_of_automatic_differentiation(kind, method):
+@pytest.mark.parametrize("kind", few(KINDS, 4))
+def test_derivatives_are_those_of_automatic_differentiation(kind):
     zone = {"keep_out": {"post": {"type": "disc", "center": (-0.05, 0.28), "radius": 0.01}}}
     bounds = KINDS[kind].get("bounds", {}) | zone
-    scene = two_arcs(**(KINDS[kind] | {"method": method, "intervals": 4, "bounds": bounds}))
+    scene = two_arcs(**(KINDS[kind] | {"intervals": 4, "bounds": bounds}))
     assembly = Search(scene).problem.assembly
     nlp, lam = assembly.nlp, ca.MX.sym("lam", assembly.count)
     lagrangian = 0.7 * nlp.f + ca.dot(lam, nlp.g)
@@ -110,13 +109,14 @@ def test_conditions_of_optimality_hold(kind):
 
 @pytest.mark.parametrize("kind", few([k for k in KINDS if k != "soft"], 4))
 def test_shooting_and_collocation_agree(kind):
-    of_methods = {"multiple_shooting": {}, "collocation": {"degree": 4}}
+    """Two transcriptions, and two optimizers: what single shooting leaves of the optimum is 1e-5 of the objective."""
+    of_methods = {"single_shooting": {"substeps": 20}, "collocation": {"degree": 4}}
     shot, collocated = (
         plan(two_arcs(**(KINDS[kind] | {"intervals": 50, "method": m, "solver": {**own, "tolerance": 1e-10}})))
         for m, own in of_methods.items()
     )
-    assert collocated.objective == pytest.approx(shot.objective, rel=1e-4)
-    assert collocated.tip == pytest.approx(shot.tip, abs=2e-4)
+    assert collocated.objective == pytest.approx(shot.objective, rel=1e-3)
+    assert collocated.tip == pytest.approx(shot.tip, abs=1e-3)
 
 
 @pytest.mark.deep
@@ -193,15 +193,14 @@ def test_multiplier_is_the_gain_from_a_wider_bound():
     )
     force = np.abs(one.constraints["speed"].multipliers).sum()  # of rows that are shares of 7 rad/s
     gain = (one.objective - other.objective) / (0.001 / 7.0)
-    # Bounds are tightened at the nodes by what is left between them, which changes a little too.
-    assert gain == pytest.approx(force, rel=0.1)
+    assert gain == pytest.approx(force, rel=0.02)
 
 
 @pytest.mark.deep
 def test_simulation_of_the_inputs_is_the_plan():
     """The package's simulator, with error control, on the scene that a user would write."""
     form = {"form": "linear", "rate_max": 400.0}
-    scene = tendons(input=form, goal={"bending": (0.9,)}, intervals=15, solver={"substeps": 20})
+    scene = tendons(input=form, goal={"bending": (0.9,)}, intervals=15, solver={"degree": 5})
     found = plan(scene)
     tensions = tuple(cg.Samples(times=tuple(found.t), values=tuple(c), interpolation="linear") for c in found.u.T)
     played = cg.Scene(
@@ -218,7 +217,7 @@ def test_simulation_of_the_inputs_is_the_plan():
 
 
 def test_held_inputs_give_the_plan_in_an_independent_integrator():
-    found = plan(two_arcs(solver={"substeps": 20}))
+    found = plan(two_arcs(solver={"degree": 5}))
     model = found.prediction
     x = [found.x[0]]
     for k, u in enumerate(found.u[:-1]):
@@ -267,7 +266,7 @@ def test_goals_out_of_reach_are_named_with_what_stops_them(changes, texts):
     assert all(text in str(caught.value) for text in texts)
     nearest = caught.value.result
     assert nearest.violated
-    assert nearest.constraints["motion"].excess < 1e-6
+    assert max(c.excess for name, c in nearest.constraints.items() if name.startswith("motion")) < 1e-6
 
 
 @pytest.mark.parametrize(("share", "status"), [(0.999, PlanStatus.GOAL_MISSED), (1.001, PlanStatus.OPTIMAL)])
@@ -348,6 +347,49 @@ def test_interrupt_gives_what_there_is():
 def test_wrong_scenes_are_refused(changes, text):
     with pytest.raises(InputError, match=text):
         plan(two_arcs(**changes))
+
+
+def test_a_bound_that_cannot_be_satisfied_is_named_with_its_amount_and_instant():
+    """A finger that stands 10 mm behind a wall, with half of its thickness of 2 mm, leaves it as fast as it can."""
+    zone = {"type": "half_plane", "point": (0.01, 0.0), "normal_angle": 0.0}
+    found = plan(small(bounds={"curvature": None, "keep_out": {"wall": zone}}), raise_on_failure=False)
+    model, first = found.prediction, 0.1 / 25 / 4
+    run = solve_ivp(lambda t, x: np.array(model.dynamics(x, [-0.3], [])).ravel(), (0.0, first), found.x[0], rtol=1e-8)
+    amount = 0.011 - np.array(model.tip(run.y[:, -1], [-0.3], [])).ravel()[0]
+    assert found.status is PlanStatus.INFEASIBLE
+    assert f"wall is left by {amount:.3g} m at t = {first:.3g} s" in found.message
+    assert any(text == f"wall: off by {amount:.3g} m (bounds.keep_out.wall)" for text in found.violated)
+
+
+@pytest.mark.parametrize("end", ["still", "held"])
+def test_a_wall_that_is_entered_after_the_end_is_said(end):
+    """Against the same motion by an integrator of its own."""
+    free = plan(small(goal={"bending": (0.5,), "end": end}))
+    model, times = free.prediction, np.linspace(0.0, 0.5, 2001)
+    run = solve_ivp(
+        lambda t, x: np.array(model.dynamics(x, free.u[-1], [])).ravel(),
+        (0.0, 0.5),
+        free.x[-1],
+        rtol=1e-9,
+        atol=1e-11,
+        t_eval=times,
+    )
+    after = np.array([np.array(model.tip(x, free.u[-1], [])).ravel()[0] for x in run.y.T])
+    wall = free.tip[:, 0].max() + 2e-3  # to the right, to which the finger swings back
+    assert bool(after.max() > wall) is (end == "still")
+    zone = {"type": "half_plane", "point": (wall, 0.0), "normal_angle": np.pi}
+    walled = plan(
+        small(
+            goal={"bending": (0.5,), "end": end},
+            bounds={"curvature": None, "keep_out": {"wall": zone}},
+            solver={"starts": 1},
+        )
+    )
+    assert walled.objective == pytest.approx(free.objective, rel=1e-4)
+    share = 100 * (after.max() + 1e-3 - wall) / 0.3  # the surface is 1 mm from the backbone
+    said = f"within 0.5 s after the end, under its last input, wall is left by {share:.2g} % of its limit"
+    assert (said in walled.message) is (end == "still")
+    assert walled.solved
 
 
 # -- files and starts --------------------------------------------------------------------------------------------------

@@ -12,12 +12,13 @@ from plan_cases import small
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.nlp import Status, Violation
-from continuum_grasp.planning import PlanStatus, diagnosis, fine, grid
+from continuum_grasp.planning import PlanStatus, diagnosis, fine
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
 from continuum_grasp.planning.problem import PlanProblem
 from continuum_grasp.planning.search import Search
 from continuum_grasp.planning.solve import _result
+from continuum_grasp.scene.plan import PlanScene
 
 LENGTH, TOLERANCE, NODES, PARTS = 0.5, 2e-3, 3, 4
 """Of the hand-made plan: finger [m], greatest deviation per length [1], nodes, and parts of an interval."""
@@ -54,7 +55,7 @@ def model_of(names=("x", "y", "row", "soft row")):
     )  # fmt: skip
 
 
-def verdict(monkeypatch, states, *, drift=0.0, method="multiple_shooting", end="moving", friction=False, finer=0.0):
+def verdict(monkeypatch, states, *, drift=0.0, method="collocation", end="held", friction=False, finer=0.0):
     """What the check says of states; after the last the tip moves on [m/s], and on a finer model is off [m]."""
     own, other = model_of(("x", "y", "friction_1 [1]", "")) if friction else model_of(), model_of()
     check = SimpleNamespace(tolerance=TOLERANCE, finer="finer" if finer else None, contact_law=None)
@@ -122,67 +123,26 @@ def test_what_no_check_is_about_goes_unsaid(monkeypatch):
     assert not verdict(monkeypatch, off(1.0, row=PARTS + 1)).warnings
     assert not verdict(monkeypatch, at(3, 0.0, 0.0, 0.0, 9.0)).warnings
     assert not verdict(monkeypatch, first).warnings
-    for how in ({**HELD, "end": "still"}, {**HELD, "friction": False}, {**HELD, "method": "collocation"}):
+    for how in ({**HELD, "friction": False}, {**HELD, "method": "collocation"}):
         assert verdict(monkeypatch, off(0.0), **how, drift=1.0).status == "optimal"
 
 
-def tightening(monkeypatch, *rounds, fails=()):
-    """Rounds, margins and solver runs where bounds are left by so much in each round; whether the first plan stays."""
-    shares, margins, solved = iter(rounds), [], []
-    monkeypatch.setattr(fine, "simulated", lambda *_: None)
-    monkeypatch.setattr(fine, "excess_over_intervals", lambda *_: np.array(next(shares, rounds[-1]), dtype=float))
-    motion = SimpleNamespace(hard=np.array([True, False]), scene=None, prediction=None)
-    problem = SimpleNamespace(
-        motion=motion, grid=SimpleNamespace(intervals=3), path=lambda w: SimpleNamespace(x=[None]),
-        bounds=SimpleNamespace(tighten=lambda m: margins.append(m.copy())),
-    )  # fmt: skip
-
-    def solve(*given):
-        solved.append(given)
-        return SimpleNamespace(x=None, multipliers=None, converged=len(solved) - 1 not in fails)
-
-    first = SimpleNamespace(x=None, multipliers=None)
-    found, count = fine.satisfied_between_nodes(problem, first, solve, lambda: False)
-    return count, margins, solved, found is first
-
-
-def test_bounds_are_tightened_where_they_are_left_between_nodes(monkeypatch):
-    soft, within = 1.0, (np.zeros((3, 2)),)
-    for share, count in ((0.999, 0), (1.001, 1)):
-        left = [[share * 2e-4, soft], [0.0, soft], [0.0, soft]]
-        assert tightening(monkeypatch, left, *within)[0] == count
-    # Both nodes of the interval, of which the one at the start cannot move, and by a tenth more, added up.
-    _, margins, _, _ = tightening(
-        monkeypatch, [[0.0, soft], [0.0, soft], [0.1, soft]], [[0.2, 0], [0, 0], [0, 0]], *within
-    )
-    assert margins[0][:, 0] == pytest.approx([0.0, 0.11, 0.11])
-    assert margins[1][:, 0] == pytest.approx([0.22, 0.11, 0.11])
-    assert not margins[1][:, 1].any()
-    # No more than five rounds; where multipliers mislead, once more without; where that fails, the plan stays.
-    always = [[1.0, 0.0]] * 3
-    assert tightening(monkeypatch, always)[0] == 5
-    count, _, solved, stays = tightening(monkeypatch, always, *within, fails=(0,))
-    assert (count, len(solved), stays) == (1, 2, False)
-    count, _, solved, stays = tightening(monkeypatch, always, fails=(0, 1))
-    assert (count, len(solved), stays) == (0, 2, True)
-
-
-@pytest.mark.parametrize(("method", "step"), [("multiple_shooting", 0.6), ("single_shooting", 1.5)])
-def test_more_sub_steps_than_can_be_built_are_refused_with_what_to_try(method, step):
-    """Of a motion of 2 s in four intervals; a step is so long, times the fastest rate."""
-    sudden = method == "single_shooting"
-    values = {"input_limits": ((0.0,), (1.0,)), "duration_range": (2.0, 2.0), "intervals": 4, "transcription": method}
-    scene = SimpleNamespace(**values, sudden=sudden, object=None if sudden else "a post")
-
-    def substeps(count):
-        model = SimpleNamespace(fastest_rate=lambda *_: count * step / 0.5)
-        return grid.default_substeps(SimpleNamespace(scene=scene, first_duration=2.0, prediction=model))
-
-    assert substeps(9999.5) == 10_000
-    with pytest.raises(InputError, match=r"10,001 sub-steps, more than 10,000: .*raise intervals") as caught:
-        substeps(10_000.5)
-    assert caught.value.key == "method"
-    assert ("method: collocation" in str(caught.value), "contact_law" in str(caught.value)) == (not sudden,) * 2
+@pytest.mark.parametrize("given", [None, 3])
+@pytest.mark.parametrize("sudden", [True, False])
+def test_more_steps_than_can_be_taken_are_refused_with_what_to_try(monkeypatch, given, sudden):
+    motion = Motion(small(method="single_shooting", intervals=4, solver={"substeps": given} if given else {}))
+    monkeypatch.setattr(PlanScene, "sudden", sudden)
+    for rate, refused in ((-40.0, False), (-1e12, True)):
+        motion.__dict__.pop("steps", None)
+        motion.__dict__["prediction"] = SimpleNamespace(eigenvalues=lambda *_, rate=rate: np.array([rate + 0j]))
+        if not refused:
+            assert motion.steps == (given or 9, 2)  # 0.1 % of a mode of 40/s over 25 ms
+            continue
+        with pytest.raises(InputError, match=r"up to 1e\+12 1/s, for which each of 4 intervals needs more") as caught:
+            _ = motion.steps
+        assert caught.value.key == "method"
+        assert ("method: collocation" in str(caught.value)) is not sudden
+        assert ("leave out solver.substeps" if given else "raise intervals") in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -251,13 +211,16 @@ def test_a_shape_is_met_by_an_arc_through_its_points():
 
 def diagnosed(monkeypatch, strengths, *, error=1.0, excess=0.0):
     """What is said of strengths of limits, an error of a goal, and an excess of a bound of the state."""
-    speed = Violation("speed", 0, excess, "m/s", "bounds.speed", excess)
-    block = SimpleNamespace(key="bounds.speed", violation=lambda _: speed)
+    speed = Violation("speed", 3, excess, "m/s", "bounds.speed", excess)
+    block = SimpleNamespace(key="bounds.speed", violation=lambda _: speed, rows=np.zeros((4, 1)))
     monkeypatch.setattr(diagnosis, "missed_goals", lambda *_, **__: (["goal tip"] if error else [], error))
     monkeypatch.setattr(diagnosis, "_strengths", lambda *_: strengths)
     monkeypatch.setattr(diagnosis, "_nearest", lambda *_: "")
-    bounds, assembly = SimpleNamespace(values=lambda *_: None), SimpleNamespace(blocks=[block])
-    found = diagnosis.diagnose(SimpleNamespace(assembly=assembly, bounds=bounds), SimpleNamespace(x=None, g=None))
+    bounds = SimpleNamespace(values=lambda *_: None)
+    problem = SimpleNamespace(
+        assembly=SimpleNamespace(blocks=[block]), bounds=bounds, path=lambda _: SimpleNamespace(duration=2.0)
+    )
+    found = diagnosis.diagnose(problem, SimpleNamespace(x=None, g=None))
     return "nothing" if found is None else " and ".join((*found.violated, found.message))
 
 
@@ -266,7 +229,7 @@ REASONS = [
      lambda p: ({"duration": 0.6 * p, "input": 3.0}, {})),
     ("strength near the goal", "the input limit stops it", lambda p: ({"input": 1e-6 * p}, {"error": 0.5})),
     ("strength far from it", "the speed limit stops it", lambda p: ({"speed": 3e-6 * p}, {"error": 3.0})),
-    ("excess of a bound", "a bound of the state cannot be satisfied",
+    ("excess of a bound", "a bound of the state cannot be satisfied: speed is left by 1e-05 m/s at t = 2 s",
      lambda p: ({}, {"error": 0.0, "excess": 1e-5 * p})),
 ]  # fmt: skip
 
@@ -304,7 +267,7 @@ def test_the_strength_of_a_limit_is_what_widening_it_gains(name, changes):
     assert strengths[name] == pytest.approx((narrower - wider) / (2 * step), rel=5e-3)
 
 
-@pytest.mark.parametrize(("method", "limit"), [("multiple_shooting", 1e-6), ("single_shooting", 1e-5)])
+@pytest.mark.parametrize(("method", "limit"), [("collocation", 1e-6), ("single_shooting", 1e-5)])
 def test_an_attempt_is_a_plan_up_to_its_violation(method, limit):
     search = Search(small(method=method, intervals=2))
     for share, good in ((0.999, True), (1.001, False)):
