@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -126,6 +127,17 @@ class _RowsBlock(Block):
     def predict(self, values: Array) -> tuple[Array, Array]:
         found = [self._row(row, resting) for row, resting in enumerate(self._shapes.all(values))]
         return np.concatenate([y for y, _ in found]), np.concatenate([d for _, d in found])
+
+    def possible(self, values: Array) -> tuple[NDArray[np.intp], Array]:
+        """Rows (K,) with an equilibrium within the bending range, and their derivatives (K, readings, unknowns)."""
+        rows, slopes = [], []
+        for row in range(len(self._fitted)):
+            with suppress(SolverError):
+                resting = self._shapes.row(row, values)
+                if self._shapes.use(resting).max() <= 1.0:
+                    rows.append(row)
+                    slopes.append(self._row(row, resting)[1])
+        return np.array(rows, dtype=np.intp), np.array(slopes)
 
     def warnings(self, values: Array) -> tuple[str, ...]:
         return self._shapes.warnings(values)

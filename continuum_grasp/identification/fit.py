@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -12,7 +12,7 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.comparison import Predicted, block_rows, channel_rows
-from continuum_grasp.identification.unknowns import DELAY, OF_DRIVE
+from continuum_grasp.identification.unknowns import DELAY, LAG, OF_DRIVE
 from continuum_grasp.model.parameters import numbers_of, places_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.yaml_text import yaml_text
@@ -162,15 +162,7 @@ class Fit(Predicted):
         """
         if not self.usable:
             raise InputError(f"{self.verdict}; correct the data, or accept implausible ones", key="data")
-        changed: Any = self.scene if scene is None else scene
-        for (target, factor, added), value in zip(self.targets, self.values, strict=True):
-            if target == DELAY and getattr(changed, "estimator", None) is not None:
-                period = changed.controller.step
-                changed = changed.changed({"estimator.delay": period * round(float(value) / period)})
-            if target not in OF_DRIVE:
-                base = _of_base(changed, target) if added else 0.0
-                changed = with_parameter(changed, target, base + factor * float(value))
-        return changed
+        return applied(self.scene if scene is None else scene, self.targets, self.values)
 
     def details(self) -> dict[str, Any]:
         """The identified finger, None where an estimate is out of a finger's range, and the summary."""
@@ -212,6 +204,20 @@ def finger_text(fit: Fit) -> str:
     rows = zip(fit.names, fit.values, fit.deviations, fit.units, strict=True)
     head += "".join(f"# {name}: {value:.6g} +/- {deviation:.2g} {unit}\n" for name, value, deviation, unit in rows)
     return head + yaml_text({"schema_version": 1, **finger}, exact=True)
+
+
+def applied(scene: Any, targets: Sequence[tuple[str, float, bool]], values: Array) -> Any:
+    """The scene with values of unknowns in it, given what each sets, the factor to that, and whether it is added."""
+    for (target, factor, added), value in zip(targets, values.tolist(), strict=True):
+        if target == DELAY and getattr(scene, "estimator", None) is not None:
+            period = scene.controller.step
+            scene = scene.changed({"estimator.delay": period * round(value / period)})
+        elif target == LAG and not (scene.finger.tendons or scene.finger.chambers):
+            scene = scene.changed({"controller.input.time_constant": value})
+        elif target not in OF_DRIVE:
+            base = _of_base(scene, target) if added else 0.0
+            scene = with_parameter(scene, target, base + factor * value)
+    return scene
 
 
 def _of_base(scene: Any, target: str) -> float:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -101,18 +101,7 @@ def identify(
     0.006
     """
     started = perf_counter()
-    beside = folder_of(scene)
-    scene, note = _resolved(scene_of(scene))
-    chosen = parameters if parameters is not None else getattr(scene, "estimate", ())
-    used_loss = loss if loss is not None else getattr(scene, "loss", "squares")
-    if used_loss not in ("squares", "huber"):
-        raise InputError(f"expected squares or huber, got {used_loss!r}", key="loss")
-    unknowns = read_unknowns(scene, chosen)
-    given = [(one, _resolved(one.scene or scene)[0]) for one in _measurements(scene, data, beside)]
-
-    def build(sets: Sequence[tuple[Data, Scene]], sought: Sequence[Unknown]) -> Problem:
-        return Problem([_block(own, one, sought) for one, own in sets], sought, used_loss)
-
+    scene, note, unknowns, given, build = posed(scene, data, parameters, loss)
     problem = build(given, unknowns)
     try:
         solution = problem.solve(progress or (lambda share: None))
@@ -190,11 +179,11 @@ def compare(
     [-0.01, 0.01]
     """
     started, beside = perf_counter(), folder_of(scene)
-    scene, note = _resolved(scene_of(scene))
+    scene, note = resolved(scene_of(scene))
     blocks, predictions, drawn, warnings = [], [], [], list[str]()
     given = _measurements(scene, data, beside)
     for k, one in enumerate(given):
-        block = _block(_resolved(one.scene or scene)[0], one, ())
+        block = _block(resolved(one.scene or scene)[0], one, ())
         start = np.array([own.start for own in block.own])
         blocks.append(block)
         predictions.append(block.predict(start)[0])
@@ -213,6 +202,38 @@ def compare(
     )
 
 
+class Posed(NamedTuple):
+    """What is to be estimated: the scene, how its fidelity was chosen, unknowns, sets of data, and their problem."""
+
+    scene: Scene
+    note: str
+    unknowns: list[Unknown]
+    given: list[tuple[Data, Scene]]
+    build: Build
+
+
+def posed(
+    scene: Scene | str | PathLike[str],
+    data: Measurements,
+    parameters: Sequence[Estimate | str] | None = None,
+    loss: str | None = None,
+) -> Posed:
+    """Read what `identify` is given; arguments and errors are its own."""
+    beside = folder_of(scene)
+    scene, note = resolved(scene_of(scene))
+    chosen = parameters if parameters is not None else getattr(scene, "estimate", ())
+    used_loss = loss if loss is not None else getattr(scene, "loss", "squares")
+    if used_loss not in ("squares", "huber"):
+        raise InputError(f"expected squares or huber, got {used_loss!r}", key="loss")
+    unknowns = read_unknowns(scene, chosen)
+    given = [(one, resolved(one.scene or scene)[0]) for one in _measurements(scene, data, beside)]
+
+    def build(sets: Sequence[tuple[Data, Scene]], sought: Sequence[Unknown]) -> Problem:
+        return Problem([_block(own, one, sought) for one, own in sets], sought, used_loss)
+
+    return Posed(scene, note, unknowns, given, build)
+
+
 def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], sets: Sequence[Array]) -> Array | None:
     """Predictions (m,) of models with twice the elements; None where one of them is not feasible."""
     found = []
@@ -228,7 +249,7 @@ def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], set
     return np.concatenate(found)
 
 
-def _resolved(scene: Scene) -> tuple[Scene, str]:
+def resolved(scene: Scene) -> tuple[Scene, str]:
     """The scene with a model in place of a tolerance, and what was chosen and why."""
     if scene.fidelity.tolerance is None:
         return scene, ""

@@ -179,15 +179,19 @@ class Shapes:
         SolverError
             If one cannot be followed there.
         """
-        resting = self._last[0]
+        before = None
         for row in range(self.rows.count):
-            z, by_values = self.rows.at(row, values)
             # Of a sequence the first row has the scene's own history, each of the others that of the one before.
-            carried = self._sequence and row > 0
-            resting = self._follow(resting if carried else self._last[row], z, by_values, carried)
-            if not carried:
-                self._last[row] = resting
-            yield resting
+            before = self.row(row, values, before if self._sequence else None)
+            yield before
+
+    def row(self, row: int, values: Array, before: Resting | None = None) -> Resting:
+        """One row, by itself or with the friction of the row before; errors as of ``all``."""
+        z, by_values = self.rows.at(row, values)
+        if before is not None:
+            return self._follow(before, z, by_values, carried=True)
+        self._last[row] = self._follow(self._last[row], z, by_values, carried=False)
+        return self._last[row]
 
     def _follow(self, before: Resting, z: Array, by_values: Array, carried: bool) -> Resting:
         """The equilibrium at z from another one, in steps; under its history, or with its friction carried on."""
@@ -226,11 +230,12 @@ class Shapes:
 
     def warnings(self, values: Array) -> tuple[str, ...]:
         """Warnings about shapes beyond the bending range or the strain limit."""
-        use = []
-        for resting in self.all(values):
-            u, _, p = np.split(resting.z, np.cumsum([self.model.nu, self.model.nw]))
-            use.append(np.array(self.model.range_use(resting.q, u, p)).ravel())
-        return limit_warnings(self.model, np.array(use))
+        return limit_warnings(self.model, np.array([self.use(resting) for resting in self.all(values)]))
+
+    def use(self, resting: Resting) -> Array:
+        """Share of its bending range that each element uses (elements,)."""
+        u, _, p = np.split(resting.z, np.cumsum([self.model.nu, self.model.nw]))
+        return np.array(self.model.range_use(resting.q, u, p)).ravel()
 
     def _newton(self, q: Array, z: Array, history: Array) -> Array | None:
         for _ in range(_ITERATIONS):
