@@ -108,6 +108,11 @@ def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
     if "fidelity" in fit.statistics:
         output.say(f"fidelity: {fit.statistics['fidelity']}")
     output.warn(fit.warnings)
+    if fit.laws:
+        rows = (
+            (one.name, str(one.numbers), f"{one.fitted:.3g}", f"{one.held_out:.3g}", one.verdict) for one in fit.laws
+        )
+        output.table(("law", "numbers", "fitted [deviations]", "held out [deviations]", ""), *rows)
     output.table(
         ("parameter", "value", "deviation", "95 % interval", "unit"),
         *(

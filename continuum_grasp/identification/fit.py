@@ -12,6 +12,7 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.comparison import Predicted, block_rows, channel_rows
+from continuum_grasp.identification.laws import LawTrial
 from continuum_grasp.identification.unknowns import DELAY, LAG, OF_DRIVE
 from continuum_grasp.model.parameters import numbers_of, places_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
@@ -44,6 +45,8 @@ class Fit(Predicted):
         Why the measurements are implausible; empty where they are not.
     causes : tuple of str
         Slips in the data that were tried and explain them, with the misfit that is left.
+    laws : tuple of LawTrial
+        Laws that were tried, with their errors of what was fitted and held out; none where there is one alone.
     accepted : bool
         Whether estimates may be used although they are implausible.
     warnings : tuple of str
@@ -106,6 +109,7 @@ class Fit(Predicted):
     reason: str = ""
     causes: tuple[str, ...] = ()
     accepted: bool = False
+    laws: tuple[LawTrial, ...] = ()
     warnings: tuple[str, ...] = ()
     statistics: Mapping[str, Any] = field(default_factory=dict)
 
@@ -183,6 +187,7 @@ class Fit(Predicted):
             "freedom": self.freedom,
             "reason": self.reason,
             "causes": list(self.causes),
+            "laws": [one._asdict() for one in self.laws],
             "errors": [dict(vars(one)) for one in self.errors],
             "holdout_errors": [dict(vars(one)) for one in self.holdout_errors],
             "sets": [

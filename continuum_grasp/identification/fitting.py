@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -23,13 +23,14 @@ from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPat
 from continuum_grasp.identification.doubts import doubts
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.identification.inference import infer, model_error_warnings
+from continuum_grasp.identification.laws import Candidate, LawTrial, choose_law
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge
 from continuum_grasp.identification.problem import Build, Given, Problem, Solution
 from continuum_grasp.identification.read import folder_of, read_data
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.identify import Estimate
+from continuum_grasp.scene.identify import Estimate, IdentifyScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
 
@@ -101,10 +102,18 @@ def identify(
     0.006
     """
     started = perf_counter()
-    scene, note, unknowns, given, build = posed(scene, data, parameters, loss)
+    report, laws = progress or (lambda share: None), tuple[LawTrial, ...]()
+    found = posed(scene, data, parameters, loss)
+    if parameters is None and isinstance(found.scene, IdentifyScene) and found.scene.laws:
+        ways = [posed(one, data, None, loss, folder_of(scene)) for one in _under_laws(found.scene)]
+        names = [one.name for one in found.scene.laws]
+        tried = [Candidate(name, one.unknowns, one.given, one.build) for name, one in zip(names, ways, strict=True)]
+        chosen, laws = choose_law(tried, lambda share: report(0.5 * share))
+        found = ways[chosen]
+    scene, note, unknowns, given, build = found
     problem = build(given, unknowns)
     try:
-        solution = problem.solve(progress or (lambda share: None))
+        solution = problem.solve(report)
     except (SolverError, NumericalError) as error:
         causes = explain(problem, given, build)
         if not causes:
@@ -126,8 +135,19 @@ def identify(
         reason=verdict.reason,
         causes=verdict.causes,
         accepted=accept_implausible,
+        laws=laws,
         warnings=(*fit.warnings, *verdict.warnings),
     )
+
+
+def _under_laws(scene: IdentifyScene) -> Iterator[IdentifyScene]:
+    """The scene under each of its laws."""
+    for k, law in enumerate(scene.laws):
+        try:
+            plain = scene.model_copy(update={"laws": ()}).changed(law.set)
+        except InputError as error:
+            raise InputError(error.message, key=f"laws[{k}].set" + (f".{error.key}" if error.key else "")) from None
+        yield plain.replaced(estimate=(*scene.estimate, *law.estimate))
 
 
 @interrupt.listening()
@@ -217,9 +237,10 @@ def posed(
     data: Measurements,
     parameters: Sequence[Estimate | str] | None = None,
     loss: str | None = None,
+    beside: Path | None = None,
 ) -> Posed:
-    """Read what `identify` is given; arguments and errors are its own."""
-    beside = folder_of(scene)
+    """Read what `identify` is given, in the folder of the scene's file; arguments and errors are its own."""
+    beside = folder_of(scene) or beside
     scene, note = resolved(scene_of(scene))
     chosen = parameters if parameters is not None else getattr(scene, "estimate", ())
     used_loss = loss if loss is not None else getattr(scene, "loss", "squares")

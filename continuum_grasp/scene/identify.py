@@ -286,6 +286,17 @@ class Estimate(Value):
         self._check_below("min", "max")
 
 
+class Law(Value):
+    """A law of the finger that may hold: changes of the scene, and what is to be estimated under it."""
+
+    name: str
+    """Name of the law in reports."""
+    set: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    """Changes of the scene under this law, as ``key.path=value``."""
+    estimate: Annotated[tuple[Estimate, ...], Field(strict=False)] = ()
+    """Parameters that are to be found under this law, beside those of the scene."""
+
+
 class Excitation(Value):
     """Commands over time from which a finger with its drives is to be identified."""
 
@@ -321,6 +332,8 @@ class IdentifyScene(Scene):
 
     estimate: Annotated[tuple[Estimate, ...], Field(strict=False)] = ()
     """Parameters that are to be found; none: the scene is compared with the data as it is."""
+    laws: Annotated[tuple[Law, ...], Field(strict=False)] = ()
+    """Laws of which the one is chosen that predicts best what is held out; none: that of the scene."""
     data: Annotated[tuple[DataSet, ...], Field(strict=False)] = ()
     """Formats of the files that are given beside this one."""
     excitation: Excitation = Excitation()
@@ -333,5 +346,8 @@ class IdentifyScene(Scene):
         for k, name in enumerate(names):
             if name in names[:k]:
                 raise ValueError(f"estimate[{k}].name: {name} is estimated twice")
+        laws = [one.name for one in self.laws]
+        if len(laws) == 1 or len(set(laws)) < len(laws):
+            raise ValueError("laws: expected two or more, with names of their own")
         if self.estimate and self.data and all(one.use == "holdout" for one in self.data):
             raise ValueError("data: every set is a hold-out; one at least must be fitted")

@@ -21,6 +21,7 @@ from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.identification.commissioning.bench import (
     BIAS,
     CAMERA,
+    FRICTION,
     ZERO,
     Bench,
     BenchBlock,
@@ -34,7 +35,7 @@ from continuum_grasp.identification.experiments import ExperimentPlan
 from continuum_grasp.identification.inference import infer
 from continuum_grasp.identification.periods import columns_of
 from continuum_grasp.identification.problem import Problem, Solution
-from continuum_grasp.identification.unknowns import DELAY, LAG
+from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
 from continuum_grasp.labels import name_of
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.mounting import Camera, Connection, Mounting
@@ -243,9 +244,8 @@ def _result(
     missing: Sequence[str],
 ) -> Commissioning:
     missed, way, block, problem, solution = alike[0]
-    unknowns, values = problem.unknowns, solution.values
+    unknowns, values, predictions, weighted = _with_friction(block, problem, solution)
     numbers = {one.name: value for one, value in zip(unknowns, values.tolist(), strict=True)}
-    weighted = problem.weighted(solution)
     found = infer(unknowns, values, *weighted, solution.inflation, None, problem.series)
     zeros = [numbers[f"{ZERO}_{k + 1}"] for k in range(len(bench.zeros))]
     shifts = np.sum([value * zero for value, zero in zip(zeros, bench.zeros, strict=True)], axis=0)
@@ -295,10 +295,10 @@ def _result(
         singular_values=found.singular_values,
         freedom=found.freedom,
         entries=tuple(problem.entries),
-        predictions=solution.predictions,
+        predictions=predictions,
         sigma=solution.sigma,
         blocks=((block.name, len(block.entries)),),
-        drawn=(block.drawn(values),),
+        drawn=(block.drawn(values[: len(problem.unknowns)]),),
         targets=tuple((one.target, one.factor, one.added) for one in unknowns),
         scene=scene,
         status=status,
@@ -308,6 +308,24 @@ def _result(
         alternatives=tuple(Alternative(_words(one[1]), one[0]) for one in alike),
         undetermined=tuple(undetermined),
     )
+
+
+def _with_friction(
+    block: BenchBlock, problem: Problem, solution: Solution
+) -> tuple[list[Unknown], Array, Array, tuple[Array, Array]]:
+    """Unknowns and values with friction of the tendons among them, predictions, whitened Jacobian and residuals.
+
+    A Gauss-Newton step from the fit without it: friction that is left out shifts the camera by more than the noise.
+    """
+    if not block.bench.scene.finger.tendons:
+        return problem.unknowns, solution.values, solution.predictions, problem.weighted(solution)
+    slope = block.by_friction(solution.values)[:, None]
+    jacobian, residuals = problem.weighted(solution, slope)
+    step: Array = np.linalg.lstsq(jacobian, -residuals, rcond=None)[0]
+    friction = Unknown(FRICTION, "1", FRICTION, 1.0, False, 0.0, -math.inf, math.inf, 0.01)
+    predictions = solution.predictions + np.hstack([solution.jacobian, slope]) @ step
+    values = np.append(solution.values + step[:-1], step[-1])
+    return [*problem.unknowns, friction], values, predictions, (jacobian, residuals + jacobian @ step)
 
 
 def _bias(numbers: dict[str, float], name: str) -> float:

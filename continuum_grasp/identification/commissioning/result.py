@@ -9,7 +9,7 @@ import numpy as np
 
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.commissioning.bench import BIAS, CAMERA, ZERO
+from continuum_grasp.identification.commissioning.bench import BIAS, CAMERA, FRICTION, ZERO
 from continuum_grasp.identification.fit import Fit, applied
 from continuum_grasp.results.declared import File, Picture
 from continuum_grasp.results.yaml_text import yaml_text
@@ -74,7 +74,7 @@ class Commissioning(Fit):
         if not self.usable:
             raise InputError(f"the bench is {self.status}: {'; '.join(self.undetermined)}", key="log")
         rows = zip(self.targets, self.values.tolist(), strict=True)
-        own = [(of, value) for of, value in rows if of[0] not in (*CAMERA, ZERO, BIAS)]
+        own = [(of, value) for of, value in rows if of[0] not in (*CAMERA, ZERO, BIAS, FRICTION)]
         found = applied(self.scene if scene is None else scene, [of for of, _ in own], np.array([v for _, v in own]))
         return found.changed({"mounting": self.mounting})
 
