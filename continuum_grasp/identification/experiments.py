@@ -35,6 +35,8 @@ from continuum_grasp.scene.identify import Column, DataSet, IdentifyScene, RowsE
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.trajectory import Trajectory
 
+_ABOUT, _TRIED = 0.2, 4
+"""Change of the unknowns at which poses are tried as well, per typical size, and at how many such values [1]."""
 POSES, SET = "poses.csv", "set"
 """Table of the poses to measure, and its column with the name of the set of each."""
 
@@ -149,19 +151,26 @@ class Choice:
         self.unknowns, self.shared, self.rows = list(unknowns), shared, rows
         self.sizes = np.array([one.typical for one in unknowns])
         self.offered, self.counts = list[Array](), np.zeros(0, dtype=np.intp)
+        self._cautious = list[Array]()
         self._budgets = list[tuple[NDArray[np.intp], int]]()
 
-    def offer(self, jacobians: Sequence[Array], most: int) -> None:
-        """Offer experiments by their derivatives (readings, n), of which so many are made."""
-        self._budgets.append((len(self.offered) + np.arange(len(jacobians)), most))
-        self.offered += jacobians
+    def offer(self, jacobians: Array, most: int) -> None:
+        """Offer K experiments, of which so many are made, by their derivatives (values, K, readings, n).
+
+        The first of the values are those that are assumed. An experiment is chosen by the values at which it shows
+        least: a shape that is about to buckle is most sensitive, to what is assumed as well.
+        """
+        self._budgets.append((len(self.offered) + np.arange(jacobians.shape[1]), most))
+        self.offered += list(jacobians[0])
+        sizes = np.linalg.norm(jacobians * self.sizes, axis=(2, 3))
+        self._cautious += [jacobians[k, row] for row, k in enumerate(np.argmin(sizes, axis=0))]
 
     def __call__(self, parts: Sequence[Array], each: float, least: NDArray[np.intp]) -> NDArray[np.intp]:
         """Choose among what is offered and, as `Choose`, segments of a motion."""
         first, budgets = len(self.offered), list(self._budgets)
         if parts:
             budgets.append((first + np.arange(len(parts)), SHARES))
-        found = [information(one, self.sizes) for one in self.offered]
+        found = [information(one, self.sizes) for one in self._cautious]
         found += [information(one, self.sizes) / each for one in parts]
         known, least = information(self.rows, self.sizes), np.append(np.zeros(first, dtype=np.intp), least)
         counts = allotted(np.array(found), known, self.shared, budgets, least)
@@ -278,16 +287,23 @@ def design_experiments(
 
 def _possible(
     number: int, one: StaticPoses, scene: Scene, known: _Known, key: str
-) -> tuple[list[dict[str, str]], list[Array]]:
-    """Poses of a set that are possible: cells by heading, empty for what is to be measured, and derivatives of it."""
+) -> tuple[list[dict[str, str]], Array]:
+    """Poses of a set that are possible: cells by heading, empty for what is to be measured, and derivatives of it.
+
+    These are (values, K, readings, n), at the values that are known and some about them.
+    """
     headings, cells, poses = choices_of(one, scene, key)
     block = PosesBlock(poses.scene or scene, poses, known.sought)
-    rows, slopes = block.possible(known.values[known.columns[number]])
+    at, own = known.values[known.columns[number]], [known.unknowns[k] for k in known.columns[number]]
+    about = _ABOUT * np.array([min(one.sigma, one.typical) for one in own])
+    free = np.array([(one.lower, one.upper) for one in own]).T
+    turns = np.random.default_rng(0).choice([-1.0, 1.0], size=(_TRIED, at.size)) if at.size > 1 else [[-1.0], [1.0]]
+    rows, slopes = block.possible([at, *(np.clip(at + about * turn, *free) for turn in turns)])
     if not rows.size:
         raise InputError("no choice of the conditions has an equilibrium within the bending range", key=key)
     blank = {column: "" for of in one.measured for column in (of.column, of.minus) if column is not None}
     found = [dict(zip(headings, cells[row], strict=True)) | blank for row in rows]
-    return found, list(known.whitened(number, slopes, block, one, key))
+    return found, known.whitened(number, slopes, block, one, key)
 
 
 def plan_of(choice: Choice, values: Array, motion: Excited | None, scene: Scene) -> ExperimentPlan:
@@ -361,8 +377,8 @@ class _Known(NamedTuple):
         return [(one.target, one.factor, one.added) for one in self.unknowns[: self.shared]]
 
     def whitened(self, number: int, slopes: Array, block: Block, one: StaticPoses | TipTrajectory, key: str) -> Array:
-        """Derivatives (K, readings, n) by all unknowns, per standard deviation, from those by the unknowns of a set."""
-        sigma, readings = [], slopes.shape[1]
+        """Derivatives (..., readings, n) by all unknowns, per deviation, from those by the unknowns of a set."""
+        sigma, readings = [], slopes.shape[-2]
         for k, entry in enumerate(block.entries[:readings], len(one.measured) - readings):
             found = self.scales.get(entry.group) if entry.sigma is None else entry.sigma
             if found is None:

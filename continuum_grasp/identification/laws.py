@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, NumericalError, SolverError
@@ -21,6 +22,7 @@ from continuum_grasp.identification.data import Data, TipPath
 from continuum_grasp.identification.inference import middle
 from continuum_grasp.identification.problem import Build, Given, Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown
+from continuum_grasp.scene.simulate import Scene
 
 _PARTS = 5
 """Parts of the data that are predicted from the others [1], as is usual (R. Kohavi, 1995: five to ten)."""
@@ -60,18 +62,20 @@ def choose_law(candidates: Sequence[Candidate], report: Callable[[float], None])
         If no law can be fitted.
     """
     problems = [one.build(one.given, one.unknowns) for one in candidates]
+    marked = not problems[0].fitted.all()
+    if not marked and len(list(_parts(candidates[0].given))) < 2:
+        raise InputError("laws are chosen by what they predict: give another set, or hold one out", key="laws")
     fits, missed, failed = list[Solution | None](), list[Array | None](), list[str]()
     for k, (one, problem) in enumerate(zip(candidates, problems, strict=True)):
+        solution, found, why = None, None, ""
         try:
             solution = problem.solve(lambda share: None)
-            found = _held_out(one, problem, solution)
-            fits.append(solution)
-            missed.append(found)
-            failed.append("")
+            found = _held_out(one, problem, None if not marked else solution)
         except (SolverError, NumericalError) as error:
-            fits.append(None)
-            missed.append(None)
-            failed.append(f"not fitted: {error}")
+            why = f"not fitted: {error}"
+        fits.append(solution)
+        missed.append(found)
+        failed.append(why)
         report((k + 1) / len(candidates))
     sigma = np.min([fit.sigma for fit in fits if fit is not None], axis=0, initial=math.inf)
     squares = [None if one is None else (one / sigma) ** 2 for one in missed]
@@ -97,17 +101,12 @@ def choose_law(candidates: Sequence[Candidate], report: Callable[[float], None])
     return chosen, tuple(map(LawTrial._make, zip(names, numbers, weighted, errors, verdicts, strict=True)))
 
 
-def _held_out(one: Candidate, problem: Problem, solution: Solution) -> Array:
-    """Errors (m,) of what is held out, NaN elsewhere."""
+def _held_out(one: Candidate, problem: Problem, solution: Solution | None) -> Array:
+    """Errors (m,) of what is held out, NaN elsewhere: of a solution, or without one of the parts of the data."""
+    if solution is not None:
+        return np.where(problem.fitted, np.nan, solution.predictions - problem.measured)
     found = np.full(len(problem.measured), np.nan)
-    if not problem.fitted.all():
-        held = ~problem.fitted
-        found[held] = (solution.predictions - problem.measured)[held]
-        return found
-    parts = list(_parts(one.given))
-    if len(parts) < 2:
-        raise InputError("laws are chosen by what they predict: give another set, or hold one out", key="laws")
-    for part in parts:
+    for part in _parts(one.given):
         again = one.build(part, one.unknowns)
         held = ~again.fitted
         found[held] = (again.solve(lambda share: None).predictions - problem.measured)[held]
@@ -118,18 +117,17 @@ def _parts(given: Given) -> Iterator[Given]:
     """The data with each of their parts held out: neighboring rows of every set, or whole motions."""
     motions = [k for k, (data, _) in enumerate(given) if isinstance(data, TipPath)]
     for part in range(_PARTS):
-        own, some = list[tuple[Data, object]](), False
+        own, fitted = list[tuple[Data, Scene]](), list[NDArray[np.bool_]]()
         for k, (data, scene) in enumerate(given):
             if isinstance(data, TipPath):
-                held = motions.index(k) % _PARTS == part
-                own.append((replace(data, fitted=not held), scene))
-                some |= held
+                fitted.append(np.array([motions.index(k) % _PARTS != part]))
+                own.append((replace(data, fitted=bool(fitted[-1][0])), scene))
             else:
-                rows = np.array_split(np.arange(data.rows), _PARTS)[part]
-                own.append((replace(data, fitted=~np.isin(np.arange(data.rows), rows)), scene))
-                some |= rows.size > 0
-        if some and any(np.any(data.fitted) for data, _ in own):  # type: ignore[attr-defined]
-            yield own  # type: ignore[misc]
+                fitted.append(np.arange(data.rows) * _PARTS // data.rows != part)
+                own.append((replace(data, fitted=fitted[-1]), scene))
+        every = np.concatenate(fitted)
+        if every.any() and not every.all():
+            yield own
 
 
 def _differ(problem: Problem, more: Array) -> bool:

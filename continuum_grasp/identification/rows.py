@@ -232,6 +232,10 @@ class Shapes:
         """Warnings about shapes beyond the bending range or the strain limit."""
         return limit_warnings(self.model, np.array([self.use(resting) for resting in self.all(values)]))
 
+    def stable(self, resting: Resting) -> bool:
+        """Whether every small displacement is driven back."""
+        return bool(np.linalg.eigvals(self._evaluate(resting.q, resting.z, resting.history)[1]).real.min() > 0.0)
+
     def use(self, resting: Resting) -> Array:
         """Share of its bending range that each element uses (elements,)."""
         u, _, p = np.split(resting.z, np.cumsum([self.model.nu, self.model.nw]))
