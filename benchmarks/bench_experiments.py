@@ -1,9 +1,9 @@
 """Proposed experiments against an even spread of twice as many, on fingers that the design did not know.
 
-A finger under its own weight carries one of five weights at its tip, is pulled by two tendons and turned by its clamp.
-Unknown are stiffness, linear density, clamp angle and where the tendons run. The even spread goes through the choices of
-every condition in turn, as one would without a design. Every trial is another finger, up to a quarter off in each number,
-with other noise of 0.5 mm; ``covered`` is the share of the 95 % intervals of `identify` that hold the truth.
+A finger under its own weight carries one of five weights at its tip, is pulled by two tendons and turned by its
+clamp. Unknown are stiffness, linear density, clamp angle and where the tendons run. The even spread goes through the
+choices of every condition in turn, as one would without a design. Every trial is another finger, up to a quarter off in
+each number, with other noise of 0.5 mm; ``covered`` is the share of 95 % intervals of `identify` that hold the truth.
 """
 
 from __future__ import annotations

@@ -148,7 +148,7 @@ class Fit(Predicted):
         """A scene with the estimates in it.
 
         The delay of the drives becomes ``estimator.delay`` of a closed loop, in whole periods, since the loop cannot
-        tell it from the age of a measurement; other scenes have no place for it, and none has one for the deadband.
+        tell it from the age of a measurement; other scenes have no place for it.
 
         Parameters
         ----------

@@ -260,7 +260,7 @@ def choices_of(one: StaticPoses, scene: Scene, key: str) -> tuple[tuple[str, ...
     counted = [str(k) for k in range(1, len(rows) + 1)] if one.pose is not None else [""] * len(rows)
     headings = (*fixed, *([one.pose] if one.pose is not None else []), *choices, *seen)
     cells = [
-        (*fixed.values(), *([number] if one.pose is not None else []), *map(str, row), *["0"] * len(seen))
+        (*fixed.values(), *([number] if one.pose is not None else []), *(f"{v:.12g}" for v in row), *["0"] * len(seen))
         for number, row in zip(counted, rows, strict=True)
     ]
     plain = one.model_copy(update={"where": (), "holdout_rows": (), "use": "fit"})

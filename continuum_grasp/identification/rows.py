@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import column
-from continuum_grasp.identification.unknowns import DEADBAND, OF_DRIVE, START, Unknown
+from continuum_grasp.identification.unknowns import OF_DRIVE, START, Unknown
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.memory import clipped
@@ -23,10 +23,6 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.statics import equilibrium_under, friction_of
 from continuum_grasp.simulation.trajectory import limit_warnings
-
-_ROUNDING = 0.01
-"""Width over which the corner of the deadband is rounded off [N], for a derivative there:
-a hundredth of a typical deadband."""
 
 
 def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str] = ()) -> tuple[str, ...]:
@@ -82,7 +78,7 @@ class Rows:
             if one not in names:
                 raise InputError(f"no entry {one!r}; expected one of {', '.join(names)}", key=key)
             self._table[:, names.index(one)] = numbers
-        # z = own * table + derivative @ values, but for the deadband, which is not linear
+        # z = own * table + derivative @ values
         self._derivative, self._own = np.zeros((len(names), len(unknowns))), np.ones(len(names))
         for k, unknown in enumerate(unknowns):
             if unknown.target not in OF_DRIVE:
@@ -93,26 +89,7 @@ class Rows:
     def at(self, row: int, values: Array) -> tuple[Array, Array]:
         """Values z (nz,) of a row and their derivative (nz, unknowns)."""
         z = self._own * self._table[row] + self._derivative @ values
-        derivative = self._derivative
-        for k, one in enumerate(self.unknowns):
-            if one.target == DEADBAND:
-                derivative = derivative.copy()
-                z[:2], derivative[:2, k] = _behind_deadband(z[0], z[1], values[k])
-        return z, derivative
-
-
-def _behind_deadband(first: float, second: float, deadband: float) -> tuple[Array, Array]:
-    """Tensions that the finger feels, and their derivatives with respect to the deadband.
-
-    The greater tension loses the deadband, but no more than its lead over the other; the corner is rounded off.
-    """
-    lead = abs(first - second)
-    excess = lead - deadband
-    root = float(np.hypot(excess, _ROUNDING))
-    left, slope = 0.5 * (excess + root), -0.5 * (1.0 + excess / root)
-    if first >= second:
-        return np.array([second + left, second]), np.array([slope, 0.0])
-    return np.array([first, first + left]), np.array([0.0, slope])
+        return z, self._derivative
 
 
 _TOLERANCE = 1e-11

@@ -267,7 +267,7 @@ class Estimate(Value):
     base_y (added to angle and position of the base: a frame that is turned or shifted), softening_curvature,
     softening_ratio, gyration_radius, tendon_offset, tendon_friction, tendon_presliding, tendon_axial_stiffness,
     tendon_series_stiffness, dry_friction_1_stiffness or _moment (of damping.dry_friction[0]), relaxation_1_share or
-    _time (of damping.relaxation[0]), chamber_area, tension_deadband, drive_time_constant, drive_delay,
+    _time (of damping.relaxation[0]), chamber_area, drive_time_constant, drive_delay,
     drive_pretension, drive_slack, drive_inertia, drive_viscous_friction or drive_coulomb_friction."""
     start: Annotated[Estimated | None, Field(examples=[0.7])] = None
     """Start of the search [SI unit of the parameter]; None: the scene's value."""
