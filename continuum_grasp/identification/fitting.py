@@ -105,7 +105,7 @@ def identify(
     report, laws = progress or (lambda share: None), tuple[LawTrial, ...]()
     found = posed(scene, data, parameters, loss)
     if parameters is None and isinstance(found.scene, IdentifyScene) and found.scene.laws:
-        ways = [posed(one, data, None, loss, folder_of(scene)) for one in _under_laws(found.scene)]
+        ways = [posed(one, data, None, loss, folder_of(scene)) for one in under_laws(found.scene)]
         names = [one.name for one in found.scene.laws]
         tried = [Candidate(name, one.unknowns, one.given, one.build) for name, one in zip(names, ways, strict=True)]
         chosen, laws = choose_law(tried, lambda share: report(0.5 * share))
@@ -140,7 +140,7 @@ def identify(
     )
 
 
-def _under_laws(scene: IdentifyScene) -> Iterator[IdentifyScene]:
+def under_laws(scene: IdentifyScene) -> Iterator[IdentifyScene]:
     """The scene under each of its laws."""
     for k, law in enumerate(scene.laws):
         try:
