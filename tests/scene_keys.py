@@ -390,6 +390,7 @@ _FITS: dict[str, tuple[str, dict[str, Any]]] = {
             ]
         },
     ),
+    "other laws": ("own_finger", {"laws": [{"name": "first"}, {"name": "second"}]}),
     "rung": (
         "own_finger",
         {"data": [{**_RUNG, "t": {"column": "t [s]", "scale": 2.0}, "signals": ["y [px]", "y [px]"]}]},

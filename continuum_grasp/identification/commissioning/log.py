@@ -321,7 +321,7 @@ def _with_friction(
         return problem.unknowns, solution.values, solution.predictions, problem.weighted(solution)
     slope = block.by_friction(solution.values)[:, None]
     jacobian, residuals = problem.weighted(solution, slope)
-    step: Array = np.linalg.lstsq(jacobian, -residuals, rcond=None)[0]
+    step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
     friction = Unknown(FRICTION, "1", FRICTION, 1.0, False, 0.0, -math.inf, math.inf, 0.01)
     predictions = solution.predictions + np.hstack([solution.jacobian, slope]) @ step
     values = np.append(solution.values + step[:-1], step[-1])
