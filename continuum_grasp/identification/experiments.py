@@ -239,7 +239,7 @@ def design_experiments(
     ... )
     >>> plan = design_experiments(scene)
     >>> plan.pose_headings, plan.pose_rows
-    (('set', 'F', 'x'), (('data[0]', '0.0', ''), ('data[0]', '0.1', '')))
+    (('set', 'F', 'x'), (('data[0]', '0', ''), ('data[0]', '0.1', '')))
     """
     found, _ = resolved(scene)
     scene = cast(IdentifyScene, found)
@@ -265,7 +265,7 @@ def design_experiments(
         offered += [{SET: names[number], **row} for row in cells]
     motion = None
     if logged:
-        at_known = applied(plain, known.targets, known.values[: known.shared]) if known.sets else plain
+        at_known = applied(plain, known.targets, known.values[: known.shared]) if known.scales else plain
         design = Design(at_known, patterns_of(plain), scene.excitation)
         motion = design.excited(lambda of: _read_along(of, *logged[0], known), choice)
     else:
@@ -393,12 +393,13 @@ class _Known(NamedTuple):
 def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report: Progress) -> _Known:
     """What is known before the design of some sets."""
     sought = read_unknowns(scene, scene.estimate)
-    unknowns, rows, scales = [one for one in sought if not one.per_set], np.zeros((0, len(sought))), {}
+    unknowns, scales = [one for one in sought if not one.per_set], dict[str, float]()
+    rows: Array = np.zeros((0, len(unknowns)))
     given = [data] if isinstance(data, (str, os.PathLike)) else data if isinstance(data, Sequence) else []
     paths = [Path(one) for one in given if isinstance(one, (str, os.PathLike))]
     if paths:
         scene = scene.model_copy(update={"data": sets_of(scene, paths)})
-    if data != ():
+    if paths or given or not isinstance(data, Sequence):
         found = posed(scene, data)
         problem = found.build(found.given, found.unknowns)
         solution = problem.solve(report)
@@ -414,7 +415,7 @@ def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report
         columns.append([next(further) if one.per_set else k for k, one in _numbered(sought)])
         unknowns += own
     values = np.array([one.start for one in unknowns])
-    whole = np.hstack([rows[:, : len(unknowns)], np.zeros((len(rows), max(len(unknowns) - rows.shape[1], 0)))])
+    whole = np.pad(rows, ((0, 0), (0, len(unknowns) - rows.shape[1])))
     return _Known(
         scene.data if paths else (),
         sought,

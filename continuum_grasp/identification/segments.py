@@ -39,7 +39,7 @@ _BAND = 0.5, 1.5
 _NYQUIST = 0.1
 """Greatest frequency times the time between samples [1]."""
 SHARES = 120
-"""Shares into which the time of the commands is divided [1]: the finer ones change no deviation by a percent."""
+"""Shares into which the time of the commands is divided [1]: of nine segments each has a dozen to begin with."""
 _LEAST = {"hold": 0.3, "loop": 1.1, "steps": 0.5, "sweep": 0.9}
 """Least share of time of a segment, per equal shares [1]: none is left out, since the values at which the information
 is taken are guesses, a loop must stay slow, and a sweep swing."""

@@ -142,6 +142,18 @@ def test_poses_beyond_the_bending_range_are_not_proposed():
         design_experiments(scene([{"name": "bending_stiffness"}], conditions=[MOMENT | {"choices": [5.0]}]))
 
 
+def test_shapes_that_may_buckle_are_not_proposed():
+    """Above Euler's load pi^2 E I / (4 L^2) a straight rod does not stand, nor close to it if it is 20 % softer."""
+    euler = np.pi**2 * STIFFNESS / (4.0 * LENGTH**2)
+    shares = [0.0, 0.7, 0.9, 1.1]
+    push = {"name": "load_1_y", "column": "push", "scale": -euler, "choices": shares}
+    given = scene(
+        [{"name": "bending_stiffness"}], [push], [{"quantity": "y", "column": "y", "sigma": 1e-4}], propose=20
+    )
+    loaded = given.changed({"loads": [{"kind": "force", "at": LENGTH, "force": [0.0, 0.0]}], "fidelity.elements": 8})
+    assert design_experiments(loaded).statistics["offered"] == 2
+
+
 def test_the_table_reads_back(tmp_path):
     """Filled in with what a stiffer rod does, in units and rows of the set; identify then finds that rod."""
     where = [{"column": "remark", "equals": ["good"]}]
@@ -151,7 +163,7 @@ def test_the_table_reads_back(tmp_path):
     plan = design_experiments(given)
     plan.save(tmp_path)
     table = (tmp_path / "poses.csv").read_text().splitlines()
-    assert table == ["set,remark,moment [mN m],bend [deg]", *["rod,good,-20.0,"] * 3]
+    assert table == ["set,remark,moment [mN m],bend [deg]", *["rod,good,-20,"] * 3]
     with pytest.raises(InputError, match="the cell is empty"):
         cg.identify(tmp_path / "experiments.yaml")
     bend = np.degrees(0.02 * LENGTH / 0.006)
