@@ -55,7 +55,7 @@ _IDLE = 0.2
 """Share of its command's range in which a tendon is pulled, below which the drive moves nothing [1]."""
 _LAW = 0.25
 """Part of what friction of the tendons moved each number that counts as a standard deviation [1], as its law is not
-known: of smooth friction, and of guides one by one, 1 of 56 numbers was then outside its 95 % interval, without it 4."""
+known: on plants with smooth friction or with guides, 1 of 56 numbers is then outside its 95 % interval, else 4."""
 _MISFIT = 0.05
 """Root mean square error of the tip per length of the finger from which the log is not of this finger [1]."""
 
