@@ -225,7 +225,7 @@ def test_what_moves_all_unknowns_together_adds_its_square():
 
 
 @pytest.mark.deep
-def test_intervals_that_are_promised_are_kept():
+def test_promised_intervals_hold():
     """Of 200 rods that the design did not know, with noise: errors per promised deviation scatter by one."""
     estimate = [{"name": "bending_stiffness"}, {"name": "clamp_angle"}]
     given = scene(estimate, propose=6)

@@ -220,7 +220,7 @@ def test_friction_and_stiffness_of_a_notched_wrist_from_awkward_starts(stiffness
         finger={
             "rod": {"length": 0.010, "linear_density": 0.005, "bending_stiffness": 1e-5},
             "tendons": {"offset": 0.0014, "max_tension": 20.0},
-            "damping": {"dry_friction": [{"stiffness": 1e-3, "moment": 4e-4}], "friction_cells": 1},
+            "damping": {"dry_friction": [{"stiffness": 1e-3, "moment": 1e-4}], "friction_cells": 1},
         },
         gravity=(0.0, 0.0),
         fidelity={"family": "clothoid", "elements": 2},

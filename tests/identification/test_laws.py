@@ -47,7 +47,7 @@ def bends(*, soft: bool, seed: int, held: int = 0) -> Poses:
     return Poses([Reading("angle", noisy, sigma=SIGMA)], {"tip_moment": MOMENT}, fitted)
 
 
-def test_a_softer_rod_is_told_by_rows_that_are_held_out():
+def test_a_softer_rod_is_found_by_rows_that_are_held_out():
     fit = cg.identify(scene(PLAIN, SOFT), bends(soft=True, seed=0))
     linear, soft = fit.laws
     assert (linear.verdict, soft.verdict) == ("worse", "chosen")
@@ -81,8 +81,8 @@ def test_the_error_of_parts_is_that_of_fits_without_them():
     data, missed = bends(soft=False, seed=3), []
     for part in range(5):
         held = np.isin(np.arange(20), np.arange(4 * part, 4 * part + 4))
-        kept = Poses([Reading("angle", data.measured[0].values[~held])], {"tip_moment": MOMENT[~held]})
-        found = cg.identify(scene(), kept)["bending_stiffness"]
+        rest = Poses([Reading("angle", data.measured[0].values[~held])], {"tip_moment": MOMENT[~held]})
+        found = cg.identify(scene(), rest)["bending_stiffness"]
         missed.append(data.measured[0].values[held] - MOMENT[held] * LENGTH / found)
     fit = cg.identify(scene(PLAIN, TURNED), data)
     assert fit.laws[0].held_out == pytest.approx(np.sqrt(np.mean(np.square(missed))) / SIGMA, rel=1e-6)
