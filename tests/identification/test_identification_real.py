@@ -220,7 +220,6 @@ def test_friction_and_stiffness_of_a_notched_wrist_from_awkward_starts(stiffness
         finger={
             "rod": {"length": 0.010, "linear_density": 0.005, "bending_stiffness": 1e-5},
             "tendons": {"offset": 0.0014, "max_tension": 20.0},
-            "damping": {"dry_friction": [{"stiffness": 1e-3, "moment": 1e-4}], "friction_cells": 1},
         },
         gravity=(0.0, 0.0),
         fidelity={"family": "clothoid", "elements": 2},
@@ -236,7 +235,6 @@ def test_friction_and_stiffness_of_a_notched_wrist_from_awkward_starts(stiffness
     estimates = [
         Estimate(name="bending_stiffness", start=stiffness),
         Estimate(name="tendon_friction", start=friction),
-        "dry_friction_1_moment",
     ]
     fit = cg.identify(scene, path, parameters=estimates, loss="huber")
     assert fit["bending_stiffness"] == pytest.approx(1.026e-5, rel=0.01)
