@@ -414,9 +414,14 @@ FAULTS: tuple[Fault, ...] = (
         tests="identification",
     ),
     *_in(
-        "identification/rows.py",
-        ("np.array([first, first + left])", "np.array([first, first - left])"),
-        tests="identification",
+        "identification/information.py",
+        ('"...ri,...rj->...ij", scaled, scaled', '"...ri,...rj->...ij", scaled, jacobian'),
+        tests="identification/test_experiments.py",
+    ),
+    *_in(
+        "identification/laws.py",
+        ("key=lambda k: (numbers[k], errors[k])", "key=lambda k: (-numbers[k], errors[k])"),
+        tests="identification/test_laws.py",
     ),
     *_in(
         "identification/observation.py",

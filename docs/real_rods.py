@@ -99,8 +99,8 @@ def foam() -> None:
 
 
 def tendons() -> None:
-    """Stiffness, deadband and friction of the tendons."""
-    for names in (None, ["bending_stiffness", "tension_deadband", "tendon_friction"]):
+    """Stiffness, dry friction in bending, and friction of the tendons."""
+    for names in (None, ["bending_stiffness", "dry_friction_1_moment", "tendon_friction"]):
         found = identify("tendon_steps", "tdcr_tendon_steps/steps.csv", parameters=names)
         print(estimates(found), errors(found), *found.warnings, sep="\n  ")
 

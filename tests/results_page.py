@@ -10,7 +10,7 @@ from continuum_grasp.design import DesignResult
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.identification.commissioning import Commissioning
 from continuum_grasp.identification.comparison import Comparison
-from continuum_grasp.identification.excitation import ExcitationPlan
+from continuum_grasp.identification.experiments import ExperimentPlan
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.identification.replayed import Replay
 from continuum_grasp.mission.outcomes import TrialsResult
@@ -36,7 +36,7 @@ MADE_BY = {
     Replay: "`cg.replay`, `continuum-grasp replay`",
     Commissioning: "`cg.commission`, `continuum-grasp commission`",
     Fit: "`cg.identify`, `continuum-grasp identify`",
-    ExcitationPlan: "`continuum_grasp.identification.design_excitation`, `continuum-grasp identify --excitation`",
+    ExperimentPlan: "`continuum_grasp.identification.design_experiments`, `continuum-grasp identify --design`",
     AccuracyReport: "`cg.accuracy_report`, `continuum-grasp accuracy`",
     SweepTable: "`cg.sweep`, `cg.sweep_table`, `continuum-grasp sweep`",
 }

@@ -382,6 +382,16 @@ _FITS: dict[str, tuple[str, dict[str, Any]]] = {
             "loss": "huber",
         },
     ),
+    "laws": (
+        "own_finger",
+        {
+            "laws": [
+                {"name": "plain", "set": ["gravity=[0.0, -9.8]"]},
+                {"name": "turned", "estimate": [{"name": "base_x", "start": 0.01}]},
+            ]
+        },
+    ),
+    "other laws": ("own_finger", {"laws": [{"name": "first"}, {"name": "second"}]}),
     "rung": (
         "own_finger",
         {"data": [{**_RUNG, "t": {"column": "t [s]", "scale": 2.0}, "signals": ["y [px]", "y [px]"]}]},

@@ -38,8 +38,9 @@ from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.web.plant import plant_of_loop, plant_of_scene
 from continuum_grasp.identification.blocks import PosesBlock
 from continuum_grasp.identification.data import Poses, Reading, TipPath
+from continuum_grasp.identification.fitting import under_laws
 from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.read import plain_scene, read_data
+from continuum_grasp.identification.read import choices_of, plain_scene, read_data
 from continuum_grasp.identification.segments import Design as Excited
 from continuum_grasp.identification.segments import patterns_of
 from continuum_grasp.identification.unknowns import read_unknowns
@@ -51,7 +52,7 @@ from continuum_grasp.rod.dimensionless import read_problem
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.design import Design
 from continuum_grasp.scene.design_space import design_space_of
-from continuum_grasp.scene.identify import Excitation, IdentifyScene
+from continuum_grasp.scene.identify import Excitation, IdentifyScene, StaticPoses
 from continuum_grasp.scene.load import placed_scene_of
 from continuum_grasp.scene.loads import Actuation, Samples
 from continuum_grasp.scene.mission import MissionScene
@@ -304,6 +305,11 @@ def read_and_sought(scene: IdentifyScene) -> Iterator[object]:
     """What identify reads of the shipped files and seeks, and the commands that it begins to design."""
     yield from (read_unknowns(scene, scene.estimate), scene.loss)
     yield [{**vars(one), "scene": None, "own": one.scene} for one in read_data(scene, [CONFIGS / "identify"])]
+    yield [(law.name, own.estimate, own.gravity) for law, own in zip(scene.laws, under_laws(scene), strict=True)]
+    for k, one in enumerate(scene.data):
+        if isinstance(one, StaticPoses) and one.propose:
+            headings, cells, poses = choices_of(one, plain_scene(scene), f"data[{k}]")
+            yield from (one.propose, headings, cells, [*poses.conditions.items()])
     if scene.finger.tendons is not None:
         yield from (excited(plain_scene(scene), scene.excitation), scene.excitation.sample)
 

@@ -7,4 +7,4 @@ from continuum_grasp.scene.consumer import Consumer
 LOOPS = Consumer("mpc of a closed loop", {"--trials": "is for missions"})
 MISSIONS = Consumer("mpc of a mission", {"--compare": "is not for missions"})
 TRIALS = Consumer("mpc --trials", {"--animate": "is for one mission, not for --trials"})
-EXCITATION = Consumer("identify --excitation", dict.fromkeys(("--data", "--apply"), "has no effect on --excitation"))
+DESIGN = Consumer("identify --design", {"--apply": "has no effect on --design"})

@@ -47,8 +47,8 @@ def commission(
     from continuum_grasp.identification.commissioning import design_commissioning
 
     if log is None and not plant:
-        design = replace(output, verb="excitation")
-        show_plan(lambda: design_commissioning(scene, duration=duration, reach=reach), design)
+        design = replace(output, verb="experiments")
+        show_plan(lambda _: design_commissioning(scene, duration=duration, reach=reach), design)
         return
     output.check_folder()
     with output.busy("commissioning") as report:

@@ -15,12 +15,15 @@ from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
-    from continuum_grasp.identification.excitation import ExcitationPlan
+    from continuum_grasp.cli.progress import Progress
+    from continuum_grasp.identification.experiments import ExperimentPlan
     from continuum_grasp.identification.fit import Fit
     from continuum_grasp.scene.simulate import FingerScene
 
 _FAILED = 1
-"""Exit status where the data are implausible."""
+"""Exit status where the data are implausible, or no experiment shows an unknown."""
+_SURE = 1.96
+"""Half of a 95 % interval per standard deviation [1]."""
 _SHOWN = 12
 """Values of single sets that are printed [1]: the coordinates of many starts say little."""
 
@@ -29,9 +32,10 @@ _SHOWN = 12
 def identify(
     output: Output,
     data: list[Path] | None = option(
-        "Table of measurements, or a folder; repeatable; none: those that CONFIG names.", metavar="FILE"
+        "Table of measurements, or a folder; repeatable; none: those that CONFIG names, with --design none.",
+        metavar="FILE",
     ),
-    excitation: bool = option("Design commands that show the unknowns, before anything is measured.", default=False),
+    design: bool = option("Propose loads, poses and motions to measure next, beside those of --data.", default=False),
     apply: list[Path] | None = option(
         "Write this configuration with the estimates in it, beside the result; repeatable.", metavar="CONFIG"
     ),
@@ -39,8 +43,11 @@ def identify(
         "Write the finger although the data cannot be those of this finger.", default=False
     ),
 ) -> None:
-    """Estimate parameters from measurements, with intervals. Commands to measure are designed by --excitation."""
-    from continuum_grasp.cli.alone import EXCITATION
+    """Estimate parameters from measurements, with intervals. What to measure next is proposed by --design.
+
+    Exit status 1 where the data cannot be those of this finger, or no experiment shows one of the unknowns.
+    """
+    from continuum_grasp.cli.alone import DESIGN
     from continuum_grasp.scene.identify import IdentifyScene
     from continuum_grasp.scene.load import load
 
@@ -49,16 +56,21 @@ def identify(
         raise InputError(
             "expected a scene with parameters to estimate: [{name: ...}] and data", file=str(output.config)
         )
-    if excitation:
-        EXCITATION.check(scene, of={"--data": bool(data), "--apply": bool(apply)})
+    if design:
+        DESIGN.check(scene, of={"--apply": bool(apply)})
     elif not scene.estimate:
         compared(scene, data, replace(output, verb="compare"))
         return
     targets = _targets(apply or ())
-    if excitation:
-        from continuum_grasp.identification import design_excitation
+    if design:
+        from continuum_grasp.identification import design_experiments
 
-        show_plan(lambda: design_excitation(scene), replace(output, verb="excitation"))
+        measured = tuple(data or ())
+        plan = show_plan(
+            lambda report: design_experiments(scene, measured, progress=report), replace(output, verb="experiments")
+        )
+        if plan.status != "designed":
+            raise typer.Exit(_FAILED)
         return
     output.check_folder()
 
@@ -96,6 +108,11 @@ def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
     if "fidelity" in fit.statistics:
         output.say(f"fidelity: {fit.statistics['fidelity']}")
     output.warn(fit.warnings)
+    if fit.laws:
+        rows = (
+            (one.name, str(one.numbers), f"{one.fitted:.3g}", f"{one.held_out:.3g}", one.verdict) for one in fit.laws
+        )
+        output.table(("law", "numbers", "fitted [deviations]", "held out [deviations]", ""), *rows)
     output.table(
         ("parameter", "value", "deviation", "95 % interval", "unit"),
         *(
@@ -125,25 +142,30 @@ def _written(scene: FingerScene, folder: Path, config: Path) -> Path:
     return write_text(yaml_text({"schema_version": 1, **plain}, exact=True), folder / f"{config.stem}_identified.yaml")
 
 
-def show_plan(design: Callable[[], ExcitationPlan], output: Output) -> None:
-    """Design commands that show unknowns, save and print them."""
+def show_plan(design: Callable[[Progress], ExperimentPlan], output: Output) -> ExperimentPlan:
+    """Design experiments that show unknowns, save and print them."""
     output.check_folder()
-    with output.busy("designing"):
-        plan = design()
+    with output.busy("designing") as report:
+        plan = design(report)
     files = output.save(plan)
     output.warn(plan.warnings)
+    if plan.pose_rows:
+        output.table(
+            ("measure", *plan.pose_headings), *((f"pose {k}", *row) for k, row in enumerate(plan.pose_rows, 1))
+        )
+    if plan.segments:
+        output.table(
+            ("segment", "from", "to", "shows"),
+            *((one.name, f"{one.start:.3g} s", f"{one.end:.3g} s", one.shows) for one in plan.segments),
+        )
+    columns = plan.names, plan.values, plan.before, plan.deviations, plan.units, plan.shown_by
     output.table(
-        ("segment", "from", "to", "shows"),
-        *((one.name, f"{one.start:.3g} s", f"{one.end:.3g} s", one.shows) for one in plan.segments),
-    )
-    output.table(
-        ("unknown", "assumed", "deviation to expect", "unit", "shown best by"),
+        ("unknown", "assumed", "95 % now", "95 % then", "unit", "shown best by"),
         *(
-            (name, f"{value:.4g}", f"{deviation:.2g}", unit, shown)
-            for name, value, deviation, unit, shown in zip(
-                plan.names, plan.values, plan.deviations, plan.units, plan.shown_in, strict=True
-            )
+            (name, f"{value:.4g}", *(f"+/- {_SURE * one:.2g}" for one in deviations), unit, shown)
+            for name, value, *deviations, unit, shown in zip(*columns, strict=True)
         ),
     )
     output.pairs(output.saved_in(files))
     output.conclude(plan, files, **plan.details())
+    return plan

@@ -4,7 +4,7 @@ from continuum_grasp.identification.commissioning import Commissioning, commissi
 from continuum_grasp.identification.comparison import Channel, Comparison
 from continuum_grasp.identification.damped_sine import DampedSine, fit_damped_sine
 from continuum_grasp.identification.data import Frequencies, Poses, Reading, TipPath
-from continuum_grasp.identification.excitation import ExcitationPlan, design_excitation
+from continuum_grasp.identification.experiments import ExperimentPlan, design_experiments
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.identification.fitting import compare, identify
 from continuum_grasp.identification.read import data_folder, read_data
@@ -18,7 +18,7 @@ __all__ = [
     "Comparison",
     "DampedSine",
     "Estimate",
-    "ExcitationPlan",
+    "ExperimentPlan",
     "Fit",
     "Frequencies",
     "IdentifyScene",
@@ -31,7 +31,7 @@ __all__ = [
     "compare",
     "data_folder",
     "design_commissioning",
-    "design_excitation",
+    "design_experiments",
     "fit_damped_sine",
     "identify",
     "read_data",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -126,6 +127,24 @@ class _RowsBlock(Block):
     def predict(self, values: Array) -> tuple[Array, Array]:
         found = [self._row(row, resting) for row, resting in enumerate(self._shapes.all(values))]
         return np.concatenate([y for y, _ in found]), np.concatenate([d for _, d in found])
+
+    def possible(self, tried: Sequence[Array]) -> tuple[NDArray[np.intp], Array]:
+        """Rows (K,) that have a stable shape within the bending range at all of some values, and derivatives there.
+
+        These are (values, K, readings, unknowns).
+        """
+        found: dict[int, list[Array]] = {row: [] for row in range(len(self._fitted))}
+        for values in tried:
+            for row in list(found):
+                with suppress(SolverError):
+                    resting = self._shapes.row(row, values)
+                    if self._shapes.use(resting).max() <= 1.0 and self._shapes.stable(resting):
+                        found[row].append(self._row(row, resting)[1])
+                        continue
+                del found[row]
+        return np.array(list(found), dtype=np.intp), np.array(list(found.values())).swapaxes(
+            0, 1
+        ) if found else np.zeros(0)
 
     def warnings(self, values: Array) -> tuple[str, ...]:
         return self._shapes.warnings(values)

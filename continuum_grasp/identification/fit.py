@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -12,7 +12,8 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.comparison import Predicted, block_rows, channel_rows
-from continuum_grasp.identification.unknowns import DELAY, OF_DRIVE
+from continuum_grasp.identification.laws import LawTrial
+from continuum_grasp.identification.unknowns import DELAY, LAG, OF_DRIVE
 from continuum_grasp.model.parameters import numbers_of, places_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.yaml_text import yaml_text
@@ -44,6 +45,8 @@ class Fit(Predicted):
         Why the measurements are implausible; empty where they are not.
     causes : tuple of str
         Slips in the data that were tried and explain them, with the misfit that is left.
+    laws : tuple of LawTrial
+        Laws that were tried, with their errors of what was fitted and held out; none where there is one alone.
     accepted : bool
         Whether estimates may be used although they are implausible.
     warnings : tuple of str
@@ -106,6 +109,7 @@ class Fit(Predicted):
     reason: str = ""
     causes: tuple[str, ...] = ()
     accepted: bool = False
+    laws: tuple[LawTrial, ...] = ()
     warnings: tuple[str, ...] = ()
     statistics: Mapping[str, Any] = field(default_factory=dict)
 
@@ -144,7 +148,7 @@ class Fit(Predicted):
         """A scene with the estimates in it.
 
         The delay of the drives becomes ``estimator.delay`` of a closed loop, in whole periods, since the loop cannot
-        tell it from the age of a measurement; other scenes have no place for it, and none has one for the deadband.
+        tell it from the age of a measurement; other scenes have no place for it.
 
         Parameters
         ----------
@@ -162,15 +166,7 @@ class Fit(Predicted):
         """
         if not self.usable:
             raise InputError(f"{self.verdict}; correct the data, or accept implausible ones", key="data")
-        changed: Any = self.scene if scene is None else scene
-        for (target, factor, added), value in zip(self.targets, self.values, strict=True):
-            if target == DELAY and getattr(changed, "estimator", None) is not None:
-                period = changed.controller.step
-                changed = changed.changed({"estimator.delay": period * round(float(value) / period)})
-            if target not in OF_DRIVE:
-                base = _of_base(changed, target) if added else 0.0
-                changed = with_parameter(changed, target, base + factor * float(value))
-        return changed
+        return applied(self.scene if scene is None else scene, self.targets, self.values)
 
     def details(self) -> dict[str, Any]:
         """The identified finger, None where an estimate is out of a finger's range, and the summary."""
@@ -191,6 +187,7 @@ class Fit(Predicted):
             "freedom": self.freedom,
             "reason": self.reason,
             "causes": list(self.causes),
+            "laws": [one._asdict() for one in self.laws],
             "errors": [dict(vars(one)) for one in self.errors],
             "holdout_errors": [dict(vars(one)) for one in self.holdout_errors],
             "sets": [
@@ -212,6 +209,20 @@ def finger_text(fit: Fit) -> str:
     rows = zip(fit.names, fit.values, fit.deviations, fit.units, strict=True)
     head += "".join(f"# {name}: {value:.6g} +/- {deviation:.2g} {unit}\n" for name, value, deviation, unit in rows)
     return head + yaml_text({"schema_version": 1, **finger}, exact=True)
+
+
+def applied(scene: Any, targets: Sequence[tuple[str, float, bool]], values: Array) -> Any:
+    """The scene with values of unknowns in it, given what each sets, the factor to that, and whether it is added."""
+    for (target, factor, added), value in zip(targets, values.tolist(), strict=True):
+        if target == DELAY and getattr(scene, "estimator", None) is not None:
+            period = scene.controller.step
+            scene = scene.changed({"estimator.delay": period * round(value / period)})
+        elif target == LAG and not (scene.finger.tendons or scene.finger.chambers):
+            scene = scene.changed({"controller.input.time_constant": value})
+        elif target not in OF_DRIVE:
+            base = _of_base(scene, target) if added else 0.0
+            scene = with_parameter(scene, target, base + factor * value)
+    return scene
 
 
 def _of_base(scene: Any, target: str) -> float:

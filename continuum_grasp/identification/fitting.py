@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,13 +23,14 @@ from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPat
 from continuum_grasp.identification.doubts import doubts
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.identification.inference import infer, model_error_warnings
+from continuum_grasp.identification.laws import Candidate, LawTrial, choose_law
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge
 from continuum_grasp.identification.problem import Build, Given, Problem, Solution
 from continuum_grasp.identification.read import folder_of, read_data
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.model import FingerModel
-from continuum_grasp.scene.identify import Estimate
+from continuum_grasp.scene.identify import Estimate, IdentifyScene
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import Scene
 
@@ -101,21 +102,18 @@ def identify(
     0.006
     """
     started = perf_counter()
-    beside = folder_of(scene)
-    scene, note = _resolved(scene_of(scene))
-    chosen = parameters if parameters is not None else getattr(scene, "estimate", ())
-    used_loss = loss if loss is not None else getattr(scene, "loss", "squares")
-    if used_loss not in ("squares", "huber"):
-        raise InputError(f"expected squares or huber, got {used_loss!r}", key="loss")
-    unknowns = read_unknowns(scene, chosen)
-    given = [(one, _resolved(one.scene or scene)[0]) for one in _measurements(scene, data, beside)]
-
-    def build(sets: Sequence[tuple[Data, Scene]], sought: Sequence[Unknown]) -> Problem:
-        return Problem([_block(own, one, sought) for one, own in sets], sought, used_loss)
-
+    report, laws = progress or (lambda share: None), tuple[LawTrial, ...]()
+    found = posed(scene, data, parameters, loss)
+    if parameters is None and isinstance(found.scene, IdentifyScene) and found.scene.laws:
+        ways = [posed(one, data, None, loss, folder_of(scene)) for one in under_laws(found.scene)]
+        names = [one.name for one in found.scene.laws]
+        tried = [Candidate(name, one.unknowns, one.given, one.build) for name, one in zip(names, ways, strict=True)]
+        chosen, laws = choose_law(tried, lambda share: report(0.5 * share))
+        found = ways[chosen]
+    scene, note, unknowns, given, build = found
     problem = build(given, unknowns)
     try:
-        solution = problem.solve(progress or (lambda share: None))
+        solution = problem.solve(report)
     except (SolverError, NumericalError) as error:
         causes = explain(problem, given, build)
         if not causes:
@@ -137,8 +135,19 @@ def identify(
         reason=verdict.reason,
         causes=verdict.causes,
         accepted=accept_implausible,
+        laws=laws,
         warnings=(*fit.warnings, *verdict.warnings),
     )
+
+
+def under_laws(scene: IdentifyScene) -> Iterator[IdentifyScene]:
+    """The scene under each of its laws."""
+    for k, law in enumerate(scene.laws):
+        try:
+            plain = scene.model_copy(update={"laws": ()}).changed(law.set)
+        except InputError as error:
+            raise InputError(error.message, key=f"laws[{k}].set" + (f".{error.key}" if error.key else "")) from None
+        yield plain.replaced(estimate=(*scene.estimate, *law.estimate))
 
 
 @interrupt.listening()
@@ -190,11 +199,11 @@ def compare(
     [-0.01, 0.01]
     """
     started, beside = perf_counter(), folder_of(scene)
-    scene, note = _resolved(scene_of(scene))
+    scene, note = resolved(scene_of(scene))
     blocks, predictions, drawn, warnings = [], [], [], list[str]()
     given = _measurements(scene, data, beside)
     for k, one in enumerate(given):
-        block = _block(_resolved(one.scene or scene)[0], one, ())
+        block = _block(resolved(one.scene or scene)[0], one, ())
         start = np.array([own.start for own in block.own])
         blocks.append(block)
         predictions.append(block.predict(start)[0])
@@ -213,6 +222,39 @@ def compare(
     )
 
 
+class Posed(NamedTuple):
+    """What is to be estimated: the scene, how its fidelity was chosen, unknowns, sets of data, and their problem."""
+
+    scene: Scene
+    note: str
+    unknowns: list[Unknown]
+    given: list[tuple[Data, Scene]]
+    build: Build
+
+
+def posed(
+    scene: Scene | str | PathLike[str],
+    data: Measurements,
+    parameters: Sequence[Estimate | str] | None = None,
+    loss: str | None = None,
+    beside: Path | None = None,
+) -> Posed:
+    """Read what `identify` is given, in the folder of the scene's file; arguments and errors are its own."""
+    beside = folder_of(scene) or beside
+    scene, note = resolved(scene_of(scene))
+    chosen = parameters if parameters is not None else getattr(scene, "estimate", ())
+    used_loss = loss if loss is not None else getattr(scene, "loss", "squares")
+    if used_loss not in ("squares", "huber"):
+        raise InputError(f"expected squares or huber, got {used_loss!r}", key="loss")
+    unknowns = read_unknowns(scene, chosen)
+    given = [(one, resolved(one.scene or scene)[0]) for one in _measurements(scene, data, beside)]
+
+    def build(sets: Sequence[tuple[Data, Scene]], sought: Sequence[Unknown]) -> Problem:
+        return Problem([_block(own, one, sought) for one, own in sets], sought, used_loss)
+
+    return Posed(scene, note, unknowns, given, build)
+
+
 def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], sets: Sequence[Array]) -> Array | None:
     """Predictions (m,) of models with twice the elements; None where one of them is not feasible."""
     found = []
@@ -228,7 +270,7 @@ def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], set
     return np.concatenate(found)
 
 
-def _resolved(scene: Scene) -> tuple[Scene, str]:
+def resolved(scene: Scene) -> tuple[Scene, str]:
     """The scene with a model in place of a tolerance, and what was chosen and why."""
     if scene.fidelity.tolerance is None:
         return scene, ""

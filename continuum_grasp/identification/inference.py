@@ -28,7 +28,7 @@ the derivatives, which is below 1e-8."""
 _PART = 1e-3
 """Component of a parameter in such a direction from which it is not seen either [1]: smaller ones are rounding of the
 singular vectors."""
-_WEAK = 0.5
+WEAK = 0.5
 """Standard deviation, relative to the size, from which a parameter is hardly seen [1]: its 95 % interval then reaches
 zero."""
 _ALIKE = 0.99
@@ -62,21 +62,23 @@ def infer(
     unknowns: Sequence[Unknown],
     values: Array,
     jacobian: Array,
-    residuals: Array,
+    residuals: Array | None,
     inflation: float = 1.0,
     shared: int | None = None,
     series: Sequence[NDArray[np.intp]] = (),
+    moved: Array | None = None,
 ) -> Inference:
     """Uncertainty at the minimum, from the weighted residuals (m,) of what was fitted and their Jacobian (m, n).
 
     The mean square of the residuals scales the covariance; ``inflation`` is a further factor, for a robust loss. The
     first ``shared`` unknowns, all where not given, are warned of; the others are those of one set each. Each of
     ``series`` has the rows (T, readings) that follow one another in time, whose residuals may hang together: they are
-    worth fewer numbers then.
+    worth fewer numbers then. All unknowns may be ``moved`` (n,) together, by one standard deviation of something else
+    that the data do not show. Without residuals, before anything is measured, they scatter as stated.
     """
     from scipy.special import stdtrit
 
-    count, rows = len(unknowns), len(residuals)
+    count, rows = jacobian.shape[1], len(jacobian)
     sizes = np.array([one.typical for one in unknowns])
     # with fewer rows than parameters, the full basis has the directions that no row sees
     _, singular, directions = np.linalg.svd(jacobian * sizes, full_matrices=rows < count)
@@ -87,9 +89,14 @@ def infer(
     covariance, spread, quantile = np.full((count, count), np.inf), np.full(count, np.inf), np.inf
     # the pseudo-inverse of J^T J: a direction that is not seen has no finite variance, and is reported as such
     inverse = seen.T @ (seen / singular[~blind, None] ** 2)
-    worth, scattered, freedom = _worth(jacobian * sizes, residuals, inverse, series)
+    if residuals is None:
+        worth, scattered, freedom = math.inf, inverse, math.inf
+    else:
+        worth, scattered, freedom = _worth(jacobian * sizes, residuals, inverse, series)
     if freedom > 0:
-        covariance = inflation * worth / (worth - count) * scattered
+        # as the parameters take of the sum of squares
+        covariance = inflation * scattered / (1.0 - count / worth)
+        covariance = covariance if moved is None else covariance + np.outer(moved / sizes, moved / sizes)
         spread, quantile = np.sqrt(np.diag(covariance)), float(stdtrit(freedom, 0.975))
     spread[lost] = np.inf
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -173,7 +180,7 @@ def _weakness(
     found = []
     for k, one in enumerate(unknowns):
         size = max(abs(float(values[k])), one.typical)
-        if not lost[k] and np.isfinite(deviations[k]) and deviations[k] > _WEAK * size:
+        if not lost[k] and np.isfinite(deviations[k]) and deviations[k] > WEAK * size:
             found.append(
                 f"the data hardly see {one.name}: its standard deviation is {deviations[k]:.2g} {one.unit}, "
                 f"{100 * deviations[k] / size:.0f} % of its size"

@@ -15,14 +15,14 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, signal
-from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.errors import NumericalError
 from continuum_grasp.identification.blocks import DRAWN, Block, Drawn, Entry, drawn_backbones
 from continuum_grasp.identification.data import Reading, TipPath, column
 from continuum_grasp.identification.driven import Driven
 from continuum_grasp.identification.observation import check_tensions
 from continuum_grasp.identification.rows import Rows, Shapes
 from continuum_grasp.identification.start import MeasuredStart
-from continuum_grasp.identification.unknowns import DEADBAND, START, Unknown
+from continuum_grasp.identification.unknowns import START, Unknown
 from continuum_grasp.labels import split_unit
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
@@ -35,8 +35,6 @@ class PathBlock(Block):
     moves = ordered = True
 
     def __init__(self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown]) -> None:
-        if any(one.target == DEADBAND for one in unknowns):
-            raise InputError(f"{DEADBAND} is for shapes at rest, not for paths", key="estimate")
         self.name, self.finger, readings = data.name, scene.finger, data.readings
         plain = Driven(scene, unknowns, readings)
         self._t = t = column(f"{data.name}.t", data.t)

@@ -6,6 +6,7 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import cast
 
@@ -98,6 +99,12 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
     return found
 
 
+def sets_of(scene: IdentifyScene, paths: Sequence[Path]) -> tuple[DataSet, ...]:
+    """Sets of a configuration that are in some files, or in folders of them."""
+    files = list(_files([_located(path) for path in paths], scene.data))
+    return tuple(one for one in scene.data if any(one.file is None or file.resolve().match(one.file) for file in files))
+
+
 def located(scene: Scene, beside: Path | None) -> list[Path]:
     """Files that the data of a scene name, in a folder, or in one folder of the data folder.
 
@@ -144,7 +151,7 @@ def _files(paths: Sequence[Path], sets: Sequence[DataSet]) -> Iterator[Path]:
 
 def plain_scene(scene: Scene) -> Scene:
     """The scene without what is said of the data."""
-    own = {"estimate", "data", "excitation", "loss"}
+    own = {"estimate", "laws", "data", "excitation", "loss"}
     return Scene(**scene.model_dump(mode="json", exclude_unset=True, exclude=own))
 
 
@@ -226,6 +233,40 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list
         ]
     except InputError as error:
         raise InputError(error.message, file=table.file) from None
+
+
+def choices_of(one: StaticPoses, scene: Scene, key: str) -> tuple[tuple[str, ...], list[tuple[str, ...]], Poses]:
+    """Table of all rows that the choices of a set's conditions make, as it is read back: headings, cells, poses.
+
+    Cells of what is to be measured are zero.
+
+    Raises
+    ------
+    InputError
+        If a condition has no choices, or there are too many rows.
+    """
+    choices = dict[str, Sequence[float]]()
+    for k, condition in enumerate(one.conditions):
+        if not (condition.choices or choices.get(condition.column)):
+            raise InputError(
+                f"expected choices of {condition.name}, to propose some", key=f"{key}.conditions[{k}].choices"
+            )
+        choices[condition.column] = condition.choices or choices[condition.column]
+    fixed = {of.column: of.equals[0] for of in one.where}
+    seen = dict.fromkeys(text for of in one.measured for text in (of.column, of.minus) if text is not None)
+    rows = list(product(*choices.values()))
+    if len(rows) > _ROWS:
+        raise InputError(f"the choices of all conditions make {len(rows)} rows; expected {_ROWS} at most", key=key)
+    counted = [str(k) for k in range(1, len(rows) + 1)] if one.pose is not None else [""] * len(rows)
+    headings = (*fixed, *([one.pose] if one.pose is not None else []), *choices, *seen)
+    cells = [
+        (*fixed.values(), *([number] if one.pose is not None else []), *(f"{v:.12g}" for v in row), *["0"] * len(seen))
+        for number, row in zip(counted, rows, strict=True)
+    ]
+    plain = one.model_copy(update={"where": (), "holdout_rows": (), "use": "fit"})
+    changed = _changed(scene, one.set, f"{key}.set")
+    (poses,) = _read(plain, Table.of(headings, cells), changed, one.name or key, key)
+    return headings, cells, cast(Poses, poses)
 
 
 def _of(reading: Reading, rows: NDArray[np.bool_]) -> Reading:
@@ -383,6 +424,8 @@ def _column(table: Table, column: ColumnLike, si: str, *, gaps: bool = False) ->
     return one.scale * values
 
 
+_ROWS = 5000
+"""Most rows to choose from [1]: the equilibria of so many take a quarter of a minute."""
 _TIMES, _SUFFIX = ("t", "time"), re.compile(r"(.+?)_(mm|cm|m|deg|rad|s|ms|N|mN|g|Hz|Nm)")
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import column
-from continuum_grasp.identification.unknowns import DEADBAND, OF_DRIVE, START, Unknown
+from continuum_grasp.identification.unknowns import OF_DRIVE, START, Unknown
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.memory import clipped
@@ -23,10 +23,6 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.statics import equilibrium_under, friction_of
 from continuum_grasp.simulation.trajectory import limit_warnings
-
-_ROUNDING = 0.01
-"""Width over which the corner of the deadband is rounded off [N], for a derivative there:
-a hundredth of a typical deadband."""
 
 
 def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str] = ()) -> tuple[str, ...]:
@@ -82,7 +78,7 @@ class Rows:
             if one not in names:
                 raise InputError(f"no entry {one!r}; expected one of {', '.join(names)}", key=key)
             self._table[:, names.index(one)] = numbers
-        # z = own * table + derivative @ values, but for the deadband, which is not linear
+        # z = own * table + derivative @ values
         self._derivative, self._own = np.zeros((len(names), len(unknowns))), np.ones(len(names))
         for k, unknown in enumerate(unknowns):
             if unknown.target not in OF_DRIVE:
@@ -93,26 +89,7 @@ class Rows:
     def at(self, row: int, values: Array) -> tuple[Array, Array]:
         """Values z (nz,) of a row and their derivative (nz, unknowns)."""
         z = self._own * self._table[row] + self._derivative @ values
-        derivative = self._derivative
-        for k, one in enumerate(self.unknowns):
-            if one.target == DEADBAND:
-                derivative = derivative.copy()
-                z[:2], derivative[:2, k] = _behind_deadband(z[0], z[1], values[k])
-        return z, derivative
-
-
-def _behind_deadband(first: float, second: float, deadband: float) -> tuple[Array, Array]:
-    """Tensions that the finger feels, and their derivatives with respect to the deadband.
-
-    The greater tension loses the deadband, but no more than its lead over the other; the corner is rounded off.
-    """
-    lead = abs(first - second)
-    excess = lead - deadband
-    root = float(np.hypot(excess, _ROUNDING))
-    left, slope = 0.5 * (excess + root), -0.5 * (1.0 + excess / root)
-    if first >= second:
-        return np.array([second + left, second]), np.array([slope, 0.0])
-    return np.array([first, first + left]), np.array([0.0, slope])
+        return z, self._derivative
 
 
 _TOLERANCE = 1e-11
@@ -179,15 +156,19 @@ class Shapes:
         SolverError
             If one cannot be followed there.
         """
-        resting = self._last[0]
+        before = None
         for row in range(self.rows.count):
-            z, by_values = self.rows.at(row, values)
             # Of a sequence the first row has the scene's own history, each of the others that of the one before.
-            carried = self._sequence and row > 0
-            resting = self._follow(resting if carried else self._last[row], z, by_values, carried)
-            if not carried:
-                self._last[row] = resting
-            yield resting
+            before = self.row(row, values, before if self._sequence else None)
+            yield before
+
+    def row(self, row: int, values: Array, before: Resting | None = None) -> Resting:
+        """One row, by itself or with the friction of the row before; errors as of ``all``."""
+        z, by_values = self.rows.at(row, values)
+        if before is not None:
+            return self._follow(before, z, by_values, carried=True)
+        self._last[row] = self._follow(self._last[row], z, by_values, carried=False)
+        return self._last[row]
 
     def _follow(self, before: Resting, z: Array, by_values: Array, carried: bool) -> Resting:
         """The equilibrium at z from another one, in steps; under its history, or with its friction carried on."""
@@ -226,11 +207,16 @@ class Shapes:
 
     def warnings(self, values: Array) -> tuple[str, ...]:
         """Warnings about shapes beyond the bending range or the strain limit."""
-        use = []
-        for resting in self.all(values):
-            u, _, p = np.split(resting.z, np.cumsum([self.model.nu, self.model.nw]))
-            use.append(np.array(self.model.range_use(resting.q, u, p)).ravel())
-        return limit_warnings(self.model, np.array(use))
+        return limit_warnings(self.model, np.array([self.use(resting) for resting in self.all(values)]))
+
+    def stable(self, resting: Resting) -> bool:
+        """Whether every small displacement is driven back."""
+        return bool(np.linalg.eigvals(self._evaluate(resting.q, resting.z, resting.history)[1]).real.min() > 0.0)
+
+    def use(self, resting: Resting) -> Array:
+        """Share of its bending range that each element uses (elements,)."""
+        u, _, p = np.split(resting.z, np.cumsum([self.model.nu, self.model.nw]))
+        return np.array(self.model.range_use(resting.q, u, p)).ravel()
 
     def _newton(self, q: Array, z: Array, history: Array) -> Array | None:
         for _ in range(_ITERATIONS):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import SolverError
@@ -16,6 +18,7 @@ from continuum_grasp.scene.loads import by_key
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.modes import modes
 from continuum_grasp.simulation.signals import Signals
+from continuum_grasp.simulation.simulate import simulate
 from continuum_grasp.simulation.statics import equilibrium_under
 from continuum_grasp.simulation.trajectory import Trajectory
 
@@ -35,6 +38,18 @@ _BAND = 0.5, 1.5
 """Frequencies from which and up to which it goes, per first natural frequency [1]."""
 _NYQUIST = 0.1
 """Greatest frequency times the time between samples [1]."""
+SHARES = 120
+"""Shares into which the time of the commands is divided [1]: of nine segments each has a dozen to begin with."""
+_LEAST = {"hold": 0.3, "loop": 1.1, "steps": 0.5, "sweep": 0.9}
+"""Least share of time of a segment, per equal shares [1]: none is left out, since the values at which the information
+is taken are guesses, a loop must stay slow, and a sweep swing."""
+_LESS, _TRIES = 0.85, 24
+"""Factor on the commands where the motion that they cause goes beyond a limit [1], and how often at most."""
+
+
+Choose = Callable[[Sequence[Array], float, NDArray[np.intp]], NDArray[np.intp]]
+"""Shares of time of segments, in `SHARES`, of derivatives (readings, n) of what is read in each segment of a motion in
+which each has so many shares, and of the least shares."""
 
 
 class Segment(NamedTuple):
@@ -59,6 +74,22 @@ class _Part(NamedTuple):
     shows: str
     form: str
     pattern: int
+
+
+class Excited(NamedTuple):
+    """Commands as they are designed: segments, the motion, derivatives (T, readings, n) of what is read, scale [1]."""
+
+    segments: tuple[Segment, ...]
+    rehearsal: Trajectory
+    rows: Array
+    scale: float
+
+    @property
+    def by_segment(self) -> list[Array]:
+        """Derivatives (readings, n) of what is read in each segment."""
+        t = self.rehearsal.t[1:]
+        own = [(t > one.start) & (t <= one.end) for one in self.segments]
+        return [self.rows[rows].reshape(-1, self.rows.shape[-1]) for rows in own]
 
 
 _SHOWS = {
@@ -176,6 +207,33 @@ class Design:
         tensions = np.array(model.tensions_at_rest()(found.q, given, model.p_nominal, *history)).ravel()
         most = np.array([one.max_tension for one in tendons])
         return bool(use <= reach and np.all(tensions <= reach * most))
+
+    def excited(
+        self,
+        rows: Callable[[Trajectory], Array],
+        choose: Choose,
+        allowed: Callable[[Trajectory], bool] | None = None,
+    ) -> Excited:
+        """Commands in the shares of time that are chosen, as large as the motion that they cause is allowed to be.
+
+        ``rows`` gives derivatives (T, readings, n) of what is read after each sample, per standard deviation.
+        """
+        weights, scale, tries = np.ones(len(self.parts)), 1.0, _TRIES
+        for last in (False, True):
+            rehearsal = simulate(self.scene(weights, scale))
+            while tries and not (allowed or self.within)(rehearsal):
+                scale, tries = _LESS * scale, tries - 1
+                rehearsal = simulate(self.scene(weights, scale))
+            found = Excited(self.segments(weights), rehearsal, rows(rehearsal), scale)
+            if not last:
+                weights = choose(found.by_segment, SHARES / len(self.parts), self.least).astype(float)
+        return found
+
+    @property
+    def least(self) -> NDArray[np.intp]:
+        """Least shares of time of the segments, in `SHARES`."""
+        share = SHARES / len(self.parts)
+        return np.array([math.ceil(_LEAST[part.form] * share) for part in self.parts], dtype=np.intp)
 
     def within(self, motion: Trajectory) -> bool:
         """Whether a motion stays within the bending range and the greatest tensions."""

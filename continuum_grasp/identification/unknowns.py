@@ -21,13 +21,11 @@ from continuum_grasp.scene.families import default_family
 from continuum_grasp.scene.identify import Estimate
 from continuum_grasp.scene.simulate import Scene
 
-DEADBAND = "tension_deadband"
-"""The difference of tensions that friction takes before the finger feels any."""
 LAG, DELAY = "drive_time_constant", "drive_delay"
 """Time constant of the lag of the drives, and the time before a command reaches them."""
 ADDED = {"clamp_angle": "base_angle", "base_x": "base_position_x", "base_y": "base_position_y"}
 """Parameters of the model to whose values in the scene unknowns are added, by the names of these."""
-OF_DRIVE = (DEADBAND, DELAY)
+OF_DRIVE = (DELAY,)
 """Unknowns of the drive that the model does not have."""
 START = "start"
 """Target of coordinates and rates of a start that is estimated with the parameters."""
@@ -36,7 +34,6 @@ _OWN = {
     "clamp_angle": ("rad", -math.inf),
     "base_x": ("m", -math.inf),
     "base_y": ("m", -math.inf),
-    DEADBAND: ("N", 0.0),
     DELAY: ("s", 0.0),
 }
 """Unit of each unknown that the model does not have, and its least value, as in ``Number``."""
@@ -194,7 +191,6 @@ def _typical(scene: Scene, name: str) -> float:
         "tip_body_inertia": 0.01 * mass * length**3,
         "tip_body_across": 0.1 * length,
         "tip_body_along": 0.1 * length,
-        DEADBAND: 1.0,
         LAG: 0.02,
         DELAY: 0.02,
         "drive_pretension": 1.0,

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.collections import LineCollection
 
     from continuum_grasp.identification.comparison import Predicted
-    from continuum_grasp.identification.excitation import ExcitationPlan
+    from continuum_grasp.identification.experiments import ExperimentPlan
     from continuum_grasp.identification.fit import Fit
     from continuum_grasp.identification.replayed import Replay
 
@@ -184,7 +184,7 @@ def _panels(
     return found
 
 
-def plot_excitation(plan: ExcitationPlan, *, ax: Axes | None = None) -> Axes:
+def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
     """Draw the commands over time, with the segments."""
     ax = new_axes(ax, 9.0, 3.8)
     looks = zip(plan.commands.T, plan.command_names, (BLUE, ORANGE, GRAY) * 6, strict=False)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside
+from continuum_grasp.scene.consumer import LIMITS_OF_BENDING, LIMITS_OF_COMMANDS, Consumer, beside, needs
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value
@@ -16,6 +16,7 @@ _OF_DRIVE = ("tension", "length", "motor_angle", "torque", "current")
 Estimated = Annotated[float, Field(ge=-1e15, le=1e15), Unit("SI unit of the parameter")]
 _READ, _DRIVES = "data.measured", f"goes with {', '.join(_OF_DRIVE)}"
 _PRIOR = "goes with start: estimated"
+_MEASURED = beside("identify but shapes at rest", lambda one: True, "conditions.choices", "goes with propose", "data")
 _Window = Annotated[Interval, Unit("s")]
 _Place = Annotated[float, Field(ge=0.0, le=1e4), Unit("m")]
 _Axis = Literal["x", "-x", "y", "-y"]
@@ -50,6 +51,9 @@ class Condition(Column):
 
     name: str
     """Entry of the model's inputs (tip_moment, tension_1, ...), forces (tip_y, load_1_y, ...) or parameters."""
+    choices: Annotated[tuple[Real, ...], Field(strict=False), Unit("unit of the column")] = ()
+    """Cells of the column that ``identify --design`` may propose [unit of the column], such as the weights that there
+    are."""
 
 
 _Conditions = Annotated[tuple[Condition, ...], Field(strict=False)]
@@ -130,6 +134,13 @@ class _Rows(_Data):
 class StaticPoses(_Rows):
     """Shapes at rest: a row per load case."""
 
+    REFUSALS = (
+        needs("identify", "conditions.choices", "propose", at="data"),
+        beside(
+            "identify of sequences", lambda one: one.sequence, "propose", "takes rows reached by themselves", "data"
+        ),
+    )
+
     kind: Literal["static"]
     """Shapes at rest."""
     measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False, min_length=1)]
@@ -140,6 +151,14 @@ class StaticPoses(_Rows):
     sequence: bool = False
     """Whether the rows follow one another, so that the friction of each comes from those before it; the first is
     reached as ``initial.reached_by`` says. False: each row is reached by itself."""
+    propose: Annotated[int, Field(ge=1, le=200)] | None = None
+    """Number of rows that ``identify --design`` proposes to measure, of the ``choices`` of all conditions; None: none,
+    these are measured."""
+
+    @property
+    def readings(self) -> tuple[ReadingColumn, ...]:
+        """All columns with what was measured."""
+        return self.measured
 
     def _check(self) -> None:
         self._check_axes()
@@ -159,6 +178,7 @@ class TipTrajectory(_Data):
 
     REFUSALS = (
         beside("identify of known starts", lambda one: one.start != "estimated", "start_prior", _PRIOR, "data"),
+        _MEASURED,
     )
 
     kind: Literal["trajectory"]
@@ -223,6 +243,8 @@ class RingDown(_Data):
 class FrequencyTable(_Rows):
     """Frequencies of free vibration: a row per mode and configuration."""
 
+    REFUSALS = (_MEASURED,)
+
     kind: Literal["frequencies"]
     """Frequencies of free vibration."""
     mode: str | Annotated[int, Field(ge=1)] = "mode"
@@ -245,7 +267,7 @@ class Estimate(Value):
     base_y (added to angle and position of the base: a frame that is turned or shifted), softening_curvature,
     softening_ratio, gyration_radius, tendon_offset, tendon_friction, tendon_presliding, tendon_axial_stiffness,
     tendon_series_stiffness, dry_friction_1_stiffness or _moment (of damping.dry_friction[0]), relaxation_1_share or
-    _time (of damping.relaxation[0]), chamber_area, tension_deadband, drive_time_constant, drive_delay,
+    _time (of damping.relaxation[0]), chamber_area, drive_time_constant, drive_delay,
     drive_pretension, drive_slack, drive_inertia, drive_viscous_friction or drive_coulomb_friction."""
     start: Annotated[Estimated | None, Field(examples=[0.7])] = None
     """Start of the search [SI unit of the parameter]; None: the scene's value."""
@@ -262,6 +284,17 @@ class Estimate(Value):
 
     def _check(self) -> None:
         self._check_below("min", "max")
+
+
+class Law(Value):
+    """A law of the finger that may hold: changes of the scene, and what is to be estimated under it."""
+
+    name: str
+    """Name of the law in reports."""
+    set: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    """Changes of the scene under this law, as ``key.path=value``."""
+    estimate: Annotated[tuple[Estimate, ...], Field(strict=False)] = ()
+    """Parameters that are to be found under this law, beside those of the scene."""
 
 
 class Excitation(Value):
@@ -299,10 +332,12 @@ class IdentifyScene(Scene):
 
     estimate: Annotated[tuple[Estimate, ...], Field(strict=False)] = ()
     """Parameters that are to be found; none: the scene is compared with the data as it is."""
+    laws: Annotated[tuple[Law, ...], Field(strict=False)] = ()
+    """Laws of which the one is chosen that predicts best what is held out; none: that of the scene."""
     data: Annotated[tuple[DataSet, ...], Field(strict=False)] = ()
     """Formats of the files that are given beside this one."""
     excitation: Excitation = Excitation()
-    """Commands that ``identify --excitation`` designs."""
+    """Commands that ``identify --design`` designs, where it is given and a set is a ``trajectory``."""
     loss: Literal["squares", "huber"] = "squares"
     """huber: residuals beyond 1.345 standard deviations count linearly, so that outliers pull less."""
 
@@ -311,5 +346,8 @@ class IdentifyScene(Scene):
         for k, name in enumerate(names):
             if name in names[:k]:
                 raise ValueError(f"estimate[{k}].name: {name} is estimated twice")
+        laws = [one.name for one in self.laws]
+        if len(laws) == 1 or len(set(laws)) < len(laws):
+            raise ValueError("laws: expected two or more, with names of their own")
         if self.estimate and self.data and all(one.use == "holdout" for one in self.data):
             raise ValueError("data: every set is a hold-out; one at least must be fitted")

@@ -9,6 +9,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,13 @@ class Table:
     header_line: int
     comma: bool = False
     """Whether numbers have decimal commas."""
+
+    @classmethod
+    def of(cls, columns: Sequence[str], rows: Sequence[tuple[str, ...]]) -> Table:
+        """A table of columns, with units in brackets, that is in no file."""
+        parts = [cast(re.Match[str], _HEADING.fullmatch(column)) for column in columns]
+        lines = tuple(range(2, len(rows) + 2))
+        return cls("", tuple(one[1] for one in parts), tuple(one[2] for one in parts), tuple(rows), lines, 1)
 
     def index(self, heading: str) -> int:
         """Number of a column, from 0, by its heading with or without the unit."""

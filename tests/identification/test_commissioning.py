@@ -15,8 +15,8 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.wiring import TIP, wiring_of
 from continuum_grasp.control.log import ControlLog
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.bench import camera_through
 from continuum_grasp.identification.commissioning import commission, design_commissioning
+from continuum_grasp.identification.commissioning.bench import camera_through
 from continuum_grasp.scene import ControlScene
 from continuum_grasp.scene.mounting import Camera, Connection, Mounting
 from tests.identification.test_replay import SCENE

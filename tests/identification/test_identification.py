@@ -256,7 +256,7 @@ def test_a_mode_that_does_not_ring_is_an_error():
         (["youngs_modulus"], "given by its shape"),
         (["bending_stiffnes"], "did you mean bending_stiffness"),
         (["gravity"], "2 entries"),
-        (["tension_deadband"], "needs finger.tendons"),
+        (["drive_delay"], "needs finger.tendons"),
         (["clamp_angle", "base_angle"], "same parameter"),
         ([Estimate(name="bending_stiffness", start=1.0, max=0.5)], "outside"),
     ],

@@ -10,10 +10,10 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification import Estimate, IdentifyScene, Poses, Reading, TipPath, design_excitation
+from continuum_grasp.identification import Estimate, IdentifyScene, Poses, Reading, TipPath, design_experiments
 from continuum_grasp.identification.blocks import PosesBlock
 from continuum_grasp.identification.driven import Driven
-from continuum_grasp.identification.excitation import _predicted, _shares_of_time, csv_of, yaml_of
+from continuum_grasp.identification.experiments import commands_text, scene_text
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.segments import base_of, patterns_of
 from continuum_grasp.identification.unknowns import read_unknowns
@@ -217,7 +217,7 @@ def test_commands_stay_within_limits_and_predict_what_a_fit_reports():
     """The deviations beforehand are those of a fit to readings with that noise, and hold for many repeats."""
     measured = [{"quantity": "tension", "column": "T", "sigma": 0.1}]
     scene = loop(WINCHES, ["tendon_friction", "drive_time_constant"], measured)
-    plan = design_excitation(scene)
+    plan = design_experiments(scene)
     assert plan.rehearsal.tensions.max() < 40.0
     assert not any("bending range" in one or "cannot see" in one for one in plan.warnings)
     assert plan.segments[0].name == "hold"
@@ -236,20 +236,20 @@ def test_commands_stay_within_limits_and_predict_what_a_fit_reports():
 
 def test_commands_say_what_they_cannot_show():
     measured = [{"quantity": "length", "column": "y", "sigma": 1e-5}]
-    plan = design_excitation(loop(WINCHES, ["tendon_friction", "drive_time_constant"], measured, x=None, y=None))
-    assert any("these commands cannot see tendon_friction" in one for one in plan.warnings)
+    plan = design_experiments(loop(WINCHES, ["tendon_friction", "drive_time_constant"], measured, x=None, y=None))
+    assert any("these experiments cannot see tendon_friction" in one for one in plan.warnings)
     assert math.isinf(plan.deviations[0])
-    assert plan.shown_in[0] == "none"
-    rows = csv_of(plan).splitlines()
+    assert plan.shown_by[0] == "none"
+    rows = commands_text(plan).splitlines()
     assert rows[0] == "t [s],length_1 [m],length_2 [m]"
     assert len(rows) == 202
-    assert yaml_of(plan).startswith("# 0 to ")
+    assert scene_text(plan).startswith("# 0 to ")
 
 
 def test_a_design_needs_readings_of_known_scatter():
     scene = loop(WINCHES, ["tendon_friction"], [{"quantity": "tension", "column": "T"}])
     with pytest.raises(InputError, match="deviations cannot be predicted") as error:
-        design_excitation(scene)
+        design_experiments(scene)
     assert error.value.key == "data[0].measured[0].sigma"
 
 
@@ -282,29 +282,3 @@ def test_simulation_and_closed_loop_read_what_was_identified(tmp_path):
     assert applied.finger.tendons.time_constant == fit["drive_time_constant"]
     assert applied.estimator.delay == pytest.approx(0.02)
     assert cg.Controller(applied).step([0.0, 0.18, 1.0, 1.0]).status is not None
-
-
-@pytest.mark.parametrize(("slopes", "sizes"), [((1.0, 3.0), (1.0, 1.0)), ((2.0, 2.0), (1.0, 5.0))])
-def test_shares_of_time_make_the_sum_of_squared_deviations_least(slopes, sizes):
-    """Two segments that show one unknown each: the sum of 1 / (w m) is least for w as the inverse root of m."""
-    jacobian = np.zeros((60, 2, 2))
-    parts = [np.arange(60) < 20, np.arange(60) >= 20]
-    for k, part in enumerate(parts):
-        jacobian[part, 1, k] = slopes[k]
-    found = _shares_of_time(jacobian, parts, np.array(sizes), np.zeros(2))
-    inverse = 1.0 / (np.array(slopes) * sizes)
-    assert found == pytest.approx(inverse / inverse.sum(), rel=1e-3)
-    bounded = _shares_of_time(jacobian, parts, np.array(sizes), np.array([0.4, 0.4]))
-    assert bounded.min() == pytest.approx(0.4 if found.min() < 0.4 else found.min(), rel=1e-3)
-    assert bounded.sum() == pytest.approx(1.0)
-
-
-def test_deviations_beforehand_are_those_of_the_information():
-    """The inverse of J^T J, whatever the bounds of the unknowns are."""
-    scene = driven(WINCHES, "lengths", [])
-    unknowns = read_unknowns(scene, ["tendon_friction", "drive_pretension"])
-    jacobian = np.random.default_rng(4).standard_normal((40, 2)) * [30.0, 2.0]
-    values = np.array([one.lower for one in unknowns])
-    found = _predicted(unknowns, values, jacobian)
-    assert found.deviations == pytest.approx(np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian))), rel=1e-9)
-    assert not any("bound" in one for one in found.warnings)

@@ -135,14 +135,15 @@ def test_derivatives_of_vibrations(family):
     assert slope_error(block, values, np.array([one.typical for one in unknowns])).max() < 1e-7
 
 
-def test_derivatives_behind_friction_and_deadband():
+def test_derivatives_behind_friction_of_tendons_and_bending():
     tendons = {"tendons": {"offset": 0.02, "max_tension": 10.0, "friction": 0.1}}
+    tendons["damping"] = {"dry_friction": [{"stiffness": 1.0, "moment": 0.01}]}
     scene = rod_scene(ROD, "clothoid", finger=tendons, gravity=(0.0, 0.0))
-    unknowns = read_unknowns(scene, ["bending_stiffness", "tendon_friction", "tension_deadband", "tendon_offset"])
+    unknowns = read_unknowns(scene, ["bending_stiffness", "tendon_friction", "dry_friction_1_moment", "tendon_offset"])
     conditions = {"tension_1": [3.0, 0.5, 0.5], "tension_2": [0.5, 4.0, 0.7]}
     block = PosesBlock(scene, Poses([Reading("bend", [0.5, -0.5, 0.0])], conditions), unknowns)
-    values = np.array([0.03, 0.12, 0.4, 0.02])
-    assert slope_error(block, values, np.array([0.03, 0.1, 0.1, 0.02])).max() < 1e-5
+    values = np.array([0.03, 0.12, 0.008, 0.02])
+    assert slope_error(block, values, np.array([0.03, 0.1, 0.01, 0.02])).max() < 1e-5
 
 
 @pytest.mark.parametrize("family", ["arc", "clothoid", "matched_clothoid"])

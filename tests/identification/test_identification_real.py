@@ -194,13 +194,13 @@ def test_foam_rod_does_not_tell_its_weight():
     assert any("only a combination of bending_stiffness and linear_density" in one for one in fit.warnings)
 
 
-def test_tendon_steps_tell_a_deadband_and_no_friction():
+def test_tendon_steps_tell_a_friction_in_bending_and_none_of_tendons():
     fit = identified(
         "tendon_steps",
         "tdcr_tendon_steps/steps.csv",
-        parameters=["bending_stiffness", "tension_deadband", "tendon_friction"],
+        parameters=["bending_stiffness", "dry_friction_1_moment", "tendon_friction"],
     )
-    assert 0.3 < fit["tension_deadband"] < 1.0  # nothing moves below 0.65 to 0.95 N above the pretension
+    assert 0.3 < fit["dry_friction_1_moment"] / 0.02 < 1.0  # nothing moves below 0.65 to 0.95 N above the pretension
     assert any("hardly see tendon_friction" in warning for warning in fit.warnings)
     assert math.degrees(fit.holdout_errors[0].largest) > 10.0  # the other tendon bends by 20 % more
 
@@ -211,7 +211,7 @@ def test_tendon_steps_tell_a_deadband_and_no_friction():
 @pytest.mark.deep
 @pytest.mark.parametrize("stiffness", few([1e-5, 1e-4], 1))
 @pytest.mark.parametrize("friction", few([0.0, 1.0], 1))
-def test_friction_deadband_and_stiffness_of_a_notched_wrist_from_awkward_starts(stiffness, friction):
+def test_friction_and_stiffness_of_a_notched_wrist_from_awkward_starts(stiffness, friction):
     """From 1e-4 N m2 and a friction of 1 the search ended in an OverflowError; the others tell where it has to end."""
     path = FOLDER / "niti_notched_wrist/wrist_C.csv"
     if not path.exists():
@@ -235,7 +235,6 @@ def test_friction_deadband_and_stiffness_of_a_notched_wrist_from_awkward_starts(
     estimates = [
         Estimate(name="bending_stiffness", start=stiffness),
         Estimate(name="tendon_friction", start=friction),
-        Estimate(name="tension_deadband", start=0.3),
     ]
     fit = cg.identify(scene, path, parameters=estimates, loss="huber")
     assert fit["bending_stiffness"] == pytest.approx(1.026e-5, rel=0.01)

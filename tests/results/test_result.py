@@ -23,7 +23,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.values import Status
 from continuum_grasp.identification.comparison import Comparison
-from continuum_grasp.identification.excitation import ExcitationPlan
+from continuum_grasp.identification.experiments import ExperimentPlan
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.identification.replayed import Replay
 from continuum_grasp.mission.outcomes import TrialsResult
@@ -41,7 +41,7 @@ RESULTS = (
     ControlRun,
     DesignResult,
     Equilibrium,
-    ExcitationPlan,
+    ExperimentPlan,
     Comparison,
     Fit,
     GraspResult,

@@ -1,8 +1,8 @@
 """Readings of a bench while its drives follow commands, as a function of how it is mounted and of its finger.
 
 The motion is that of the controller's finger as a plant (`PlantModel`), by the commands as they are held, without
-friction in the tendons, whose hysteresis loops to and fro average out. Derivatives by what changes the motion are
-differences of motions; those by the camera and by zeros of load cells are exact.
+friction in the tendons; what a little of it changes is added in the end (`BenchBlock.by_friction`). Derivatives by what
+changes the motion are differences of motions; those by the camera and by zeros of load cells are exact.
 """
 
 from __future__ import annotations
@@ -37,6 +37,10 @@ _DIFFERENCE = 1e-4
 _LONGEST = 4e-3
 """Longest step of the motion, and time between stored states [s]: between those, readings are interpolated by lines, to
 0.02 mm of a tip that swings by 50 mm at 2 Hz."""
+FRICTION = "tendon_friction"
+"""Unknown that is found in the end: friction of the tendons."""
+_FRICTION = 0.01
+"""Friction of the tendons whose motion is compared with that without any [1]."""
 _NEWTON = 12
 """Most steps of Newton's method towards the first state at rest [1]; fingers with friction need no more than six."""
 
@@ -72,12 +76,15 @@ class Bench:
         alone bends the finger, and is half of each.
     """
 
-    def __init__(self, scene: ControlScene) -> None:
+    def __init__(self, scene: ControlScene, friction: bool = False) -> None:
         self.scene, finger = scene, scene.finger
-        plain = scene.replaced(mounting=None, loads=(), plant=Plant(fidelity=scene.fidelity))
-        if finger.has_tendon_friction:
-            initial = scene.initial.replaced(reached_by=None, friction_states=None)
-            plain = plain.replaced(finger=finger.with_tendons(friction=0.0), initial=initial)
+        initial = scene.initial.replaced(reached_by=None, friction_states=None)
+        finger = finger.with_tendons(friction=0.0) if finger.has_tendon_friction else finger
+        # A tip moment that depends on the shape, as friction makes it, is not for all families.
+        plant = Plant(fidelity=scene.fidelity)
+        if friction:
+            plant = Plant(fidelity=scene.fidelity.replaced(family=None), tendon_friction=_FRICTION)
+        plain = scene.replaced(mounting=None, loads=(), plant=plant, finger=finger, initial=initial)
         around = PlantModel(plain).scene
         damped, lag = around.finger.damping.material > 0.0, scene.lag
         names = ["bending_stiffness", "tip_mass"] + ["material_damping"] * damped
@@ -85,6 +92,8 @@ class Bench:
         if lag is not None:
             names.append(LAG)
             self.unknowns.append(Unknown(LAG, "s", LAG, 1.0, False, lag, 0.02 * lag, 50.0 * lag, lag))
+        self._count = len(names) - (lag is not None)
+        names[self._count : self._count] = [FRICTION] * friction
         self.model = PlantModel(plain, parameters=names)
         self.nominal = self.model.p.copy()
         period, delay = scene.controller.step, 0.0 if scene.estimator is None else scene.estimator.delay
@@ -112,12 +121,13 @@ class Bench:
         self.names = (*TIP, *self.model.u_names)
         self._last, self._maps = self.model.start, dict[int, ca.Function]()
 
-    def parameters(self, values: Array) -> Array:
-        """Run-time parameters of the model (np,) from the values of ``unknowns``."""
-        p = self.nominal.copy()
-        count = len(self.model.parameters)
+    def parameters(self, values: Array, friction: float = 0.0) -> Array:
+        """Run-time parameters of the model (np,) from the values of ``unknowns``, and friction where it has that."""
+        p, count = self.nominal.copy(), self._count
         for k, one in enumerate(self.unknowns[:count]):
             p[k] = one.factor * values[k]
+        if len(self.model.parameters) > count:
+            p[count] = friction
         if len(self.unknowns) > count and self.unknowns[count].name == LAG:
             p[-1] = values[count]
         return p
@@ -169,9 +179,9 @@ class Bench:
         self._last = x
         return x
 
-    def shown(self, log: Log, connected: Connected, values: Array) -> tuple[Array, Array]:
+    def shown(self, log: Log, connected: Connected, values: Array, friction: float = 0.0) -> tuple[Array, Array]:
         """Instants (N,), and tip and exerted inputs (N, 2 + nu) without delay, by the values of ``unknowns``."""
-        p, zeros = self.parameters(values), values[len(self.unknowns) - len(self.zeros) :]
+        p, zeros = self.parameters(values, friction), values[len(self.unknowns) - len(self.zeros) :]
         end = max(float(log.at[-1]), float(log.t[-1]))
         t, x, u = self.moved(log.t, self.commanded(log.u, connected, zeros), p, end)
         w = np.repeat(self.model.forces(0.0), len(x), axis=0)
@@ -192,7 +202,7 @@ class BenchBlock(Block):
 
     def __init__(self, bench: Bench, log: Log, connected: Connected, paired: Mapping[str, tuple[int, int]]) -> None:
         self.name, self.finger, self.entries = "bench", bench.scene.finger, []
-        self._bench, self._log, self.connected = bench, log, connected
+        self.bench, self._log, self.connected = bench, log, connected
         self._cells = [(k, *paired[name]) for k, name in enumerate(log.names) if name not in TIP]
         self.unknowns = [*bench.unknowns, *_of_camera(bench.scene.finger.rod.length)]
         most, length = float(max(bench.scene.input_limits[1])), bench.scene.finger.rod.length
@@ -207,7 +217,7 @@ class BenchBlock(Block):
                 self.entries.append(Entry(f"{what} at {at:g} s", *known, length if group == "tip" else None))
 
     def predict(self, values: Array) -> tuple[Array, Array]:
-        bench, log, connected = self._bench, self._log, self.connected
+        bench, log, connected = self.bench, self._log, self.connected
         count = len(bench.unknowns)
         own, (x, y, angle, scale) = values[:count], values[count : count + 4]
         t, base = bench.shown(log, connected, own)
@@ -239,6 +249,19 @@ class BenchBlock(Block):
             slopes[:, column, :count] = sign * by_own[:, 2 + tendon]
             slopes[:, column, count + 4 + k] = 1.0
         return found.ravel(), slopes.reshape(found.size, -1)
+
+    def by_friction(self, values: Array) -> Array:
+        """Derivative (entries,) of what is read by friction of the tendons, where there is none yet."""
+        bench, log, count = Bench(self.bench.scene, friction=True), self._log, len(self.bench.unknowns)
+        then = log.at - values[[one.name for one in bench.unknowns].index(DELAY)]
+        (t, with_it), (_, without) = (bench.shown(log, self.connected, values[:count], f) for f in (_FRICTION, 0.0))
+        rate = np.column_stack([np.interp(then, t, column) for column in ((with_it - without) / _FRICTION).T])
+        found = np.zeros((len(then), len(log.names)))
+        turn = values[count + 3] * camera_axes(values[count + 2], self.connected.mirrored)
+        found[:, [log.names.index(name) for name in TIP]] = rate[:, :2] @ turn.T
+        for column, tendon, sign in self._cells:
+            found[:, column] = sign * rate[:, 2 + tendon]
+        return found.ravel()
 
     def warnings(self, values: Array) -> tuple[str, ...]:
         return ()

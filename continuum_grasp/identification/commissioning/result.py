@@ -1,0 +1,119 @@
+"""Result of commissioning: how a bench is mounted, and the configuration that is corrected by it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from continuum_grasp.control.log import ControlLog
+from continuum_grasp.errors import InputError
+from continuum_grasp.identification.commissioning.bench import BIAS, CAMERA, FRICTION, ZERO
+from continuum_grasp.identification.fit import Fit, applied
+from continuum_grasp.results.declared import File, Picture
+from continuum_grasp.results.yaml_text import yaml_text
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.mounting import Mounting
+
+
+class Alternative(NamedTuple):
+    """A way in which the bench may be connected: in words, and how far it misses the tip (r.m.s.) [m]."""
+
+    what: str
+    missed: float
+
+
+@dataclass(frozen=True)
+class Commissioning(Fit):
+    """Mounting of a bench, with intervals, and the configuration that is corrected by it.
+
+    Attributes
+    ----------
+    mounting : Mounting
+    alternatives : tuple of Alternative
+        Connections that the log does not tell apart, the best one first; one alone where it does.
+    undetermined : tuple of str
+        What the log does not show, in sentences.
+    log : ControlLog or None
+        What was played on a simulated plant.
+    status : {"identified", "undecided", "mismatch"}
+        All connections are known; or several fit, or a drive moves nothing; or none fits this finger.
+    """
+
+    kind: ClassVar[str] = "commission"
+    texts: ClassVar[tuple[File, ...]] = (
+        File("commissioned.yaml", "identification.commissioning.result:configuration_text", needs="usable"),
+        File("report.txt", "identification.commissioning.result:report_text"),
+        File("log.csv", "identification.commissioning.result:log_text", needs="log"),
+    )
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("series", "plotting.identification:plot_series", panels=True),
+        Picture("residuals", "plotting.identification:plot_residuals"),
+    )
+
+    scene: ControlScene  # type: ignore[assignment]
+    mounting: Mounting = field(default_factory=Mounting)
+    alternatives: tuple[Alternative, ...] = ()
+    undetermined: tuple[str, ...] = ()
+    log: ControlLog | None = None
+
+    @property
+    def usable(self) -> bool | None:
+        """True where the configuration may be used; None where connections are not known."""
+        return True if self.status == "identified" else None
+
+    def apply(self, scene: Any = None) -> Any:
+        """A closed loop with mounting, stiffness, damping, lag and, in whole periods, delay of the bench in it.
+
+        Raises
+        ------
+        InputError
+            If the connections are not known.
+        """
+        if not self.usable:
+            raise InputError(f"the bench is {self.status}: {'; '.join(self.undetermined)}", key="log")
+        rows = zip(self.targets, self.values.tolist(), strict=True)
+        own = [(of, value) for of, value in rows if of[0] not in (*CAMERA, ZERO, BIAS, FRICTION)]
+        found = applied(self.scene if scene is None else scene, [of for of, _ in own], np.array([v for _, v in own]))
+        return found.changed({"mounting": self.mounting})
+
+    def pairs(self) -> dict[str, str]:
+        """Connections, numbers with their deviations, and how well they predict the log."""
+        ways = {f"way {k + 1}": f"{one.what}; {1e3 * one.missed:.2g} mm" for k, one in enumerate(self.alternatives)}
+        numbers = zip(self.names, self.values, self.deviations, self.units, strict=True)
+        return {
+            **(ways if len(ways) > 1 else {"connected": ways["way 1"]}),
+            **{name: f"{value:.4g} +/- {deviation:.2g} {unit}" for name, value, deviation, unit in numbers},
+            **({"undetermined": "; ".join(self.undetermined)} if self.undetermined else {}),
+        }
+
+    def details(self) -> dict[str, Any]:
+        """Mounting, alternatives and the summary as plain data."""
+        ways = [one._asdict() for one in self.alternatives]
+        own = {
+            "mounting": self.mounting.model_dump(mode="json"),
+            "alternatives": ways,
+            "undetermined": list(self.undetermined),
+        }
+        return {**own, **self.summary()}
+
+
+def configuration_text(found: Commissioning) -> str:
+    """The corrected configuration as YAML."""
+    plain = found.apply().model_dump(mode="json", exclude_unset=True)
+    return yaml_text({"schema_version": 1, **plain}, exact=True)
+
+
+def report_text(found: Commissioning) -> str:
+    """Numbers with intervals, and what the log does not tell."""
+    rows = [("status", found.status), *found.pairs().items()]
+    lines = [f"{name}: {value}" for name, value in rows]
+    ends = zip(found.names, found.intervals, found.units, strict=True)
+    lines += [f"{name}: {low:.4g} to {high:.4g} {unit} (95 %)" for name, (low, high), unit in ends]
+    return "\n".join([*lines, *found.warnings, ""])
+
+
+def log_text(found: Commissioning) -> str:
+    """The log of a simulated plant."""
+    return "" if found.log is None else found.log.text()

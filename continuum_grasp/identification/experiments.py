@@ -1,0 +1,480 @@
+"""Experiments that show what is unknown of a finger and its drives, and how well they show it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, ClassVar, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp import interrupt
+from continuum_grasp.arguments import check_arguments
+from continuum_grasp.arrays import Array
+from continuum_grasp.errors import InputError
+from continuum_grasp.identification.blocks import Block, PosesBlock
+from continuum_grasp.identification.data import Reading, TipPath
+from continuum_grasp.identification.fit import applied
+from continuum_grasp.identification.fitting import Measurements, posed, resolved
+from continuum_grasp.identification.inference import infer
+from continuum_grasp.identification.information import allotted, information
+from continuum_grasp.identification.path_block import PathBlock
+from continuum_grasp.identification.problem import Progress
+from continuum_grasp.identification.read import choices_of, plain_scene, sets_of
+from continuum_grasp.identification.segments import SHARES, Design, Excited, Segment, patterns_of
+from continuum_grasp.identification.unknowns import Unknown, prior, read_unknowns
+from continuum_grasp.results.declared import Dimension, File, Picture, Stored
+from continuum_grasp.results.result import Result
+from continuum_grasp.results.yaml_text import yaml_text
+from continuum_grasp.scene.identify import Column, DataSet, IdentifyScene, RowsEqual, StaticPoses, TipTrajectory
+from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.simulation.trajectory import Trajectory
+
+_ABOUT, _TRIED = 0.2, 4
+"""Change of the unknowns at which poses are tried as well, per typical size, and at how many such values [1]."""
+POSES, SET = "poses.csv", "set"
+"""Table of the poses to measure, and its column with the name of the set of each."""
+
+
+@dataclass(frozen=True)
+class ExperimentPlan(Result):
+    """Poses and commands to measure next, and the standard deviations of the unknowns before and after.
+
+    Attributes
+    ----------
+    names, units : tuple of str
+        Of the n unknowns.
+    pose_headings, pose_rows : tuple of str, tuple of tuple of str
+        Table of the poses, with empty cells for what is to be measured.
+    segments : tuple of Segment
+        Parts of the commands: name, what it shows, start and end [s].
+    command_names : tuple of str
+        Name and unit of each command.
+    experiment_names : tuple of str
+        Poses and segments.
+    rehearsal : Trajectory or None
+        The motion that the commands cause, at the values that are known.
+    configuration : IdentifyScene or None
+        Reads the table of poses, once it is filled in.
+    scene : Scene
+        With the commands in it, for `simulate`.
+    status : {"designed", "not shown"}
+        The latter where an unknown is seen by none of the experiments that are possible.
+    warnings : tuple of str
+        What these experiments cannot show, and where the motion goes beyond a limit.
+    statistics : mapping
+    """
+
+    kind: ClassVar[str] = "experiments"
+    stored: ClassVar[tuple[Stored, ...]] = (
+        Stored("t", "(time,)", "s", "instants"),
+        Stored("commands", "(time, command)", "", "what the drives are commanded"),
+        Stored("values", "(unknown,)", "", "unknowns at which the deviations are predicted: as known, or the start"),
+        Stored("before", "(unknown,)", "", "standard deviations that they have without these experiments"),
+        Stored("deviations", "(unknown,)", "", "standard deviations that they will have"),
+        Stored("shares", "(unknown, experiment)", "1", "of the information on each unknown, from each experiment"),
+    )
+    dimensions: ClassVar[tuple[Dimension, ...]] = (
+        Dimension("time", "instants", "t", "s"),
+        Dimension("command", "commands of the drives", "command_names"),
+        Dimension("unknown", "what is to be estimated", "unknown_names"),
+        Dimension("experiment", "poses, and segments of the commands", "experiment_names"),
+    )
+    texts: ClassVar[tuple[File, ...]] = (
+        File(POSES, "identification.experiments:poses_text", needs="pose_rows"),
+        File("experiments.yaml", "identification.experiments:configuration_text", needs="pose_rows"),
+        File("excitation.csv", "identification.experiments:commands_text", needs="segments"),
+        File("excitation.yaml", "identification.experiments:scene_text", needs="segments"),
+    )
+    pictures: ClassVar[tuple[Picture, ...]] = (
+        Picture("excitation", "plotting.identification:plot_excitation", needs="segments"),
+    )
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    before: Array
+    deviations: Array
+    shares: Array
+    experiment_names: tuple[str, ...]
+    scene: Scene
+    status: str
+    warnings: tuple[str, ...]
+    pose_headings: tuple[str, ...] = ()
+    pose_rows: tuple[tuple[str, ...], ...] = ()
+    configuration: IdentifyScene | None = None
+    segments: tuple[Segment, ...] = ()
+    t: Array = field(default_factory=lambda: np.zeros(0))
+    commands: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    command_names: tuple[str, ...] = ()
+    rehearsal: Trajectory | None = None
+    statistics: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def unknown_names(self) -> tuple[str, ...]:
+        """Name and unit of each unknown."""
+        return tuple(f"{name} [{unit}]" for name, unit in zip(self.names, self.units, strict=True))
+
+    @property
+    def shown_by(self) -> tuple[str, ...]:
+        """Per unknown the experiment that shows most of it; none for what cannot be seen."""
+        return tuple(self.experiment_names[int(np.argmax(row))] if np.any(row > 0.0) else "none" for row in self.shares)
+
+    def pairs(self) -> dict[str, str]:
+        """Unknowns with the deviations that they will have."""
+        rows = zip(self.names, self.values, self.deviations, self.units, strict=True)
+        return {name: f"{value:.4g} +/- {deviation:.2g} {unit}" for name, value, deviation, unit in rows}
+
+    def details(self) -> dict[str, Any]:
+        """Unknowns, poses and segments as plain data."""
+        keys = ("name", "unit", "value", "before", "deviation", "shown_by")
+        rows = zip(self.names, self.units, self.values, self.before, self.deviations, self.shown_by, strict=True)
+        return {
+            "unknowns": [dict(zip(keys, row, strict=True)) for row in rows],
+            "poses": [dict(zip(self.pose_headings, row, strict=True)) for row in self.pose_rows],
+            "segments": [one._asdict() for one in self.segments],
+        }
+
+
+class Choice:
+    """Experiments on unknowns, the first ``shared`` of all sets, of which those are chosen that show most of these.
+
+    ``rows`` (rows, n) are the derivatives of what is known already, per standard deviation, as those of all readings.
+    """
+
+    def __init__(self, unknowns: Sequence[Unknown], shared: int, rows: Array) -> None:
+        self.unknowns, self.shared, self.rows = list(unknowns), shared, rows
+        self.sizes = np.array([one.typical for one in unknowns])
+        self.offered, self.counts = list[Array](), np.zeros(0, dtype=np.intp)
+        self._cautious = list[Array]()
+        self._budgets = list[tuple[NDArray[np.intp], int]]()
+
+    def offer(self, jacobians: Array, most: int) -> None:
+        """Offer K experiments, of which so many are made, by their derivatives (values, K, readings, n).
+
+        The first of the values are those that are assumed. An experiment is chosen by the values at which it shows
+        least: a shape that is about to buckle is most sensitive, to what is assumed as well.
+        """
+        self._budgets.append((len(self.offered) + np.arange(jacobians.shape[1]), most))
+        self.offered += list(jacobians[0])
+        sizes = np.linalg.norm(jacobians * self.sizes, axis=(2, 3))
+        self._cautious += [jacobians[k, row] for row, k in enumerate(np.argmin(sizes, axis=0))]
+
+    def __call__(self, parts: Sequence[Array], each: float, least: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Choose among what is offered and, as `Choose`, segments of a motion."""
+        first, budgets = len(self.offered), list(self._budgets)
+        if parts:
+            budgets.append((first + np.arange(len(parts)), SHARES))
+        found = [information(one, self.sizes) for one in self._cautious]
+        found += [information(one, self.sizes) / each for one in parts]
+        known, least = information(self.rows, self.sizes), np.append(np.zeros(first, dtype=np.intp), least)
+        counts = allotted(np.array(found), known, self.shared, budgets, least)
+        self.counts = counts[:first]
+        return counts[first:]
+
+    @property
+    def made(self) -> list[int]:
+        """Numbers of the experiments that are made, of those that are offered, as often as they are made."""
+        return np.repeat(np.arange(self.counts.size), self.counts).tolist()
+
+
+@interrupt.listening()
+@check_arguments
+def design_experiments(
+    scene: IdentifyScene, data: Measurements = (), *, progress: Callable[[float], None] | None = None
+) -> ExperimentPlan:
+    """Design poses and commands from which the unknowns of a scene can be estimated.
+
+    Poses are chosen among the ``choices`` of the conditions of each set of shapes at rest that has ``propose``. Where
+    the scene has an ``excitation``, and drives, a motion is added: slow loops with an inner loop, steps and sweeps to
+    each side, and of both tendons together, as far as ``reach`` of the limits allows; its first data of ``kind:
+    trajectory`` say what is logged. Fisher's information of all readings gives the standard deviations of the unknowns
+    before anything is measured; poses, and the share of time of each segment, are those that make the sum of the
+    variances least, relative to typical sizes.
+
+    Parameters
+    ----------
+    scene : IdentifyScene
+    data : path-like, Poses, TipPath, Frequencies, or a sequence of these
+        What is measured already: it is fitted first, and gives the values at which the rest is designed, and standard
+        deviations of readings that are not stated.
+    progress : callable, optional
+        Called with the share of that fit that is done, 0 to 1.
+
+    Returns
+    -------
+    ExperimentPlan
+
+    Raises
+    ------
+    InputError
+        If there is nothing to design, or the deviation of a reading is not known.
+    SolverError, NumericalError
+        If the finger has no motion under the commands, or what is measured cannot be fitted.
+
+    Examples
+    --------
+    Which weights show a stiffness and the angle of the clamp, of three weights that there are?
+
+    >>> from continuum_grasp.identification import IdentifyScene, design_experiments
+    >>> scene = IdentifyScene(
+    ...     finger={"rod": {"length": 0.2, "linear_density": 0.03, "bending_stiffness": 0.005}},
+    ...     gravity=(0.0, 0.0),
+    ...     loads=[{"kind": "force", "at": 0.2, "force": (0.0, 0.0)}],
+    ...     fidelity={"family": "clothoid", "elements": 1},
+    ...     estimate=[{"name": "bending_stiffness"}, {"name": "clamp_angle"}],
+    ...     data=[
+    ...         {
+    ...             "kind": "static",
+    ...             "propose": 2,
+    ...             "conditions": [{"name": "load_1_x", "column": "F", "choices": [0.0, 0.05, 0.1]}],  # N
+    ...             "measured": [{"quantity": "x", "column": "x", "sigma": 1e-3}],  # m
+    ...         }
+    ...     ],
+    ... )
+    >>> plan = design_experiments(scene)
+    >>> plan.pose_headings, plan.pose_rows
+    (('set', 'F', 'x'), (('data[0]', '0', ''), ('data[0]', '0.1', '')))
+    """
+    found, _ = resolved(scene)
+    scene = cast(IdentifyScene, found)
+    proposed = [(k, one) for k, one in enumerate(scene.data) if isinstance(one, StaticPoses) and one.propose]
+    moving = [(k, one) for k, one in enumerate(scene.data) if isinstance(one, TipTrajectory)]
+    logged = moving[:1] if "excitation" in scene.model_fields_set else []
+    designed: list[tuple[int, StaticPoses | TipTrajectory]] = [*proposed, *logged]
+    if not designed:
+        raise InputError(
+            "nothing is to be designed: give propose of a static set, with choices of its conditions, or excitation "
+            "and a set of kind: trajectory",
+            key="data",
+        )
+    for k, one in designed:
+        if any(isinstance(place, Column) for reading in one.readings for place in (reading.at, reading.offset)):
+            raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
+    plain, names = plain_scene(scene), [one.name or f"data[{k}]" for k, one in designed]
+    known = _known(scene, data, names, progress or (lambda share: None))
+    choice, offered = Choice(known.unknowns, known.shared, known.rows), list[dict[str, str]]()
+    for number, (k, one) in enumerate(proposed):
+        cells, jacobians = _possible(number, one, plain, known, f"data[{k}]")
+        choice.offer(jacobians, one.propose or 1)
+        offered += [{SET: names[number], **row} for row in cells]
+    motion = None
+    if logged:
+        at_known = applied(plain, known.targets, known.values[: known.shared]) if known.scales else plain
+        design = Design(at_known, patterns_of(plain), scene.excitation)
+        motion = design.excited(lambda of: _read_along(of, *logged[0], known), choice)
+    else:
+        choice((), 1.0, np.zeros(0, dtype=np.intp))
+    rows = [offered[k] for k in choice.made]
+    headings = tuple(dict.fromkeys(heading for row in rows for heading in row))
+    reading = (
+        *known.sets,
+        *(_read_back(one, names[k]) for k, (_, one) in enumerate(proposed)),
+        *(v for _, v in logged),
+    )
+    return replace(
+        plan_of(choice, known.values, motion, plain),
+        pose_headings=headings,
+        pose_rows=tuple(tuple(row.get(heading, "") for heading in headings) for row in rows),
+        configuration=scene.model_copy(update={"data": reading}),
+    )
+
+
+def _possible(
+    number: int, one: StaticPoses, scene: Scene, known: _Known, key: str
+) -> tuple[list[dict[str, str]], Array]:
+    """Poses of a set that are possible: cells by heading, empty for what is to be measured, and derivatives of it.
+
+    These are (values, K, readings, n), at the values that are known and some about them.
+    """
+    headings, cells, poses = choices_of(one, scene, key)
+    block = PosesBlock(poses.scene or scene, poses, known.sought)
+    at, own = known.values[known.columns[number]], [known.unknowns[k] for k in known.columns[number]]
+    about = _ABOUT * np.array([min(one.sigma, one.typical) for one in own])
+    free = np.array([(one.lower, one.upper) for one in own]).T
+    turns = np.random.default_rng(0).choice([-1.0, 1.0], size=(_TRIED, at.size)) if at.size > 1 else [[-1.0], [1.0]]
+    rows, slopes = block.possible([at, *(np.clip(at + about * turn, *free) for turn in turns)])
+    if not rows.size:
+        raise InputError("no choice of the conditions has an equilibrium within the bending range", key=key)
+    blank = {column: "" for of in one.measured for column in (of.column, of.minus) if column is not None}
+    found = [dict(zip(headings, cells[row], strict=True)) | blank for row in rows]
+    return found, known.whitened(number, slopes, block, one, key)
+
+
+def plan_of(choice: Choice, values: Array, motion: Excited | None, scene: Scene) -> ExperimentPlan:
+    """Plan of the experiments that were chosen, and of a motion, at values of the unknowns."""
+    chosen = [(f"pose {k}", choice.offered[one]) for k, one in enumerate(choice.made, 1)]
+    offered, along = list(choice.offered), motion.by_segment if motion else []
+    chosen += [(one.name, rows) for one, rows in zip(motion.segments if motion else (), along, strict=True)]
+    free, shared = [one._replace(lower=-np.inf, upper=np.inf) for one in choice.unknowns], choice.shared
+    before, after, every = (
+        infer(free, values, np.vstack([choice.rows, *rows]), None, shared=shared)
+        for rows in ([], [rows for _, rows in chosen], [*offered, *along])
+    )
+    warnings = [one.replace("the data", "these experiments") for one in after.warnings]
+    unseen = [one.name for one, deviation in zip(free[:shared], every.deviations, strict=False) if np.isinf(deviation)]
+    if unseen:
+        warnings.append(
+            f"no possible experiment shows {', '.join(unseen)}: measure other quantities, offer other choices, or "
+            "leave it out of estimate"
+        )
+    each = np.stack([np.sum(rows**2, axis=0) for _, rows in chosen], axis=1)[:shared]
+    plan = ExperimentPlan(
+        names=tuple(one.name for one in free[:shared]),
+        units=tuple(one.unit for one in free[:shared]),
+        values=values[:shared],
+        before=before.deviations[:shared],
+        deviations=after.deviations[:shared],
+        shares=each / np.maximum(each.sum(axis=1, keepdims=True), 1e-300),
+        experiment_names=tuple(name for name, _ in chosen),
+        scene=scene,
+        status="not shown" if unseen else "designed",
+        warnings=tuple(warnings),
+        statistics={"offered": len(offered), "readings": sum(len(rows) for _, rows in chosen)},
+    )
+    if motion is None:
+        return plan
+    labels = tuple(one.label for one in motion.rehearsal.scene.finger.inputs)
+    return replace(
+        plan,
+        segments=motion.segments,
+        t=motion.rehearsal.t,
+        commands=motion.rehearsal.u[:, : len(labels)],
+        command_names=labels,
+        rehearsal=motion.rehearsal,
+        scene=motion.rehearsal.scene,
+        warnings=(*plan.warnings, *motion.rehearsal.warnings),
+        statistics={**plan.statistics, "scale": motion.scale},
+    )
+
+
+class _Known(NamedTuple):
+    """What is known before a design."""
+
+    sets: tuple[DataSet, ...]
+    """What is measured already."""
+    sought: list[Unknown]
+    """Unknowns of each set."""
+    unknowns: list[Unknown]
+    """All unknowns: the first ``shared`` of all sets, the others of one each."""
+    shared: int
+    values: Array
+    rows: Array
+    """Derivatives (rows, n) of what is measured, or known beforehand, per standard deviation."""
+    columns: list[list[int]]
+    """Unknowns of each set that is designed, among all."""
+    scales: dict[str, float]
+    """Standard deviation of readings that were measured, by their group."""
+
+    @property
+    def targets(self) -> list[tuple[str, float, bool]]:
+        """What of the model each of the shared unknowns sets, as of `Fit`."""
+        return [(one.target, one.factor, one.added) for one in self.unknowns[: self.shared]]
+
+    def whitened(self, number: int, slopes: Array, block: Block, one: StaticPoses | TipTrajectory, key: str) -> Array:
+        """Derivatives (..., readings, n) by all unknowns, per deviation, from those by the unknowns of a set."""
+        sigma, readings = [], slopes.shape[-2]
+        for k, entry in enumerate(block.entries[:readings], len(one.measured) - readings):
+            found = self.scales.get(entry.group) if entry.sigma is None else entry.sigma
+            if found is None:
+                where = f"{key}.measured[{k}].sigma" if k >= 0 else f"{key}.sigma"
+                raise InputError("deviations cannot be predicted without that of every reading", key=where)
+            sigma.append(found)
+        whole = np.zeros((*slopes.shape[:-1], len(self.unknowns)))
+        whole[..., self.columns[number]] = slopes / np.array(sigma)[:, None]
+        return whole
+
+
+def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report: Progress) -> _Known:
+    """What is known before the design of some sets."""
+    sought = read_unknowns(scene, scene.estimate)
+    unknowns, scales = [one for one in sought if not one.per_set], dict[str, float]()
+    rows: Array = np.zeros((0, len(unknowns)))
+    given = [data] if isinstance(data, (str, os.PathLike)) else data if isinstance(data, Sequence) else []
+    paths = [Path(one) for one in given if isinstance(one, (str, os.PathLike))]
+    if paths:
+        scene = scene.model_copy(update={"data": sets_of(scene, paths)})
+    if paths or given or not isinstance(data, Sequence):
+        found = posed(scene, data)
+        problem = found.build(found.given, found.unknowns)
+        solution = problem.solve(report)
+        unknowns = [one._replace(start=value) for one, value in zip(problem.unknowns, solution.values, strict=True)]
+        rows = problem.weighted(solution)[0][: problem.fitted.sum()]
+        scales = dict(zip((one.group for one in problem.entries), solution.sigma.tolist(), strict=True))
+    shared = sum(not one.per_set for one in unknowns)
+    sought = [one if one.per_set else unknowns[k] for k, one in _numbered(sought)]
+    columns = list[list[int]]()
+    for name in sets:
+        own = [one._replace(name=f"{one.name} of {name}") for one in sought if one.per_set]
+        further = iter(range(len(unknowns), len(unknowns) + len(own)))
+        columns.append([next(further) if one.per_set else k for k, one in _numbered(sought)])
+        unknowns += own
+    values = np.array([one.start for one in unknowns])
+    whole = np.pad(rows, ((0, 0), (0, len(unknowns) - rows.shape[1])))
+    return _Known(
+        scene.data if paths else (),
+        sought,
+        unknowns,
+        shared,
+        values,
+        np.vstack([whole, prior(unknowns, values)[1]]),
+        columns,
+        scales,
+    )
+
+
+def _numbered(sought: Sequence[Unknown]) -> list[tuple[int, Unknown]]:
+    """Unknowns with the numbers of those before them that all sets have."""
+    return [(sum(not one.per_set for one in sought[:k]), each) for k, each in enumerate(sought)]
+
+
+def _read_along(motion: Trajectory, k: int, one: TipTrajectory, known: _Known) -> Array:
+    """Derivatives (T, readings, n) of what will be logged along a motion, per standard deviation."""
+    t = motion.t[1:]
+    none = np.zeros(t.size)
+    readings = [Reading(m.quantity, none, m.place, m.sigma, m.since, m.of) for m in one.readings]
+    block = PathBlock(motion.scene, TipPath(t, measured=readings, name="excitation"), known.sought)
+    _, slopes = block.predict(known.values[known.columns[-1]])
+    return known.whitened(-1, slopes.reshape(t.size, len(readings), -1), block, one, f"data[{k}]")
+
+
+def _read_back(one: StaticPoses, name: str) -> StaticPoses:
+    """The set that reads the table of poses."""
+    chosen = (*one.where, RowsEqual(column=SET, equals=(name,)))
+    own = {"file": POSES, "name": f"{name}, proposed", "where": chosen, "use": "fit", "holdout_rows": ()}
+    return one.model_copy(update=own)
+
+
+def poses_text(plan: ExperimentPlan) -> str:
+    """The poses as a table, in which what is to be measured is empty."""
+    return _csv(plan.pose_headings, plan.pose_rows)
+
+
+def configuration_text(plan: ExperimentPlan) -> str:
+    """The configuration that reads what was measured, and the table of poses."""
+    head = f"# Reads {POSES}, once its empty cells are filled in.\n"
+    plain = {} if plan.configuration is None else plan.configuration.model_dump(mode="json", exclude_unset=True)
+    return head + yaml_text({"schema_version": 1, **plain}, exact=True)
+
+
+def commands_text(plan: ExperimentPlan) -> str:
+    """The commands as a table for the drives' controller, and for a log."""
+    rows = [[f"{value:.9g}" for value in row] for row in np.column_stack([plan.t, plan.commands]).tolist()]
+    return _csv(("t [s]", *plan.command_names), rows)
+
+
+def _csv(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([headings, *rows])
+    return text.getvalue()
+
+
+def scene_text(plan: ExperimentPlan) -> str:
+    """The scene with the commands, which ``simulate`` reads."""
+    lines = [f"# {one.start:g} to {one.end:g} s: {one.name}, {one.shows}" for one in plan.segments]
+    return "\n".join([*lines, yaml_text(plan.scene.model_dump(mode="json", exclude_unset=True), exact=True)])

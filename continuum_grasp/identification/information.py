@@ -1,0 +1,81 @@
+"""Fisher's information of experiments, and the experiments that tell most about what is unknown.
+
+Readings whose derivatives by the unknowns are J, per standard deviation, have the information J^T J: of independent
+experiments it adds up, and its inverse is the least covariance that estimates can have (C. R. Rao, 1945). Shapes at
+rest, parts of a motion, and what is measured or known already are summed alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.arrays import Array
+
+_VAGUE = 1e3
+"""Standard deviation, per typical size, with which an unknown is known before anything is measured [1]: so wide that it
+tells nothing, and the information has an inverse from the first experiment on."""
+_BETTER = 1e-9
+"""Relative decrease of the sum of variances from which an exchange is made [1]: above the rounding of the inverses."""
+
+
+def information(jacobian: Array, sizes: Array) -> Array:
+    """Information (..., n, n) of readings whose derivatives (..., readings, n) are per deviation, per typical size."""
+    scaled = jacobian * sizes
+    return np.asarray(np.einsum("...ri,...rj->...ij", scaled, scaled))
+
+
+def allotted(
+    each: Array, known: Array, shared: int, budgets: Sequence[tuple[NDArray[np.intp], int]], least: NDArray[np.intp]
+) -> NDArray[np.intp]:
+    """Choose how often each experiment is made, so that the variances of the first unknowns have the least sum.
+
+    Experiments are added one by one, the best one first, and then exchanged in pairs as long as that helps (V. Fedorov,
+    1972, for the A-criterion).
+
+    Parameters
+    ----------
+    each : (E, n, n) ndarray
+        Information of every experiment, once.
+    known : (n, n) ndarray
+        Information that there is already.
+    shared : int
+        Unknowns whose variances count; the others are those of single sets.
+    budgets : sequence of ((K,) ndarray, int)
+        Numbers of experiments that share a budget, and how many of them may be made in all.
+    least : (E,) ndarray
+        How often each is made at least.
+
+    Returns
+    -------
+    (E,) ndarray
+    """
+    counts = least.copy()
+    total = known + np.eye(len(known)) / _VAGUE**2 + np.einsum("e,eij->ij", counts, each)
+
+    def variance(matrices: Array) -> Array:
+        return np.asarray(np.einsum("...ii->...", np.linalg.inv(matrices)[..., :shared, :shared]))
+
+    def best(members: NDArray[np.intp], without: Array) -> tuple[float, int]:
+        sums = variance(without + each[members])
+        k = int(np.argmin(sums))
+        return float(sums[k]), int(members[k])
+
+    for members, most in budgets:
+        while counts[members].sum() < most:
+            _, one = best(members, total)
+            counts[one] += 1
+            total = total + each[one]
+    reached, exchanged = float(variance(total)), True
+    while exchanged:
+        exchanged = False
+        for members, _ in budgets:
+            for one in members[counts[members] > least[members]]:
+                found, other = best(members, total - each[one])
+                if found < (1.0 - _BETTER) * reached:
+                    counts[one] -= 1
+                    counts[other] += 1
+                    total, reached, exchanged = total - each[one] + each[other], found, True
+    return counts

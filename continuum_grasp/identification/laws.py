@@ -1,0 +1,148 @@
+"""Laws that are tried one after the other, and chosen by what they predict of data that they were not fitted to.
+
+A law with more numbers always fits better. What counts is the error of rows and motions that are held out: those of the
+data that are marked so or, where there are none, of five parts of the data, each predicted from the others (cross
+validation; M. Stone, 1974). Of laws whose errors differ by less than their scatter the one with the fewest numbers is
+taken, and the others are named (rule of one standard error; L. Breiman et al., 1984).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from continuum_grasp.arrays import Array
+from continuum_grasp.errors import InputError, NumericalError, SolverError
+from continuum_grasp.identification.data import Data, TipPath
+from continuum_grasp.identification.inference import middle
+from continuum_grasp.identification.problem import Build, Given, Problem, Solution
+from continuum_grasp.identification.unknowns import Unknown
+from continuum_grasp.scene.simulate import Scene
+
+_PARTS = 5
+"""Parts of the data that are predicted from the others [1], as is usual (R. Kohavi, 1995: five to ten)."""
+_SURE = 0.975
+"""Probability, to one side, from which a difference of errors tells two laws apart [1]."""
+
+
+class LawTrial(NamedTuple):
+    """A law and its errors, r.m.s. per standard deviation: of what it was fitted to, and of what was held out."""
+
+    name: str
+    numbers: int
+    """Numbers that all sets share and that were estimated."""
+    fitted: float
+    held_out: float
+    verdict: str
+    """``chosen``, ``alike`` (the data cannot tell it from the chosen one), ``worse``, or why it could not be fitted."""
+
+
+class Candidate(NamedTuple):
+    """A law with what is to be estimated under it."""
+
+    name: str
+    unknowns: Sequence[Unknown]
+    given: Given
+    build: Build
+
+
+def choose_law(candidates: Sequence[Candidate], report: Callable[[float], None]) -> tuple[int, tuple[LawTrial, ...]]:
+    """Number of the law that is chosen, and how all of them did.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to hold out.
+    SolverError
+        If no law can be fitted.
+    """
+    problems = [one.build(one.given, one.unknowns) for one in candidates]
+    marked = not problems[0].fitted.all()
+    if not marked and len(list(_parts(candidates[0].given))) < 2:
+        raise InputError("laws are chosen by what they predict: give another set, or hold one out", key="laws")
+    fits, missed, failed = list[Solution | None](), list[Array | None](), list[str]()
+    for k, (one, problem) in enumerate(zip(candidates, problems, strict=True)):
+        solution, found, why = None, None, ""
+        try:
+            solution = problem.solve(lambda share: None)
+            found = _held_out(one, problem, None if not marked else solution)
+        except (SolverError, NumericalError) as error:
+            why = f"not fitted: {error}"
+        fits.append(solution)
+        missed.append(found)
+        failed.append(why)
+        report((k + 1) / len(candidates))
+    sigma = np.min([fit.sigma for fit in fits if fit is not None], axis=0, initial=math.inf)
+    squares = [None if one is None else (one / sigma) ** 2 for one in missed]
+    errors = [math.inf if one is None else float(np.sqrt(np.nanmean(one))) for one in squares]
+    best = int(np.argmin(errors))
+    if not math.isfinite(errors[best]):
+        raise SolverError("no law could be fitted", status="no fit", violated=failed, advice="fit them one by one")
+    numbers = [sum(not one.per_set for one in candidate.unknowns) for candidate in candidates]
+    alike = [
+        k
+        for k, one in enumerate(squares)
+        if k == best or (one is not None and not _differ(problems[best], one - np.asarray(squares[best])))
+    ]
+    chosen = min(alike, key=lambda k: (numbers[k], errors[k]))
+    verdicts = [
+        failed[k] or ("chosen" if k == chosen else "alike" if k in alike else "worse") for k in range(len(fits))
+    ]
+    weighted = [
+        math.inf if fit is None else float(np.sqrt(np.mean(((fit.predictions - of.measured) / sigma)[of.fitted] ** 2)))
+        for fit, of in zip(fits, problems, strict=True)
+    ]
+    names = [one.name for one in candidates]
+    return chosen, tuple(map(LawTrial._make, zip(names, numbers, weighted, errors, verdicts, strict=True)))
+
+
+def _held_out(one: Candidate, problem: Problem, solution: Solution | None) -> Array:
+    """Errors (m,) of what is held out, NaN elsewhere: of a solution, or without one of the parts of the data."""
+    if solution is not None:
+        return np.where(problem.fitted, np.nan, solution.predictions - problem.measured)
+    found = np.full(len(problem.measured), np.nan)
+    for part in _parts(one.given):
+        again = one.build(part, one.unknowns)
+        held = ~again.fitted
+        found[held] = (again.solve(lambda share: None).predictions - problem.measured)[held]
+    return found
+
+
+def _parts(given: Given) -> Iterator[Given]:
+    """The data with each of their parts held out: neighboring rows of every set, or whole motions."""
+    motions = [k for k, (data, _) in enumerate(given) if isinstance(data, TipPath)]
+    for part in range(_PARTS):
+        own, fitted = list[tuple[Data, Scene]](), list[NDArray[np.bool_]]()
+        for k, (data, scene) in enumerate(given):
+            if isinstance(data, TipPath):
+                fitted.append(np.array([motions.index(k) % _PARTS != part]))
+                own.append((replace(data, fitted=bool(fitted[-1][0])), scene))
+            else:
+                fitted.append(np.arange(data.rows) * _PARTS // data.rows != part)
+                own.append((replace(data, fitted=fitted[-1]), scene))
+        every = np.concatenate(fitted)
+        if every.any() and not every.all():
+            yield own
+
+
+def _differ(problem: Problem, more: Array) -> bool:
+    """Whether squared errors of one law are surely greater, by ``more`` (m,), than those of another; NaN is fitted."""
+    from scipy.special import stdtrit
+
+    total, variance, freedom = 0.0, 0.0, 0.0
+    for block, part in zip(problem.blocks, problem.parts, strict=True):
+        own, at = more[part], np.array([entry.at for entry in block.entries])
+        there = np.isfinite(own)
+        # readings of one row or instant depend on one another
+        rows = np.array([own[there & (at == one)].sum() for one in np.unique(at[there])])
+        if rows.size:
+            total += float(rows.sum())
+            about = (rows - rows.mean())[:, None]
+            spread, worth = middle(np.ones((rows.size, 1, 1)), about) if rows.size > 1 else (np.zeros((1, 1)), 1.0)
+            variance, freedom = variance + float(spread[0, 0]), freedom + worth
+    return freedom > 2.0 and total > float(stdtrit(freedom - 1.0, _SURE)) * math.sqrt(variance)

@@ -1,0 +1,116 @@
+"""Laws that are chosen by what they predict of rows that were held out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import continuum_grasp as cg
+from continuum_grasp.errors import InputError
+from continuum_grasp.identification import IdentifyScene, Poses, Reading, TipPath
+from continuum_grasp.identification.fitting import posed
+from continuum_grasp.identification.laws import Candidate, choose_law
+
+LENGTH, STIFFNESS, SIGMA = 0.2, 0.005, 0.01
+SOFT = {
+    "name": "softens",
+    "set": ["finger.softening={curvature: 1.0, stiffness_ratio: 0.8, rounding: 0.3}"],
+    "estimate": [{"name": "softening_ratio"}, {"name": "softening_curvature", "min": 0.3, "max": 6.0}],
+}
+TURNED = {"name": "turned", "estimate": [{"name": "clamp_angle"}]}
+PLAIN = {"name": "linear"}
+
+
+def scene(*laws: dict, **keys) -> IdentifyScene:
+    return IdentifyScene(
+        finger={"rod": {"length": LENGTH, "linear_density": 0.03, "bending_stiffness": STIFFNESS}},
+        gravity=(0.0, 0.0),
+        fidelity={"family": "arc", "elements": 1},
+        estimate=[{"name": "bending_stiffness"}],
+        laws=laws,
+        **keys,
+    )
+
+
+MOMENT = np.linspace(0.002, 0.02, 20)
+
+
+def bends(*, soft: bool, seed: int, held: int = 0) -> Poses:
+    """Bends under moments, by the model of another rod: linear, or softer beyond half of the way."""
+    true = scene().changed({"finger.rod.bending_stiffness": 0.0055})
+    if soft:
+        true = true.changed({"finger.softening": {"curvature": 1.5, "stiffness_ratio": 0.6, "rounding": 0.3}})
+    plain = Poses([Reading("angle", np.zeros(20))], {"tip_moment": MOMENT})
+    exact = cg.compare(true, plain).predictions
+    noisy = exact + SIGMA * np.random.default_rng(seed).standard_normal(20)
+    fitted = np.arange(20) < 20 - held
+    return Poses([Reading("angle", noisy, sigma=SIGMA)], {"tip_moment": MOMENT}, fitted)
+
+
+def test_a_softer_rod_is_found_by_rows_that_are_held_out():
+    fit = cg.identify(scene(PLAIN, SOFT), bends(soft=True, seed=0))
+    linear, soft = fit.laws
+    assert (linear.verdict, soft.verdict) == ("worse", "chosen")
+    assert (linear.numbers, soft.numbers) == (1, 3)
+    assert linear.held_out > 1.5 * soft.held_out
+    assert "softening_ratio" in fit.names
+    assert fit.apply().finger.softening.stiffness_ratio == fit["softening_ratio"]
+
+
+def test_a_law_that_fits_better_is_not_chosen_for_that():
+    """A linear rod: further numbers lower the misfit, as they always do, but predict no better."""
+    fit = cg.identify(scene(PLAIN, TURNED), bends(soft=False, seed=1))
+    plain, turned = fit.laws
+    assert turned.fitted < plain.fitted
+    assert plain.verdict == "chosen"
+    assert fit.names == ("bending_stiffness",)
+
+
+def test_rows_that_are_marked_decide():
+    """The greatest moments, held out by the data: one fit per law, and their error in the table."""
+    data = bends(soft=True, seed=2, held=6)
+    fit = cg.identify(scene(PLAIN, SOFT), data)
+    alone = cg.identify(scene().replaced(laws=()), data)
+    left = alone.residuals[-6:] / SIGMA
+    assert fit.laws[0].held_out == pytest.approx(np.sqrt(np.mean(left**2)), rel=1e-6)
+    assert fit.laws[1].verdict == "chosen"
+
+
+def test_the_error_of_parts_is_that_of_fits_without_them():
+    """Five neighboring parts, each predicted from the others, against fits that never saw them."""
+    data, missed = bends(soft=False, seed=3), []
+    for part in range(5):
+        held = np.isin(np.arange(20), np.arange(4 * part, 4 * part + 4))
+        rest = Poses([Reading("angle", data.measured[0].values[~held])], {"tip_moment": MOMENT[~held]})
+        found = cg.identify(scene(), rest)["bending_stiffness"]
+        missed.append(data.measured[0].values[held] - MOMENT[held] * LENGTH / found)
+    fit = cg.identify(scene(PLAIN, TURNED), data)
+    assert fit.laws[0].held_out == pytest.approx(np.sqrt(np.mean(np.square(missed))) / SIGMA, rel=1e-6)
+
+
+def test_what_cannot_be_chosen_is_refused():
+    with pytest.raises(InputError, match="two or more"):
+        scene(PLAIN)
+    with pytest.raises(InputError, match="names of their own"):
+        scene(PLAIN, PLAIN)
+    t = np.linspace(0.01, 0.3, 30)
+    alone = TipPath(t, 0.01 * t, 0.2 + 0.0 * t)
+    with pytest.raises(InputError, match="hold one out"):
+        cg.identify(scene(PLAIN, TURNED), alone)
+    wrong = {"name": "wrong", "set": ["finger.softening.ratio=0.2"]}
+    with pytest.raises(InputError) as error:
+        cg.identify(scene(PLAIN, wrong), bends(soft=False, seed=0))
+    assert error.value.key.startswith("laws[1].set.finger.softening")
+
+
+@pytest.mark.deep
+def test_noise_alone_rarely_chooses_more_numbers():
+    """Of 24 linear rods; an honest 2.5 % to one side, and three standard deviations of so many trials."""
+    trials = []
+    for seed in range(24):
+        data = bends(soft=False, seed=seed)
+        ways = [posed(scene(), data, names) for names in (["bending_stiffness"], ["bending_stiffness", "clamp_angle"])]
+        given = [Candidate(str(k), one.unknowns, one.given, one.build) for k, one in enumerate(ways)]
+        trials.append(choose_law(given, lambda share: None))
+    assert sum(number == 1 for number, _ in trials) <= 3
+    assert np.mean([turned.fitted < plain.fitted for _, (plain, turned) in trials]) > 0.9
