@@ -109,7 +109,7 @@ def _result(search: Search) -> Plan:
     if attempt is None:
         status, message, advice, violated = _failure(search)
         attempt = search.attempts[-1][1]
-        if status is PlanStatus.INFEASIBLE:
+        if search.diagnosis is not None and not search.budget.stopped:
             problem, attempt = search.nearest
     else:
         (status, message), advice, violated = _success(search, attempt), "", ()
@@ -196,7 +196,15 @@ def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
     """Status, message, advice and what is violated."""
     found = search.diagnosis
     if found is not None and not search.budget.stopped:
-        return PlanStatus.INFEASIBLE, found.message, found.advice, found.violated
+        if search.scene.object is None:
+            return PlanStatus.INFEASIBLE, found.message, found.advice, found.violated
+        # With contact there are many least distances from the goal: a finger that touches nothing is pushed nowhere.
+        return (
+            PlanStatus.NOT_SOLVED,
+            f"no plan was found; at the nearest motion {found.message}",
+            found.advice,
+            found.violated,
+        )
     last = search.attempts[-1][1]
     broken = [c for c in _constraints(search.problem, last).values() if c.excess > search.feasible]
     violated = tuple(str(c) for c in sorted(broken, key=lambda c: -c.excess))
