@@ -66,15 +66,13 @@ def infer(
     inflation: float = 1.0,
     shared: int | None = None,
     series: Sequence[NDArray[np.intp]] = (),
-    moved: Array | None = None,
 ) -> Inference:
     """Uncertainty at the minimum, from the weighted residuals (m,) of what was fitted and their Jacobian (m, n).
 
     The mean square of the residuals scales the covariance; ``inflation`` is a further factor, for a robust loss. The
     first ``shared`` unknowns, all where not given, are warned of; the others are those of one set each. Each of
     ``series`` has the rows (T, readings) that follow one another in time, whose residuals may hang together: they are
-    worth fewer numbers then. All unknowns may be ``moved`` (n,) together, by one standard deviation of something else
-    that the data do not show. Without residuals, before anything is measured, they scatter as stated.
+    worth fewer numbers then. Without residuals, before anything is measured, they scatter as stated.
     """
     from scipy.special import stdtrit
 
@@ -96,7 +94,6 @@ def infer(
     if freedom > 0:
         # as the parameters take of the sum of squares
         covariance = inflation * scattered / (1.0 - count / worth)
-        covariance = covariance if moved is None else covariance + np.outer(moved / sizes, moved / sizes)
         spread, quantile = np.sqrt(np.diag(covariance)), float(stdtrit(freedom, 0.975))
     spread[lost] = np.inf
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -12,9 +12,7 @@ import continuum_grasp as cg
 from continuum_grasp.cli import app
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import IdentifyScene, Poses, Reading, design_experiments
-from continuum_grasp.identification.inference import infer
 from continuum_grasp.identification.information import allotted, information
-from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.results.yaml_text import yaml_text
 
 LENGTH, STIFFNESS, SIGMA = 0.2, 0.005, 0.01
@@ -211,17 +209,6 @@ def test_the_command(tmp_path):
     assert run.exit_code == 0, run.output
     assert "+/- inf" in run.output
     assert CliRunner().invoke(app, [*seen, "--apply", str(config)]).exit_code == 2
-
-
-def test_what_moves_all_unknowns_together_adds_its_square():
-    """Covariances of independent causes add up: (J^T J)^-1 + m m^T."""
-    rng = np.random.default_rng(1)
-    jacobian, moved = rng.standard_normal((30, 2)), np.array([0.3, -0.2])
-    unknowns = [Unknown(name, "1", name, 1.0, False, 0.0, -np.inf, np.inf, size) for name, size in (("a", 1), ("b", 3))]
-    found = infer(unknowns, np.zeros(2), jacobian, None, moved=moved)
-    expected = np.linalg.inv(jacobian.T @ jacobian) + np.outer(moved, moved)
-    assert found.deviations == pytest.approx(np.sqrt(np.diag(expected)), rel=1e-9)
-    assert found.correlation[0, 1] == pytest.approx(expected[0, 1] / np.sqrt(expected[0, 0] * expected[1, 1]), rel=1e-9)
 
 
 @pytest.mark.deep

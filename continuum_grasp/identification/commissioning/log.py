@@ -53,9 +53,6 @@ _INSTANTS = 500
 """Most instants of a log that are fitted [1], evenly spread."""
 _IDLE = 0.2
 """Share of its command's range in which a tendon is pulled, below which the drive moves nothing [1]."""
-_LAW = 0.25
-"""Part of what friction of the tendons moved each number that counts as a standard deviation [1], as its law is not
-known: on plants with smooth friction or with guides, 1 of 56 numbers is then outside its 95 % interval, else 4."""
 _MISFIT = 0.05
 """Root mean square error of the tip per length of the finger from which the log is not of this finger [1]."""
 
@@ -249,10 +246,7 @@ def _result(
     missed, way, block, problem, solution = alike[0]
     unknowns, values, predictions, weighted = _with_friction(block, problem, solution)
     numbers = {one.name: value for one, value in zip(unknowns, values.tolist(), strict=True)}
-    moved = np.append(
-        _LAW * (values[: len(solution.values)] - solution.values), np.zeros(len(unknowns) - len(solution.values))
-    )
-    found = infer(unknowns, values, *weighted, solution.inflation, None, problem.series, moved)
+    found = infer(unknowns, values, *weighted, solution.inflation, None, problem.series)
     zeros = [numbers[f"{ZERO}_{k + 1}"] for k in range(len(bench.zeros))]
     shifts = np.sum([value * zero for value, zero in zip(zeros, bench.zeros, strict=True)], axis=0)
     drives = tuple(
