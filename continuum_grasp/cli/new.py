@@ -33,7 +33,7 @@ def new(
     listed: bool = option("Copy nothing: list all examples, by the command.", "--list", default=False),
     notebooks: bool = option("Copy the notebooks in place of an example.", "--notebooks", default=False),
 ) -> None:
-    """Copy an example that runs, or the notebooks, with the files that they need.
+    """Copy an example that runs, or the notebooks.
 
     Nothing is overwritten; one folder takes several examples.
     """

@@ -354,10 +354,10 @@ def plan_of(choice: Choice, values: Array, motion: Excited | None, scene: Scene)
 
 
 class _Known(NamedTuple):
-    """What is known before a design."""
+    """Knowledge before a design."""
 
     sets: tuple[DataSet, ...]
-    """What is measured already."""
+    """Data that are measured already."""
     sought: list[Unknown]
     """Unknowns of each set."""
     unknowns: list[Unknown]
@@ -373,7 +373,7 @@ class _Known(NamedTuple):
 
     @property
     def targets(self) -> list[tuple[str, float, bool]]:
-        """What of the model each of the shared unknowns sets, as of `Fit`."""
+        """Parts of the model that the shared unknowns set, as of `Fit`."""
         return [(one.target, one.factor, one.added) for one in self.unknowns[: self.shared]]
 
     def whitened(self, number: int, slopes: Array, block: Block, one: StaticPoses | TipTrajectory, key: str) -> Array:
@@ -391,7 +391,7 @@ class _Known(NamedTuple):
 
 
 def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report: Progress) -> _Known:
-    """What is known before the design of some sets."""
+    """Knowledge before the design of some sets."""
     sought = read_unknowns(scene, scene.estimate)
     unknowns, scales = [one for one in sought if not one.per_set], dict[str, float]()
     rows: Array = np.zeros((0, len(unknowns)))

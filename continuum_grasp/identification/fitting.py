@@ -223,7 +223,7 @@ def compare(
 
 
 class Posed(NamedTuple):
-    """What is to be estimated: the scene, how its fidelity was chosen, unknowns, sets of data, and their problem."""
+    """Task of an estimation: the scene, how its fidelity was chosen, unknowns, sets of data, and their problem."""
 
     scene: Scene
     note: str

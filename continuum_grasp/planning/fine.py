@@ -154,7 +154,7 @@ def _not_reproduced(plan: Plan, model: Prediction, states: Array, found: Deviati
 
 
 def _left(motion: Motion, states: Array) -> str:
-    """Which hard bound states leave most, and by how much; empty where they leave none."""
+    """The hard bound that states leave most, and by how much; empty where they leave none."""
     hard = excess_over_intervals(motion, states)[:, motion.hard]
     if hard.max(initial=0.0) <= _OUTSIDE:
         return ""
@@ -163,7 +163,7 @@ def _left(motion: Motion, states: Array) -> str:
 
 
 def _left_after_the_end(motion: Motion, plan: Plan, last: Array) -> str:
-    """The same under the last input, of a finger that need not stay where it ends."""
+    """The hard bound that a finger, which need not stay where it ends, leaves most under its last input."""
     scene = plan.scene
     if scene.goal.end == "held" or scene.load_varies:
         return ""
