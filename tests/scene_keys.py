@@ -325,7 +325,7 @@ _PLANS: dict[str, tuple[str, dict[str, Any]]] = {
             "goal": {"end": "moving", "bending": {"value": [0.1, 0.1], "weight": 10.0}, "input": [3.0, 2.0]},
             "bounds.speed": 20.0,
             "method": "single_shooting",
-            "solver": {"substeps": 4, "starts": 2},
+            "solver": {"substeps": 40, "starts": 2},
         },
     ),
     "soft bounds": (
@@ -473,6 +473,7 @@ NOT_ALONE = {
     "data.file": "another file has other columns",
     "data.pose": "every row of the shipped tables is a pose",
     "data.where.column": "another column has other texts",
+    "mounting.drives.of": "each drive has a tendon of its own",
 }
 """Keys of which no other value is tried, and why."""
 _MOST_PLACES = 12

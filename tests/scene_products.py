@@ -177,7 +177,7 @@ def moved(scene: ControlScene) -> Iterator[object]:
     else:
         yield model.forward_dynamics
     yield from (model.p, model.start, model.rest_input, model.forces(_INSTANTS))
-    yield from (sensors.names, sensors.delay, sensors.std, sensors.value)
+    yield from (sensors.names, sensors.delay, sensors.std, sensors.value, scene.mounting, scene.plant.mounting)
     yield sensors.read(model.start, model.rest_input, model.forces(0.0)[0])
     yield from (scene.duration, scene.controller.deadline, scene.controller.step)
 
@@ -254,6 +254,7 @@ def search(scene: PlanScene) -> Iterator[object]:
     yield from (made.budget.left, options.time_limit, options.method, options.tolerance, options.max_iterations)
     yield from ([vars(one) for one in made.problem.goal], scene.check, scene.name, made.motion.exact)
     yield from (made.motion.prediction.p_names, made.motion.prediction.p_nominal)
+    yield made.motion.steps if scene.transcription == "single_shooting" else ()
 
 
 def model(scene: Scene) -> Iterator[object]:
@@ -286,7 +287,8 @@ def carried_out(mission: MissionScene) -> Iterator[object]:
         yield from (control, mission_plant.mission_plant_model(one), mission_plant.Timetable(one).spans)
     asked = mission.controller
     yield from (asked.retained, asked.held, asked.deadline, mission.pull_share, mission.beyond_certificate)
-    yield from (mission.phases.lift_share, mission.phases.squeeze_share, mission.trials, mission.turn)
+    yield from (mission.phases.lift_share, mission.phases.squeeze_share, mission.phases.hold_until_release)
+    yield from (mission.trials, mission.turn)
 
 
 def fitted(scene: Scene) -> Iterator[object]:

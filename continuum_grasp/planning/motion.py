@@ -129,7 +129,7 @@ class Motion:
                 f"single_shooting follows motions of up to {np.abs(rates).max():.2g} 1/s, for which each of "
                 f"{scene.intervals} intervals needs more steps than {given or MOST_STEPS:,}: "
                 + (lever if scene.sudden else f"take method: collocation, or {lever}"),
-                key="method",
+                key="solver.substeps" if given else "method",
             )
         return steps, stages
 
