@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -18,6 +19,13 @@ from tests.graded_rods import CLOSED, FREQUENCIES, RODS, sections
 from tests.rods import UNIT, force, rod_scene
 
 mujoco = pytest.importorskip("mujoco")
+
+
+def test_the_file_is_well_formed_xml(tmp_path):
+    """MuJoCo reads comments that the standard forbids."""
+    for file in cg.export_mjcf("configs/simulate/hanging.yaml", tmp_path / "chain.xml", hinges=4).files:
+        if file.suffix == ".xml":
+            assert ElementTree.parse(file).getroot().tag == "mujoco"
 
 
 def pulled(first, second, **tendon):
