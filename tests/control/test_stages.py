@@ -95,19 +95,6 @@ def test_order_of_a_step(method, order):
     assert np.all(np.abs(orders - order) < 0.4)
 
 
-@pytest.mark.parametrize("name", CASES)
-def test_the_method_is_the_one_that_evaluates_the_slope_least(name):
-    """Steps of either evaluate it four times; equal ones are explicit, of the higher order."""
-    given = CASES[name]
-
-    def steps(method):
-        horizon = given.controller.horizon.replaced(method=method)
-        stages = stages_of(given.replaced(controller=given.controller.replaced(horizon=horizon)))
-        return stages.substeps, ["rk4", "sdirk2"].index(stages.method)
-
-    assert steps("auto") == min(steps("rk4"), steps("sdirk2"))
-
-
 def test_the_implicit_step_is_stable_where_the_explicit_one_is_not():
     stages = stages_of(scene(HAND, family="clothoid", elements=3))
     x = np.array(Prediction(scene(HAND, family="clothoid", elements=3)).at_rest([3.0] * 4, [5.0, 1.0]))

@@ -22,6 +22,9 @@ from continuum_grasp.scene.integrators import INTEGRATORS
 _TARGET = 1.5
 """Product of substep and fastest rate [1]: RK4 is stable up to 2.6 to 2.8, and the rate is that of sampled shapes
 only."""
+_EXPLICIT_UP_TO = 4
+"""Steps of RK4 per stage [1] up to which it is used: an implicit step evaluates the slope as often, but is of order 2. In
+modes that it does not resolve it errs by a tenth and more, and where nothing else calms the loop, commands swing."""
 _IMPLICIT_STEP = 0.010
 """Longest implicit step [s]: ten per period of a mode of 10 Hz, four times the first one of a 60 cm rod."""
 _IMPLICIT_STAGE = 0.29
@@ -130,8 +133,8 @@ def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
 def _integration(
     horizon: Horizon, model: Prediction, u_min: Array, u_max: Array, parameters: list[Array]
 ) -> tuple[str, int]:
-    """Choose method and steps per stage; where the scene has ``auto`` the one with fewer steps, by the stiffness, the
-    greatest of all parameters (np). Rounding adds no step.
+    """Choose method and steps per stage; where the scene has ``auto`` from the stiffness, the greatest of all
+    parameters (np). Rounding adds no step.
     """
     per_stage = math.ceil(horizon.stage / _IMPLICIT_STEP - 1e-9)
     longest = _longest_in_contact(model)
@@ -147,8 +150,7 @@ def _integration(
         is_stable = rate / horizon.substeps <= (INTEGRATORS["rk4"].stable or 0.0)
         return "rk4" if is_stable else stiff, horizon.substeps
     wanted = max(1, math.ceil(rate / _TARGET))
-    # A step of either evaluates the slope four times; where RK4 needs no more of them, its order is 4 instead of 2.
-    if horizon.method == "rk4" or wanted <= implicit:
+    if horizon.method == "rk4" or wanted <= _EXPLICIT_UP_TO:
         return "rk4", wanted
     return stiff, implicit
 
