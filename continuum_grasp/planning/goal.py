@@ -51,10 +51,8 @@ class GoalPart:
 
     def _error(self, motion: Motion) -> tuple[ca.SX, ca.SX, ca.SX]:
         """Unknowns [s, last input], numbers, scaled error."""
-        s, v, _, d = motion.symbols
-        # Inputs that are linear in between are read from s; the last input has its columns all the same.
-        last = ca.SX.sym("last", motion.nu) if motion.linear else v
-        return ca.vertcat(s, last), d, (self.value - ca.DM(self.target)) / ca.DM(self.scale)
+        z, d = motion.node
+        return z, d, (self.value - ca.DM(self.target)) / ca.DM(self.scale)
 
     def rows(self, motion: Motion) -> Term:
         """(z = [s, last input], d) -> scaled error."""

@@ -113,8 +113,8 @@ class StateBounds:
 
     def __init__(self, assembly: Assembly, motion: Motion, grid: Grid, relaxed: bool) -> None:
         self._assembly, self._motion = assembly, motion
-        # Entries of each bound, and places: columns of states, and weights of their sum.
-        self._places: dict[str, tuple[list[int], Indices, Array]] = {}
+        # Entries of each bound, and places: columns of states, weights of their sum, columns of the input held there.
+        self._places: dict[str, tuple[list[int], Indices, Array, Indices]] = {}
         bounded = motion.bounded
         lower = np.where(np.array(bounded.least) > -ABSENT, bounded.least, -np.inf)
         upper = np.where(np.array(bounded.most) < ABSENT, bounded.most, np.inf)
@@ -126,7 +126,8 @@ class StateBounds:
             key, unit, size = f"bounds.{name}", "of its limit", 1.0
             if name in zones:
                 key, unit, size = f"bounds.keep_out.{name}", "m", motion.length
-            self._places[name] = (entries, *grid.places(_PARTS if smooth or name in zones else 1))
+            parts = _PARTS if smooth or name in zones else 1
+            self._places[name] = (entries, *grid.places(parts), np.repeat(grid.v, parts, axis=0))
             count, scale = len(self._places[name][1]), np.full(len(entries), size)
             rows = assembly.rows(name, key, unit, count, scale, lower[entries], upper[entries])
             self._add(*self._places[name], rows)
@@ -136,16 +137,16 @@ class StateBounds:
             elif not motion.hard[entries].any():
                 self._soften(rows, share * bounded.linear[entries], share * bounded.quadratic[entries])
 
-    def _add(self, entries: list[int], columns: Indices, weights: Array, rows: Indices) -> None:
+    def _add(self, entries: list[int], columns: Indices, weights: Array, held: Indices, rows: Indices) -> None:
         motion, (count, size) = self._motion, weights.shape
-        s, _, _, numbers = motion.symbols
-        x, _, _, p, _ = motion.physical
+        z, numbers = motion.node
+        x, u, _, p, _ = motion.physical
         basis, share = ca.SX.sym("basis", motion.ns, size), ca.SX.sym("share", size)
-        values = motion.rows(x, ca.DM.zeros(motion.nu), p)[entries]
-        value = ca.substitute(values, s, ca.mtimes(basis, share))
-        term = derived("rows", ca.vec(basis), ca.vertcat(numbers, share), value, exact=motion.exact)
+        value = ca.substitute(motion.rows(x, u, p)[entries], z[: motion.ns], ca.mtimes(basis, share))
+        z = ca.vertcat(ca.vec(basis), z[motion.ns :])
+        term = derived("rows", z, ca.vertcat(numbers, share), value, exact=motion.exact)
         data = np.hstack([np.tile(motion.numbers([0.0]), (count, 1)), weights])
-        self._assembly.add(term, columns.reshape(count, -1), rows, data)
+        self._assembly.add(term, np.hstack([columns.reshape(count, -1), held]), rows, data)
 
     def _soften(self, rows: Indices, linear: Array, quadratic: Array) -> None:
         """Slacks of rows, and their penalty."""
@@ -163,10 +164,11 @@ class StateBounds:
         """Values that a block of constraints bounds (count, size), without slacks."""
         if block.name not in self._places:
             return np.asarray(g[block.rows])
-        motion, (entries, columns, weights) = self._motion, self._places[block.name]
-        x, count = np.einsum("ij,ijk->ik", weights, w[columns])[:, : motion.nx] * motion.scales.x, len(columns)
+        motion, (entries, columns, weights, held) = self._motion, self._places[block.name]
+        s, count = np.einsum("ij,ijk->ik", weights, w[columns]), len(columns)
+        x, u = s[:, : motion.nx] * motion.scales.x, (s[:, motion.nx :] if motion.linear else w[held]) * motion.scales.u
         p = np.tile(parameters_over_time(motion.scene, motion.prediction, [0.0]).T, (1, count))
-        return np.array(motion.rows.map(count)(x.T, np.zeros((motion.nu, count)), p)).T[:, entries]
+        return np.array(motion.rows.map(count)(x.T, u.T, p)).T[:, entries]
 
 
 def _groups(names: list[str], zones: tuple[str, ...]) -> dict[str, list[int]]:

@@ -141,6 +141,13 @@ class Motion:
         size = self.prediction.np + self.nr + len(self.units)
         return ca.SX.sym("s", self.ns), ca.SX.sym("v", self.nu), ca.SX.sym("T"), ca.SX.sym("d", size)
 
+    @property
+    def node(self) -> tuple[ca.SX, ca.SX]:
+        """Symbols z = [s, the input that is held there] of a node, and the numbers d."""
+        s, v, _, d = self.symbols
+        # Inputs that are linear in between are read from s; what is held has its columns all the same.
+        return ca.vertcat(s, ca.SX.sym("held", self.nu) if self.linear else v), d
+
     @cached_property
     def outputs(self) -> ca.Function:
         """(x, u, p) -> what is tracked."""

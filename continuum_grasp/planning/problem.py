@@ -170,16 +170,20 @@ class PlanProblem:
         rows = self.assembly.rows("sliding", "goal.end", "1/s", len(nodes), np.full(chosen.size, unit), lower, np.inf)
         self.assembly.add(derived("sliding", s, d, value, exact=False), nodes, rows, motion.numbers([0.0]))
 
+    @property
+    def _end(self) -> Indices:
+        """Columns of the last node and of the input there."""
+        return np.hstack([self.grid.s[-1:], self.inputs[-1:]])
+
     def _add_goal(self) -> None:
-        end = np.hstack([self.grid.s[-1:], self.inputs[-1:]])
         data = self.motion.numbers([self.motion.scene.duration_range[1]])
         for part in self.goal:
             exact = part.weight is None
             if exact and not self.relaxed:
                 rows = self.assembly.rows(part.name, part.key, part.unit, 1, part.scale)
-                self.assembly.add(part.rows(self.motion), end, rows, data)
+                self.assembly.add(part.rows(self.motion), self._end, rows, data)
             elif exact or not self.relaxed:
-                self.assembly.add(part.cost(self.motion, self.relaxed), end, [OBJECTIVE], data)
+                self.assembly.add(part.cost(self.motion, self.relaxed), self._end, [OBJECTIVE], data)
 
     def _add_objective(self) -> None:
         motion, scene = self.motion, self.motion.scene
@@ -197,14 +201,14 @@ class PlanProblem:
             # Held inputs have no rate: a change counts as one that takes an interval.
             self._add_changes(lambda change, time: factor * ca.dot(change * scale, change * scale) / time)
         if motion.tracked is not None:
-            # Half the weighted squared errors at the end, of what depends on the state.
-            x, _, _, p, r = motion.physical
-            count, (s, _, _, d) = motion.tracked.of_state, motion.symbols
-            errors = (motion.outputs(x, ca.DM.zeros(motion.nu), p) - r)[:count]
+            # Half the weighted squared errors at the end, of what the state has, under the input that is held there.
+            x, u, _, p, r = motion.physical
+            count, (z, d) = motion.tracked.of_state, motion.node
+            errors = (motion.outputs(x, u, p) - r)[:count]
             weighted = ca.DM(np.sqrt(motion.tracked.weights[:count, 1])) * errors
             half = 0.5 * ca.dot(weighted, weighted)
-            term = derived("terminal", s, d, half, exact=motion.exact, squared=weighted)
-            self.assembly.add(term, self.grid.s[-1:], [OBJECTIVE], motion.numbers([scene.duration_range[1]]))
+            term = derived("terminal", z, d, half, exact=motion.exact, squared=weighted)
+            self.assembly.add(term, self._end, [OBJECTIVE], motion.numbers([scene.duration_range[1]]))
 
     def _add_changes(self, cost: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
         """A cost of the input's changes, in units of its range, and of the duration [s]."""

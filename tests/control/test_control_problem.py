@@ -212,7 +212,7 @@ GOOD = {"states": X, "inputs": U, "dynamics": U - X, "cost": {"x": (X, 1.0), "u"
         ({"cost": {"x": X}}, "cost.x: expected"),
         ({"cost": {"x": (X, -1.0)}}, "no negative"),
         ({"cost": {"x": (X, [1.0, 2.0])}}, "cost.x.weight: expected 1 entries, got 2"),
-        ({"cost": {"u": (U, 1.0, 1.0)}}, "a final weight needs an expression of the states alone"),
+        ({"cost": {"u": (U, 1.0, 1.0)}}, "a final weight needs an expression of the states"),
         ({"bounds": {"y": (0, 1)}}, "bounds: expected names of states and inputs, got y"),
         ({"bounds": {"u": (1, 0)}}, "bounds.u"),
         ({"bounds": {"u": (math.nan, 0)}}, "bounds.u"),

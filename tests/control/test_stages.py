@@ -143,3 +143,27 @@ def test_zones_hold_off_the_fingers_surface():
     c = np.array(stages.rows(x, stages.u_min, stages.p_nominal)).ravel()[row]
     # The straight finger ends 0.18 m along Y, 0.08 m behind the wall; 6 mm of half thickness and 10 mm to keep.
     assert c * 0.18 == pytest.approx(0.1 - 0.18 - 0.006 - 0.01)
+
+
+def test_what_follows_the_input_at_once_ends_under_the_input_before():
+    """Of a rod that its tendons shorten; setpoints keep the order of the terms."""
+    tendons = HAND.tendons.replaced(time_constant=None)
+    short = HAND.replaced(tendons=tendons, gyration_radius=3e-3)
+    cost, target = {"tip": {"running": 1.0, "terminal": 5.0}, "speed": 0.02, "effort": 1e-3}, (0.05, 0.1)
+    given = scene(short, family="clothoid").changed({"controller.cost": cost, "reference": {"tip": target}})
+    model = Prediction(given)
+    stages = stages_of(given, model)
+    assert stages.r_names[:2] == ("tip_x [m]", "tip_y [m]")
+    rng = np.random.default_rng(5)
+    x, held = rng.normal(size=stages.nd), rng.uniform(1.0, 60.0, stages.nu)
+
+    def end(z):
+        r = np.append(target, np.zeros(stages.nr - 2))
+        return [np.array(v) for v in stages.terminal(z, stages.p_nominal, r, stages.terminal_weights)]
+
+    z = np.append(x, held)
+    tip = np.array(model.tip(x, held, stages.p_nominal)).ravel()
+    assert end(z)[0].item() == pytest.approx(2.5 * np.sum((tip - target) ** 2), rel=1e-12)
+    steps = 1e-6 * np.eye(z.size)
+    difference = [(end(z + d)[0] - end(z - d)[0]).item() / 2e-6 for d in steps]
+    assert end(z)[1].ravel() == pytest.approx(np.array(difference), abs=1e-7)

@@ -7,7 +7,9 @@ import pytest
 from plan_cases import held, linearized, small, two_arcs
 from scipy.optimize import brentq
 
+import continuum_grasp as cg
 from continuum_grasp.planning import plan
+from tests.rods import ROOT
 
 TINY = 1e-3
 
@@ -116,3 +118,22 @@ def test_tracking_follows_a_reference_that_the_finger_can_run():
         intervals=30,
     )
     assert plan(scene).bending == pytest.approx(made.bending, abs=5e-3)  # its kinks cannot be run
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("form", ["hold", "linear"])
+def test_the_tip_of_a_rod_that_its_tendons_shorten_ends_where_it_is_tracked(form):
+    """It follows the tensions at once, of which the end has those before it."""
+    changes = {
+        "finger.tendons.time_constant": None,
+        "finger.gyration_radius": 4e-3,
+        "fidelity.family": "clothoid",
+        "input.form": form,
+        "bounds": {},
+        "objective": "tracking",
+        "goal": {"end": "moving"},
+        "cost": {"tip": {"terminal": 1e6}, "effort": 1e-3},
+        "reference": {"tip": (-0.06, 0.15)},
+    }
+    found = plan(cg.load(ROOT / "configs/plan/past_a_post.yaml").changed(changes))
+    assert found.tip[-1] == pytest.approx((-0.06, 0.15), abs=1e-6)

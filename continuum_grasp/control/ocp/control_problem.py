@@ -39,7 +39,8 @@ class ControlProblem(Summarized):
         Time derivative of each state.
     cost : mapping of str to tuple
         By name (expression, weight) or (expression, weight, final weight): ``Residual``. Setpoints go by these names,
-        and are zero where not given. One with a final weight depends on the states alone.
+        and are zero where not given. One with a final weight depends on the states, or, where ``previous`` is given, on
+        the inputs too: at the end these are the last ones.
     stages : int
         Number of stages N.
     stage : float
@@ -49,7 +50,8 @@ class ControlProblem(Summarized):
     nominal : mapping of str to float
         Nominal value of each parameter.
     previous : casadi.SX or sequence of casadi.SX
-        Symbols of the inputs of the stage before, one per input, where cost or rows need their change.
+        Symbols of the inputs of the stage before, one per input, where cost or rows need their change, or the end of
+        the horizon its input.
     rows : mapping of str to tuple
         By name (expression, least, most) or (expression, least, most, (linear, quadratic)): ``Row``. Bounds are one
         number, or one per entry.
@@ -67,8 +69,8 @@ class ControlProblem(Summarized):
     stages : Stages
         Functions and numbers of a stage.
     cost_names : tuple of (str, int)
-        Name and number of entries of each term of the cost, in the order of the setpoints: those of the states alone
-        come first.
+        Name and number of entries of each term of the cost, in the order of the setpoints: those that the end has come
+        first.
 
     Raises
     ------
@@ -130,7 +132,7 @@ class ControlProblem(Summarized):
         twice = [known[k].name() for k in range(len(own)) if own[k] in own[:k]]
         if twice:
             raise InputError(f"a symbol is given twice among states, inputs, parameters and previous: {twice[0]}")
-        reader = _Reader(known, ca.vertcat(u, held))
+        reader = _Reader(known, u, held)
         tracked = reader.cost(cost)
         limits = dict(bounds or {})
         u_min, u_max = _input_bounds(limits, [bare(label) for label in _names(u)])
@@ -149,7 +151,7 @@ class ControlProblem(Summarized):
                 ("dynamics", "xd", reader.column("dynamics", dynamics, x.numel())),
             )
         }
-        nt = sum(len(one.names) for one in tracked.values() if reader.of_state(one.value))
+        nt = sum(len(one.names) for one in tracked.values() if one.final is not None)
         method, stage = choice("method", method, CONTROL_METHODS), positive("stage", stage)
         running, terminal = cost_functions(functions["outputs"], functions["rows"], stage, nt, ns)
         self.stages = Stages(
@@ -178,7 +180,9 @@ class ControlProblem(Summarized):
             linear=bounded.linear,
             quadratic=bounded.quadratic,
             weights=np.concatenate([one.weight for one in tracked.values()]),
-            terminal_weights=np.concatenate([one.final for one in tracked.values()]),
+            terminal_weights=np.concatenate(
+                [np.zeros(len(one.names)) if one.final is None else one.final for one in tracked.values()]
+            ),
             p_nominal=_nominal(nominal or {}, [bare(label) for label in _names(p)]),
         )
         self.cost_names = tuple((key, len(one.names)) for key, one in tracked.items())
@@ -201,8 +205,8 @@ class ControlProblem(Summarized):
 class _Reader:
     """Reads expressions of known symbols, of which some are not of the states alone."""
 
-    def __init__(self, known: ca.SX, driving: ca.SX) -> None:
-        self._known, self._driving = known, driving
+    def __init__(self, known: ca.SX, inputs: ca.SX, previous: ca.SX) -> None:
+        self._known, self._inputs, self._previous = known, inputs, previous
 
     def column(self, key: str, given: Any, size: int | None = None) -> ca.SX:
         """A column of expressions, of a size."""
@@ -224,26 +228,35 @@ class _Reader:
 
     def of_state(self, value: ca.SX) -> bool:
         """Whether an expression depends on states and parameters alone."""
-        return not ca.depends_on(value, self._driving)
+        return not ca.depends_on(value, ca.vertcat(self._inputs, self._previous))
 
     def cost(self, given: Mapping[str, Any]) -> dict[str, Residual]:
-        """Terms of the cost, those of the states alone first; value, weights (size) and names of entries."""
+        """Terms of the cost, first those that the end of the horizon has, which alone have a final weight; value,
+        weights (size) and names of entries.
+        """
         if not given:
             raise InputError("expected at least one term", key="cost")
         _words("cost", given)
         found = {}
-        for key, one in given.items():
-            residual = _tuple(Residual, f"cost.{key}", one, "(expression, weight) or (expression, weight, final)")
+        for key, term in given.items():
+            residual = _tuple(Residual, f"cost.{key}", term, "(expression, weight) or (expression, weight, final)")
             value = self.column(f"cost.{key}", residual.value)
             size = value.numel()
             weight, final = (
-                _weights(f"cost.{key}.{name}", getattr(residual, name), size) for name in ("weight", "final")
+                _weights(f"cost.{key}.{name}", 0.0 if one is None else one, size)
+                for name, one in (("weight", residual.weight), ("final", residual.final))
             )
-            if np.any(final) and not self.of_state(value):
-                raise InputError("a final weight needs an expression of the states alone", key=f"cost.{key}")
-            found[key] = Residual(value, weight, final, residual.names or _numbered(key, size))
-        order = sorted(found, key=lambda key: not self.of_state(found[key].value))
-        return {key: found[key] for key in order}
+            # At the end the inputs are those held, which are states where the ones before are; they do not change.
+            held = residual.final is not None and self._previous.numel() and not ca.depends_on(value, self._previous)
+            ends = held or self.of_state(value)
+            if np.any(final) and not ends:
+                raise InputError(
+                    "a final weight needs an expression of the states alone, or of the inputs where previous is given",
+                    key=f"cost.{key}",
+                )
+            names = residual.names or _numbered(key, size)
+            found[key] = Residual(value, weight, final if ends else None, names)
+        return dict(sorted(found.items(), key=lambda item: item[1].final is None))
 
     def rows(self, given: Mapping[str, Any]) -> tuple[BoundedRows, int]:
         """Rows relative to their bounds, those of the states alone first, and how many those are."""

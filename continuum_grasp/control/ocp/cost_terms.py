@@ -36,13 +36,13 @@ degrees is beyond."""
 class Residual(NamedTuple):
     """A term of the cost: half the weighted squares of an expression's distance from its setpoint.
 
-    ``weight`` counts per second of the horizon, ``final`` once at its end; each is one number, or one per entry.
-    ``names`` are those of the entries, by default numbered ones.
+    ``weight`` counts per second of the horizon, ``final`` once at its end (None: there is none); each is one number, or
+    one per entry. ``names`` are those of the entries, by default numbered ones.
     """
 
     value: Any
     weight: Any
-    final: Any = 0.0
+    final: Any = None
     names: tuple[str, ...] = ()
 
 
@@ -141,11 +141,10 @@ class CostTerm:
         pattern = re.escape(self.entry).replace(r"\{axis\}", "[xy]").replace(r"\{place\}", "[^ ]+")
         return re.fullmatch(pattern, name) is not None
 
-    def weights(self, cost: Cost) -> tuple[float, float]:
-        """Running and terminal weight."""
+    def weights(self, cost: Cost) -> tuple[float, float | None]:
+        """Running and terminal weight; None: of what the end of the horizon does not have."""
         weight = getattr(cost, self.key)
-        # The end of the horizon has no input.
-        return (weight.running, weight.terminal) if isinstance(weight, Weight) else (weight, 0.0)
+        return (weight.running, weight.terminal) if isinstance(weight, Weight) else (weight, None)
 
 
 TERMS = (
@@ -264,7 +263,10 @@ class Outputs:
     @property
     def weights(self) -> Array:
         """Running and terminal weight of each entry (size, 2)."""
-        each = [np.tile(t.weights(self.cost), (len(t.names(self.cost, self.model)), 1)) for t in self.terms]
+        each = [
+            np.tile([w or 0.0 for w in t.weights(self.cost)], (len(t.names(self.cost, self.model)), 1))
+            for t in self.terms
+        ]
         return np.vstack([np.zeros((0, 2)), *each])
 
     def residuals(self, input_rate: ca.SX | None = None) -> dict[str, Residual]:

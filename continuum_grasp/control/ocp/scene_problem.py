@@ -23,8 +23,8 @@ _TARGET = 1.5
 """Product of substep and fastest rate [1]: RK4 is stable up to 2.6 to 2.8, and the rate is that of sampled shapes
 only."""
 _EXPLICIT_UP_TO = 4
-"""Steps of RK4 per stage [1] up to which it is used: an implicit step evaluates the slope as often, but is of order 2. In
-modes that it does not resolve it errs by a tenth and more, and where nothing else calms the loop, commands swing."""
+"""Steps of RK4 per stage [1] up to which it is used: an implicit step evaluates the slope as often, but is of order 2.
+In modes that it does not resolve it errs by a tenth and more, and where nothing else calms the loop, commands swing."""
 _IMPLICIT_STEP = 0.010
 """Longest implicit step [s]: ten per period of a mode of 10 Hz, four times the first one of a 60 cm rod."""
 _IMPLICIT_STAGE = 0.29
@@ -92,8 +92,11 @@ def scenarios_of(scene: ControlScene, model: Prediction) -> Scenarios | None:
 def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
     """Write the problem of a scene, whose model exists already, as one of any model."""
     horizon, limits, cost = scene.controller.horizon, scene.controller.input, scene.controller.cost
-    # The input before is needed where its change has a weight or a limit.
+    outputs = Outputs.of(cost, model)
+    # The input before is needed where its change has a weight or a limit, and where what is tracked follows the input
+    # at once: at the end it is the one before.
     remembers = limits.rate_max is not None or bool(cost.input_rate)
+    remembers = remembers or ca.depends_on(outputs.value()[: outputs.of_state], model.u)
     held = ca.vertcat(*[ca.SX.sym(f"held_{name}") for name in model.u_names if remembers])
     # Over a stage, which is how long the plan holds an input; a command that is held shorter is limited in the C.
     change = (model.u - held) / horizon.stage if remembers else None
@@ -118,7 +121,7 @@ def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
         parameters=model.p,
         previous=held,
         dynamics=model.dynamics(model.x, model.u, model.p),
-        cost=Outputs.of(cost, model).residuals(change),
+        cost=outputs.residuals(change),
         rows=rows,
         bounds={name.split(" ")[0]: pair for name, *pair in zip(model.u_names, least, most, strict=True)},
         nominal={name.split(" ")[0]: value for name, value in zip(model.p_names, model.p_nominal, strict=True)},

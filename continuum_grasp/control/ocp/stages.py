@@ -32,7 +32,7 @@ class Scenarios(NamedTuple):
 class Stages:
     """An optimal control problem on a grid of equal stages, over which the input is constant.
 
-    minimize  sum_k h/2 sum_i W_i (y_i(x_k, u_k) - r_ki)^2  +  1/2 sum_i T_i (y_i(x_N) - r_Ni)^2  +  penalties
+    minimize  sum_k h/2 sum_i W_i (y_i(x_k, u_k) - r_ki)^2  +  1/2 sum_i T_i (y_i(x_N, u_N-1) - r_Ni)^2  +  penalties
     subject to  x_0 given,  x_{k+1} = F(x_k, u_k, p),  u_min <= u_k <= u_max,  c_min <= c(x_k, u_k, p) <= c_max.
 
     The rows of c are soft constraints, so that every QP is feasible: a violation s costs ``linear s + quadratic s^2 /
@@ -64,7 +64,8 @@ class Stages:
     stage : float
         Length of a stage h [s].
     nd, ns, nt : int
-        Continuous states; rows of the state alone; outputs of the state alone, which the last node has too.
+        Continuous states; rows of the state alone; outputs that the last node has too: of the state, which ends in the
+        input before where they depend on the input.
     x_names, u_names, p_names, r_names, c_names : tuple of str
         Name and unit of each entry of a node; rows are relative to their bounds. ``nx``, ``nu`` and so on: how many.
     u_min, u_max, c_min, c_max, linear, quadratic, weights, terminal_weights, p_nominal : ndarray
@@ -182,20 +183,25 @@ def cost_functions(
     """Write cost and rows of a stage and of the last node; see ``Stages.cost`` and ``Stages.terminal``.
 
     Both call one function of what is tracked and bounded with its Jacobian, of which the last node uses the first
-    ``nt`` and ``ns``. These do not depend on the input, which is zero there.
+    ``nt`` and ``ns``; the last node has one of its own where the first outputs depend on the input, which is there the
+    one held: the last states.
     """
     nr, nc = outputs.numel_out(0), rows.numel_out(0)
     sizes = {name: outputs.size1_in(k) for k, name in enumerate("xup")}
     s = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
     y, c, z = outputs(*s.values()), rows(*s.values()), ca.vertcat(s["x"], s["u"])
     found = {"y": y, "Y": ca.jacobian(y, z), "c": c, "C": ca.jacobian(c, z)}
-    values = straight_function("stage_values", s, found)
+    values = last = straight_function("stage_values", s, found)
+    if found["Y"][:nt, sizes["x"] :].nnz():
+        held = s["x"][-sizes["u"] :]
+        y, c = (ca.substitute(value, s["u"], held) for value in (y, c))
+        last = straight_function("last_values", s, {"y": y, "Y": ca.jacobian(y, z), "c": c, "C": ca.jacobian(c, z)})
     x, u, p, r, weights = (ca.MX.sym(name, size) for name, size in (sizes | {"r": nr, "W": nr}).items())
     expand = _expanded("stage_expanded", values, nr, z.numel(), nc, stage)
     cost = call(expand, *call(values, x, u, p), r, weights)
-    expand_end = _expanded("terminal_expanded", values, nt, sizes["x"], ns, 1.0)
+    expand_end = _expanded("terminal_expanded", last, nt, sizes["x"], ns, 1.0)
     # Where nothing is tracked at the end the results are zeros, of which CasADi makes sparse ones.
-    found_end = call(expand_end, *call(values, x, ca.MX(ca.DM.zeros(sizes["u"])), p), r, weights)
+    found_end = call(expand_end, *call(last, x, ca.MX(ca.DM.zeros(sizes["u"])), p), r, weights)
     terminal = [ca.densify(value) for value in found_end]
     return (
         ca.Function("stage_cost", [x, u, p, r, weights], cost, ["x", "u", "p", "r", "W"], _EXPANDED),
