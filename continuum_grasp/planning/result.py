@@ -220,6 +220,7 @@ class Plan(MotionResult):
             "objective": f"{self.objective:.6g} {self.objective_unit} ({self.scene.objective})",
             "duration": f"{self.duration:.6g} s in {len(self.t) - 1} intervals",
             "tip at the end": f"({x:.4f}, {y:.4f}) m",
+            **self._pressed(),
             "active constraints": ", ".join(self.active_constraints) or "nothing",
             "solver": f"{self.iterations} iterations; {self.times.get('total', 0.0):.2f} s in all",
         }
@@ -228,6 +229,17 @@ class Plan(MotionResult):
                 text = f"tip up to {1e3 * check.tip:.3g} mm off the plan, {1e3 * check.final_tip:.3g} mm at the end"
                 rows[name] = f"{text} ({check.model})"
         return rows
+
+    def _pressed(self) -> dict[str, str]:
+        """Forces of the contacts at the end beside those asked for."""
+        aim = self.scene.goal.contact_force
+        if not self.contact_forces.size:
+            return {}
+        found, asked = (
+            ", ".join(f"{force:.3g}" for force in forces)
+            for forces in (self.contact_forces[-1], aim.value if aim else ())
+        )
+        return {"contact forces": f"{found} N at the end" + (f"; asked {asked}" if asked else "")}
 
     @property
     def solved(self) -> bool:

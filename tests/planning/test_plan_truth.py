@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from plan_cases import held, linearized, small, two_arcs
-from scipy.optimize import brentq
+from scipy.optimize import brentq, root
 
 import continuum_grasp as cg
 from continuum_grasp.planning import plan
@@ -137,3 +137,20 @@ def test_the_tip_of_a_rod_that_its_tendons_shorten_ends_where_it_is_tracked(form
     }
     found = plan(cg.load(ROOT / "configs/plan/past_a_post.yaml").changed(changes))
     assert found.tip[-1] == pytest.approx((-0.06, 0.15), abs=1e-6)
+
+
+@pytest.mark.deep
+def test_a_plan_presses_as_near_to_its_grasp_as_one_moment_can():
+    """Tensions that differ by 5 % hold the finger where its contacts press less as in the grasp."""
+    found = plan(cg.load(ROOT / "configs/plan/close_on_mug.yaml"))
+    assert found.status == "optimal"
+    model, aim = found.prediction, np.array(found.scene.goal.contact_force.value)
+
+    def missed(share):
+        u = found.u[-1] * [share, 1.0]
+        rest = root(lambda x: np.array(model.dynamics(x, u, model.p_nominal)).ravel(), found.x[-1], tol=1e-10)
+        assert rest.success
+        return np.linalg.norm(np.array(model.contact_force(rest.x, u, model.p_nominal)).ravel() - aim)
+
+    assert missed(1.0) < min(missed(0.95), missed(1.05))
+    assert np.linalg.norm(found.contact_forces[-1] - aim) == pytest.approx(missed(1.0), rel=1e-3)
