@@ -21,7 +21,7 @@ from continuum_grasp.grasp.starts.starts import basin_starts, held_still, make_s
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.grasp.tried import Basin, Exploration, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
-from continuum_grasp.nlp import Budget
+from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.nlp.solver import STALLED
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Effort
@@ -115,6 +115,7 @@ class Search:
         self.basins: list[Basin] = []
         # Starts that led to no grasp, with violations and rungs.
         self._missed: list[tuple[float, Start, int]] = []
+        self.lost: list[Start] = []  # grasps of few elements that are none with all
 
     @property
     def best(self) -> Tried | None:
@@ -272,8 +273,12 @@ class Search:
             if held.converged:
                 known.append(branch)
                 found = self.attempt(end.start, rung=0)
+                if found is not None and found not in self.good and found.attempt.status is Status.STOPPED:
+                    found = self.attempt(found.start, rung=0)
             if found is None or found not in self.good:
                 self._missed.append((held.badness, held.start, 0))
+                if end in few.good:
+                    self.lost.append(end.start)
 
     def _is_near(self, end: Tried) -> bool:
         """Whether a grasp with few elements may be the best with all of them."""
@@ -494,6 +499,10 @@ class Search:
             self._alike += 1
             return known[attempt]
         found = Tried(attempt, solver, self.scene)
+        if attempt.converged and attempt.objective <= options.get("enough", math.inf) and not found.verified:
+            # What is off by rounding of the solver, or between guarded places, is not once solved from there.
+            again = solver.run(self.scene, found.start, self.budget, rung=0)
+            found = Tried(again, solver, self.scene) if again.converged else found
         self.tried.append(found)
         if found.verified:
             self.good.append(found)

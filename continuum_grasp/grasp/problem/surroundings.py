@@ -18,7 +18,7 @@ from continuum_grasp.grasp.shape import ROUNDING, FingerShape, skin
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.scan.task import rough_distance
 from continuum_grasp.model.surfaces import surface_of
-from continuum_grasp.model.surfaces.surface import own_outline
+from continuum_grasp.model.surfaces.surface import ROUND, own_outline
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
@@ -148,6 +148,11 @@ class Surroundings:
         at, thick = np.concatenate([points.T, at]), np.concatenate([half, thick])
         owner = np.concatenate([finger.elements, owner]).astype(int)
         beside = _beside(pieces, count, _local(at, pose), units, (~clear, touched.T))
+        if any((circles[4, -probes.size :] >= 1.0 / ROUND).any() for circles, _ in beside):
+            around = np.clip(probes, 0.5 / FINE, 1.0 - 0.5 / FINE)[..., None] + np.array([-0.5, 0.0, 0.5]) / FINE
+            traced = _local(along(around.reshape(len(probes), -1))[0], pose).reshape(-1, 3, 2)
+            for circles, _ in beside:
+                _bend_corners(circles[:, -probes.size :], traced)
         if finger.spec.strained and line.shape is not None:
             sight.numbers[f"{name}.strain probes"] = _most_strained(setup, line, even)
         sight.numbers[f"{name}.probes"] = probes.ravel()
@@ -329,6 +334,24 @@ def _peak(values: Array, rows: Array, pick: Array) -> Array:
     bent = a - 2.0 * b + c
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.clip(np.where(bent < 0.0, 0.5 * (a - c) / bent, 0.0), -1.0, 1.0)
+
+
+_OPPOSITE = 0.1
+"""Angle between the finger's normal and a corner's direction [rad] up to which the corner is opposite to a place."""
+
+
+def _bend_corners(circles: Array, traced: Array) -> None:
+    """Bend circles (NEAR, K) that stand for corners as the finger bends opposite to them, ``traced`` (K, 3, 2) before,
+    at and behind the places.
+
+    A corner may slide along the finger, away from a place that is fixed: the finger's distance from it is, to second
+    order, that of the place from a circle through the corner with the curvature of the finger.
+    """
+    along, bend = traced[:, 2] - traced[:, 0], traced[:, 2] - 2.0 * traced[:, 1] + traced[:, 0]
+    normal, length = circles[2:4].T, np.linalg.norm(along, axis=1)
+    opposite = np.abs((along * normal).sum(axis=1)) < _OPPOSITE * length
+    corner = opposite & (circles[4] >= 1.0 / ROUND)
+    circles[4, corner] = (4.0 * (bend * normal).sum(axis=1) / length**2)[corner]
 
 
 def _local(points: Array, pose: Array) -> Array:

@@ -47,7 +47,7 @@ class Starts:
         """
         if not limit.bounds_shape:
             # Postures stay as they are: however much a limit is relaxed, it is no reason where none comes near.
-            return self._balanced(limit, LARGER if part is None else (part,))
+            return interleaved([self._search.lost, self._balanced(limit, LARGER if part is None else (part,))])
         relaxed, known = eased(self._scene, [limit], 1.0 if part is None else part), list[Start]()
         if limit.limit is None:
             closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
@@ -63,7 +63,7 @@ class Starts:
         """
         limits = list(limits)
         scans = self._search.rebalanced(eased(self._scene, [one for one in limits if not one.bounds_shape], 1.0))
-        near = self.rough if self._search.unscanned else interleaved(scans)
+        near = [*self._search.lost, *(self.rough if self._search.unscanned else interleaved(scans))]
         wider = [start for factor in WIDER for start in self._of(eased(self._scene, limits, factor))]
         return [*near[:HELD], *interleaved(wider)[: 2 * HELD]]
 
