@@ -79,16 +79,25 @@ class Surroundings:
     def __init__(self, problem: Layout, places: ca.Function) -> None:
         self._problem, self._places = problem, places
 
-    def look(self, scene: GraspScene, x: Array, numbers: Array, probes: Mapping[str, Array] | None = None) -> Sight:
+    def look(
+        self,
+        scene: GraspScene,
+        x: Array,
+        numbers: Array,
+        probes: Mapping[str, Array] | None = None,
+        *,
+        sliding: bool = True,
+    ) -> Sight:
         """Look at a point of the search, given by unknowns and run-time numbers; what a look finds does not matter in
         these. ``probes`` by finger, where given, are the guarded fractions of the elements in place of the deepest.
+        Corners may be ``sliding`` along fingers, which only fits what is near.
         """
         units, sight = Units.of(scene), Sight()
         pose, *rest = (np.array(v) for v in self._places(x, numbers))
         pose, at = pose.ravel(), self._problem.x.at
         allowed = [float(x[at[f"relaxed clearance at the {name}"]][0]) for name in ("supports", "object")]
         traced = [
-            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, units, allowed, sight, numbers, probes)
+            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, units, allowed, sight, numbers, probes, sliding)
             for k, setup in enumerate(scene.setups)
         ]
         for one, other in self._problem.spec.pairs:
@@ -112,6 +121,7 @@ class Surroundings:
         sight: Sight,
         numbers: Array,
         given: Mapping[str, Array] | None,
+        sliding: bool,
     ) -> _Traced:
         """Look along one finger; supports and object may be ``allowed`` deep in it."""
         finger, name = self._problem.fingers[index], setup.name
@@ -148,11 +158,14 @@ class Surroundings:
         at, thick = np.concatenate([points.T, at]), np.concatenate([half, thick])
         owner = np.concatenate([finger.elements, owner]).astype(int)
         beside = _beside(pieces, count, _local(at, pose), units, (~clear, touched.T))
-        if any((circles[4, -probes.size :] >= 1.0 / ROUND).any() for circles, _ in beside):
-            around = np.clip(probes, 0.5 / FINE, 1.0 - 0.5 / FINE)[..., None] + np.array([-0.5, 0.0, 0.5]) / FINE
+        sharp = np.any([circles[4, -probes.size :] >= 1.0 / ROUND for circles, _ in beside], axis=0)
+        # Next to an end a corner is what touches there.
+        inside = (np.abs(probes - 0.5) < 0.5 - 1.5 / FINE).ravel()
+        if sliding and (sharp & inside).any():
+            around = probes[..., None] + np.array([-0.5, 0.0, 0.5]) / FINE
             traced = _local(along(around.reshape(len(probes), -1))[0], pose).reshape(-1, 3, 2)
             for circles, _ in beside:
-                _bend_corners(circles[:, -probes.size :], traced)
+                _bend_corners(circles[:, -probes.size :], traced, inside)
         if finger.spec.strained and line.shape is not None:
             sight.numbers[f"{name}.strain probes"] = _most_strained(setup, line, even)
         sight.numbers[f"{name}.probes"] = probes.ravel()
@@ -340,9 +353,9 @@ _OPPOSITE = 0.1
 """Angle between the finger's normal and a corner's direction [rad] up to which the corner is opposite to a place."""
 
 
-def _bend_corners(circles: Array, traced: Array) -> None:
+def _bend_corners(circles: Array, traced: Array, some: Array) -> None:
     """Bend circles (NEAR, K) that stand for corners as the finger bends opposite to them, ``traced`` (K, 3, 2) before,
-    at and behind the places.
+    at and behind ``some`` (K,) places.
 
     A corner may slide along the finger, away from a place that is fixed: the finger's distance from it is, to second
     order, that of the place from a circle through the corner with the curvature of the finger.
@@ -350,7 +363,7 @@ def _bend_corners(circles: Array, traced: Array) -> None:
     along, bend = traced[:, 2] - traced[:, 0], traced[:, 2] - 2.0 * traced[:, 1] + traced[:, 0]
     normal, length = circles[2:4].T, np.linalg.norm(along, axis=1)
     opposite = np.abs((along * normal).sum(axis=1)) < _OPPOSITE * length
-    corner = opposite & (circles[4] >= 1.0 / ROUND)
+    corner = some & opposite & (circles[4] >= 1.0 / ROUND)
     circles[4, corner] = (4.0 * (bend * normal).sum(axis=1) / length**2)[corner]
 
 
