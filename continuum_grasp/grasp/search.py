@@ -115,7 +115,7 @@ class Search:
         self.basins: list[Basin] = []
         # Starts that led to no grasp, with violations and rungs.
         self._missed: list[tuple[float, Start, int]] = []
-        self.lost: list[Start] = []  # grasps of few elements that are none with all
+        self.lost: list[Tried] = []  # where grasps of few elements led to none with all
 
     @property
     def best(self) -> Tried | None:
@@ -142,6 +142,9 @@ class Search:
                 nearest.setdefault(id(start), (start, rung))
             for start, rung in list(nearest.values())[: 1 if self._few is None else HELD]:
                 self.attempt(start, rung=rung)
+        for end in self.lost:
+            if end.attempt.status is Status.STOPPED and not self.budget.over:
+                self.attempt(end.start, rung=0)
         if not self.proven:
             self._converge()
 
@@ -273,12 +276,10 @@ class Search:
             if held.converged:
                 known.append(branch)
                 found = self.attempt(end.start, rung=0)
-                if found is not None and found not in self.good and found.attempt.status is Status.STOPPED:
-                    found = self.attempt(found.start, rung=0)
             if found is None or found not in self.good:
                 self._missed.append((held.badness, held.start, 0))
-                if end in few.good:
-                    self.lost.append(end.start)
+                if end in few.good and found is not None:
+                    self.lost.append(found)
 
     def _is_near(self, end: Tried) -> bool:
         """Whether a grasp with few elements may be the best with all of them."""

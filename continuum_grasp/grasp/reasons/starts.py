@@ -41,13 +41,18 @@ class Starts:
             ]
         )
 
+    @property
+    def _lost(self) -> list[Start]:
+        """Grasps of few elements that are none with all."""
+        return [end.attempt.start for end in self._search.lost]
+
     def alone(self, limit: Relaxation, part: float | None = None) -> list[Start]:
         """Scanned starts with a limit relaxed by so many usual amounts, or well beyond what is likely; where no key of
         the scene holds a limit of the shape, those of the search, too.
         """
         if not limit.bounds_shape:
             # Postures stay as they are: however much a limit is relaxed, it is no reason where none comes near.
-            return interleaved([self._search.lost, self._balanced(limit, LARGER if part is None else (part,))])
+            return interleaved([self._lost, self._balanced(limit, LARGER if part is None else (part,))])
         relaxed, known = eased(self._scene, [limit], 1.0 if part is None else part), list[Start]()
         if limit.limit is None:
             closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
@@ -63,7 +68,7 @@ class Starts:
         """
         limits = list(limits)
         scans = self._search.rebalanced(eased(self._scene, [one for one in limits if not one.bounds_shape], 1.0))
-        near = [*self._search.lost, *(self.rough if self._search.unscanned else interleaved(scans))]
+        near = [*self._lost, *(self.rough if self._search.unscanned else interleaved(scans))]
         wider = [start for factor in WIDER for start in self._of(eased(self._scene, limits, factor))]
         return [*near[:HELD], *interleaved(wider)[: 2 * HELD]]
 
