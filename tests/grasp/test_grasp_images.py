@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.grasp_images import LONGER, STRONGER, drawn, mirrored, moved, rolled, scaled, scene_of
+from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.starts.starts import basin_starts, make_starts
@@ -190,6 +191,27 @@ def test_three_fingers_begin_with_curves_that_bend_evenly_too(seed, tension):
 def test_fingers_are_exchanged_between_grasps_of_three(seed, tension):
     """The tensions are those of three times as many starts; without exchanges they are 50.33, 63.97 and 16.10 N."""
     assert least(scene_of(drawn("three", seed), 4)) < (1.0 + 1e-6) * tension
+
+
+def test_what_is_off_by_rounding_is_solved_on():
+    """Where nothing weighs the solver's tolerance leaves forces more than their scale allows."""
+    assert least(scene_of(drawn("one", 865), 4)) == pytest.approx(8.8851917, rel=1e-6)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(("seed", "tension"), [(354, 15.147872), (683, 17.229518)])
+def test_grasps_of_few_elements_go_on_from_where_they_were_cut(seed, tension):
+    """The tensions are those to which equations of four elements lead as they become those of eight in steps."""
+    assert least(scene_of(drawn("one", seed), 8)) == pytest.approx(tension, rel=1e-6)
+
+
+@pytest.mark.deep
+def test_reasons_begin_with_grasps_of_few_elements():
+    """Four elements hold them: eight hold one with no limit relaxed, and one if the least moment is borne."""
+    assert optimize_grasp(scene_of(drawn("one", 818), 8)).solved
+    result = optimize_grasp(scene_of(drawn("one", 671), 8), raise_on_failure=False)
+    moments = [reason.needed for reason in result.reasons if reason.name == "tilt balance"]
+    assert moments == pytest.approx([0.001205], rel=1e-3)
 
 
 @pytest.mark.deep

@@ -12,7 +12,7 @@ from continuum_grasp.grasp import search as module
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.tried import Basin, Tried, branch_of, least_of
-from continuum_grasp.nlp import Budget
+from continuum_grasp.nlp import Budget, Status
 from tests import certificate_cases as cases
 
 TENSION, MOST = 10.0, 60.0
@@ -276,6 +276,18 @@ def test_grasps_of_few_elements_are_continued_once_and_the_nearest_misses_are_tr
 
 def test_grasps_of_few_elements_are_continued_the_best_first(monkeypatch):
     assert with_few(monkeypatch, ended(2.0), ended(1.0), ended(1.5))[:3] == ["held 1", "held 1.5", "held 2"]
+
+
+@pytest.mark.parametrize(("status", "again"), [("stopped", 1), ("infeasible", 0)])
+def test_a_grasp_of_few_elements_goes_on_from_where_it_was_cut(status, again, monkeypatch):
+    cut = Grasp(attempt=SimpleNamespace(status=Status(status)), start="cut", acceptable=False)
+    search, _ = searching(elements=8)
+    few, tried = search._few, []
+    monkeypatch.setattr(few, "run", lambda: few.tried.append(ended(1.0)))
+    monkeypatch.setattr(few, "good", few.tried)
+    monkeypatch.setattr(search, "attempt", lambda start, **options: tried.append(start) or cut)
+    search.run()
+    assert tried.count("cut") == again
 
 
 @pytest.mark.parametrize(("grasps", "iterations"), [((), 80), ((grasp(),), 40)])
