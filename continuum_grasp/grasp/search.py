@@ -492,7 +492,8 @@ class Search:
     ) -> Tried | None:
         """Solve from a start and verify what is new; None where there are no numbers to verify."""
         solver = solver or self.solver(start)
-        known = {t.attempt: t for t in self.tried if t.solver is solver and t.attempt.converged and "x0" not in options}
+        fresh = "x0" not in options
+        known = {t.attempt: t for t in self.tried if t.solver is solver and t.attempt.converged and fresh}
         attempt = solver.run(self.scene, start, self.budget, rung=rung, known=list(known), **options)
         if not np.isfinite(attempt.x).all():
             return None
@@ -500,8 +501,8 @@ class Search:
             self._alike += 1
             return known[attempt]
         found = Tried(attempt, solver, self.scene)
-        if attempt.converged and attempt.objective <= options.get("enough", math.inf) and not found.verified:
-            # What is off by rounding of the solver, or between guarded places, is not once solved from there.
+        enough = attempt.converged and attempt.objective <= options.get("enough", math.inf)
+        if fresh and enough and not found.verified:  # often off by what the solver rounds, and not from there
             again = solver.run(self.scene, found.start, self.budget, rung=0)
             found = Tried(again, solver, self.scene) if again.converged else found
         self.tried.append(found)

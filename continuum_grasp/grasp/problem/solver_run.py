@@ -239,7 +239,7 @@ class GraspSolverRun:
         solve = partial(self._solved, self.prepare(scene))
         began = time.perf_counter()
         x = np.clip(x, low, high)
-        look = self._look(scene, values, sliding=rung < len(RUNGS) - 1)
+        look = self._look(scene, values)
         begin = look(x, problem.numbers.pack(values, 0.0))[1]
         first = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options, patience=patience)
         alike = [one for one in known if one.features == features and _parts(one.start) == _parts(start)]
@@ -260,13 +260,11 @@ class GraspSolverRun:
         none, violation = nlp.Multipliers(np.zeros(start.x.size), np.zeros(g.size)), start.violation(start.x, g)
         return nlp.Attempt(nlp.Status.FAILED, OVERDETERMINED, start.x, g, 0.0, none, 0, 0.0, violation, np.inf)
 
-    def _look(
-        self, scene: GraspScene, values: dict[str, Any], *, sliding: bool
-    ) -> Callable[[Array, Array], tuple[float, Array]]:
+    def _look(self, scene: GraspScene, values: dict[str, Any]) -> Callable[[Array, Array], tuple[float, Array]]:
         """Depth of fingers at a point, and ``values`` as numbers with the guarded places and circles of it."""
 
         def look(x: Array, numbers: Array) -> tuple[float, Array]:
-            sight = self.near.look(scene, x, numbers, sliding=sliding)
+            sight = self.near.look(scene, x, numbers)
             return sight.deepest, self.problem.numbers.pack({**values, **sight.numbers})
 
         return look

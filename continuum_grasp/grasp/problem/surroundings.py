@@ -79,25 +79,16 @@ class Surroundings:
     def __init__(self, problem: Layout, places: ca.Function) -> None:
         self._problem, self._places = problem, places
 
-    def look(
-        self,
-        scene: GraspScene,
-        x: Array,
-        numbers: Array,
-        probes: Mapping[str, Array] | None = None,
-        *,
-        sliding: bool = True,
-    ) -> Sight:
+    def look(self, scene: GraspScene, x: Array, numbers: Array, probes: Mapping[str, Array] | None = None) -> Sight:
         """Look at a point of the search, given by unknowns and run-time numbers; what a look finds does not matter in
         these. ``probes`` by finger, where given, are the guarded fractions of the elements in place of the deepest.
-        Corners may be ``sliding`` along fingers, which only fits what is near.
         """
         units, sight = Units.of(scene), Sight()
         pose, *rest = (np.array(v) for v in self._places(x, numbers))
         pose, at = pose.ravel(), self._problem.x.at
         allowed = [float(x[at[f"relaxed clearance at the {name}"]][0]) for name in ("supports", "object")]
         traced = [
-            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, units, allowed, sight, numbers, probes, sliding)
+            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, units, allowed, sight, numbers, probes)
             for k, setup in enumerate(scene.setups)
         ]
         for one, other in self._problem.spec.pairs:
@@ -121,7 +112,6 @@ class Surroundings:
         sight: Sight,
         numbers: Array,
         given: Mapping[str, Array] | None,
-        sliding: bool,
     ) -> _Traced:
         """Look along one finger; supports and object may be ``allowed`` deep in it."""
         finger, name = self._problem.fingers[index], setup.name
@@ -161,7 +151,7 @@ class Surroundings:
         sharp = np.any([circles[4, -probes.size :] >= 1.0 / ROUND for circles, _ in beside], axis=0)
         # Next to an end a corner is what touches there.
         inside = (np.abs(probes - 0.5) < 0.5 - 1.5 / FINE).ravel()
-        if sliding and (sharp & inside).any():
+        if (sharp & inside).any():
             around = probes[..., None] + np.array([-0.5, 0.0, 0.5]) / FINE
             traced = _local(along(around.reshape(len(probes), -1))[0], pose).reshape(-1, 3, 2)
             for circles, _ in beside:
