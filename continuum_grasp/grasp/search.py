@@ -115,7 +115,7 @@ class Search:
         self.basins: list[Basin] = []
         # Starts that led to no grasp, with violations and rungs.
         self._missed: list[tuple[float, Start, int]] = []
-        self.lost: list[Tried] = []  # where grasps of few elements led to none with all
+        self.lost: list[Tried] = []  # where grasps of few elements led that are none with all
 
     @property
     def best(self) -> Tried | None:
@@ -502,7 +502,7 @@ class Search:
             return known[attempt]
         found = Tried(attempt, solver, self.scene)
         enough = attempt.converged and attempt.objective <= options.get("enough", math.inf)
-        if fresh and enough and not found.verified:  # often off by what the solver rounds, and not from there
+        if fresh and enough and not found.verified:  # what the solver rounded, once more from there
             again = solver.run(self.scene, found.start, self.budget, rung=0)
             found = Tried(again, solver, self.scene) if again.converged else found
         self.tried.append(found)
