@@ -30,6 +30,8 @@ def show(title: str, fit: Fit) -> None:
         for one in errors:
             factor, unit = (180.0 / np.pi, "deg") if one.unit == "rad" else (1e3, "mm")
             print(f"  {kind}: {factor * one.rms:.2f} {unit} r.m.s., {factor * one.largest:.1f} at most, {one.count}")
+    for law in fit.laws:
+        print(f"  law {law.name}: {law.fitted:.2f} deviations fitted, {law.held_out:.2f} held out, {law.verdict}"[:120])
     print(*fit.warnings, sep="\n  ! ")
 
 
@@ -104,8 +106,23 @@ def wrist() -> None:
 
 
 def joints() -> None:
-    """Stiffness of each joint."""
-    show("joints", cg.identify(CONFIGS / "spirob_joints.yaml", folder() / "spirob_joint_static/static_load.csv"))
+    """The law of the joints, by their greatest loads; joints from one load of their own; damping of their ring-downs."""
+    show("joints, greatest loads predicted", cg.identify(CONFIGS / "spirob_joints.yaml"))
+    for k, (joint, rows) in enumerate({"1": 6, "8": 7, "13": 8}.items()):
+        held = [f"data[{other}].holdout_rows=[{'6' * (other == 0)}]" for other in range(3) if other != k]
+        own = f"data[{k}].holdout_rows={list(range(3, rows + 1))}"
+        fit = cg.identify(cg.load(CONFIGS / "spirob_joints.yaml", [*held, own]))
+        show(f"joint {joint} from its first load and the other joints", fit)
+    table = read_table(folder() / "spirob_joint_static" / "ringdown_summary.csv")
+    pulsation = 2.0 * np.pi * table.numbers("damped_frequency_mean_Hz")
+    ratio = table.numbers("damping_ratio_mean")
+    for k, joint in enumerate(table.numbers("joint")):
+        others = np.arange(3) != k
+        viscous = pulsation[k] * np.mean(ratio[others] / pulsation[others])
+        print(
+            f"joint {joint:.0f}: damping ratio {ratio[k]:.3f}, from the others {np.mean(ratio[others]):.3f} if the same "
+            f"at all rates, {viscous:.3f} if viscous"
+        )
 
 
 def probe() -> None:
@@ -139,10 +156,21 @@ def tentacle() -> None:
 
 
 def pulls() -> None:
-    """Sequences to three sides predicted from those to the others and from pulls of single tendons."""
+    """Sequences to three sides predicted from the others; all of a segment from those of the two others; and what three
+    tendons of a segment do from what single ones do.
+    """
     fit = cg.identify(CONFIGS / "tendon_pulls.yaml")
     show("rod on nine winches", fit)
     distances(fit)
+    names = [one.name or "" for one in cg.load(CONFIGS / "tendon_pulls.yaml").data]
+    single = [name.startswith("tendon") for name in names]
+    # tendons 0 and 1 end at the first segment, 3 and 4 at the second, 6 and 7 at the third
+    segments = [int(name[6]) // 3 + 1 if one else int(name[3]) for name, one in zip(names, single, strict=True)]
+    held = {f"segment {k}": [one == k for one in segments] for k in (1, 2, 3)}
+    for title, out in {**held, "three tendons at once": [not one for one in single]}.items():
+        changes = [f"data[{k}].use={'holdout' if one else 'fit'}" for k, one in enumerate(out)]
+        print(f"{title} from the others")
+        distances(cg.identify(cg.load(CONFIGS / "tendon_pulls.yaml", changes)))
 
 
 def distances(fit: Fit) -> None:

@@ -193,12 +193,14 @@ class VibrationBlock(_RowsBlock):
 
     def __init__(self, scene: Scene, data: Frequencies, unknowns: Sequence[Unknown]) -> None:
         super().__init__(scene, data, unknowns)
-        if self._shapes.model.structure.motors:
-            raise InputError(
-                "frequencies of a finger on motors are not predicted, since their inertia swings along: give a "
-                "trajectory",
-                key=data.name,
-            )
+        beyond = {
+            "on motors": (self._shapes.model.structure.motors, "their inertia swings along"),
+            "whose material relaxes": (scene.finger.damping.relaxation, "a part of its stiffness follows with a lag"),
+        }
+        for which, (there, why) in beyond.items():
+            if there:
+                message = f"frequencies of a finger {which} are not predicted, since {why}: give a trajectory"
+                raise InputError(message, key=data.name)
         self._matrices, self._gradient = _pencil(self._shapes.model)
         self._modes = np.asarray(data.mode, dtype=int)
         self._decays = data.decay_rate is not None
