@@ -103,10 +103,22 @@ def wrist() -> None:
     for one, other in (("1", "2"), ("2", "1")):
         data = [bends("wrist_A", a, trial=one), bends("wrist_A", a, trial=other, held=True)]
         show(f"wrist A, trial {other} predicted from trial {one}", cg.identify(a, data))
+    for name, scene, count in (("wrist_A", a, 2), ("wrist_C", c, 3)):
+        each = [bends(name, scene, trial=str(k + 1)) for k in range(count)]
+        apart = [missed for one in each for other in each if other is not one for missed in between(one, other)]
+        print(f"{name}: trials are {np.degrees(np.sqrt(np.mean(np.square(apart)))):.2f} deg r.m.s. apart per notch")
+
+
+def between(one: Poses, other: Poses) -> list[float]:
+    """Differences of the bends of one trial from those of another at the same tensions, by straight lines."""
+    pulls, known = (np.asarray(trial.conditions["tension_1"]) for trial in (one, other))
+    there = (pulls >= known.min()) & (pulls <= known.max())
+    pairs = zip(one.measured, other.measured, strict=True)
+    return [v for a, b in pairs for v in (np.asarray(a.values) - np.interp(pulls, known, np.asarray(b.values)))[there]]
 
 
 def joints() -> None:
-    """The law of the joints, by their greatest loads; joints from one load of their own; damping of their ring-downs."""
+    """The law of the joints, by their greatest loads; each from one load of its own; damping of their ring-downs."""
     show("joints, greatest loads predicted", cg.identify(CONFIGS / "spirob_joints.yaml"))
     for k, (joint, rows) in enumerate({"1": 6, "8": 7, "13": 8}.items()):
         held = [f"data[{other}].holdout_rows=[{'6' * (other == 0)}]" for other in range(3) if other != k]
@@ -119,10 +131,8 @@ def joints() -> None:
     for k, joint in enumerate(table.numbers("joint")):
         others = np.arange(3) != k
         viscous = pulsation[k] * np.mean(ratio[others] / pulsation[others])
-        print(
-            f"joint {joint:.0f}: damping ratio {ratio[k]:.3f}, from the others {np.mean(ratio[others]):.3f} if the same "
-            f"at all rates, {viscous:.3f} if viscous"
-        )
+        same = np.mean(ratio[others])
+        print(f"joint {joint:.0f}: damping ratio {ratio[k]:.3f}; from the others {same:.3f}, if viscous {viscous:.3f}")
 
 
 def probe() -> None:

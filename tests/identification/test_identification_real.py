@@ -269,6 +269,7 @@ def test_a_superelastic_wrist_fits_where_a_linear_one_does_not():
     assert any("softens where it is bent far" in one for one in other.warnings)
 
 
+@pytest.mark.deep
 def test_joints_soften_alike_as_their_greatest_loads_say():
     fit = identified("spirob_joints", "spirob_joint_static/static_load.csv")
     errors = {one.name: one.held_out for one in fit.laws}
