@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +11,6 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.data import column
-from continuum_grasp.identification.least_squares import least_squares
 
 _LEAST_SAMPLES = 12
 """Least samples of a signal: two per unknown, of which a damped sine with offset and drift has six."""
@@ -47,8 +45,7 @@ class DampedSine:
 def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> DampedSine:
     """Fit one damped sine with offset and drift to a signal.
 
-    The spectrum gives the start; frequency and decay rate are then sought by least squares, with the linear
-    coefficients eliminated at each step (G. H. Golub and V. Pereyra, 1973, doi:10.1137/0710036).
+    The spectrum gives the start of ``scipy.optimize.curve_fit``.
 
     Parameters
     ----------
@@ -74,34 +71,45 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
     >>> round(fit.frequency, 6), round(fit.decay_rate, 6)
     (3.0, 0.5)
     """
+    from scipy.optimize import curve_fit
+
     instants = column(f"{name}.t", t)
     values = column(name, signal, instants.size)
     if instants.size < _LEAST_SAMPLES or np.any(np.diff(instants) <= 0.0):
         raise InputError(f"expected {_LEAST_SAMPLES} samples or more, at instants that increase", key=name)
     at = instants - instants[0]
-    start = _spectral_peak(at, values, name)
-    span = float(at[-1])
+    start, span = _spectral_peak(at, values, name), float(at[-1])
+    guess = np.array([start, 0.5 / span])
     # beside the peak by a factor of four; from growth by exp(5) over the record to decay within part of a period
-    lower, upper = np.array([0.25 * start, -5.0 / span]), np.array([4.0 * start, 50.0 * start])
-    sizes = np.array([0.1 / span, 1.0 / span])
-    found = least_squares(partial(_projected, at, values), np.array([start, 0.5 / span]), lower, upper, sizes)
-    frequency, decay = (float(value) for value in found.values)
-    basis = _basis(at, frequency, decay)
-    weights = np.linalg.lstsq(basis, values, rcond=None)[0]
-    left = values - basis @ weights
-    noise, strength = (float(np.sqrt(np.mean(part**2))) for part in (left, basis[:, :2] @ weights[:2]))
+    lower, upper = (0.25 * start, -5.0 / span), (4.0 * start, 50.0 * start)
+    linear, free = np.linalg.lstsq(_basis(at, *guess), values, rcond=None)[0], [np.inf] * 4
+
+    def signal_of(at: Array, frequency: float, decay: float, *weights: float) -> Array:
+        return np.asarray(_basis(at, frequency, decay) @ weights)
+
+    try:
+        found, covariance = curve_fit(
+            signal_of,
+            at,
+            values,
+            [*guess, *linear],
+            bounds=([*lower, *np.negative(free)], [*upper, *free]),
+            x_scale="jac",
+        )
+    except RuntimeError:  # the search does not end
+        found, covariance = np.array([*guess, *linear]), np.full((6, 6), np.inf)
+    left = values - signal_of(at, *found)
+    noise, strength = (float(np.sqrt(np.mean(v**2))) for v in (left, _basis(at, *found[:2])[:, :2] @ found[2:4]))
     # a sine fitted to noise alone leaves most of it
-    if not found.converged or strength <= 0.5 * noise:
+    if not np.isfinite(covariance[0, 0]) or strength <= 0.5 * noise:
         raise SolverError(
             f"{name}: no damped vibration found",
             status="no vibration",
             violated=[f"residuals of {noise:.3g} beside a vibration of {strength:.3g}"],
             advice="choose a window in which one mode rings",
         )
-    variance = float(left @ left) / max(1, at.size - 6)  # six unknowns
-    covariance = variance * np.linalg.inv(found.jacobian.T @ found.jacobian)
-    amplitude = float(np.hypot(weights[0], weights[1]))
-    return DampedSine(frequency, decay, np.sqrt(np.diag(covariance)), amplitude, noise / strength)
+    deviations, amplitude = np.sqrt(np.diag(covariance)[:2]), float(np.hypot(*found[2:4]))
+    return DampedSine(float(found[0]), float(found[1]), deviations, amplitude, noise / strength)
 
 
 def _spectral_peak(t: Array, values: Array, name: str) -> float:
@@ -122,17 +130,3 @@ def _spectral_peak(t: Array, values: Array, name: str) -> float:
 def _basis(t: Array, frequency: float, decay: float) -> Array:
     envelope, phase = np.exp(-decay * t), 2.0 * np.pi * frequency * t
     return np.stack([envelope * np.cos(phase), envelope * np.sin(phase), np.ones_like(t), t / t[-1]], axis=1)
-
-
-def _projected(t: Array, values: Array, nonlinear: Array) -> tuple[Array, Array]:
-    """Residuals after the best linear coefficients, and their Jacobian after Kaufman."""
-    basis = _basis(t, *nonlinear)
-    orthogonal, _ = np.linalg.qr(basis)
-    weights = np.linalg.lstsq(basis, values, rcond=None)[0]
-    ring = basis[:, :2] @ weights[:2]
-    turned = basis[:, 1] * -weights[0] + basis[:, 0] * weights[1]
-    columns = np.stack([2.0 * np.pi * t * turned, -t * ring], axis=1)
-    # Kaufman's approximation drops the term with the derivative of the pseudo-inverse (L. Kaufman, 1975,
-    # doi:10.1007/BF01932995)
-    columns -= orthogonal @ (orthogonal.T @ columns)
-    return basis @ weights - values, columns
