@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -196,6 +196,11 @@ class Predicted(Result):
                     found.append(Channel.of(what, unit, fitted, own, length))
         return tuple(found)
 
+    def tables(self) -> dict[str, Any]:
+        """Errors of each channel, and sets of measurements, as plain data."""
+        sets = [{"name": name, "entries": count} for name, count in self.blocks]
+        return {"channels": [dict(vars(one)) for one in self.channels], "blocks": sets}
+
 
 @dataclass(frozen=True)
 class Comparison(Predicted):
@@ -227,14 +232,4 @@ class Comparison(Predicted):
 
     def details(self) -> dict[str, Any]:
         """Errors of each channel, as plain data."""
-        return {"channels": channel_rows(self.channels), "blocks": block_rows(self.blocks)}
-
-
-def channel_rows(channels: Sequence[Channel]) -> list[dict[str, Any]]:
-    """Channels as plain data."""
-    return [dict(vars(one)) for one in channels]
-
-
-def block_rows(blocks: Sequence[tuple[str, int]]) -> list[dict[str, Any]]:
-    """Sets of measurements as plain data."""
-    return [{"name": name, "entries": count} for name, count in blocks]
+        return self.tables()

@@ -11,7 +11,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.comparison import Predicted, block_rows, channel_rows
+from continuum_grasp.identification.comparison import Predicted
 from continuum_grasp.identification.laws import LawTrial
 from continuum_grasp.identification.unknowns import DELAY, LAG, OF_DRIVE
 from continuum_grasp.model.parameters import numbers_of, places_of
@@ -194,8 +194,7 @@ class Fit(Predicted):
                 {"name": name, "value": value, "deviation": deviation}
                 for name, value, deviation in zip(self.set_names, self.set_values, self.set_deviations, strict=True)
             ],
-            "channels": channel_rows(self.channels),
-            "blocks": block_rows(self.blocks),
+            **self.tables(),
         }
 
 

@@ -103,14 +103,18 @@ def identify(
     """
     started = perf_counter()
     report, laws = progress or (lambda share: None), tuple[LawTrial, ...]()
-    found = posed(scene, data, parameters, loss)
-    if parameters is None and isinstance(found.scene, IdentifyScene) and found.scene.laws:
-        ways = [posed(one, data, None, loss, folder_of(scene)) for one in under_laws(found.scene)]
-        names = [one.name for one in found.scene.laws]
-        tried = [Candidate(name, one.unknowns, one.given, one.build) for name, one in zip(names, ways, strict=True)]
+    beside, (scene, note, given, build) = folder_of(scene), posed(scene, data, loss)
+    sought = parameters if parameters is not None else getattr(scene, "estimate", ())
+    if parameters is None and isinstance(scene, IdentifyScene) and scene.laws:
+        ways = [posed(one, data, loss, beside) for one in under_laws(scene)]
+        tried = [
+            Candidate(law.name, read_unknowns(one.scene, (*scene.estimate, *law.estimate)), one.given, one.build)
+            for law, one in zip(scene.laws, ways, strict=True)
+        ]
         chosen, laws = choose_law(tried, lambda share: report(0.5 * share))
-        found = ways[chosen]
-    scene, note, unknowns, given, build = found
+        unknowns, (scene, note, given, build) = tried[chosen].unknowns, ways[chosen]
+    else:
+        unknowns = read_unknowns(scene, sought)
     problem = build(given, unknowns)
     try:
         solution = problem.solve(report)
@@ -198,61 +202,46 @@ def compare(
     >>> [round(float(bend), 2) for bend in found.residuals]
     [-0.01, 0.01]
     """
-    started, beside = perf_counter(), folder_of(scene)
-    scene, note = resolved(scene_of(scene))
-    blocks, predictions, drawn, warnings = [], [], [], list[str]()
-    given = _measurements(scene, data, beside)
-    for k, one in enumerate(given):
-        block = _block(resolved(one.scene or scene)[0], one, ())
-        start = np.array([own.start for own in block.own])
-        blocks.append(block)
-        predictions.append(block.predict(start)[0])
-        drawn.append(block.drawn(start))
-        warnings += [f"{block.name}: {text}" for text in block.warnings(start)]
+    started = perf_counter()
+    found, blocks = posed(scene, data), list[Block]()
+    for one, own in found.given:
+        blocks.append(_block(own, one, ()))
         if progress is not None:
-            progress((k + 1) / len(given))
+            progress(len(blocks) / len(found.given))
+    problem = Problem(blocks, (), "squares")
+    start = np.array([one.start for one in problem.unknowns])
     return Comparison(
-        entries=tuple(entry for block in blocks for entry in block.entries),
-        predictions=np.concatenate(predictions),
-        blocks=tuple((block.name, len(block.entries)) for block in blocks),
-        drawn=tuple(drawn),
-        scene=scene,
-        warnings=tuple(warnings),
-        statistics={"total_s": perf_counter() - started, **({"fidelity": note} if note else {})},
+        **problem.predicted(start, problem.predict(start)[0]),
+        scene=found.scene,
+        warnings=tuple(problem.warnings(start)),
+        statistics={"total_s": perf_counter() - started, **({"fidelity": found.note} if found.note else {})},
     )
 
 
 class Posed(NamedTuple):
-    """Task of an estimation: the scene, how its fidelity was chosen, unknowns, sets of data, and their problem."""
+    """Task of an estimation: the scene, how its fidelity was chosen, sets of data, and their problem."""
 
     scene: Scene
     note: str
-    unknowns: list[Unknown]
     given: list[tuple[Data, Scene]]
     build: Build
 
 
 def posed(
-    scene: Scene | str | PathLike[str],
-    data: Measurements,
-    parameters: Sequence[Estimate | str] | None = None,
-    loss: str | None = None,
-    beside: Path | None = None,
+    scene: Scene | str | PathLike[str], data: Measurements, loss: str | None = None, beside: Path | None = None
 ) -> Posed:
     """Read what `identify` is given, in the folder of the scene's file; arguments and errors are its own."""
     beside = folder_of(scene) or beside
     scene, note = resolved(scene_of(scene))
-    chosen = parameters if parameters is not None else getattr(scene, "estimate", ())
     used_loss = loss if loss is not None else getattr(scene, "loss", "squares")
     if used_loss not in ("squares", "huber"):
         raise InputError(f"expected squares or huber, got {used_loss!r}", key="loss")
-    unknowns = read_unknowns(scene, chosen)
     given = [(one, resolved(one.scene or scene)[0]) for one in _measurements(scene, data, beside)]
 
     def build(sets: Sequence[tuple[Data, Scene]], sought: Sequence[Unknown]) -> Problem:
         return Problem([_block(own, one, sought) for one, own in sets], sought, used_loss)
 
-    return Posed(scene, note, unknowns, given, build)
+    return Posed(scene, note, given, build)
 
 
 def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], sets: Sequence[Array]) -> Array | None:
@@ -326,8 +315,6 @@ def _fit(
         coarse, fine = ((part / sigma)[fitted] for part in (solution.predictions, finer))
         doubted = model_error_warnings(unknowns, found.deviations, rows[0][: len(coarse)], coarse, fine)
     evidence = doubts(problem, solution, found.freedom, given, build)
-    own = list(zip(problem.blocks, problem.by_block(solution.values), strict=True))
-    shapes = [f"{block.name}: {one}" for block, values in own for one in block.warnings(values)]
     return Fit(
         names=tuple(one.name for one in unknowns[:shared]),
         units=tuple(one.unit for one in unknowns[:shared]),
@@ -340,13 +327,10 @@ def _fit(
         set_deviations=found.deviations[shared:],
         singular_values=found.singular_values,
         freedom=found.freedom,
-        entries=tuple(problem.entries),
-        predictions=solution.predictions,
         sigma=sigma,
-        blocks=tuple((block.name, len(block.entries)) for block in problem.blocks),
-        drawn=tuple(block.drawn(values) for block, values in own),
+        **problem.predicted(solution.values, solution.predictions),
         targets=tuple((one.target, one.factor, one.added) for one in unknowns[:shared]),
         scene=scene,
-        warnings=(*found.warnings, *shapes, *evidence, *doubted),
+        warnings=(*found.warnings, *problem.warnings(solution.values), *evidence, *doubted),
         statistics=statistics,
     )

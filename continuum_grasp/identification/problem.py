@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,11 +60,6 @@ class Problem:
 
     The first ``shared`` unknowns are those of all sets, the others of one set each; ``sought`` are as given. ``parts``
     are the entries of each set among all.
-
-    Raises
-    ------
-    InputError
-        If nothing is to be fitted.
     """
 
     def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown], loss: str) -> None:
@@ -80,8 +75,6 @@ class Problem:
         self.entries = [entry for block in blocks for entry in block.entries]
         self.measured = np.array([entry.value for entry in self.entries])
         self.fitted = np.array([entry.fitted for entry in self.entries], dtype=bool)
-        if not self.fitted.any():
-            raise InputError("no row is to be fitted", key="data")
         names = [entry.group for entry in self.entries]
         ends = np.cumsum([len(block.entries) for block in self.blocks])
         self.parts = [slice(end - len(block.entries), end) for block, end in zip(self.blocks, ends, strict=True)]
@@ -119,6 +112,21 @@ class Problem:
         """Values that each block has."""
         return [values[columns] for columns in self._columns]
 
+    def predicted(self, values: Array, predictions: Array) -> dict[str, Any]:
+        """What `Predicted` has of a model at some values."""
+        own = zip(self.blocks, self.by_block(values), strict=True)
+        return {
+            "entries": tuple(self.entries),
+            "predictions": predictions,
+            "blocks": tuple((block.name, len(block.entries)) for block in self.blocks),
+            "drawn": tuple(block.drawn(each) for block, each in own),
+        }
+
+    def warnings(self, values: Array) -> list[str]:
+        """Warnings of all sets about shapes beyond a limit."""
+        own = zip(self.blocks, self.by_block(values), strict=True)
+        return [f"{block.name}: {one}" for block, each in own for one in block.warnings(each)]
+
     def predict(self, values: Array, chosen: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
         """Predictions (m,) of all entries, and their Jacobian (m, n); zeros for sets of which no entry is chosen."""
         y, jacobian = np.zeros(len(self.entries)), np.zeros((len(self.entries), len(values)))
@@ -144,9 +152,13 @@ class Problem:
 
         Raises
         ------
+        InputError
+            If nothing is to be fitted.
         SolverError
             If the search does not converge.
         """
+        if not self.fitted.any():
+            raise InputError("no row is to be fitted", key="data")
         values, sigma = np.array([one.start for one in self.unknowns]), self._first_sigma()
         for share in _HORIZONS if any(block.free for block in self.blocks) else ():
             chosen = self.fitted & self._early(share)
