@@ -221,18 +221,26 @@ def width(steps: np.ndarray, bend: np.ndarray) -> float:
 
 
 def trunk() -> None:
-    """Releases with 200 g fitted, with 400 g predicted, and the other way round; how well releases repeat."""
-    release("trunk", "trunk_releases", [])
-    release("trunk with dry friction", "trunk_dry_friction", [])
-    release("200 g from 400 g", "trunk_dry_friction", ["data[0].use=holdout", "data[1].use=fit"])
-    release("both fitted", "trunk_dry_friction", ["data[1].use=fit"])
+    """Releases with 200 g fitted, with 400 g predicted, and the other way round; others predicted from both; how well
+    releases repeat.
+    """
+    release("trunk", cg.load(CONFIGS / "trunk_releases.yaml"))
+    dry = cg.load(CONFIGS / "trunk_dry_friction.yaml")
+    release("trunk with dry friction", dry)
+    release("200 g from 400 g", dry.changed({"data[0].use": "holdout", "data[1].use": "fit"}))
+    both = dry.changed({"data[1].use": "fit"})
+    others = [
+        one.model_copy(update={"use": "holdout", "file": file})
+        for one, file in zip(both.data, ("release_200g_a0[358].csv", "release_400g_a0[048].csv"), strict=True)
+    ]
+    release("six others from two of each payload", both.replaced(data=(*both.data, *others)))
     for payload in (200, 400):
         repeats(payload, folder() / "hose_trunk_release")
 
 
-def release(title: str, name: str, changes: list[str]) -> None:
+def release(title: str, scene: cg.Scene) -> None:
     """A fit of releases, and how far their tips are off."""
-    fit = cg.identify(cg.load(CONFIGS / f"{name}.yaml", changes), folder() / "hose_trunk_release")
+    fit = cg.identify(scene, folder() / "hose_trunk_release")
     show(title, fit)
     start, found = 0, {"fitted": [], "predicted": []}
     for block, count in fit.blocks:
@@ -250,7 +258,7 @@ def release(title: str, name: str, changes: list[str]) -> None:
 def repeats(payload: int, where: Path) -> None:
     """How well the path of the tip repeats, without a model: from its start by regression, and between neighbors."""
     runs = read_table(where / "runs.csv").chosen("payload_g", (str(payload),)).chosen("check", ("ok",))
-    starts, paths = [], []
+    starts, paths, rests = [], [], []
     for row in runs.rows:
         table = read_table(where / row[runs.index("file")])
         columns = [table.numbers(f"{axis}{k}_m") for k in (1, 2, 3) for axis in "xy"]
@@ -259,6 +267,7 @@ def repeats(payload: int, where: Path) -> None:
         rates = (disks[first + 3] - disks[first - 3]) / 0.06
         starts.append(np.concatenate([disks[first], 0.05 * rates]))
         paths.append(disks[first : first + 150, 4:])
+        rests.append(disks[-20:, 4].mean())
     x, y = np.array(starts), np.array(paths).reshape(len(paths), -1)
     for components in (0, 2):
         left = []
@@ -271,6 +280,15 @@ def repeats(payload: int, where: Path) -> None:
             left.append(2.0 * np.mean(missed**2))
         what = f"{components} numbers of the start" if components else "the mean of the others"
         print(f"{payload} g, each of {len(x)} from {what}: tip {1e3 * np.sqrt(np.mean(left)):.1f} mm r.m.s.")
+    # a trunk that leans rests beside its axis in every plane by the cosine of what this is turned from the lean's
+    plane, rest = np.radians(runs.numbers("plane_deg")), 1e3 * np.array(rests)
+    toward = np.stack([np.cos(plane), np.sin(plane)], axis=1)
+    lean = np.linalg.lstsq(toward, rest, rcond=None)[0]
+    left = rest - toward @ lean
+    print(
+        f"{payload} g, disk 3 at rest: {np.sqrt(np.mean(rest**2)):.1f} mm r.m.s. beside the axis; a lean of "
+        f"{np.hypot(*lean):.1f} mm leaves {np.sqrt(np.mean(left**2)):.1f} mm"
+    )
     apart = [
         (float(np.linalg.norm((x[j] - x[k])[:6])), float(np.sqrt(2.0 * np.mean((y[j] - y[k]) ** 2))))
         for k in range(len(x))

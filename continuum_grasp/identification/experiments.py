@@ -24,7 +24,7 @@ from continuum_grasp.identification.fitting import Measurements, posed, resolved
 from continuum_grasp.identification.inference import infer
 from continuum_grasp.identification.information import allotted, information
 from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.problem import Progress
+from continuum_grasp.identification.problem import Progress, with_sets
 from continuum_grasp.identification.read import choices_of, plain_scene, sets_of
 from continuum_grasp.identification.segments import SHARES, Design, Excited, Segment, patterns_of
 from continuum_grasp.identification.unknowns import Unknown, prior, read_unknowns
@@ -366,7 +366,7 @@ class _Known(NamedTuple):
     values: Array
     rows: Array
     """Derivatives (rows, n) of what is measured, or known beforehand, per standard deviation."""
-    columns: list[list[int]]
+    columns: list[NDArray[np.intp]]
     """Unknowns of each set that is designed, among all."""
     scales: dict[str, float]
     """Standard deviation of readings that were measured, by their group."""
@@ -407,13 +407,9 @@ def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report
         rows = problem.weighted(solution)[0][: problem.fitted.sum()]
         scales = dict(zip((one.group for one in problem.entries), solution.sigma.tolist(), strict=True))
     shared = sum(not one.per_set for one in unknowns)
-    sought = [one if one.per_set else unknowns[k] for k, one in _numbered(sought)]
-    columns = list[list[int]]()
-    for name in sets:
-        own = [one._replace(name=f"{one.name} of {name}") for one in sought if one.per_set]
-        further = iter(range(len(unknowns), len(unknowns) + len(own)))
-        columns.append([next(further) if one.per_set else k for k, one in _numbered(sought)])
-        unknowns += own
+    fresh = iter(unknowns[:shared])
+    sought = [one if one.per_set else next(fresh) for one in sought]
+    unknowns, columns = with_sets(unknowns, sought, [(name, ()) for name in sets])
     values = np.array([one.start for one in unknowns])
     whole = np.pad(rows, ((0, 0), (0, len(unknowns) - rows.shape[1])))
     return _Known(
@@ -426,11 +422,6 @@ def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report
         columns,
         scales,
     )
-
-
-def _numbered(sought: Sequence[Unknown]) -> list[tuple[int, Unknown]]:
-    """Unknowns with the numbers of those before them that all sets have."""
-    return [(sum(not one.per_set for one in sought[:k]), each) for k, each in enumerate(sought)]
 
 
 def _read_along(motion: Trajectory, k: int, one: TipTrajectory, known: _Known) -> Array:

@@ -12,8 +12,9 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.comparison import Predicted
+from continuum_grasp.identification.inference import Inference
 from continuum_grasp.identification.laws import LawTrial
-from continuum_grasp.identification.unknowns import DELAY, LAG, OF_DRIVE
+from continuum_grasp.identification.unknowns import DELAY, LAG, OF_DRIVE, Unknown
 from continuum_grasp.model.parameters import numbers_of, places_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.yaml_text import yaml_text
@@ -196,6 +197,22 @@ class Fit(Predicted):
             ],
             **self.tables(),
         }
+
+
+def estimates(unknowns: Sequence[Unknown], values: Array, found: Inference) -> dict[str, Any]:
+    """What a `Fit` has of the first unknowns, of some values and what is inferred about all."""
+    count = len(unknowns)
+    return {
+        "names": tuple(one.name for one in unknowns),
+        "units": tuple(one.unit for one in unknowns),
+        "targets": tuple((one.target, one.factor, one.added) for one in unknowns),
+        "values": values[:count],
+        "deviations": found.deviations[:count],
+        "intervals": found.intervals[:count],
+        "correlation": found.correlation[:count, :count],
+        "singular_values": found.singular_values,
+        "freedom": found.freedom,
+    }
 
 
 def finger_text(fit: Fit) -> str:

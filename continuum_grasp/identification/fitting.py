@@ -21,7 +21,7 @@ from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBl
 from continuum_grasp.identification.comparison import Comparison
 from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPath
 from continuum_grasp.identification.doubts import doubts
-from continuum_grasp.identification.fit import Fit
+from continuum_grasp.identification.fit import Fit, estimates
 from continuum_grasp.identification.inference import infer, model_error_warnings
 from continuum_grasp.identification.laws import Candidate, LawTrial, choose_law
 from continuum_grasp.identification.path_block import PathBlock
@@ -316,20 +316,12 @@ def _fit(
         doubted = model_error_warnings(unknowns, found.deviations, rows[0][: len(coarse)], coarse, fine)
     evidence = doubts(problem, solution, found.freedom, given, build)
     return Fit(
-        names=tuple(one.name for one in unknowns[:shared]),
-        units=tuple(one.unit for one in unknowns[:shared]),
-        values=solution.values[:shared],
-        deviations=found.deviations[:shared],
-        intervals=found.intervals[:shared],
-        correlation=found.correlation[:shared, :shared],
+        **estimates(unknowns[:shared], solution.values, found),
         set_names=tuple(f"{one.name} [{one.unit}]" for one in unknowns[shared:]),
         set_values=solution.values[shared:],
         set_deviations=found.deviations[shared:],
-        singular_values=found.singular_values,
-        freedom=found.freedom,
         sigma=sigma,
         **problem.predicted(solution.values, solution.predictions),
-        targets=tuple((one.target, one.factor, one.added) for one in unknowns[:shared]),
         scene=scene,
         warnings=(*found.warnings, *problem.warnings(solution.values), *evidence, *doubted),
         statistics=statistics,

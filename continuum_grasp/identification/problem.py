@@ -55,6 +55,23 @@ class Solution(NamedTuple):
     evaluations: int
 
 
+def with_sets(
+    shared: Sequence[Unknown], sought: Sequence[Unknown], sets: Sequence[tuple[str, Sequence[Unknown]]]
+) -> tuple[list[Unknown], list[NDArray[np.intp]]]:
+    """Unknowns of all sets, behind them those of single ones, and the numbers of those that each set has.
+
+    ``sought`` are in every set, as they are or as one of its own; ``sets`` are their names with further ones.
+    """
+    targets, unknowns, columns = [one.target for one in sought if not one.per_set], list(shared), []
+    for name, further in sets:
+        every = (*sought, *further)
+        mine = [one._replace(name=f"{one.name} of {name}") for one in every if one.per_set]
+        own = iter(range(len(unknowns), len(unknowns) + len(mine)))
+        columns.append(np.array([next(own) if one.per_set else targets.index(one.target) for one in every], np.intp))
+        unknowns += mine
+    return unknowns, columns
+
+
 class Problem:
     """Measurements of all sets and the model's predictions of them; the loss is ``squares`` or ``huber``.
 
@@ -64,14 +81,8 @@ class Problem:
 
     def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown], loss: str) -> None:
         self.blocks, self.sought, self.loss = list(blocks), tuple(unknowns), loss
-        shared = [one for one in unknowns if not one.per_set]
-        self.unknowns, self.shared, self._columns = list(shared), len(shared), []
-        for block in blocks:
-            own = iter(range(len(self.unknowns), len(self.unknowns) + len(unknowns) + len(block.own)))
-            columns = [next(own) if one.per_set else shared.index(one) for one in (*unknowns, *block.own)]
-            mine = [one for one in (*unknowns, *block.own) if one.per_set]
-            self.unknowns += [one._replace(name=f"{one.name} of {block.name}") for one in mine]
-            self._columns.append(np.array(columns, dtype=int))
+        shared, sets = [one for one in unknowns if not one.per_set], [(block.name, block.own) for block in blocks]
+        self.shared, (self.unknowns, self._columns) = len(shared), with_sets(shared, unknowns, sets)
         self.entries = [entry for block in blocks for entry in block.entries]
         self.measured = np.array([entry.value for entry in self.entries])
         self.fitted = np.array([entry.fitted for entry in self.entries], dtype=bool)

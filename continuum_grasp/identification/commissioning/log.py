@@ -32,6 +32,7 @@ from continuum_grasp.identification.commissioning.bench import (
 from continuum_grasp.identification.commissioning.plan import checked, design_commissioning, names_of
 from continuum_grasp.identification.commissioning.result import Alternative, Commissioning
 from continuum_grasp.identification.experiments import ExperimentPlan
+from continuum_grasp.identification.fit import estimates
 from continuum_grasp.identification.inference import infer
 from continuum_grasp.identification.periods import columns_of
 from continuum_grasp.identification.problem import Problem, Solution
@@ -286,17 +287,9 @@ def _result(
     status = "identified" if len(alike) == 1 and not idle and not missing else "undecided"
     status = status if missed <= _MISFIT * scene.finger.rod.length else "mismatch"
     return Commissioning(
-        names=tuple(one.name for one in unknowns),
-        units=tuple(one.unit for one in unknowns),
-        values=values,
-        deviations=found.deviations,
-        intervals=found.intervals,
-        correlation=found.correlation,
-        singular_values=found.singular_values,
-        freedom=found.freedom,
+        **estimates(unknowns, values, found),
         sigma=solution.sigma,
         **problem.predicted(solution.values, predictions),
-        targets=tuple((one.target, one.factor, one.added) for one in unknowns),
         scene=scene,
         status=status,
         warnings=found.warnings,
