@@ -114,13 +114,13 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
 
 def _spectral_peak(t: Array, values: Array, name: str) -> float:
     """Frequency [Hz] of the greatest peak of the spectrum, with offset and drift taken off."""
+    from scipy.signal import periodogram
+
     steps = max(64, t.size)
     # evenly sampled, windowed against leakage, and padded with zeros eightfold, which interpolates the spectrum
     even = np.linspace(0.0, t[-1], steps)
-    line = np.polyfit(t, values, 1)
-    detrended = np.interp(even, t, values - np.polyval(line, t)) * np.hanning(steps)
-    power = np.abs(np.fft.rfft(detrended, 8 * steps)) ** 2
-    frequencies = np.fft.rfftfreq(8 * steps, even[1])
+    sampled = {"fs": 1.0 / even[1], "window": "hann", "nfft": 8 * steps, "detrend": "linear"}
+    frequencies, power = periodogram(np.interp(even, t, values), **sampled)
     beyond = frequencies >= 1.0 / t[-1]  # less than a period is drift
     if not beyond.any() or not power[beyond].max() > 0.0:
         raise SolverError(f"{name}: no damped vibration found", status="no vibration", advice="the signal is constant")

@@ -69,7 +69,7 @@ def _outliers(problem: Problem, weighted: Array) -> list[str]:
 
 def _sets(problem: Problem, weighted: Array) -> list[str]:
     """Groups whose sets differ by more than their own scatter: repeats of one set are then not independent."""
-    from scipy.special import fdtri
+    from scipy.stats import f_oneway
 
     found = []
     which = np.repeat(np.arange(len(problem.blocks)), [len(block.entries) for block in problem.blocks])
@@ -81,14 +81,10 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
         sets = [one for one in sets if one.size > 2]
         if len(sets) < 2:
             continue
-        # one-way analysis of variance: Fisher's ratio
-        count = sum(one.size for one in sets)
-        mean = sum(float(one.sum()) for one in sets) / count
-        between = sum(one.size * (one.mean() - mean) ** 2 for one in sets) / (len(sets) - 1)
-        within = sum(float(np.sum((one - one.mean()) ** 2)) for one in sets) / (count - len(sets))
-        if between > within * float(fdtri(len(sets) - 1, count - len(sets), 1.0 - FALSE_ALARMS)):
+        ratio, probability = f_oneway(*sets)
+        if probability < FALSE_ALARMS:
             found.append(
-                f"{group}: the sets differ by more than their repeats do (ratio of variances {between / within:.0f}): "
+                f"{group}: the sets differ by more than their repeats do (ratio of variances {ratio:.0f}): "
                 "repeats are not independent, and the intervals are too narrow; trust the hold-out error"
             )
     return found

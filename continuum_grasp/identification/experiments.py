@@ -400,8 +400,8 @@ def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report
     if paths:
         scene = scene.model_copy(update={"data": sets_of(scene, paths)})
     if paths or given or not isinstance(data, Sequence):
-        found = posed(scene, data)
-        problem = found.build(found.given, read_unknowns(found.scene, scene.estimate))
+        found = posed(scene, data, scene.estimate)
+        problem = found.build(found.given, found.unknowns)
         solution = problem.solve(report)
         unknowns = [one._replace(start=value) for one, value in zip(problem.unknowns, solution.values, strict=True)]
         rows = problem.weighted(solution)[0][: problem.fitted.sum()]

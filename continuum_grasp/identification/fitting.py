@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
 from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any, cast
 
 import numpy as np
 
@@ -23,10 +22,10 @@ from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPat
 from continuum_grasp.identification.doubts import doubts
 from continuum_grasp.identification.fit import Fit, estimates
 from continuum_grasp.identification.inference import infer, model_error_warnings
-from continuum_grasp.identification.laws import Candidate, LawTrial, choose_law
+from continuum_grasp.identification.laws import LawTrial, choose_law
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge
-from continuum_grasp.identification.problem import Build, Given, Problem, Solution
+from continuum_grasp.identification.problem import Problem, Solution, Task
 from continuum_grasp.identification.read import folder_of, read_data
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.model import FingerModel
@@ -103,23 +102,21 @@ def identify(
     """
     started = perf_counter()
     report, laws = progress or (lambda share: None), tuple[LawTrial, ...]()
-    beside, (scene, note, given, build) = folder_of(scene), posed(scene, data, loss)
-    sought = parameters if parameters is not None else getattr(scene, "estimate", ())
-    if parameters is None and isinstance(scene, IdentifyScene) and scene.laws:
-        ways = [posed(one, data, loss, beside) for one in under_laws(scene)]
-        tried = [
-            Candidate(law.name, read_unknowns(one.scene, (*scene.estimate, *law.estimate)), one.given, one.build)
-            for law, one in zip(scene.laws, ways, strict=True)
-        ]
+    known, beside = scene_of(scene), folder_of(scene)
+    if parameters is None and isinstance(known, IdentifyScene) and known.laws:
+        names, plain = [law.name for law in known.laws], cast(IdentifyScene, resolved(known)[0])
+        ways = [posed(one, data, one.estimate, loss, beside) for one in under_laws(plain)]
+        tried = dict(zip(names, ways, strict=True))
         chosen, laws = choose_law(tried, lambda share: report(0.5 * share))
-        unknowns, (scene, note, given, build) = tried[chosen].unknowns, ways[chosen]
+        task = tried[chosen]
     else:
-        unknowns = read_unknowns(scene, sought)
-    problem = build(given, unknowns)
+        sought = getattr(known, "estimate", ()) if parameters is None else parameters
+        task = posed(known, data, sought, loss, beside)
+    problem = task.build(task.given, task.unknowns)
     try:
         solution = problem.solve(report)
     except (SolverError, NumericalError) as error:
-        causes = explain(problem, given, build)
+        causes = explain(problem, task.given, task.build)
         if not causes:
             raise
         text = f"the parameters were not found; likely cause: {' or '.join(causes)}"
@@ -128,20 +125,9 @@ def identify(
         "iterations": solution.iterations,
         "evaluations": solution.evaluations,
         "total_s": perf_counter() - started,
-        **({"fidelity": note} if note else {}),
+        **({"fidelity": task.note} if task.note else {}),
     }
-    finer = _finer(given, unknowns, problem.by_block(solution.values))
-    fit = _fit(scene, problem, solution, finer, given, build, statistics)
-    verdict = judge(problem, solution, given, build)
-    return replace(
-        fit,
-        status=IMPLAUSIBLE if verdict.reason else fit.status,
-        reason=verdict.reason,
-        causes=verdict.causes,
-        accepted=accept_implausible,
-        laws=laws,
-        warnings=(*fit.warnings, *verdict.warnings),
-    )
+    return _fit(task, problem, solution, accepted=accept_implausible, laws=laws, statistics=statistics)
 
 
 def under_laws(scene: IdentifyScene) -> Iterator[IdentifyScene]:
@@ -203,7 +189,7 @@ def compare(
     [-0.01, 0.01]
     """
     started = perf_counter()
-    found, blocks = posed(scene, data), list[Block]()
+    found, blocks = posed(scene_of(scene), data, None, None, folder_of(scene)), list[Block]()
     for one, own in found.given:
         blocks.append(_block(own, one, ()))
         if progress is not None:
@@ -218,30 +204,28 @@ def compare(
     )
 
 
-class Posed(NamedTuple):
-    """Task of an estimation: the scene, how its fidelity was chosen, sets of data, and their problem."""
-
-    scene: Scene
-    note: str
-    given: list[tuple[Data, Scene]]
-    build: Build
-
-
 def posed(
-    scene: Scene | str | PathLike[str], data: Measurements, loss: str | None = None, beside: Path | None = None
-) -> Posed:
-    """Read what `identify` is given, in the folder of the scene's file; arguments and errors are its own."""
-    beside = folder_of(scene) or beside
-    scene, note = resolved(scene_of(scene))
+    scene: Scene,
+    data: Measurements,
+    sought: Sequence[Estimate | str] | None,
+    loss: str | None = None,
+    beside: Path | None = None,
+) -> Task:
+    """Read what `identify` is given, in the folder of the scene's file; arguments and errors are its own.
+
+    Nothing is ``sought`` where only predictions are asked for.
+    """
+    scene, note = resolved(scene)
     used_loss = loss if loss is not None else getattr(scene, "loss", "squares")
     if used_loss not in ("squares", "huber"):
         raise InputError(f"expected squares or huber, got {used_loss!r}", key="loss")
+    unknowns = [] if sought is None else read_unknowns(scene, sought)
     given = [(one, resolved(one.scene or scene)[0]) for one in _measurements(scene, data, beside)]
 
     def build(sets: Sequence[tuple[Data, Scene]], sought: Sequence[Unknown]) -> Problem:
         return Problem([_block(own, one, sought) for one, own in sets], sought, used_loss)
 
-    return Posed(scene, note, given, build)
+    return Task(scene, note, unknowns, given, build)
 
 
 def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], sets: Sequence[Array]) -> Array | None:
@@ -298,23 +282,18 @@ def _block(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
     return PathBlock(scene, data, unknowns)
 
 
-def _fit(
-    scene: Scene,
-    problem: Problem,
-    solution: Solution,
-    finer: Array | None,
-    given: Given,
-    build: Build,
-    statistics: Mapping[str, Any],
-) -> Fit:
-    fitted, sigma, unknowns, shared = problem.fitted, solution.sigma, problem.unknowns, problem.shared
+def _fit(task: Task, problem: Problem, solution: Solution, **further: Any) -> Fit:
+    """What was found, and how far it can be trusted."""
+    sigma, unknowns, shared = solution.sigma, problem.unknowns, problem.shared
     rows = problem.weighted(solution)
     found = infer(unknowns, solution.values, *rows, solution.inflation, shared, problem.series)
     doubted: tuple[str, ...] = ()
+    finer = _finer(task.given, task.unknowns, problem.by_block(solution.values))
     if finer is not None:
-        coarse, fine = ((part / sigma)[fitted] for part in (solution.predictions, finer))
+        coarse, fine = ((part / sigma)[problem.fitted] for part in (solution.predictions, finer))
         doubted = model_error_warnings(unknowns, found.deviations, rows[0][: len(coarse)], coarse, fine)
-    evidence = doubts(problem, solution, found.freedom, given, build)
+    evidence = doubts(problem, solution, found.freedom, task.given, task.build)
+    verdict = judge(problem, solution, task.given, task.build)
     return Fit(
         **estimates(unknowns[:shared], solution.values, found),
         set_names=tuple(f"{one.name} [{one.unit}]" for one in unknowns[shared:]),
@@ -322,7 +301,10 @@ def _fit(
         set_deviations=found.deviations[shared:],
         sigma=sigma,
         **problem.predicted(solution.values, solution.predictions),
-        scene=scene,
-        warnings=(*found.warnings, *problem.warnings(solution.values), *evidence, *doubted),
-        statistics=statistics,
+        scene=task.scene,
+        status=IMPLAUSIBLE if verdict.reason else "converged",
+        reason=verdict.reason,
+        causes=verdict.causes,
+        warnings=(*found.warnings, *problem.warnings(solution.values), *evidence, *doubted, *verdict.warnings),
+        **further,
     )

@@ -9,7 +9,7 @@ taken, and the others are named (rule of one standard error; L. Breiman et al., 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -20,8 +20,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.identification.data import Data, TipPath
 from continuum_grasp.identification.inference import middle
-from continuum_grasp.identification.problem import Build, Given, Problem, Solution
-from continuum_grasp.identification.unknowns import Unknown
+from continuum_grasp.identification.problem import Given, Problem, Solution, Task
 from continuum_grasp.scene.simulate import Scene
 
 _PARTS = 5
@@ -42,17 +41,8 @@ class LawTrial(NamedTuple):
     """``chosen``, ``alike`` (the data cannot tell it from the chosen one), ``worse``, or why it could not be fitted."""
 
 
-class Candidate(NamedTuple):
-    """A law with what is to be estimated under it."""
-
-    name: str
-    unknowns: Sequence[Unknown]
-    given: Given
-    build: Build
-
-
-def choose_law(candidates: Sequence[Candidate], report: Callable[[float], None]) -> tuple[int, tuple[LawTrial, ...]]:
-    """Number of the law that is chosen, and how all of them did.
+def choose_law(tasks: Mapping[str, Task], report: Callable[[float], None]) -> tuple[str, tuple[LawTrial, ...]]:
+    """Name of the law that is chosen, of tasks by the names of laws, and how all of them did.
 
     Raises
     ------
@@ -61,6 +51,7 @@ def choose_law(candidates: Sequence[Candidate], report: Callable[[float], None])
     SolverError
         If no law can be fitted.
     """
+    names, candidates = list(tasks), list(tasks.values())
     problems = [one.build(one.given, one.unknowns) for one in candidates]
     marked = not problems[0].fitted.all()
     if not marked and len(list(_parts(candidates[0].given))) < 2:
@@ -97,11 +88,10 @@ def choose_law(candidates: Sequence[Candidate], report: Callable[[float], None])
         math.inf if fit is None else float(np.sqrt(np.mean(((fit.predictions - of.measured) / sigma)[of.fitted] ** 2)))
         for fit, of in zip(fits, problems, strict=True)
     ]
-    names = [one.name for one in candidates]
-    return chosen, tuple(map(LawTrial._make, zip(names, numbers, weighted, errors, verdicts, strict=True)))
+    return names[chosen], tuple(map(LawTrial._make, zip(names, numbers, weighted, errors, verdicts, strict=True)))
 
 
-def _held_out(one: Candidate, problem: Problem, solution: Solution | None) -> Array:
+def _held_out(one: Task, problem: Problem, solution: Solution | None) -> Array:
     """Errors (m,) of what is held out, NaN elsewhere: of a solution, or without one of the parts of the data."""
     if solution is not None:
         return np.where(problem.fitted, np.nan, solution.predictions - problem.measured)

@@ -314,3 +314,13 @@ class Problem:
 
 Build = Callable[[Given, Sequence[Unknown]], Problem]
 """The problem of sets of data with their scenes, and of what is sought in them."""
+
+
+class Task(NamedTuple):
+    """Task of an estimation: the scene, how its fidelity was chosen, unknowns, sets of data, and their problem."""
+
+    scene: Scene
+    note: str
+    unknowns: Sequence[Unknown]
+    given: Given
+    build: Build
