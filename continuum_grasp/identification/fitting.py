@@ -12,6 +12,7 @@ from typing import Any, cast
 import numpy as np
 
 from continuum_grasp import interrupt
+from continuum_grasp.accuracy.choose import resolve_fidelity
 from continuum_grasp.accuracy.space import refined
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
@@ -26,7 +27,7 @@ from continuum_grasp.identification.laws import LawTrial, choose_law
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge
 from continuum_grasp.identification.problem import Problem, Solution, Task
-from continuum_grasp.identification.read import folder_of, read_data
+from continuum_grasp.identification.read import folder_of, plain_scene, read_data
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
@@ -245,13 +246,8 @@ def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], set
 
 def resolved(scene: Scene) -> tuple[Scene, str]:
     """The scene with a model in place of a tolerance, and what was chosen and why."""
-    if scene.fidelity.tolerance is None:
-        return scene, ""
-    from continuum_grasp.accuracy.choose import resolve_fidelity
-
-    plain = Scene(**{name: getattr(scene, name) for name in Scene.model_fields})
-    resolved, note = resolve_fidelity(plain)
-    return scene.model_copy(update={"fidelity": resolved.fidelity}), note
+    chosen, note = resolve_fidelity(plain_scene(scene))
+    return scene.model_copy(update={"fidelity": chosen.fidelity}), note
 
 
 def _measurements(scene: Scene, data: Measurements, beside: Path | None) -> list[Data]:
