@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 import continuum_grasp as cg
-from continuum_grasp.identification import Estimate, Fit, data_folder
+from continuum_grasp.identification import Estimate, Fit, data_folder, read_table
 from continuum_grasp.identification.read import VARIABLE
 from continuum_grasp.scene.identify import IdentifyScene
+from docs.real_robots import width
 from tests.marks import few
 
 CONFIGS = Path(__file__).parents[2] / "configs/identify"
@@ -255,6 +256,9 @@ def test_loops_of_the_probe_have_their_width():
     # Loops are 8 degrees wide: within 20 % of that.
     assert math.degrees(fit.errors[0].rms) < 1.6
     assert math.degrees(fit.holdout_errors[0].rms) < 1.6
+    count, steps = fit.blocks[0][1], read_table(files[1]).numbers("motor_steps")
+    seen, predicted = (width(steps, one[count:]) for one in (fit.measured, fit.predictions))
+    assert predicted == pytest.approx(seen, rel=0.03)  # of the second loop, which is not fitted
     assert fit.warnings == ()
 
 
