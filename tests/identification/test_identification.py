@@ -302,6 +302,7 @@ def test_data_must_fit_the_model(data, words):
 
 def test_frequencies_of_what_relaxes_are_refused():
     """A part of the stiffness follows with a lag, of which the model of small motions knows nothing."""
-    relaxing = loaded_scene().changed({"finger.damping.relaxation": [{"share": 0.3, "time": 0.01}]})
+    law = {"finger.damping.relaxation": [{"share": 0.3, "time": 0.01}], "fidelity": {"family": "arc", "elements": 2}}
+    relaxing = loaded_scene().changed(law)
     with pytest.raises(InputError, match="whose material relaxes are not predicted"):
         cg.identify(relaxing, Frequencies([1], [3.0]), parameters=["bending_stiffness"])
