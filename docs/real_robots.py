@@ -31,7 +31,8 @@ def show(title: str, fit: Fit) -> None:
             factor, unit = (180.0 / np.pi, "deg") if one.unit == "rad" else (1e3, "mm")
             print(f"  {kind}: {factor * one.rms:.2f} {unit} r.m.s., {factor * one.largest:.1f} at most, {one.count}")
     for law in fit.laws:
-        print(f"  law {law.name}: {law.fitted:.2f} deviations fitted, {law.held_out:.2f} held out, {law.verdict}"[:120])
+        verdict = law.verdict.partition("\n")[0]
+        print(f"  law {law.name}: {law.fitted:.2f} deviations fitted, {law.held_out:.2f} held out, {verdict}")
     print(*fit.warnings, sep="\n  ! ")
 
 
