@@ -60,14 +60,15 @@ def with_sets(
 ) -> tuple[list[Unknown], list[NDArray[np.intp]]]:
     """Unknowns of all sets, behind them those of single ones, and the numbers of those that each set has.
 
-    ``sought`` are in every set, as they are or as one of its own; ``sets`` are their names with further ones.
+    ``sought`` are in every set, as they are, in the order of those that come first in ``shared``, or as one of its own;
+    ``sets`` are their names with further ones.
     """
-    targets, unknowns, columns = [one.target for one in sought if not one.per_set], list(shared), []
+    unknowns, columns = list(shared), []
     for name, further in sets:
         every = (*sought, *further)
         mine = [one._replace(name=f"{one.name} of {name}") for one in every if one.per_set]
-        own = iter(range(len(unknowns), len(unknowns) + len(mine)))
-        columns.append(np.array([next(own) if one.per_set else targets.index(one.target) for one in every], np.intp))
+        common, own = iter(range(len(shared))), iter(range(len(unknowns), len(unknowns) + len(mine)))
+        columns.append(np.array([next(own if one.per_set else common) for one in every], np.intp))
         unknowns += mine
     return unknowns, columns
 
