@@ -451,11 +451,8 @@ FAULTS: tuple[Fault, ...] = (
         tests="export/test_export.py export/test_export_uses.py",
     ),
     *_in(
-        "export/mjcf/sliders.py",
-        (
-            "start = (bends - links.rest) - states * moment / stiffness",
-            "start = (bends - links.rest) + states * moment / stiffness",
-        ),
+        "export/mjcf/controls.py",
+        ("self.start + self.sense *", "self.start - self.sense *"),
         tests="export/test_export_mjcf.py",
     ),
     *_in(

@@ -12,7 +12,6 @@ from continuum_grasp import __version__
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.links import Links
 from continuum_grasp.export.mjcf.controls import Control
-from continuum_grasp.export.mjcf.sliders import IMPEDANCE, Sliders
 from continuum_grasp.export.mjcf.surroundings import add_surroundings, touching
 from continuum_grasp.export.template import fill
 from continuum_grasp.scene.finger import Finger
@@ -33,7 +32,6 @@ def written(
     step: float,
     frequency: float,
     differences: Sequence[str],
-    sliders: Sliders | None = None,
 ) -> str:
     """The whole file."""
     finger, tip = scene.finger, len(links.at) - 1
@@ -45,18 +43,13 @@ def written(
     values = [float(control(np.zeros(1))[0]) for control in controls]
     rest = [0.0] * 3 if scene.object_moves else []
     angles, rates = start
-    if sliders is not None:
-        # In the order of the bodies: the sliders of a hinge come before it.
-        angles = np.vstack([sliders.start, angles]).ravel(order="F")
-        rates = np.vstack([0.0 * sliders.start, rates]).ravel(order="F")
     words: dict[str, object] = {
         "scene": scene,
         "step": step,
         "two_steps": 2.0 * step,
-        "impedance": IMPEDANCE,
         "length": finger.profile.length,
         "above": {"light": 4.0 * finger.profile.length, "camera": 3.0 * finger.profile.length},
-        "links": [_link(scene, links, k, sites.get(k, {}), sliders) for k in range(-1, tip + 1)],
+        "links": [_link(scene, links, k, sites.get(k, {})) for k in range(-1, tip + 1)],
         # What a rod's bend draws in, exactly: a path through sites would be off by a share of the bend at each hinge.
         "tendons": [
             (control, [(k, lever) for k, lever in enumerate(control.levers(links.at), 1) if lever != 0.0])
@@ -64,7 +57,6 @@ def written(
             if control.channel is not None
         ],
         "stops": _stops(finger, links),
-        "springs": [] if sliders is None else sliders.springs(links.rest),
         "controls": controls,
         "qpos": [*angles, *rest],
         "qvel": [*rates, *rest],
@@ -80,7 +72,7 @@ def written(
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _link(scene: Scene, links: Links, k: int, sites: Mapping[str, float], sliders: Sliders | None) -> dict[str, object]:
+def _link(scene: Scene, links: Links, k: int, sites: Mapping[str, float]) -> dict[str, object]:
     """The clamped part, -1, or a link, inside the one before."""
     profile = scene.finger.profile
     before = float(links.at[k - 1]) if k > 0 else 0.0
@@ -96,7 +88,7 @@ def _link(scene: Scene, links: Links, k: int, sites: Mapping[str, float], slider
         found |= {
             name: getattr(links, name)[k] for name in ("stiffness", "damping", "rest", "across", "mass", "inertia")
         }
-        found |= {"center": links.center[k] - begin, "sliders": [] if sliders is None else sliders.bodies(k)}
+        found["center"] = links.center[k] - begin
     return found
 
 
@@ -117,7 +109,6 @@ def _explanation(
         "wound": wound,
         "chambers": chambers,
         "stops": links.stop is not None,
-        "sliders": scene.finger.damping.dry_friction,
         "differences": "".join(f"Differs: {text}.\n" for text in differences),
     }
     return f"\n{textwrap.indent(fill('mjcf/comment.txt', words), '    ')}  "

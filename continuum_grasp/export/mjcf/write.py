@@ -18,7 +18,6 @@ from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.destination import check_file, is_marked
 from continuum_grasp.export.mjcf.controls import Control, cable_springs, controls_of
-from continuum_grasp.export.mjcf.sliders import Sliders, states_at
 from continuum_grasp.export.mjcf.text import written
 from continuum_grasp.export.source import names_of
 from continuum_grasp.model import FingerModel
@@ -47,7 +46,9 @@ _CHAIN = Consumer(
     refused={
         "finger.tendons.drive.kind=motor": "motors are not exported, which would be hinges of their own: command "
         "lengths (kind: length) or tensions",
-        **unknown_to("the chain", "finger.stops", "finger.damping.dry_friction"),
+        **unknown_to("the chain", "finger.stops"),
+        "finger.damping.dry_friction": "MuJoCo's friction is a steep damper, under which a bend that should stay "
+        "creeps: leave dry_friction out",
         "finger.tendons.friction": "MuJoCo's tendons have the same tension all along: their frictionloss resists the "
         "motion of a whole tendon, not by its tension at every guide, as the capstan law does; set friction to 0, or "
         "close loops on a plant with guides, which has that law",
@@ -67,7 +68,7 @@ _CHAIN = Consumer(
         "name": "the title of the file alone",
         "contacts": "all links of the finger touch",
         "fidelity": "the chain has hinges of its own; an initial pose and damping per arc are those of the model",
-        "finger.damping.friction_cells": "each hinge is a cell",
+        "finger.damping.friction_cells": "of dry friction in bending",
         **{f"finger.tendons.{key}": "of tendon friction" for key in ("friction_cells", "presliding", "conduit_bend")},
         "loads.input": "for the chain every moment is an input",
         "table.stays": "the table does not move",
@@ -182,25 +183,12 @@ def export_mjcf(
             key="hinges",
         )
     pulsations, _ = links.pulsations()
-    springs = cable_springs(controls, links.at)
-    start, states = _start(scene, links)
-    sliders = Sliders.of(scene.finger, links, start[0], states)
-    if sliders is not None:
-        springs = springs + np.diag(sliders.stuck)
     ratio = 1.0 if scene.finger.stops is None else scene.finger.stops.stiffness_ratio
-    longest = _STABLE * links.longest_step(ratio, springs)
-    if sliders is not None:
-        longest = min(longest, _STABLE * sliders.longest_step)
+    longest = _STABLE * links.longest_step(ratio, cable_springs(controls, links.at))
     step = rounded_step(longest, scene.time.step) if scene.time else rounded_step(min(longest, _LONGEST_STEP), None)
     frequency = float(pulsations[0]) / (2.0 * np.pi)
     differences = (*listed, *_differences(scene, controls))
-    if sliders is not None:
-        differences += (
-            f"damping.dry_friction: each branch has a slider that creeps, by which it loses a held moment in about "
-            f"{sliders.creep_time(step):.2g} s, and that swings at {sliders.pulsation / 2.0 / np.pi:.3g} Hz",
-        )
-    title = names_of(scene)[0]
-    text = written(scene, links, controls, start, title, step, frequency, differences, sliders)
+    text = written(scene, links, controls, _start(scene, links), names_of(scene)[0], step, frequency, differences)
     chain = HingeChain(text, hinges, frequency, step, differences, tuple(controls))
     return chain if file is None else _saved(chain, Path(file), scene)
 
@@ -221,12 +209,11 @@ def _differences(scene: Scene, controls: list[Control]) -> list[str]:
     return found
 
 
-def _start(scene: Scene, links: Links) -> tuple[tuple[Array, Array], Array]:
-    """Angles [rad] and rates [rad/s] of the hinges at time zero, and states (B, N) of dry friction there."""
-    count, branches = len(links.at), len(scene.finger.damping.dry_friction)
-    none = np.zeros((branches, count))
-    if scene.initial.pose in ("straight", "rest") and scene.initial.reached_by is None:
-        return (links.rest if scene.initial.pose == "rest" else np.zeros(count), np.zeros(count)), none
+def _start(scene: Scene, links: Links) -> tuple[Array, Array]:
+    """Angles [rad] and rates [rad/s] of the hinges at time zero."""
+    if scene.initial.pose in ("straight", "rest"):
+        none = np.zeros(len(links.at))
+        return (links.rest if scene.initial.pose == "rest" else none), none
     model = FingerModel(resolve_fidelity(scene)[0])
     core, x, u = Core(model, compiled=False), initial_state(scene, model), Signals(scene, model).u(0.0)[0]
     q, qd = x[: model.n], x[model.n : 2 * model.n]
@@ -235,7 +222,7 @@ def _start(scene: Scene, links: Links) -> tuple[tuple[Array, Array], Array]:
         return np.diff(np.asarray(core.batch("orientation", coordinates, u, links.edges[:, None], None)).ravel())
 
     # The angles depend on the coordinates linearly.
-    return (bends(q), bends(q + qd) - bends(q)), states_at(model, x, links.at) if branches else none
+    return bends(q), bends(q + qd) - bends(q)
 
 
 def _saved(chain: HingeChain, file: Path, scene: Scene) -> HingeChain:
