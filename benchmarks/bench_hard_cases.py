@@ -18,10 +18,9 @@ from benchmarks.report import Report, Table
 COLUMNS = ["case", "family", "method", "error", "limit", "steps", "time [s]", "verdict"]
 NOTE = """\
 Errors are those of the tip per length unless the case says otherwise: of the coordinates per greatest one (nearly
-straight), of the deflection (pushed by 1e-9), of the energy per energy of the swing, and, for single precision at rest,
-the residual per largest force. Methods: auto, rk4, rodas and reference are those of time.method, float is what auto
-chose in single precision. Times are of one run, with what had to be compiled and, where it was the first to need it,
-the truth.""".replace("\n", " ")
+straight), of the deflection (pushed by 1e-9), of the energy per energy of the swing. Methods: auto, rk4, rodas and
+reference are those of time.method. Times are of one run, with what had to be compiled and, where it was the first to
+need it, the truth.""".replace("\n", " ")
 
 
 def table(title: str, judged: list[Judged]) -> Table:

@@ -20,6 +20,10 @@ from numpy.typing import ArrayLike, NDArray
 from continuum_grasp.errors import InputError
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+GONE = {
+    "precision": "models compute in double precision; take export_c(..., real='float'), or a Controller's precision",
+}
+"""Arguments that functions had once, and what to write instead."""
 
 
 def choice(key: str, value: Any, allowed: Iterable[Any]) -> Any:
@@ -104,6 +108,8 @@ def check_arguments(function: Function) -> Function:
         try:
             given = signature.bind(*arguments, **named).arguments
         except TypeError:
+            for name in GONE.keys() & named.keys() - signature.parameters.keys():
+                raise InputError(GONE[name], key=name) from None
             return function(*arguments, **named)  # raises it in the words of Python
         for name, value in {**given, **given.get(more, {})}.items():
             kind = kinds.get(name, Any)

@@ -62,7 +62,7 @@ CALLS = {
     "identify": (cg.identify, {"scene": SCENE, "data": (), "parameters": [], "loss": None, "progress": None}),
     "FingerModel": (cg.FingerModel, {"finger": SCENE, "family": "arc", "elements": 2, "gravity": (0, 0), "loads": ()}),
     "System": (cg.System, {"given": SCENE, "surroundings": None, "object_parameters": ()}),
-    "compile": (cg.compile, {"model": MODEL, "functions": ("tip",), "precision": "double"}),
+    "compile": (cg.compile, {"model": MODEL, "functions": ("tip",)}),
     "Controller": (cg.Controller, {"scene": CONTROL, "precision": "double", "deadline": 1.0}),
     "Estimator": (cg.Estimator, {"scene": CONTROL, "precision": "double"}),
     "solve_elastica": (

@@ -21,35 +21,23 @@ from benchmarks.hard_cases.scenes import (
     nitinol,
     push,
 )
-from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import modes, simulate
-from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.trajectory import Trajectory
 
-METHODS = ("auto", "rk4", "rodas", "reference", "float")
+METHODS = ("auto", "rk4", "rodas", "reference")
 Array = NDArray[np.float64]
 Make = Callable[[str], Scene]
 Measure = Callable[[Trajectory], float]
 
 
 def moved(scene: Scene, method: str, measure: Measure) -> Found:
-    """Simulate a scene, in single precision as ``auto`` would where asked so, and measure the error."""
-    if method != "float":
-        timing = scene.time.model_copy(update={"method": method})
-        path = simulate(scene.model_copy(update={"time": timing}))
-        steps = (len(path.t) - 1) * int(path.statistics["substeps"])
-        return Found(measure(path), steps, path.warnings)
-    path = simulate(scene)
-    chosen, substeps = str(path.statistics["method"]), int(path.statistics["substeps"])
-    steps = len(path.t) - 1
-    signals, t = Signals(scene, path.model), np.linspace(0.0, path.t[-1], 2 * steps * substeps + 1)
-    u, w = (signals.u(0.0)[0], signals.w(0.0)[0]) if signals.constant else (signals.u(t), signals.w(t))
-    single = Core(path.model, precision="float")
-    states = single.rollout(path.x[0], steps, scene.time.step, u=u, w=w, substeps=substeps, method=chosen)
-    narrow = Trajectory(path.t, states, path.u, path.w, path.model, scene)
-    return Found(measure(narrow), steps * substeps, path.warnings)
+    """Simulate a scene, and measure the error."""
+    timing = scene.time.model_copy(update={"method": method})
+    path = simulate(scene.model_copy(update={"time": timing}))
+    steps = (len(path.t) - 1) * int(path.statistics["substeps"])
+    return Found(measure(path), steps, path.warnings)
 
 
 def tip_error(path: Trajectory, truth: str = "DOP853") -> float:
@@ -179,10 +167,10 @@ def motion_attempts() -> Iterator[Attempt]:
     still = partial(straightness, along=(1.0, 0.0))
     yield from _all("straight exactly", straight, still, 1e-15)
     yield from _all("standing exactly, beyond buckling", standing, partial(straightness, along=(0.0, 1.0)), 1e-15)
-    yield from _all("nearly straight, 1e-6 rad", nearly_straight, state_error, 1e-4, single=1e-3)
-    yield from _all("one element 1 % of the other", short_element, tip_error, 1e-4, single=1e-3)
-    yield from _all("light short tip, 30 kHz", light_tip, tip_error, 1e-4, single=1e-3)
-    yield from _all("100-fold tip mass", heavy_tip, tip_error, 1e-4, single=1e-3)
+    yield from _all("nearly straight, 1e-6 rad", nearly_straight, state_error, 1e-4)
+    yield from _all("one element 1 % of the other", short_element, tip_error, 1e-4)
+    yield from _all("light short tip, 30 kHz", light_tip, tip_error, 1e-4)
+    yield from _all("100-fold tip mass", heavy_tip, tip_error, 1e-4)
     for family in FAMILIES:
         scene = swinging(family, 1000)
         least = _least_energy(scene)
@@ -208,14 +196,12 @@ def _all(
     measure: Measure,
     limit: float,
     *,
-    single: float | None = None,
     expected: dict[str, tuple[str, ...]] | None = None,
 ) -> Iterator[Attempt]:
     for family in FAMILIES:
         verdicts = (expected or {}).get(family, (RIGHT,))
         for method in METHODS:
-            bound = single if single is not None and method == "float" else limit
-            yield Attempt(case, family, method, partial(_made, make, family, method, measure), bound, verdicts)
+            yield Attempt(case, family, method, partial(_made, make, family, method, measure), limit, verdicts)
 
 
 def _made(make: Make, family: str, method: str, measure: Measure) -> Found:
@@ -232,10 +218,8 @@ def _beyond_the_range() -> Iterator[Attempt]:
     """A start bent to the range and beyond it, and let go."""
     for share, verdicts in ((1.0, (RIGHT, WARNED)), (1.2, (WARNED,)), (2.9, (WARNED, REFUSED)), (3.1, (REFUSED,))):
         for family in FAMILIES:
-            for method in ("auto", "float"):
-                make = partial(_bent, share=share)
-                run = partial(_made, make, family, method, wide_error)
-                yield Attempt(f"let go at {share:g} times the range", family, method, run, 1e-3, verdicts)
+            run = partial(_made, partial(_bent, share=share), family, "auto", wide_error)
+            yield Attempt(f"let go at {share:g} times the range", family, "auto", run, 1e-3, verdicts)
 
 
 def _bent(family: str, share: float) -> Scene:

@@ -22,7 +22,6 @@ from benchmarks.hard_cases.scenes import (
     nitinol,
     push,
 )
-from continuum_grasp.core import Core
 from continuum_grasp.rod.elastica import Elastica, solve_elastica
 from continuum_grasp.scene import Scene
 from continuum_grasp.simulation import Equilibrium, equilibrium
@@ -34,23 +33,13 @@ ELEMENTS = {"arc": 16, "clothoid": 4, "matched_clothoid": 4}
 LIMITS = {"arc": 5e-3, "clothoid": 5e-4, "matched_clothoid": 5e-4}
 """Errors of the tip per length that so many elements may leave at bends of about two radians."""
 EULER = euler_load(STIFFNESS, LENGTH)
-MODEL, SINGLE = "equilibrium", "float"
+MODEL = "equilibrium"
 
 
 def at_rest(scene: Scene, truth: Callable[[], Any], **options: Any) -> Found:
     """Equilibrium and the error of its tip, per length."""
     found = equilibrium(scene, **options)
     return Found(_distance(found.tip, truth()), found.iterations, found.warnings)
-
-
-def balanced(scene: Scene, **options: Any) -> Found:
-    """Residual that single precision finds at the equilibrium, per largest of the forces that balance."""
-    found = equilibrium(scene, **options)
-    arguments = found.q, found.u, found.w, found.p
-    double, single = (Core(found.model, precision=p) for p in ("double", "float"))
-    forces = [getattr(double, name)(found.q, found.u, found.p) for name in ("elastic", "gravity", "actuation")]
-    scale = max(np.abs(f).max() for f in (*forces, double.external_force(*arguments)))
-    return Found(float(np.abs(single.statics(*arguments)[0]).max() / scale), found.iterations, found.warnings)
 
 
 def _distance(a: Any, b: Any) -> float:
@@ -221,22 +210,16 @@ def _of(family: str) -> Iterator[Attempt]:
     def add(case: str, run: Callable[[], Found], bound: float = limit, *verdicts: str) -> Attempt:
         return Attempt(case, family, MODEL, run, bound, verdicts or (RIGHT,))
 
-    def single(case: str, scene: Scene, **options: Any) -> Attempt:
-        return Attempt(case, family, SINGLE, partial(balanced, scene, **options), 1e-5)
-
     none = nitinol(family)
     yield add("at rest without loads", partial(at_rest, none, lambda: (LENGTH, 0.0)), 1e-15)
     case, slight = "at rest, pushed by 1e-9 EI/L2", sideways(family, count, 1e-9)
     yield add(case, partial(_deflected, slight, 1e-9 / 3.0), limit if family == "arc" else 1e-6)
     case, lopsided = "at rest, one element 1 % of the other", sideways(family, (0.594, 0.006), 0.5)
     yield add(case, partial(at_rest, lopsided, partial(_pushed, 0.5)), 5e-2 if family == "arc" else 5e-4)
-    yield single(case, lopsided)
     case, pushed = "at rest, pushed by 10 EI/L2", sideways(family, count, 10.0)
     yield add(case, partial(at_rest, pushed, partial(_pushed, 10.0)))
-    yield single(case, pushed)
     case, weight = "at rest, 100-fold tip mass", heavy(family, count)
     yield add(case, partial(at_rest, weight, partial(_tip, weight)), 4 * limit)
-    yield single(case, weight)
     for share, verdicts in ((1.0, (RIGHT,)), (1.05, (WARNED,)), (2.9, (WARNED,)), (3.1, (REFUSED,))):
         scene = coiled(family, 4, share)
         run = partial(at_rest, scene, partial(_coil, 4 * share))
@@ -248,7 +231,6 @@ def _of(family: str) -> Iterator[Attempt]:
         scene = column(family, count, angle)
         case = f"column, tip turned by {angle:g} rad, both sides"
         yield add(case, partial(both_sides, scene, partial(_buckled, angle)), 6 * limit)
-    yield single("column, tip turned by 1.5 rad", column(family, count, 1.5))
     yield add("both shapes under 0.7 of the snap load", partial(both_under_one_load, family), 4 * limit)
     yield add("snap-through under a rising load", partial(snap_through, family), 0.01 + 4 * limit)
 

@@ -133,14 +133,14 @@ _REPEATS = 7
 """Timed rollouts, of which the median counts."""
 
 
-def evaluation_ns(model: FingerModel, precision: str = "double") -> float:
+def evaluation_ns(model: FingerModel) -> float:
     """Median processor time of one forward dynamics inside a Runge-Kutta rollout [ns].
 
     In C where there is a compiler; each evaluation waits for the one before, as in any simulation. What other
     processes do meanwhile does not count where the system counts processor time finely enough.
     """
     clock = thread_time if get_clock_info("thread_time").resolution <= 1e-6 else perf_counter
-    core = Core(model, precision=precision)
+    core = Core(model)
     core.prepare_rollout("rk4")
     start = np.zeros(model.nx)
     # Not zero, whose powers are denormal numbers, which processors are slow with.

@@ -25,7 +25,6 @@ from continuum_grasp.accuracy.motion import (
 )
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.arguments import check_arguments, whole
-from continuum_grasp.core import Core
 from continuum_grasp.errors import ContinuumGraspError, InputError
 from continuum_grasp.labels import unit_of
 from continuum_grasp.results.declared import File, Picture
@@ -215,10 +214,6 @@ TABLES = {
         "Greatest error of the accelerations by truncated terms and nodes, per their greatest entry, over "
         "states in the declared range.",
     ),
-    "precision": (
-        ("model", "real", "evaluation [ns]", "error of xd"),
-        "As in the table of terms, by rounding alone.",
-    ),
 }
 """Columns of each table, and its note."""
 
@@ -243,8 +238,6 @@ class ReportRows:
                 continue
             for accuracy in ACCURACIES:
                 yield "terms", partial(self._terms, two[0], accuracy)
-            for real in ("double", "float"):
-                yield "precision", partial(self._precision, two[0], real)
 
     def _choice(self, choice: Choice) -> tuple[Any, ...] | None:
         if not choice.open:
@@ -274,14 +267,6 @@ class ReportRows:
         name = f"{choice.elements} {choice.family}"
         error = evaluation_error(model.forward_dynamics, full)
         return (name, accuracy, model.instructions, evaluation_ns(model), error)
-
-    def _precision(self, choice: Choice, real: str) -> tuple[Any, ...] | None:
-        core = Core(choice.model, precision="double")
-        if not core.compiled:
-            return None
-        core = Core(choice.model, precision=real)
-        error = evaluation_error(lambda *x: core.forward_dynamics(*x), choice.model)
-        return (f"{choice.elements} {choice.family}", real, evaluation_ns(choice.model, precision=real), error)
 
 
 @interrupt.listening()

@@ -23,13 +23,13 @@ Load = Callable[[Callable[[], str]], ctypes.CDLL | None]
 class Batch:
     """A function applied to many rows."""
 
-    def __init__(self, function: ca.Function, load: Load, real: str = "double") -> None:
+    def __init__(self, function: ca.Function, load: Load) -> None:
         self.function = function
-        self._load, self._real = load, real
+        self._load = load
 
     @cached_property
     def _library(self) -> ctypes.CDLL | None:
-        return self._load(lambda: batch_source(self.function, self._real))
+        return self._load(lambda: batch_source(self.function))
 
     def __call__(self, count: int, rows: Sequence[Array]) -> list[Array]:
         """Outputs (count, nonzeros) of inputs (count, size), or (size,) for all rows."""

@@ -30,13 +30,11 @@ class Caller:
         function: ca.Function,
         load: Callable[[], ctypes.CDLL | None],
         nominal: Array,
-        checks: Sequence[Callable[[Sequence[Any]], None]] = (),
-        symbol: str | None = None,
+        check: Callable[[Sequence[Any]], None] | None = None,
     ) -> None:
         self.function = function
-        self._symbol = symbol or function.name()
         self._load = load
-        self._checks = checks
+        self._check = check
         self.names = function.name_in()
         sizes = [function.nnz_in(k) for k in range(function.n_in())]
         self._defaults = [nominal if n == "p" else np.zeros(size) for n, size in zip(self.names, sizes, strict=True)]
@@ -61,7 +59,7 @@ class Caller:
     @cached_property
     def _code(self) -> Callable[..., int] | None:
         library = self._load()
-        return getattr(library, self._symbol) if library is not None else None
+        return getattr(library, self.function.name()) if library is not None else None
 
     def prepare(self) -> Caller:
         """Compile now what would be compiled with the first call."""
@@ -86,9 +84,8 @@ class Caller:
         rows: Sequence[Any] = values if ready else self.rows(values)
         if not ready and any(np.ndim(row) != 1 for row in rows):
             raise InputError(f"{self.function.name()}: one state expected; use batch for many")
-        if ready:
-            for check in self._checks:
-                check(rows)
+        if ready and self._check is not None:
+            self._check(rows)
         results = self.call(rows)
         if self._vectors:
             return results[0] if len(results) == 1 else tuple(results)
@@ -124,8 +121,8 @@ class Caller:
                     f"{self.function.name()}: {name} has {size} entries, got an array of shape {np.shape(value)}"
                 )
             rows.append(array)
-        for check in self._checks:
-            check(rows)
+        if self._check is not None:
+            self._check(rows)
         return rows
 
     def call(self, rows: Sequence[Any]) -> list[Array]:

@@ -26,9 +26,8 @@ from continuum_grasp.core.call import (
 )
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, why_no_compiler
 from continuum_grasp.core.integrators import step_function
-from continuum_grasp.core.precision import check_single, check_solvable, precision_of
 from continuum_grasp.core.rollouts import Rollouts, row, signal
-from continuum_grasp.core.source import entry, function_source, rollout_source, rollouts_source
+from continuum_grasp.core.source import generated, rollout_source, rollouts_source
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.model.remade import Remade
@@ -40,7 +39,7 @@ _WARNED: set[str] = set()
 
 
 @check_arguments
-def compile(model: FingerModel | System, functions: Sequence[str] | None = None, *, precision: str = "double") -> Core:
+def compile(model: FingerModel | System, functions: Sequence[str] | None = None) -> Core:
     """Compile a model for this machine.
 
     Parameters
@@ -50,8 +49,6 @@ def compile(model: FingerModel | System, functions: Sequence[str] | None = None,
     functions : sequence of str, optional
         Functions to compile now; the others are compiled when they are first called. The forward dynamics
         where not given.
-    precision : {"double", "float"}
-        What the compiled code computes in; see ``Core``.
 
     Returns
     -------
@@ -61,7 +58,7 @@ def compile(model: FingerModel | System, functions: Sequence[str] | None = None,
     Raises
     ------
     InputError
-        If it is no model, a function is unknown, or single precision cannot be had.
+        If it is no model, or a function is unknown.
 
     Examples
     --------
@@ -71,7 +68,7 @@ def compile(model: FingerModel | System, functions: Sequence[str] | None = None,
     >>> abs(core.tip([0.0, 0.0]).round(6)).tolist()  # straight, pointing along +y [m]
     [0.0, 0.18]
     """
-    core = Core(model, precision=precision)
+    core = Core(model)
     if isinstance(functions, str) or not isinstance(functions, Iterable | None):
         raise InputError(f"functions: expected a list of names, got {functions!r:.60}")
     for name in ("forward_dynamics",) if functions is None else functions:
@@ -91,7 +88,6 @@ class Core(Remade, Summarized):
     model : FingerModel or System
     compiled : bool
         Whether the code is compiled.
-    precision : {"double", "float"}
 
     Parameters
     ----------
@@ -99,36 +95,23 @@ class Core(Remade, Summarized):
         The model.
     compiled : bool
         False: run on the virtual machine all the same, which is faster for a few calls of a large model.
-    precision : {"double", "float"}
-        What the compiled code computes in. ``float`` is single precision throughout, the states between the steps of a
-        rollout included; arrays are of doubles all the same. It has about 7 digits, twice the lanes in batches and
-        rollouts of many states, and needs a C compiler.
-
-    Raises
-    ------
-    InputError
-        If single precision is asked for where nothing is compiled; and of what needs the accelerations, if it has too
-        few digits for them.
     """
 
     @check_arguments
-    def __init__(self, model: FingerModel | System, *, compiled: bool = True, precision: str = "double") -> None:
+    def __init__(self, model: FingerModel | System, *, compiled: bool = True) -> None:
         self._names = functions_of(model)
         self.model: Any = model
-        self.precision = precision_of(precision)
         self._compiler: Compiler | None = find_compiler() if compiled else None
         self._callers: dict[str, Caller] = {}
         self._batches: dict[str, Batch] = {}
         self._rollouts: dict[tuple[str, bool], Rollouts] = {}
         self._steps: dict[str, ca.Function] = {}
-        if self.precision == "float" and self._compiler is None:
-            raise _no_single_precision(why_no_compiler() if compiled else "compiled=False")
         if compiled and self._compiler is None:
             _warn(why_no_compiler())
 
     def headline(self) -> str:
         """Backend that the core runs on."""
-        return f"in {self.precision} precision, {'compiled' if self.compiled else 'on the virtual machine'}"
+        return "compiled" if self.compiled else "on the virtual machine"
 
     def pairs(self) -> dict[str, str]:
         """The core's model."""
@@ -167,20 +150,9 @@ class Core(Remade, Summarized):
         if name not in self._callers:
             function = getattr(self.model, name)
             nominal = np.array(self.model.p_nominal)
-            checks: list[Callable[[Sequence[Any]], None]] = []
-            if "s" in function.name_in():
-                checks.append(section_check(self.model, function))
-            if self.precision == "float":
-                checks.append(partial(check_single, function.name(), function.name_in()))
-                if name in ("forward_dynamics", "linearization"):
-                    check_solvable(self._finger_model)
-            self._callers[name] = Caller(
-                function,
-                lambda: self.library(lambda: function_source(function, self.precision)),
-                nominal,
-                checks,
-                entry(function, self.precision),
-            )
+            check = section_check(self.model, function) if "s" in function.name_in() else None
+            source = partial(generated, function.name(), function)
+            self._callers[name] = Caller(function, partial(self.library, source), nominal, check)
         return self._callers[name]
 
     def batch(self, name: str, *arguments: ArrayLike | None) -> Array | tuple[Array, ...]:
@@ -211,7 +183,7 @@ class Core(Remade, Summarized):
             raise InputError(f"{name}: one number of states expected, got {sorted(counts)}")
         count = counts.pop()
         if name not in self._batches:
-            self._batches[name] = Batch(function, self.library, self.precision)
+            self._batches[name] = Batch(function, self.library)
         outputs = self._batches[name](count, rows)
         results = tuple(shaped(function, k, out) for k, out in enumerate(outputs))
         return results[0] if len(results) == 1 else results
@@ -222,12 +194,10 @@ class Core(Remade, Summarized):
         Raises
         ------
         InputError
-            If the method is unknown, or needs double precision.
+            If the method is unknown.
         """
         if not isinstance(method, str) or method not in SIMULATION_METHODS:
             raise InputError(f"unknown method {method!r}: expected one of {', '.join(SIMULATION_METHODS)}")
-        if self.precision == "float" and INTEGRATORS[method].double_only:
-            raise InputError(f"method: the iterations of {method} need double precision")
         if method not in self._steps:
             self._steps[method] = step_function(self.model, method)
         return self._steps[method]
@@ -289,9 +259,6 @@ class Core(Remade, Summarized):
         check_moment(self._finger_model, inputs.rows)
         forces = signal("w", w, model.nw, rows, None if single else len(start))
         parameters = row("p", model.p_nominal if p is None else p, model.np)
-        if self.precision == "float":
-            given = start, np.array([step / substeps]), inputs.rows, forces.rows, parameters
-            check_single("rollout", ("x0", "step", "u", "w", "p"), given)
         run = self.prepare_rollout(method, single)
         states, valid = run(start, steps, substeps, step / substeps, inputs, forces, parameters)
         if np.any(valid < steps):
@@ -312,10 +279,7 @@ class Core(Remade, Summarized):
         """Compile the rollouts of a method, from one state or from many, and give their caller."""
         step = self.step_function(method)
         if (method, single) not in self._rollouts:
-            if self.precision == "float":
-                check_solvable(self._finger_model)
-            write = rollout_source if single else rollouts_source
-            library = self.library(lambda: write(step, self.precision))
+            library = self.library(partial(rollout_source if single else rollouts_source, step))
             self._rollouts[method, single] = Rollouts(step, library, single)
         return self._rollouts[method, single]
 
@@ -326,18 +290,9 @@ class Core(Remade, Summarized):
         try:
             return ctypes.CDLL(str(library_for(source(), self._compiler, "the model")))
         except (CompileError, OSError) as error:
-            if self.precision == "float":
-                raise _no_single_precision(f"compiling failed ({error})") from error
             _warn(f"compiling failed ({error})")
             self._compiler = None  # what failed once would fail, and take its time, with every function
             return None
-
-
-def _no_single_precision(why: str) -> InputError:
-    return InputError(
-        f"precision: 'float' needs compiled code, CasADi's virtual machine computes in double; expected a C compiler, "
-        f"or precision='double', got {why}"
-    )
 
 
 def _warn(why: str) -> None:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.model.finger_model import FingerModel
 
 PRECISIONS = ("double", "float")
-"""C types that a core may compute in."""
+"""C types that controllers and packages may compute in."""
 
 _GREATEST = float(np.finfo(np.float32).max)
 _LEAST = float(np.finfo(np.float32).tiny)
@@ -28,7 +26,7 @@ TOKEN = re.compile(
 
 
 def precision_of(given: Any) -> str:
-    """The name of a C type itself; InputError if a core does not compute in it."""
+    """The name of a C type itself; InputError if nothing computes in it."""
     if not isinstance(given, str) or given not in PRECISIONS:
         raise InputError(f"precision: expected one of {', '.join(PRECISIONS)}, got {given!r:.60}")
     return given
@@ -72,16 +70,3 @@ def check_solvable(model: FingerModel) -> None:
             f"single precision may lose all digits of this model's accelerations (condition of the mass matrix "
             f"{condition:.1g}, expected up to {1.0 / _ROUNDING:.1g}): take double precision, or fewer elements"
         )
-
-
-def check_single(name: str, labels: Sequence[str], arrays: Sequence[NDArray[np.float64] | None]) -> None:
-    """Refuse inputs of a function or call that single precision cannot hold; NaN and infinity are no concern here."""
-    for label, array in zip(labels, arrays, strict=True):
-        if array is None or not array.size or np.abs(array).max() <= _GREATEST:
-            continue
-        beyond = (np.abs(array) > _GREATEST) & np.isfinite(array)
-        if beyond.any():
-            raise InputError(
-                f"{name}: {label}: expected a number within single precision, up to {_GREATEST:.3g}, got "
-                f"{array[beyond].ravel()[0]:g}"
-            )

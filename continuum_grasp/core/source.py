@@ -1,6 +1,6 @@
-"""C source of what the core calls: one function, a batch of states, or whole rollouts.
+"""C source of what the core calls: one function, a batch of states, or whole rollouts, in doubles.
 
-All of it takes and gives doubles; ``real`` is what it computes in.
+Of lanes and plain functions, which controllers take, ``real`` is what they compute in.
 """
 
 from __future__ import annotations
@@ -88,19 +88,6 @@ def template(package: str, name: str) -> str:
 
 def _fill(file: str, /, **words: object) -> str:
     return filled(template("core", file), words)
-
-
-def entry(function: ca.Function, real: str) -> str:
-    """Symbol by which a function is called on doubles."""
-    return str(function.name()) + ("" if real == "double" else "_on_doubles")
-
-
-def function_source(function: ca.Function, real: str = "double") -> str:
-    """CasADi's C of a function, with its own arguments; its symbol is given by ``entry``."""
-    code = generated(function.name(), function)
-    if real == "double":
-        return code
-    return f"{single(code)}\n" + _fill("on_doubles.c", **_names(function), entry=entry(function, real))
 
 
 def _sizes(function: ca.Function) -> tuple[list[int], list[int]]:
@@ -199,9 +186,9 @@ def in_lanes(functions: Sequence[ca.Function], real: str, written: Mapping[str, 
     return "\n".join(["#ifndef CG_LANES", lane_prelude(real), "#endif", *texts, ""])
 
 
-def _in_lanes(function: ca.Function, real: str) -> str:
+def _in_lanes(function: ca.Function) -> str:
     """A function on vectors of lanes, with what loads and stores them."""
-    return f"{lane_prelude(real)}\n{template('core', 'gather.c')}\n{lane_function(function, real)}"
+    return f"{lane_prelude('double')}\n{template('core', 'gather.c')}\n{lane_function(function, 'double')}"
 
 
 def _row_words(function: ca.Function) -> dict[str, object]:
@@ -211,12 +198,12 @@ def _row_words(function: ca.Function) -> dict[str, object]:
     return {**sizes, "sz_w": max(function.sz_w(), 1), "sz_iw": max(function.sz_iw(), 1)}
 
 
-def batch_source(function: ca.Function, real: str = "double") -> str:
+def batch_source(function: ca.Function) -> str:
     """C of ``NAME_batch(count, in, stride, out)`` over rows; a stride of zero repeats one row."""
     if not function.is_a("SXFunction"):  # has loops of its own, which lanes cannot take together
-        rows = _fill("rows.c", **_names(function), **_row_words(function), entry=entry(function, real))
-        return f"{function_source(function, real)}\n{rows}"
-    return f"{_in_lanes(function, real)}\n" + _fill("batch.c", **_names(function))
+        rows = _fill("rows.c", **_names(function), **_row_words(function))
+        return f"{generated(function.name(), function)}\n{rows}"
+    return f"{_in_lanes(function)}\n" + _fill("batch.c", **_names(function))
 
 
 def scan_source(function: ca.Function) -> str:
@@ -229,7 +216,7 @@ def scan_source(function: ca.Function) -> str:
         code = f"{lanes}{template('core', 'gather.c')}"
     else:
         own = _fill("one_lane.c", **_names(function), **_row_words(function), gather=template("core", "gather.c"))
-        code = f"{function_source(function)}\n{own}"
+        code = f"{generated(function.name(), function)}\n{own}"
     return f"{code}\n{_fill('scan.c', **_names(function), carry=function.nnz_in(0))}"
 
 
@@ -240,26 +227,24 @@ def _step_words(step: ca.Function) -> dict[str, object]:
     return {**_names(step), "nx": nx, "nu": nu, "nw": nw, "np": n_p, **least}
 
 
-def rollout_source(step: ca.Function, real: str = "double") -> str:
+def rollout_source(step: ca.Function) -> str:
     """C of ``NAME_rollout``: many steps in one call.
 
     ``step`` has inputs x, u and w at the start, the middle and the end of the step, p and h, and the next x as output.
     Inputs are rows at half steps (a stride of zero repeats one row). Every ``sub``-th state is stored. The result is
-    the number of stored states after the first; fewer than requested: the next one is not finite. The state stays in
-    ``real`` from step to step. ``NAME_levels`` does the same with steps of several lengths: ``ratio`` times h, the
-    longer ones stored at every ``every``-th instant only.
+    the number of stored states after the first; fewer than requested: the next one is not finite. ``NAME_levels`` does
+    the same with steps of several lengths: ``ratio`` times h, the longer ones stored at every ``every``-th instant
+    only.
     """
-    code = generated(step.name(), step)
-    words = {"real": real, "single": real == "float", "double": real == "double"}
-    return f"{single(code) if real == 'float' else code}\n" + _fill("rollout.c", **_step_words(step), **words)
+    return f"{generated(step.name(), step)}\n" + _fill("rollout.c", **_step_words(step))
 
 
-def rollouts_source(step: ca.Function, real: str = "double") -> str:
+def rollouts_source(step: ca.Function) -> str:
     """C of ``NAME_rollouts``: many rollouts in one call, in vector lanes where the step is a straight-line function.
 
     As ``rollout_source``, with a stride per rollout (``ur``, ``wr``) beside that per half step; ``valid`` receives the
     result of each.
     """
     if not step.is_a("SXFunction"):  # has calls and branches of its own, which lanes cannot take together
-        return f"{rollout_source(step, real)}\n" + _fill("rollouts.c", **_step_words(step))
-    return f"{_in_lanes(step, real)}\n" + _fill("lane_rollouts.c", **_step_words(step))
+        return f"{rollout_source(step)}\n" + _fill("rollouts.c", **_step_words(step))
+    return f"{_in_lanes(step)}\n" + _fill("lane_rollouts.c", **_step_words(step))

@@ -27,8 +27,6 @@ class Integrator:
     """Offered as ``horizon.method``; its file has ``differentiated_step``."""
     symplectic: bool = False
     """Preserves the symplectic form, and so the energy of a conservative motion within a bound."""
-    double_only: bool = False
-    """The method's iterations end at a tolerance that single precision does not reach."""
     failure: str = "the motion is not finite"
     """Cause where a step gives no finite state."""
 
@@ -43,7 +41,6 @@ INTEGRATORS = {
         2,
         5,
         symplectic=True,
-        double_only=True,
         failure="Newton's method did not converge within a step",
     ),
     "extrapolated_euler": Integrator(

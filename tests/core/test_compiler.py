@@ -15,7 +15,7 @@ import pytest
 from continuum_grasp.core import compiler
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, longest_function, translation_units
-from continuum_grasp.core.source import batch_source, function_source, rollout_source
+from continuum_grasp.core.source import batch_source, generated, rollout_source
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -87,13 +87,13 @@ def test_each_function_has_the_level_of_its_own_length(command, levels, monkeypa
 @pytest.mark.deep
 @needs_compiler
 def test_units_export_what_the_source_exports(levels, tmp_path):
-    """By the system's linker: the same names, and those of single precision and of vector lanes work too."""
+    """By the system's linker: the same names; those of vector lanes too."""
     if shutil.which("nm") is None:
         pytest.skip("no nm")
     x, p, h = (ca.SX.sym(n, k) for n, k in (("x", 2), ("p", 1), ("h", 1)))
     three = [ca.SX.sym(f"{n}{k}") for n in "uw" for k in range(3)]
     step = ca.Function("step", [x, *three, p, h], [x + h * chain(400)(x)[0]])
-    for source in (function_source(chain(400), "float"), batch_source(chain(400)), rollout_source(step)):
+    for source in (batch_source(chain(400)), rollout_source(step)):
         assert len(translation_units(source, 300)) == 2
         names = []
         for limit in (300, 10**9):
@@ -108,14 +108,14 @@ def test_units_export_what_the_source_exports(levels, tmp_path):
 
 
 def test_source_without_long_functions_stays_one_unit():
-    source = function_source(chain(20))
+    source = generated("chain", chain(20))
     assert translation_units(source, 300) == [source]
 
 
 def test_optimized_units_have_a_variable_per_assignment(monkeypatch):
     """Variables that are used again and again take clang's SROA a time in the square of the length."""
     monkeypatch.setenv("CONTINUUM_GRASP_QUICK_COMPILE", "0")
-    _, unit = translation_units(function_source(chain(400)), 300)
+    _, unit = translation_units(generated("chain", chain(400)), 300)
     assigned = re.findall(r"^  (?:const casadi_real )?(\w+)=", unit, re.MULTILINE)
     assert len(assigned) > 1000
     assert len(set(assigned)) == len(assigned)
@@ -123,7 +123,7 @@ def test_optimized_units_have_a_variable_per_assignment(monkeypatch):
 
 @needs_compiler
 def test_refused_unit_is_reported_with_what_the_compiler_said(levels, tmp_path):
-    source = function_source(chain(400)).replace("sin(", "no_such_header[", 1)
+    source = generated("chain", chain(400)).replace("sin(", "no_such_header[", 1)
     with pytest.raises(CompileError, match="error"):
         library_for(source, find_compiler())
 
@@ -135,7 +135,7 @@ def test_quick_builds_do_not_optimize_long_functions(levels, monkeypatch, tmp_pa
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
     for length, level in ((20, "-O1"), (400, "-O0")):
         levels.clear()
-        library = ctypes.CDLL(str(library_for(function_source(chain(length)), find_compiler())))
+        library = ctypes.CDLL(str(library_for(generated("chain", chain(length)), find_compiler())))
         assert {found for lines, found in levels if lines > 300 or length == 20} == {level}
         x = np.array([0.4, -0.7])
         assert called(library, chain(length).name(), x) == pytest.approx(reference(x, length), rel=1e-12)

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError, NumericalError
+from continuum_grasp.errors import NumericalError
 from continuum_grasp.scene import Finger, PointMass
 from continuum_grasp.scene.integrators import INTEGRATORS
 from tests.finger_cases import ROD
@@ -97,8 +97,3 @@ def test_a_step_too_long_to_converge_is_reported(compiled):
     core = Core(undamped()[0], compiled=compiled)
     with pytest.raises(NumericalError, match=r"Newton's method did not converge within a step after t = .* s"):
         core.rollout([1.5, -1.5, 40.0, -90.0], 20, 0.2, method=METHOD)
-
-
-def test_single_precision_is_refused():
-    with pytest.raises(InputError, match="implicit_midpoint need double precision"):
-        Core(undamped()[0], precision="float").rollout(START, 1, 1e-3, method=METHOD)

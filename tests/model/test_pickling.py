@@ -35,11 +35,6 @@ def trajectory():
     return motion
 
 
-def floating():
-    """A core in single precision."""
-    return Core(cg.FingerModel(RELEASE), precision="float")
-
-
 def grasp():
     return cg.optimize_grasp(make_scene("arc"), fine=True)
 
@@ -72,7 +67,6 @@ MAKERS = {
     "model": lambda: cg.FingerModel(RELEASE, parameters=["tip_mass"]),
     "system": lambda: cg.System(SWING),
     "core": lambda: cg.compile(cg.System(SWING), ["forward_dynamics"]),
-    "core in single precision": floating,
     "trajectory": trajectory,
     "equilibrium": lambda: cg.equilibrium(RELEASE),
     "modes": lambda: cg.modes(RELEASE),

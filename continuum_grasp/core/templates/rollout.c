@@ -2,33 +2,24 @@ long long <<name>>_rollout(long long keep, long long sub, double h, const double
     const double *u, long long us, const double *w, long long ws, const double *p,
     long long *iw, double *work, double *X)
 {
-  <<real>> x[<<nx>>], next[<<nx>>];
-  const <<real>> *arg[<<sz_arg>>];
-  <<real>> *res[<<sz_res>>];<<if single>>
-  float vu[3][<<nu1>>], vw[3][<<nw1>>], vp[<<np1>>];
-  const float vh = (float)h;
-  for (int j = 0; j < <<np>>; ++j) vp[j] = (float)p[j];<<end>>
-  for (int j = 0; j < <<nx>>; ++j) X[j] = (double)(x[j] = (<<real>>)x0[j]);
+  double x[<<nx>>], next[<<nx>>];
+  const double *arg[<<sz_arg>>];
+  double *res[<<sz_res>>];
+  for (int j = 0; j < <<nx>>; ++j) X[j] = x[j] = x0[j];
   for (long long k = 0; k < keep; ++k) {
     for (long long i = 0; i < sub; ++i) {
-      arg[0] = x;<<if double>>
+      arg[0] = x;
       arg[1] = u; arg[2] = u + us; arg[3] = u + 2 * us;
       arg[4] = w; arg[5] = w + ws; arg[6] = w + 2 * ws;
-      arg[7] = p; arg[8] = &h;<<end>><<if single>>
-      for (int a = 0; a < 3; ++a) {
-        for (int j = 0; j < <<nu>>; ++j) vu[a][j] = (float)u[a * us + j];
-        for (int j = 0; j < <<nw>>; ++j) vw[a][j] = (float)w[a * ws + j];
-        arg[1 + a] = vu[a]; arg[4 + a] = vw[a];
-      }
-      arg[7] = vp; arg[8] = &vh;<<end>>
+      arg[7] = p; arg[8] = &h;
       res[0] = next;
-      if (<<name>>(arg, res, iw, (<<real>> *)work, 0)) return k;
+      if (<<name>>(arg, res, iw, work, 0)) return k;
       for (int j = 0; j < <<nx>>; ++j) x[j] = next[j];
       u += 2 * us;
       w += 2 * ws;
     }
     for (int j = 0; j < <<nx>>; ++j) if (!(x[j] - x[j] == 0)) return k; /* NaN or infinite */
-    for (int j = 0; j < <<nx>>; ++j) X[(k + 1) * <<nx>> + j] = (double)x[j];
+    for (int j = 0; j < <<nx>>; ++j) X[(k + 1) * <<nx>> + j] = x[j];
   }
   return keep;
 }

@@ -7,7 +7,7 @@ int <<name>>_batch(long long count, const double *const *in, const long long *st
   for (long long b = 0; b < count; ++b) {
     for (int k = 0; k < <<from>>; ++k) from[k] = in[k] + b * stride[k];
     for (int k = 0; k < <<to>>; ++k) to[k] = out[k] + b * size[k];
-    if (<<entry>>(from, to, iw, work, 0)) return 1;
+    if (<<name>>(from, to, iw, work, 0)) return 1;
   }
   return 0;
 }
