@@ -1,12 +1,10 @@
-"""Motions against a reference model, how long they and the equations take, and how far an evaluation is off."""
+"""Motions against a reference model, and how long they and the equations take."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from time import get_clock_info, perf_counter, thread_time
-from typing import Any
 
 import numpy as np
 
@@ -125,8 +123,6 @@ def rms(off: Array) -> float:
     return float(np.sqrt(np.mean(np.sum(np.square(off), axis=1))))
 
 
-_STATES = 64
-"""Random states over which the greatest error is taken; seeded, so that the figure repeats."""
 _STEPS = 2000
 """Steps of a timed rollout: 8,000 evaluations, which take far longer than the resolution of the timers."""
 _REPEATS = 7
@@ -151,26 +147,3 @@ def evaluation_ns(model: FingerModel) -> float:
         core.rollout(start, _STEPS, 1e-9)
         times.append(clock() - began)
     return float(1e9 * np.median(times) / (INTEGRATORS["rk4"].evaluations * _STEPS))
-
-
-def evaluation_error(dynamics: Callable[..., Any], model: FingerModel) -> float:
-    """Greatest error of the accelerations of another evaluation of a model, per their greatest entry over the states.
-
-    ``dynamics`` (x, u, w, p) -> xd is the one that is not exact, the model is evaluated as well as can be. States are
-    spread over its declared bending ranges, at rates that swing through them in the rod's first oscillation.
-    """
-    random = np.random.default_rng(0)
-    reach, n = np.array(model.structure.coordinate_limits()), model.n
-    rod = model.finger.rod
-    # First pulsation of a clamped-free rod: (1.8751 / L)^2 sqrt(EI / (rho A)).
-    rate = 3.516 * np.sqrt(rod.stiffness / (rod.mass_per_length * rod.length**4))
-    u, w, p = np.zeros(model.nu), np.zeros(model.nw), np.array(model.p_nominal)
-    worst = size = 0.0
-    for _ in range(_STATES):
-        x = np.zeros(model.nx)
-        x[:n] = random.uniform(-1.0, 1.0, n) * reach
-        x[n : 2 * n] = random.uniform(-1.0, 1.0, n) * reach * rate
-        exact = np.array(model.forward_dynamics(x, u, w, p)).ravel()[n : 2 * n]
-        near = np.array(dynamics(x, u, w, p)).ravel()[n : 2 * n]
-        worst, size = max(worst, float(np.abs(near - exact).max())), max(size, float(np.abs(exact).max()))
-    return worst / size

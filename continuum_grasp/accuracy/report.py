@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -14,10 +13,9 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from continuum_grasp import interrupt
-from continuum_grasp.accuracy.choice import ACCURACIES, Choice, assess, choices, open_families
+from continuum_grasp.accuracy.choice import Choice, assess, choices, open_families
 from continuum_grasp.accuracy.motion import (
     Motion,
-    evaluation_error,
     evaluation_ns,
     pace,
     reference_motion,
@@ -31,7 +29,6 @@ from continuum_grasp.results.declared import File, Picture
 from continuum_grasp.results.record import begin_run
 from continuum_grasp.results.result import Result
 from continuum_grasp.results.tables import package, pareto
-from continuum_grasp.scene.families import PAPER_FAMILY
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.simulate import EXACT_ROD, Fidelity, Scene
 
@@ -98,14 +95,14 @@ class AccuracyReport(Result):
     kind: ClassVar[str] = "accuracy"
     texts: ClassVar[tuple[File, ...]] = (
         File("accuracy.md", "accuracy.report:AccuracyReport.markdown"),
-        File("accuracy.json", "accuracy.report:AccuracyReport.tables_json"),
+        File("accuracy.json", "accuracy.report:AccuracyReport.table_json"),
     )
     pictures: ClassVar[tuple[Picture, ...]] = (Picture("accuracy", "plotting.accuracy:plot_accuracy", panels=True),)
 
     scene: Scene
     truth: Truth
     reference: Motion | None  # the motion that others are compared with; None where the scene has no time
-    tables: tuple[Table, ...]  # ``choices`` first
+    choices: Table  # families and numbers of elements
     status: str = "finished"
     warnings: tuple[str, ...] = ()
     statistics: Mapping[str, Any] = field(default_factory=dict)
@@ -119,14 +116,13 @@ class AccuracyReport(Result):
             for what, row in (("cheapest", front[0]), ("most exact", front[-1])):
                 text = f"{row[1]} {row[0]}: {row[time]:.3g} ns, static tip error {row[error]:.2g} of the length"
                 rows[what] = text
-        return {**rows, "tables": ", ".join(table.title for table in self.tables)}
+        return rows
 
     def to_pandas(self, dimension: str | None = None) -> pandas.DataFrame:
-        """One of the tables, of the title ``dimension``, or the choices; the numbers are rounded nowhere."""
-        known = {table.title: table for table in self.tables}
-        if dimension is not None and dimension not in known:
-            raise InputError(f"expected one of {', '.join(known)}, got {dimension!r}", key="dimension")
-        table = self.tables[0] if dimension is None else known[dimension]
+        """The table of the choices; the numbers are rounded nowhere."""
+        table = self.choices
+        if dimension not in (None, table.title):
+            raise InputError(f"expected {table.title}, got {dimension!r}", key="dimension")
         frame: pandas.DataFrame = package("pandas").DataFrame(list(table.rows), columns=list(table.columns))
         units = {
             name: "" if isinstance(value, str) else unit_of(name) or "1"
@@ -136,15 +132,10 @@ class AccuracyReport(Result):
         return frame
 
     def to_xarray(self) -> xarray.Dataset:
-        """The table of the choices; the others are had by `to_pandas`."""
+        """The table of the choices."""
         package("xarray")
         found: xarray.Dataset = self.to_pandas().to_xarray()
         return found
-
-    @property
-    def choices(self) -> Table:
-        """Families and numbers of elements."""
-        return self.tables[0]
 
     def front(self, cost: str = "evaluation [ns]", error: str = "tip / L") -> list[tuple[Any, ...]]:
         """Rows of ``choices`` that no other dominates in both cost and error (the Pareto front), cheapest first."""
@@ -170,7 +161,7 @@ class AccuracyReport(Result):
         return ["Not dominated in cost and error:", "", *lines, f"- on none: {', '.join(rest) or 'none'}", ""]
 
     def markdown(self) -> str:
-        """All tables as Markdown."""
+        """The table as Markdown, and what is on its fronts."""
         name = self.scene.name or "scene"
         head = [f"# Speed against error: {name}", ""]
         if self.reference is not None:
@@ -180,11 +171,11 @@ class AccuracyReport(Result):
             ]
         if self.truth.omitted:
             head += ["Load cases omitted: " + "; ".join(self.truth.omitted) + ".", ""]
-        return "\n".join([*head, *self._fronts(), *(table.markdown() for table in self.tables)])
+        return "\n".join([*head, *self._fronts(), self.choices.markdown()])
 
-    def tables_json(self) -> str:
-        """All tables as JSON."""
-        return json.dumps([table.as_dict() for table in self.tables], indent=1, allow_nan=False)
+    def table_json(self) -> str:
+        """The table as JSON."""
+        return json.dumps(self.choices.as_dict(), indent=1, allow_nan=False)
 
     @check_arguments
     def save(self, folder: str | PathLike[str]) -> Path:
@@ -200,73 +191,35 @@ most of the report's time."""
 _EQUAL = 1e-4
 """Error of the time steps, per length, at which real-time factors are compared: below the error of most models."""
 
-TABLES = {
-    "choices": (
-        (
-            *("model", "elements", "unknowns", "instructions", "evaluation [ns]", "real-time factor"),
-            *("tip / L", "shape / L", "frequency 1", "frequency 2", "motion / L"),
-        ),
-        "Greatest errors over the static load cases, and of the natural frequencies about them; r.m.s. error of "
-        f"the tip in motion; real-time factor with Runge-Kutta steps whose own error is {_EQUAL:g} of the length.",
-    ),
-    "terms": (
-        ("model", "accuracy", "instructions", "evaluation [ns]", "error of xd"),
-        "Greatest error of the accelerations by truncated terms and nodes, per their greatest entry, over "
-        "states in the declared range.",
-    ),
-}
-"""Columns of each table, and its note."""
-
-Job = Callable[[], tuple[Any, ...] | None]
+COLUMNS = (
+    *("model", "elements", "unknowns", "instructions", "evaluation [ns]", "real-time factor"),
+    *("tip / L", "shape / L", "frequency 1", "frequency 2", "motion / L"),
+)
+NOTE = (
+    "Greatest errors over the static load cases, and of the natural frequencies about them; r.m.s. error of "
+    f"the tip in motion; real-time factor with Runge-Kutta steps whose own error is {_EQUAL:g} of the length."
+)
 
 
-class ReportRows:
-    """Rows of the tables, one by one."""
-
-    def __init__(self, scene: Scene, truth: Truth, reference: Motion | None) -> None:
-        self.scene, self.truth, self.reference = scene, truth, reference
-        self.families = open_families(scene)
-
-    def jobs(self, counts: Sequence[int]) -> Iterator[tuple[str, Job]]:
-        """Title of the table and what gives its next row."""
-        for family in reversed(self.families):
-            for choice in choices(self.scene, self.truth, family, None, counts=counts):
-                yield "choices", partial(self._choice, choice)
-        for family in (PAPER_FAMILY, self.families[0]):
-            two = [c for c in choices(self.scene, self.truth, family, None) if c.elements >= 2 and c.open]
-            if not two:
-                continue
-            for accuracy in ACCURACIES:
-                yield "terms", partial(self._terms, two[0], accuracy)
-
-    def _choice(self, choice: Choice) -> tuple[Any, ...] | None:
-        if not choice.open:
-            return None
-        found, model = assess(choice, self.truth), choice.model
-        scene = self.scene.model_copy(update={"fidelity": choice.fidelity})
-        time, factor, motion = math.nan, math.nan, math.nan
-        if found.instructions <= _LONGEST:
-            time = evaluation_ns(model)
-            if self.reference is not None:
-                try:
-                    run = pace(scene, model, _EQUAL)
-                    factor, motion = run.real_time_factor, rms(run.tip - self.reference.tip) / model.finger.rod.length
-                except ContinuumGraspError:  # no such start, or no motion that stays finite
-                    motion = math.inf
-        frequencies = found.frequencies if self.reference is not None else (math.nan, math.nan)
-        name = choice.family + (", aligned" if choice.aligned else "")
-        costs = (found.instructions, time, factor)
-        return (name, len(model.lengths), model.n, *costs, found.tip, found.shape, *frequencies, motion)
-
-    def _terms(self, choice: Choice, accuracy: float) -> tuple[Any, ...] | None:
-        # Against 1e-15, the end of the series in double precision, or against the most nodes that a taper may have.
-        best, choice = choice.finest([1e-15, *ACCURACIES]), choice.with_accuracy(accuracy)
-        if best is None or not choice.open:
-            return None
-        model, full = choice.model, best.model
-        name = f"{choice.elements} {choice.family}"
-        error = evaluation_error(model.forward_dynamics, full)
-        return (name, accuracy, model.instructions, evaluation_ns(model), error)
+def row_of(choice: Choice, truth: Truth, reference: Motion | None) -> tuple[Any, ...] | None:
+    """Measure a choice: its row of the table; None where it cannot have as many nodes as its accuracy takes."""
+    if not choice.open:
+        return None
+    found, model = assess(choice, truth), choice.model
+    scene = choice.scene.model_copy(update={"fidelity": choice.fidelity})
+    time, factor, motion = math.nan, math.nan, math.nan
+    if found.instructions <= _LONGEST:
+        time = evaluation_ns(model)
+        if reference is not None:
+            try:
+                run = pace(scene, model, _EQUAL)
+                factor, motion = run.real_time_factor, rms(run.tip - reference.tip) / model.finger.rod.length
+            except ContinuumGraspError:  # no such start, or no motion that stays finite
+                motion = math.inf
+    frequencies = found.frequencies if reference is not None else (math.nan, math.nan)
+    name = choice.family + (", aligned" if choice.aligned else "")
+    costs = (found.instructions, time, factor)
+    return (name, len(model.lengths), model.n, *costs, found.tip, found.shape, *frequencies, motion)
 
 
 @interrupt.listening()
@@ -321,16 +274,14 @@ def accuracy_report(
     EXACT_ROD.check(given)
     given = given.model_copy(update={"fidelity": Fidelity(bending_range=given.fidelity.bending_range)})
     truth = find_truth(given)
-    measuring = ReportRows(given, truth, reference_motion(given, truth) if given.time is not None else None)
-    jobs = list(measuring.jobs(counts))
-    found: dict[str, list[tuple[Any, ...]]] = {}
-    for k, (title, job) in enumerate(jobs):
-        row = job()
-        if row is not None:
-            found.setdefault(title, []).append(row)
-        if progress is not None:
-            progress((k + 1) / len(jobs))
-    tables = [
-        Table(title, columns, tuple(found[title]), note) for title, (columns, note) in TABLES.items() if title in found
+    reference = reference_motion(given, truth) if given.time is not None else None
+    listed = [
+        c for family in reversed(open_families(given)) for c in choices(given, truth, family, None, counts=counts)
     ]
-    return AccuracyReport(given, truth, measuring.reference, tuple(tables))
+    rows = []
+    for k, choice in enumerate(listed, 1):
+        rows.append(row_of(choice, truth, reference))
+        if progress is not None:
+            progress(k / len(listed))
+    table = Table("choices", COLUMNS, tuple(row for row in rows if row is not None), NOTE)
+    return AccuracyReport(given, truth, reference, table)

@@ -25,4 +25,4 @@ def accuracy(
     files = [*(folder / text.name for text in found.texts), *pictures]
     output.say(found.markdown())
     output.say(f"saved in {folder}: {', '.join(file.name for file in files)}")
-    output.result(tables=[table.as_dict() for table in found.tables], folder=folder, files=files)
+    output.result(choices=found.choices.as_dict(), folder=folder, files=files)
