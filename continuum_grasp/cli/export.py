@@ -33,8 +33,8 @@ def export(
         parser=one_of("c", "fmu", "web", "mjcf"),
     ),
     what: str | None = option(
-        "c: some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, contact, "
-        "metadata; of a closed loop also estimator and mpc, of a mission mpc and mission (default: of loops and "
+        "c: some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, contact; "
+        "of a closed loop also estimator and mpc, of a mission mpc and mission (default: of loops and "
         "missions those two, else dynamics, step, kinematics and statics). fmu: plant, controller or both of a closed "
         "loop (default: both).",
         metavar="PART,...",

@@ -95,8 +95,6 @@ def wasm_exports(contents: Contents) -> list[str]:
     names += [f"{function.types[0]}_{method.name}" for function in stateful for method in function.methods]
     names += [call.name for call in calls] + (["init_abi"] if calls else [])
     names += [name for function in stateful for name in (function.name, f"{function.types[0]}_init_abi")]
-    described = any(part.describes is not None for part in contents.parts)
-    names += ["fields", *(f"field_{of}" for of in _DESCRIBED)] if described else []
     return [f"{contents.subject.prefix}_{name}" for name in names]
 
 
@@ -121,8 +119,6 @@ def wasm_files(contents: Contents) -> dict[str, str]:
     return {**found, f"wasm/{prefix}.mjs": contents.fill("wasm/wrapper.mjs", **more)}
 
 
-_DESCRIBED = ("struct", "name", "unit", "size", "low", "high")
-"""Description of a field at run time, of the part ``metadata``."""
 _WASM = ("build.sh", "test.mjs", "string.h", "string.c", "vectors.c")
 
 

@@ -73,9 +73,7 @@ class Contents:
     @property
     def sources(self) -> dict[str, str]:
         """Files that parts bring, by path."""
-        own = {path: text for part in self.parts for path, text in part.sources.items()}
-        written = [part.describes for part in self.parts if part.describes is not None]
-        return own | {path: text(self.structs) for path, text in written}
+        return {path: text for part in self.parts for path, text in part.sources.items()}
 
     def fill(self, template: str, **words: object) -> str:
         """A template with the shared words, what is exported, and further ones."""

@@ -112,9 +112,9 @@ def export_c(
         What to compute in; that of the target by default.
     what : sequence of str
         Parts: dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, contact, of a
-        closed loop estimator and mpc, of a mission also mission, and metadata; by default estimator and mpc of a closed
-        loop, mpc and mission of a mission, else dynamics, step, kinematics and statics. They may be mixed: the model is
-        that of the controller's prediction.
+        closed loop estimator and mpc, of a mission also mission; by default estimator and mpc of a closed loop, mpc and
+        mission of a mission, else dynamics, step, kinematics and statics. They may be mixed: the model is that of the
+        controller's prediction.
     prefix : str
         Of all names, a C identifier.
     target : {"host", "cortex-m4f", "cortex-m7", "wasm"}
@@ -262,7 +262,7 @@ def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked, lon
         _SOLVERS.check(source, of={"ranges": bool(asked.ranges)})
         return Subject(prefix, kind, loop=Loop.of_solver(source.loop, kind))
     # Estimator and controller have the object in a model of their own.
-    alone, ranges = {*OF_LOOPS, "metadata"}.issuperset(names), asked.ranges or {}
+    alone, ranges = set(OF_LOOPS).issuperset(names), asked.ranges or {}
     around = None if alone else source.surroundings
     subject = Subject.of(source.finger, prefix, kind, ranges, around, longest=longest, count=count)
     if source.loop is None:

@@ -200,8 +200,6 @@ class Part:
     """C of the checked layer behind the functions of ``calls``."""
     sources: Mapping[str, str] = field(default_factory=dict)
     """Further files, by path in the package; C under ``src`` becomes part of the library."""
-    describes: tuple[str, Callable[[Sequence[Struct]], str]] | None = None
-    """A further file, its path and its text, from the structs of the whole package."""
     further: tuple[Struct, ...] = ()
     """Structs beyond those of ``calls``."""
     codes: tuple[Code, ...] = ()

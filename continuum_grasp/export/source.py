@@ -225,11 +225,12 @@ def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
         estimates = getattr(source.loop, "estimator", None) and source.phases is None
         without = (*ASKED_FOR, *(() if estimates else ("estimator",)), *(("mission",) if source.phases is None else ()))
         what = [name for name in PARTS if (name in OF_LOOPS) == (source.loop is not None) and name not in without]
-    names = chosen([what] if isinstance(what, str) else what, PARTS, "part", "what")
+    what = [what] if isinstance(what, str) else what
+    if "metadata" in what:
+        raise InputError("names, units and ranges of all fields are in MANIFEST.json: leave metadata out", key="what")
+    names = chosen(what, PARTS, "part", "what")
     for one in _PARTS:
         one.check(source, of={f"what={name}": "what" for name in names})
-    if names == ["metadata"]:
-        raise InputError("metadata describes the structs of other parts: ask for one of them too", key="what")
     return [name for name in PARTS if name in names or (name == "mpc" and "mission" in names)]
 
 

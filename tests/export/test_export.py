@@ -91,7 +91,7 @@ def test_only_what_is_asked_for(tmp_path):
     assert "examples/loop.c" not in package.files
 
 
-@pytest.mark.parametrize("name", sorted(set(PARTS) - {*OF_LOOPS, "metadata"}))
+@pytest.mark.parametrize("name", sorted(set(PARTS) - set(OF_LOOPS)))
 def test_each_part_stands_alone(name, tmp_path):
     given = ROOT / "configs/simulate/swing_against_disc.yaml" if name == "contact" else scene("arcs")
     manifest = export_c(given, tmp_path, what=[name]).manifest

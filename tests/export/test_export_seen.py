@@ -1,9 +1,7 @@
-"""Parts of what is seen of a finger: shape, velocities and contact against the models; names and ranges at run time."""
+"""Parts of what is seen of a finger: shape, velocities and contact against the models."""
 
 from __future__ import annotations
 
-import ctypes
-import json
 import subprocess
 from pathlib import Path
 
@@ -73,7 +71,7 @@ def packages(tmp_path_factory):
     found = {}
     for file in (DISC, MUG):
         folder = tmp_path_factory.mktemp(file.stem)
-        what, ranges = ["dynamics", "contact", "metadata"], {"contact_force": (0.0, 1e6)}
+        what, ranges = ["dynamics", "contact"], {"contact_force": (0.0, 1e6)}
         manifest = export_c(file, folder, what=what, target="wasm", ranges=ranges).manifest
         (folder / "build").mkdir()
         found[file] = (folder, manifest, *shared_library(folder, folder / "build"))
@@ -120,56 +118,20 @@ def test_contact_is_that_of_the_system(file, packages):
     assert manifest["structs"]["contacts"][0]["shape"] == [len(system.touch_names)]
 
 
-def described(manifest):
-    """Fields as MANIFEST.json has them."""
-    greatest = float(np.finfo(float).max)
-    return [
-        [s, f["name"], f["unit"], int(np.prod(f.get("shape", [1]))), f.get("low", -greatest), f.get("high", greatest)]
-        for s, fields in manifest["structs"].items()
-        for f in fields
-    ]
-
-
-@needs("cc")
-def test_names_units_and_ranges_are_read_at_run_time(packages):
-    _, manifest, _, library = packages[MUG]
-    c, rows = library._c, []
-    kinds = {"struct": ctypes.c_char_p, "name": ctypes.c_char_p, "unit": ctypes.c_char_p, "size": ctypes.c_uint32}
-    kinds |= {"low": ctypes.c_double, "high": ctypes.c_double}
-    for name, kind in kinds.items():
-        getattr(c, f"finger_field_{name}").restype = kind
-    for k in range(c.finger_fields()):
-        row = [getattr(c, f"finger_field_{name}")(k) for name in kinds]
-        rows.append([value.decode() if isinstance(value, bytes) else value for value in row])
-    assert rows == described(manifest)
-    assert c.finger_field_name(len(rows)) is None
-    assert c.finger_field_high(2**32 - 1) == 0.0
-
-
 @needs("clang", "wasm-ld", "node")
 @pytest.mark.parametrize("file", [DISC, MUG], ids=lambda file: file.stem)
-def test_the_same_bits_and_names_in_webassembly(file, packages):
-    folder, manifest, *_ = packages[file]
+def test_the_same_bits_in_webassembly(file, packages):
+    folder = packages[file][0]
     subprocess.run(["sh", folder / "wasm" / "build.sh"], check=True, capture_output=True)
-    (folder / "wasm" / "names.mjs").write_text(
-        """
-import { readFile } from "node:fs/promises";
-import { load } from "./finger.mjs";
-const finger = await load(await readFile(new URL("finger.wasm", import.meta.url)));
-console.log(JSON.stringify(finger.fields().map(Object.values)));
-"""
-    )
     vectors = subprocess.run(["node", folder / "wasm" / "test.mjs"], capture_output=True, text=True, check=False)
     assert vectors.returncode == 0, vectors.stdout + vectors.stderr
-    names = subprocess.run(["node", folder / "wasm" / "names.mjs"], capture_output=True, text=True, check=True)
-    assert json.loads(names.stdout) == described(manifest)
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ({"what": ["contact"]}, "object"),
-        ({"what": ["metadata"]}, "one of them too"),
+        ({"what": ["shape", "metadata"]}, "MANIFEST.json: leave metadata out"),
         ({"what": ["shape"], "sections": 1}, "from 2 to 200"),
         ({"what": ["shape"], "sections": 201}, "from 2 to 200"),
     ],
@@ -183,7 +145,7 @@ def test_what_cannot_be_seen_is_refused(options, message, tmp_path):
 @needs("gcc")
 @pytest.mark.parametrize("real", ["float", "double"])
 def test_compilers_have_nothing_to_say_and_no_input_breaks_it(real, tmp_path):
-    what = ["shape", "velocities", "contact", "metadata"]
+    what = ["shape", "velocities", "contact"]
     export_c(DISC, tmp_path / "made", what=what, real=real, sections=5)
     programs = compile_programs("gcc", tmp_path / "made", tmp_path, "main fuzz", *STRICT, *WARNINGS, "-O1")
     assert "0 of" in run(programs[0])

@@ -9,7 +9,7 @@ from continuum_grasp.export.part import Part
 from continuum_grasp.export.parts.control import estimator, mission, mpc
 from continuum_grasp.export.parts.implicit import implicit_step
 from continuum_grasp.export.parts.model import dynamics, kinematics, linearization, statics, step
-from continuum_grasp.export.parts.seen import contact, metadata, sections
+from continuum_grasp.export.parts.seen import contact, sections
 from continuum_grasp.export.subject import Subject
 
 __all__ = ["ASKED_FOR", "OF_LOOPS", "PARTS"]
@@ -27,10 +27,9 @@ PARTS: dict[str, Callable[[Subject], Part]] = {
     "estimator": estimator,
     "mpc": mpc,
     "mission": mission,
-    "metadata": metadata,
 }
 """Makers of the parts of a subject."""
-ASKED_FOR = ("implicit_step", "linearization", "shape", "velocities", "contact", "metadata")
+ASKED_FOR = ("implicit_step", "linearization", "shape", "velocities", "contact")
 """Parts that no package has by default."""
 OF_LOOPS = ("estimator", "mpc", "mission")
 """Parts that need a closed loop."""

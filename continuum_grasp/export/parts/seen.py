@@ -1,6 +1,4 @@
-"""Parts of what is seen: ``shape``, ``velocities`` and ``contact``, whose kernels pages take too; and ``metadata``, the
-names, units and ranges of the fields of all structs, readable at run time.
-"""
+"""Parts of what is seen: ``shape``, ``velocities`` and ``contact``, whose kernels pages take too."""
 
 from __future__ import annotations
 
@@ -9,14 +7,12 @@ from typing import cast
 
 import casadi as ca
 
-from continuum_grasp import __version__
 from continuum_grasp.core.calls import straight_function
 from continuum_grasp.export.fields import Field, Struct
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Argument, Part
 from continuum_grasp.export.parts.model import DRAWN, evaluating
 from continuum_grasp.export.subject import Subject
-from continuum_grasp.export.template import fill
 from continuum_grasp.model import System
 
 Symbols = Mapping[str, ca.SX]
@@ -120,24 +116,3 @@ TOUCH = (
     ("normal_y", "1", ""),
 )
 """Fields of a contact: name, unit, what it is; those of ``contact_kernel`` in their order."""
-
-
-def metadata(subject: Subject) -> Part:
-    """Write functions that describe the structs of the other parts."""
-    prefix, real = subject.prefix, subject.real
-
-    def table(structs: Sequence[Struct]) -> str:
-        # Texts of one width and no pointers: tables of those are no constants in shared libraries.
-        entries = [(struct.name, field.name, field) for struct in structs for field in struct.fields]
-        words = {
-            "of": max(len(of) for of, _, _ in entries) + 1,
-            "name": max(len(name) for _, name, _ in entries) + 1,
-            "unit": max(len(f.unit) for _, _, f in entries) + 1,
-            "rows": [(of, f, real.finite_literal(f.low), real.finite_literal(f.high)) for of, _, f in entries],
-            "count": f"{len(entries)}u",
-            "version": __version__,
-        }
-        return fill("metadata.c", {"p": prefix, **words})
-
-    declared = fill("metadata.h", {"p": prefix})
-    return Part("metadata", (), (), declarations=declared, describes=(f"src/{prefix}_metadata.c", table))

@@ -77,20 +77,6 @@ class Finger {
     return found;
   }
 
-  // What the module knows of the fields of all structs: struct, name, unit, size, low and high; of the part metadata.
-  fields() {
-    const c = this.#c;
-    if (!c.<<p>>_fields) throw new TypeError("the package was exported without its part metadata");
-    return Array.from({ length: c.<<p>>_fields() }, (_, k) => ({
-      struct: this.#text(c.<<p>>_field_struct(k)),
-      name: this.#text(c.<<p>>_field_name(k)),
-      unit: this.#text(c.<<p>>_field_unit(k)),
-      size: c.<<p>>_field_size(k),
-      low: c.<<p>>_field_low(k),
-      high: c.<<p>>_field_high(k),
-    }));
-  }
-
   // The numbers that are given for a struct, completed.
   #complete(struct, given) {
     const names = INTERFACE.structs[struct].map(([name]) => name);
