@@ -141,7 +141,6 @@ class DesignResult(Result):
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("design", "plotting.design:plot_design", needs="cases", panels=True),
     )
-    pages: ClassVar[tuple[File, ...]] = (File("report.html", "design.report:page"),)
 
     scene: Design
     status: Status

@@ -81,9 +81,4 @@ def test_the_command_writes_a_run_that_is_read_back(file, tmp_path):
     run = DesignResult.read(tmp_path / "run")
     assert said["set"]["finger.tendons.offset"] == pytest.approx(float(run.arrays["optimum"][0]))
     assert run.arrays["tried"].shape == (run.arrays["costs"].size, 1)
-    page = (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
-    assert "<svg" in page
-    assert "http" not in page.replace("http://www.w3.org", "").replace("http://purl.org", "").replace(
-        "https://matplotlib.org", ""
-    )
     assert {one.name for one in (tmp_path / "run").iterdir()} >= {"design.png", "result.yaml", "grasp_scene"}
