@@ -125,7 +125,7 @@ FAULTS: tuple[Fault, ...] = (
     *_in(
         "model/body.py",
         ("self.arm.perp().scaled(self.omega)", "self.arm.perp().scaled(-self.omega)"),
-        tests="model/test_system.py model/test_model_structure.py",
+        tests="model/test_system.py",
     ),
     *_in(
         "model/collocated.py",
