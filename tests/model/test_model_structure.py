@@ -1,4 +1,4 @@
-"""What must hold for any finger, beside `test_model_truth`: mirror images, convergence, cost, names and errors."""
+"""What must hold for any finger, beside `test_model_truth`: mirror images, cost, names and errors."""
 
 from __future__ import annotations
 
@@ -45,15 +45,6 @@ def full(family: str, elements: int = 3, **options):
     case = Case(loads=LOADS, contacts=(0.1,))
     model = case.model(family, elements, **options)
     return case, model, state(model, 1.3, seed=3)
-
-
-def derivative(function: ca.Function, arguments: list, which: int) -> np.ndarray:
-    """Exact derivative of the first output (columns stacked) with respect to one argument."""
-    symbol = ca.SX.sym("a", function.sparsity_in(which))
-    inputs = [symbol if k == which else ca.DM(v) for k, v in enumerate(arguments)]
-    out = function(*inputs)
-    out = out[0] if isinstance(out, (tuple, list)) else out
-    return np.array(ca.Function("d", [symbol], [ca.jacobian(ca.vec(out), symbol)])(ca.DM(arguments[which])))
 
 
 # Mechanics.
@@ -116,55 +107,6 @@ def test_the_mirror_image_moves_as_the_mirror_image(family):
     assert relative_error(evaluate(mirror.forward_dynamics, -at.x, -at.u, flip * at.w, []), -xd) <= 1e-13
     tip = evaluate(model.tip, at.q, at.u, [])
     assert evaluate(mirror.tip, -at.q, -at.u, []) == pytest.approx([-tip[0], tip[1]], rel=1e-14)
-
-
-# Families among each other.
-
-
-EXACT_BEAM = np.array([1.8751040687119611, 4.694091132974174]) ** 2
-
-
-def frequencies(family: str, elements: int) -> np.ndarray:
-    """Circular natural frequencies of the straight unit rod, clamped and free."""
-    model = FingerModel(UNIT, family=family, elements=elements, gravity=(0.0, 0.0), tip_force=False)
-    q, u = np.zeros(model.n), np.zeros(1)
-    stiffness = derivative(model.elastic, [q, u, []], 0)
-    mass = evaluate(model.mass_matrix, q, u, []).reshape(model.n, model.n)
-    return np.sort(np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness)).real))
-
-
-# Family, elements, errors of the first two frequencies [%] and the decimals to which they are known.
-TABLE = [
-    ("arc", 2, (5.08, 70.6), (2, 1)),
-    ("clothoid", 1, (0.475, 58.0), (3, 0)),
-    ("matched_clothoid", 2, (0.170, 1.11), (3, 2)),
-    ("arc", 3, (2.20, 18.2), (2, 1)),
-    ("clothoid", 2, (0.062, 0.97), (3, 2)),
-    ("matched_clothoid", 3, (0.028, 0.92), (3, 2)),
-    ("arc", 8, (0.30, 2.2), (2, 1)),
-]
-
-
-@pytest.mark.parametrize(("family", "elements", "expected", "decimals"), TABLE)
-def test_natural_frequencies_of_a_clamped_rod(family, elements, expected, decimals):
-    found = 100 * (frequencies(family, elements)[:2] / EXACT_BEAM - 1)
-    # The first of two arcs, 5.0854, stands as 5.08.
-    for value, stated, digits in zip(found, expected, decimals, strict=True):
-        assert value == pytest.approx(stated, abs=0.6 * 10.0**-digits)
-
-
-def test_the_stiffest_mode_of_two_unknowns():
-    assert frequencies("matched_clothoid", 2)[-1] == pytest.approx(22.3, abs=0.05)
-    assert frequencies("arc", 2)[-1] == pytest.approx(37.6, abs=0.05)
-
-
-# Matched clothoids come down to 4 slowly: 4.47 here, 4.37 from 6 to 12 elements.
-@pytest.mark.parametrize(
-    ("family", "least", "most"), [("arc", 1.9, 2.1), ("clothoid", 3.9, 4.2), ("matched_clothoid", 3.9, 4.5)]
-)
-def test_order_of_convergence(family, least, most):
-    errors = [frequencies(family, n)[0] / EXACT_BEAM[0] - 1 for n in (3, 6)]
-    assert least <= math.log2(errors[0] / errors[1]) <= most
 
 
 # Smoothness, and what the code is made of.

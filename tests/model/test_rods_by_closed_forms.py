@@ -11,7 +11,6 @@ from scipy import integrate
 
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
-from continuum_grasp.model.functions import function_names
 from continuum_grasp.rod import natural_frequencies, solve_elastica
 from continuum_grasp.simulation import equilibrium, modes
 from tests.closed_forms.graded import pointed_frequencies, tapered_frequencies
@@ -151,20 +150,6 @@ def test_cutting_a_rod_into_equal_pieces_changes_nothing(pieces):
     assert (other.energy, other.margin) == pytest.approx((one.energy, one.margin), rel=1e-13)
     ours, theirs = (natural_frequencies(s.finger, e, 3) for s, e in ((whole, one), (parts, other)))
     assert theirs == pytest.approx(ours, rel=1e-12)
-
-
-@pytest.mark.parametrize("family", few(["matched_clothoid", "clothoid", "arc"], 1))
-def test_a_graded_rod_of_equal_values_is_the_uniform_model(family):
-    uniform, even = (
-        FingerModel(rod_scene(rod, family, 3, **LOADED), input_rates=False) for rod in (RODS["uniform"], cut(3))
-    )
-    rng = np.random.default_rng(5)
-    for name in function_names(FingerModel):
-        one, other = (getattr(model, name) for model in (uniform, even))
-        given = [rng.uniform(-0.4, 0.4, one.size1_in(k)) for k in range(one.n_in())]
-        for mine, theirs in zip(one.call(given), other.call(given), strict=True):
-            mine, theirs = np.array(mine), np.array(theirs)
-            assert theirs == pytest.approx(mine, abs=1e-12 * max(1e-300, np.abs(mine).max(initial=0.0))), name
 
 
 @pytest.mark.parametrize("family", ["clothoid", "arc"])
