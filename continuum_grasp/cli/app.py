@@ -15,10 +15,9 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from continuum_grasp import __version__, interrupt
+from continuum_grasp.cli.output import FAILED
 from continuum_grasp.errors import ContinuumGraspError, InputError
 
-SOLVER_FAILED = 1
-"""Exit status, also of a supervisor that tripped and an object that was dropped."""
 BAD_INPUT = 2
 """Exit status, as argparse and click have it."""
 INTERRUPTED = interrupt.STATUS
@@ -59,7 +58,7 @@ class _Verbs(TyperGroup):
                 return super().invoke(ctx)
         except ContinuumGraspError as error:
             typer.echo(f"error: {error}", err=True)
-            raise typer.Exit(BAD_INPUT if isinstance(error, InputError) else SOLVER_FAILED) from None
+            raise typer.Exit(BAD_INPUT if isinstance(error, InputError) else FAILED) from None
         except KeyboardInterrupt as error:
             typer.echo(str(error) or "interrupted", err=True)
             raise typer.Exit(INTERRUPTED) from None

@@ -9,11 +9,8 @@ from typing import Annotated
 import typer
 
 from continuum_grasp.cli.options import verb
-from continuum_grasp.cli.output import Output
+from continuum_grasp.cli.output import FAILED, Output
 from continuum_grasp.errors import InputError
-
-_UNKNOWN = 1
-"""Exit status: the log does not say how the bench is connected."""
 
 
 @verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
@@ -58,4 +55,4 @@ def commission(
     show_parameters(found, files, output)
     output.warn(found.undetermined)
     if not found.usable:
-        raise typer.Exit(_UNKNOWN)
+        raise typer.Exit(FAILED)

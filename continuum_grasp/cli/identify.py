@@ -11,7 +11,7 @@ import typer
 
 from continuum_grasp.cli.compare import compared, show_channels
 from continuum_grasp.cli.options import option, verb
-from continuum_grasp.cli.output import Output
+from continuum_grasp.cli.output import FAILED, Output
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from continuum_grasp.identification.fit import Fit
     from continuum_grasp.scene.simulate import FingerScene
 
-_FAILED = 1
-"""Exit status where the data are implausible, or no experiment shows an unknown."""
 _SURE = 1.96
 """Half of a 95 % interval per standard deviation [1]."""
 _SHOWN = 12
@@ -70,7 +68,7 @@ def identify(
             lambda report: design_experiments(scene, measured, progress=report), replace(output, verb="experiments")
         )
         if plan.status != "designed":
-            raise typer.Exit(_FAILED)
+            raise typer.Exit(FAILED)
         return
     output.check_folder()
 
@@ -86,7 +84,7 @@ def identify(
     show_parameters(fit, files, output)
     if fit.reason:
         output.warn([fit.verdict])
-        raise typer.Exit(_FAILED)
+        raise typer.Exit(FAILED)
 
 
 def _targets(paths: Sequence[Path]) -> list[tuple[Path, FingerScene]]:

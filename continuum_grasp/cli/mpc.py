@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from continuum_grasp.cli.options import option, verb
-from continuum_grasp.cli.output import Output
+from continuum_grasp.cli.output import FAILED, Output
 from continuum_grasp.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.mission import MissionScene
 
-_FAILED = 1
-"""Exit status, as of a solver that failed: the loop ended in the safe state or far off, or the object was dropped."""
 _SHOWN = 10
 """Failed plants that are listed."""
 
@@ -91,7 +89,7 @@ def _control(scene: ControlScene, compare: bool, output: Output) -> None:
     values = {"duration": run.t[-1], "metrics": asdict(found), "compared": metrics}
     output.conclude(run, files, status=run.outcome, **values)
     if run.outcome != "finished":
-        raise typer.Exit(_FAILED)
+        raise typer.Exit(FAILED)
 
 
 def _settings(seed: int | None, trials: str | None) -> list[str]:
@@ -146,7 +144,7 @@ def _carry_out(scene: MissionScene, output: Output) -> None:
     values = {"pulls": run.pulls, "metrics": counted if run.run is None else next(iter(counted.values()))}
     output.conclude(run, files, **run.findings(), **values)
     if not run.verdict.succeeded:
-        raise typer.Exit(_FAILED)
+        raise typer.Exit(FAILED)
 
 
 def _try_out(scene: MissionScene, jobs: int | None, output: Output) -> None:
@@ -182,7 +180,7 @@ def _try_out(scene: MissionScene, jobs: int | None, output: Output) -> None:
     if stopped is not None:
         raise stopped
     if not all(outcome.succeeded for outcome in outcomes):
-        raise typer.Exit(_FAILED)
+        raise typer.Exit(FAILED)
 
 
 def _grasp(scene: MissionScene, output: Output) -> GraspResult:

@@ -21,6 +21,11 @@ if TYPE_CHECKING:
     from continuum_grasp.results import MotionResult, Result
 
 
+FAILED = 1
+"""Exit status of what ended without a usable result: a solver that failed, a supervisor that tripped, an object that
+was dropped, data that do not agree with the model or do not tell what was asked."""
+
+
 @dataclass(frozen=True)
 class Output:
     """Request to a verb, and its output: text for people, or one JSON object for programs; warnings always go to the

@@ -8,10 +8,7 @@ from typing import Annotated
 import typer
 
 from continuum_grasp.cli.options import verb
-from continuum_grasp.cli.output import Output
-
-_FAILED = 1
-"""Exit status: sensors and model do not agree."""
+from continuum_grasp.cli.output import FAILED, Output
 
 
 @verb("config", "out", "changes", "pictures", "as_json", "quiet", "verbose")
@@ -38,4 +35,4 @@ def replay(
     output.say("")
     output.report(found, files, **found.details())
     if found.status != "consistent":
-        raise typer.Exit(_FAILED)
+        raise typer.Exit(FAILED)

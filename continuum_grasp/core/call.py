@@ -18,6 +18,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model.finger_model import FUNCTIONS, FingerModel
 from continuum_grasp.model.functions import MATRICES
 from continuum_grasp.model.system import SYSTEM_FUNCTIONS, System
+from continuum_grasp.scene.value import SAME
 
 DOUBLES = ctypes.POINTER(ctypes.c_double)
 
@@ -154,8 +155,6 @@ def shaped(function: ca.Function, k: int, rows: Array) -> Array:
     return np.ascontiguousarray(rows.reshape(len(rows), width, height).transpose(0, 2, 1))
 
 
-_SNAP = 1e-9
-"""Part of the finger's length by which a position may lie off it."""
 _ROUNDING = 1e-12
 """Part of the greatest input by which a constant moment may vary [1]."""
 
@@ -178,7 +177,7 @@ def section_check(model: FingerModel, function: ca.Function) -> Callable[[Sequen
             length = rows[p_at][..., entries].sum(axis=-1, keepdims=True)
         elif s.size == 1:
             s = s.item()
-        within = (s >= -_SNAP * length) & (s <= (1.0 + _SNAP) * length)
+        within = (s >= -SAME * length) & (s <= (1.0 + SAME) * length)
         if within is True or np.all(within):
             return
         wrong = np.flatnonzero(~np.broadcast_to(within, np.shape(s)).ravel()) if np.size(s) > 1 else np.zeros(1, int)

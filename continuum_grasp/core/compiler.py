@@ -23,7 +23,7 @@ from continuum_grasp.errors import ContinuumGraspError, InputError
 # gnu11 for vector types, -march=native for the widest lanes (libraries stay on this machine), -w: generated C warns.
 _COMMON = ("-std=gnu11", "-march=native", "-fPIC", "-w")
 _USUAL = ("cc", "gcc", "clang")
-_LONG = 20_000
+LONG = 20_000
 """Lines of a function up to which it is compiled with -O3, a longer one with -O1, for which gcc 12 needs 0.13 s per
 thousand lines, 0.2 s with -O3 (measured on functions of 70,000 to 140,000 lines); what either gains
 over -O0 in straight-line code is the registers, and -O1 has that."""
@@ -71,7 +71,7 @@ class Compiler:
         """
         if quick_compile():
             return (*_COMMON, "-O1" if longest_function(unit) <= _QUICK else "-O0")
-        level = ("-O3",) if longest_function(unit) <= _LONG else _LONG_LEVEL
+        level = ("-O3",) if longest_function(unit) <= LONG else _LONG_LEVEL
         is_gcc = "clang" not in self.version.lower()
         of_gcc = (*_SPILLS, *(_GCC if unit.count("\n") <= _SHORT else ()))
         return (*_COMMON, *level, *(of_gcc if is_gcc else ()))
@@ -86,7 +86,7 @@ class Compiler:
 
         What takes long is logged under ``continuum_grasp``, at its start and at its end.
         """
-        units = translation_units(source.read_text(), _LONG)
+        units = translation_units(source.read_text(), LONG)
         with _logged(what, units):
             if len(units) == 1:
                 self.run([*self.flags(units[0]), "-shared", str(source), "-o", str(library), "-lm"])

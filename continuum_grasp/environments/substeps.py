@@ -11,13 +11,12 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.environments.plants import Plants, rows_of
 from continuum_grasp.environments.sensing import Sensing
 from continuum_grasp.errors import InputError
+from continuum_grasp.scene.integrators import INTEGRATORS
 
 _TOLERANCE = 1e-4
 """Greatest error of the tip's position that steps in time may leave, per length [1]: that of ``time.tolerance``."""
 _SUBSTEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 """Steps of RK4 per period that are tried [1]."""
-_STABLE = 2.7
-"""Greatest product of step and fastest rate of RK4 [1]."""
 _PLANTS, _PERIODS, _HELD = 16, 100, 7
 """Plants and periods of the motions that are compared, and how long these hold a random command [1]."""
 _LEFT = 0.1
@@ -26,7 +25,7 @@ _LEFT = 0.1
 
 def check_stiffness(radius: float, period: float) -> None:
     """Refuse a plant whose fastest rate [1/s] is too fast, before anything is compiled."""
-    if radius * period > _STABLE * _SUBSTEPS[-1]:
+    if radius * period > (INTEGRATORS["rk4"].stable or 0.0) * _SUBSTEPS[-1]:
         raise _too_stiff(f"more than {_SUBSTEPS[-1]} steps of RK4 in a period of {period:g} s", radius)
 
 

@@ -15,15 +15,13 @@ from continuum_grasp.scene.families import DEFAULT_RANGE, ONE_TURN
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.loads import ForceLoad, Load, MomentLoad
 from continuum_grasp.scene.profile import Profile, smooth_parts
+from continuum_grasp.scene.value import SAME
 
 WHOLE_RANGE = 8 * math.pi / 3
 """Bending range by default of all elements together [rad]: twice 240 degrees, from five elements on below that of one.
 With 32 elements it saves two of eight quadrature nodes."""
 _LOOKED = 9
 """Places per element at which thickness and limits of the curvature are looked up [1]."""
-_SNAP = 1e-9
-"""Distance per length of the finger up to which two positions are the same [1]: above the rounding of sums of
-lengths."""
 SHORTEST = 0.02
 """Shortest element that is made for a load, a mass or a jump of the rest curvature, per length of the finger [1]:
 shorter ones would raise the highest frequency, which sets the step of explicit integrators (see ``with_breaks``)."""
@@ -137,7 +135,7 @@ def with_breaks(
 
     def add(*places: float) -> None:
         near = any(
-            abs(at - other) < (1.0 - _SNAP) * SHORTEST * length for at in places for other in (0.0, *marks, length)
+            abs(at - other) < (1.0 - SAME) * SHORTEST * length for at in places for other in (0.0, *marks, length)
         )
         if not near and min(places) > 0.0 and max(places) < length and len(marks) + len(places) < MOST_ELEMENTS:
             marks.extend(places)
@@ -149,7 +147,7 @@ def with_breaks(
         add(at)
     for load in loads:
         if isinstance(load, MomentLoad) and continuous:
-            taken = any(abs(load.at - other) <= _SNAP * length for other in marks)
+            taken = any(abs(load.at - other) <= SAME * length for other in marks)
             half = (1.0 if taken else 0.5) * SHORTEST * length
             add(load.at - half, load.at + half)
         elif isinstance(load, MomentLoad):
@@ -163,14 +161,14 @@ def with_breaks(
 
 
 def _given(length: float, contacts: Sequence[float], lengths: list[float]) -> tuple[float, ...]:
-    if min(lengths, default=0.0) < _LEAST * length or abs(sum(lengths) - length) > _SNAP * length:
+    if min(lengths, default=0.0) < _LEAST * length or abs(sum(lengths) - length) > SAME * length:
         message = f"element lengths must be positive and add up to {length} m, got {lengths}"
         raise InputError(message, key="elements")
     if len(lengths) > MOST_ELEMENTS:
         raise InputError(f"expected the lengths of up to {MOST_ELEMENTS} elements, got {len(lengths)}", key="elements")
     edges = [sum(lengths[: k + 1]) for k in range(len(lengths))]
     for k, at in enumerate(contacts):
-        if min(abs(at - e) for e in edges) > _SNAP * length:
+        if min(abs(at - e) for e in edges) > SAME * length:
             message = f"the contact at {at} m is not on an element boundary, {[round(e, 9) for e in edges]}"
             raise InputError(message, key=f"contacts[{k}]")
     return tuple(lengths)
@@ -209,11 +207,11 @@ def element_ranges(lengths: Sequence[float], bending_range: float | None, finger
 def place_at(at: float, lengths: Sequence[float]) -> Place:
     """The section at a position along the finger [m]; at a boundary, the end of the element before it."""
     total = sum(lengths)
-    if not -_SNAP * total <= at <= total * (1 + _SNAP):
+    if not -SAME * total <= at <= total * (1 + SAME):
         raise InputError(f"position {at} m is not on the finger of {total} m")
     start = 0.0
     for k, h in enumerate(lengths):
-        if abs(at - start - h) <= _SNAP * total:
+        if abs(at - start - h) <= SAME * total:
             return Place(k, 1.0)
         if at < start + h:
             return Place(k, max(0.0, (at - start) / h))

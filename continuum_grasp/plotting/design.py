@@ -9,13 +9,13 @@ import numpy as np
 from continuum_grasp.plotting.drawing.axes import head, label, new_figure, quiet
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, Z
 from continuum_grasp.plotting.grasp.picture import plot_grasp
+from continuum_grasp.plotting.grasp.view import MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from continuum_grasp.design.result import DesignResult
 
-_MM = 1e3
 _MOST_KEYS = 12
 """Bars that are read at a glance."""
 
@@ -42,7 +42,7 @@ def _draw_grasp(ax: Axes, result: DesignResult) -> None:
     before = result.before.get(name)
     if before is not None and before.solved:
         for k, finger in enumerate(before.fingers.values()):
-            line = _MM * finger.backbone[:, 1:3]
+            line = MM * finger.backbone[:, 1:3]
             text = "at the start" if k == 0 else None
             ax.plot(*line.T, color=GRAY, linewidth=1.4, linestyle=(0, (4, 2)), zorder=Z.LABEL, label=text)
             low, high = np.array(ax.get_xlim()), np.array(ax.get_ylim())

@@ -16,13 +16,12 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.scene.graded import Along, RodFactors, RodSection, SpiRob, Varying, ends
+from continuum_grasp.scene.value import SAME
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
 
-_SAME = 1e-9
-"""Distance per length up to which two positions are the same [1]: above the rounding of sums of lengths."""
 _JUMP = 1e-12
 """Jump per value from which on a curve jumps [1]: above the rounding of its pieces."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
@@ -56,7 +55,7 @@ class Curve:
     def of_pieces(cls, length: float, starts: Sequence[float], coefficients: Sequence[tuple[float, ...]]) -> Curve:
         """Polynomials from places on [m], each up to the next place, without those of no length."""
         spans = zip(starts, (*starts[1:], length), coefficients, strict=True)
-        pieces = [(start, own) for start, end, own in spans if end - start > _SAME * length]
+        pieces = [(start, own) for start, end, own in spans if end - start > SAME * length]
         return cls((*(start for start, _ in pieces), length), tuple(own for _, own in pieces))
 
     @classmethod
@@ -71,7 +70,7 @@ class Curve:
         at = np.asarray(s, dtype=float)
         if len(self.coefficients) == 1:
             return np.asarray(self.on(0, at))
-        shift = _SAME * self.edges[-1] * (1.0 if tip_side else -1.0)
+        shift = SAME * self.edges[-1] * (1.0 if tip_side else -1.0)
         piece = np.searchsorted(np.asarray(self.edges[1:-1]), at + shift)
         return np.asarray(self._value(at - np.asarray(self.edges)[piece], np.moveaxis(self._table[piece], -1, 0)))
 
@@ -92,7 +91,7 @@ class Curve:
 
     def slope(self, s: float) -> float:
         """Derivative at a position [m]; where there is a kink or a jump, that of the base side."""
-        piece = int(np.searchsorted(np.asarray(self.edges[1:-1]), s - _SAME * self.edges[-1]))
+        piece = int(np.searchsorted(np.asarray(self.edges[1:-1]), s - SAME * self.edges[-1]))
         # A complex step subtracts nothing: exact to rounding.
         return float(np.imag(self.on(piece, s + 1e-30j)) / 1e-30)
 
@@ -140,7 +139,7 @@ class Curve:
         starts = [start for start, _ in smooth_parts(self.edges[-1], (self, factors))]
         pieces = []
         for at in starts:
-            piece = bisect_right(self.edges, at * (1.0 + _SAME)) - 1
+            piece = bisect_right(self.edges, at * (1.0 + SAME)) - 1
             factor, (first, *rest) = float(factors(at, tip_side=True)), self.local(piece, at).coef.tolist()
             scaled = [factor * c for c in rest] if not self.exponential else rest
             pieces.append((first + math.log(factor) if self.exponential else factor * first, *scaled))
@@ -229,7 +228,7 @@ def smooth_parts(
     length: float, curves: Iterable[Curve], start: float = 0.0, end: float | None = None
 ) -> list[tuple[float, float]]:
     """Parts [m] of a finger of a length [m], or between two places on it, on which curves are smooth."""
-    least, end, edges = _SAME * length, length if end is None else end, [start]
+    least, end, edges = SAME * length, length if end is None else end, [start]
     for at in sorted(at for curve in curves for at in curve.breaks):
         if at - edges[-1] > least and end - at > least:
             edges.append(at)

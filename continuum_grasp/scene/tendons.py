@@ -12,7 +12,16 @@ from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
 from continuum_grasp.scene.drives import WinchDrive
 from continuum_grasp.scene.graded import Varying, ends
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Friction, Length, NonNegative, Positive, TimeConstant, Value, check_shorter
+from continuum_grasp.scene.value import (
+    SAME,
+    Friction,
+    Length,
+    NonNegative,
+    Positive,
+    TimeConstant,
+    Value,
+    check_shorter,
+)
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Channel, Curve
@@ -20,8 +29,6 @@ if TYPE_CHECKING:
 MOST_SLOPE = 0.3
 """Greatest change of a tendon's offset per length [1]: up to there the constant cosine of its law leaves errors of the
 tip below 5e-4 of the length."""
-_SAME = 1e-9
-"""Difference up to which two ratios of offsets, and two ends per length, are the same [1]: above their rounding."""
 LEAST_OFFSET = 1e-6
 """Least offset at the base [m], to which the shape of the moment is scaled; as of a length."""
 
@@ -160,7 +167,7 @@ def _two_kinds(tendons: tuple[Tendon, ...]) -> bool:
 def _one_sided(tendons: tuple[Tendon, ...]) -> bool:
     """Whether two tendons are not at equal distances on both sides."""
     pairs = zip(*(ends(tendon.offset) for tendon in tendons), strict=True)
-    return len(tendons) == 2 and any(abs(a + b) > _SAME * abs(a) for a, b in pairs)
+    return len(tendons) == 2 and any(abs(a + b) > SAME * abs(a) for a, b in pairs)
 
 
 def _on_pulley(name: str, where: Callable[[tuple[Tendon, ...]], bool], why: str) -> Consumer:
@@ -203,7 +210,7 @@ def alike(tendons: tuple[Tendon, ...], length: float) -> list[list[int]]:
         first, last = ends(tendon.offset)
         shape = (last / first, tendon.end(length))
         for group, known in zip(groups, shapes, strict=True):
-            if abs(shape[0] - known[0]) <= _SAME and abs(shape[1] - known[1]) <= _SAME * length:
+            if abs(shape[0] - known[0]) <= SAME and abs(shape[1] - known[1]) <= SAME * length:
                 group.append(k)
                 break
         else:

@@ -32,6 +32,9 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.summary import table
 
+SAME = 1e-9
+"""Distance per length up to which two positions are the same, and difference up to which two ratios are [1]: above the
+rounding of sums of lengths."""
 _SHORT = 200
 """Characters up to which a value is shown as it is written [1]: two lines of a terminal."""
 

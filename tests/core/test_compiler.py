@@ -59,7 +59,7 @@ def levels(monkeypatch) -> list[tuple[int, str]]:
         plain(self, arguments)
 
     monkeypatch.setattr(Compiler, "run", run)
-    monkeypatch.setattr(compiler, "_LONG", 300)
+    monkeypatch.setattr(compiler, "LONG", 300)
     monkeypatch.delenv("CONTINUUM_GRASP_QUICK_COMPILE", raising=False)
     return seen
 
@@ -97,7 +97,7 @@ def test_units_export_what_the_source_exports(levels, tmp_path):
         assert len(translation_units(source, 300)) == 2
         names = []
         for limit in (300, 10**9):
-            compiler._LONG = limit
+            compiler.LONG = limit
             code, library = tmp_path / f"code{limit}.c", tmp_path / f"code{limit}.so"
             code.write_text(source)
             find_compiler().build(code, library)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -24,7 +25,6 @@ _C_KINDS = {
     "output": "FMU_RESULT",
     "rate": "FMU_RESULT",
 }
-_GREATEST = 1.7976931348623157e308
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Variable:
     @property
     def c_source(self) -> str:
         """Row of the variable in the table in C."""
-        low, high = max(self.low, -_GREATEST), min(self.high, _GREATEST)
+        low, high = max(self.low, -sys.float_info.max), min(self.high, sys.float_info.max)
         numbers = ", ".join(repr(float(value)) for value in (self.start, low, high))
         return f'  {{"{self.name}", "{self.unit}", {numbers}, {_C_KINDS[self.kind]}, {int(self.may_be_missing)}}}'
 

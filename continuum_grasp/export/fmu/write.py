@@ -20,7 +20,7 @@ from typing import Any
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments
-from continuum_grasp.core.compiler import CompileError, find_compiler, quick_compile, why_no_compiler
+from continuum_grasp.core.compiler import LONG, CompileError, find_compiler, quick_compile, why_no_compiler
 from continuum_grasp.core.source import filled
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.destination import check_file, is_unit
@@ -55,8 +55,6 @@ _UNITS = (
     beside("export to fmu of a mission", lambda of: isinstance(of[0], _MISSIONS), "preview", "follows its phases"),
     beside("export to fmu of no mission", lambda of: not isinstance(of[0], _MISSIONS), "finger", "is for a mission"),
 )
-_LONG = 20_000
-"""Lines of a source from which it is compiled with less optimization, as plants of many elements are."""
 _DECLARED = re.compile(r"^(\w+)\(([^)]*)\)$", re.MULTILINE)
 _ARGUMENT = re.compile(r"(?!instance\b)\b(\w+)(?:\[\])?(?:,|$)")
 _FUNCTION = re.compile(r"^(FMI[23]\([^)]*\)\([^{;]*?\))\s*\{", re.MULTILINE)
@@ -317,7 +315,7 @@ def _compiled(unit: Unit, files: Mapping[str, str], suffix: str, work: Path) -> 
         raise InputError(f"no C compiler for the binary: {why_no_compiler()}; or leave the binary out", key="binary")
     flags = [flag for flag in strict_flags(compiler.version) if flag in unit.flags]
     sources = {Path(name).name: text for name, text in files.items() if name.startswith("sources/")}
-    level = "-O1" if max(text.count("\n") for text in sources.values()) > _LONG else "-O2"
+    level = "-O1" if max(text.count("\n") for text in sources.values()) > LONG else "-O2"
     flags += ["-O0" if quick_compile() else level, "-w", "-fPIC", "-fvisibility=hidden"]
     folder = work / unit.identifier
     write_files(folder, sources)
