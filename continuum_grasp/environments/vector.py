@@ -245,16 +245,7 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         InputError
             If actions have the wrong shape or are not finite, or there was no reset.
         """
-        try:
-            asked = np.asarray(actions, dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"expected {self._u.shape} numbers: {error}", key="actions") from error
-        if asked.shape != self._u.shape:
-            raise InputError(f"expected {self._u.shape} numbers, got shape {asked.shape}", key="actions")
-        if not np.isfinite(asked).all():
-            lane, entry = np.argwhere(~np.isfinite(asked))[0]
-            words = f"{self.action_names[entry]} of plant {lane} is {asked[lane, entry]}"
-            raise InputError(f"expected finite numbers, but {words}", key="actions")
+        asked = self._commands(actions)
         if not self._begun:
             raise InputError("an episode begins with reset()")
         waiting = self._done.copy()
@@ -290,6 +281,20 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
             self._begin_at_once(info)
         info |= self._contact_info()
         return self._observation(), reward, terminated, truncated, info
+
+    def _commands(self, actions: Any) -> Array:
+        """Commands (num_envs, nu) that are asked for, all of them finite."""
+        try:
+            asked = np.asarray(actions, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"expected {self._u.shape} numbers: {error}", key="actions") from error
+        if asked.shape != self._u.shape:
+            raise InputError(f"expected {self._u.shape} numbers, got shape {asked.shape}", key="actions")
+        if not np.isfinite(asked).all():
+            lane, entry = np.argwhere(~np.isfinite(asked))[0]
+            words = f"{self.action_names[entry]} of plant {lane} is {asked[lane, entry]}"
+            raise InputError(f"expected finite numbers, but {words}", key="actions")
+        return asked
 
     def _end(
         self,

@@ -105,16 +105,21 @@ class Structure:
         self._name_entries()
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
         if self.parameters.is_runtime("element_lengths"):
-            shapes = [(source.shape, "tendons or couples that end inside") for source in self.sources]
-            curves = [(profile.rest_curvature, "a piecewise rest curvature"), *shapes]
-            why = next((word for curve, word in curves if curve.constant is None), None)
-            if why is not None or profile.graded:
-                raise InputError(
-                    f"{why or 'a graded rod'} needs element_lengths that are not run-time arguments",
-                    key=f"parameters[{self.parameters.names.index('element_lengths')}]",
-                )
+            self._check_uniform()
         if scene is not None and not choices.given("family", "elements", "contacts", "loads", "parameters"):
             self.check_initial(scene.initial)
+
+    def _check_uniform(self) -> None:
+        """Refuse lengths as run-time arguments of a finger that is not the same all along."""
+        profile = self.finger.profile
+        shapes = [(source.shape, "tendons or couples that end inside") for source in self.sources]
+        curves = [(profile.rest_curvature, "a piecewise rest curvature"), *shapes]
+        why = next((word for curve, word in curves if curve.constant is None), None)
+        if why is not None or profile.graded:
+            raise InputError(
+                f"{why or 'a graded rod'} needs element_lengths that are not run-time arguments",
+                key=f"parameters[{self.parameters.names.index('element_lengths')}]",
+            )
 
     def beside(self, around: Surroundings | None, more: Mapping[str, tuple[str, float]]) -> Structure:
         """A copy of the structure in surroundings with an object, of whose run-time arguments unit and value are

@@ -73,15 +73,18 @@ def check_reach(
                     words = f"{low:.4g} {unit} or more" if math.isinf(high) else f"{low:.4g} to {high:.4g} {unit}"
                     raise InputError(f"out of reach: expected {words} ({why}), got {number:g} {unit}", key=where)
         if isinstance(value, CircleReference):
-            center, limit = math.dist(value.center, base.position), length * (1.0 + _ROUNDING)
-            near_by, far = abs(center - value.radius), center + value.radius
-            if near_by > limit:
-                words = f"the circle is nowhere nearer than {near_by:.4g} m to the finger's base"
-                raise InputError(f"out of reach: {words}, expected {length:.4g} m at most", key=f"{key}.tip")
-            if far > limit:
-                doubt(
-                    f"{key}.tip is up to {far:.4g} m from the finger's base, which is out of its reach of {length:g} m"
-                )
+            _check_circle(finger, f"{key}.tip", value)
+
+
+def _check_circle(finger: Finger, key: str, circle: CircleReference) -> None:
+    """Refuse a circle that no tip meets; doubt one that is met in part."""
+    center, length = math.dist(circle.center, finger.base.position), finger.rod.length
+    near_by, far, limit = abs(center - circle.radius), center + circle.radius, length * (1.0 + _ROUNDING)
+    if near_by > limit:
+        words = f"the circle is nowhere nearer than {near_by:.4g} m to the finger's base"
+        raise InputError(f"out of reach: {words}, expected {length:.4g} m at most", key=key)
+    if far > limit:
+        doubt(f"{key} is up to {far:.4g} m from the finger's base, which is out of its reach of {length:g} m")
 
 
 def check_references(scene: Any, cost: Cost, moves: bool = False) -> None:
