@@ -137,7 +137,7 @@ def _marks(scene: Scene) -> tuple[float, ...]:
     length, finger = scene.finger.rod.length, scene.finger
     places = [load.at for load in (*scene.loads, *scene.initial.held_by)]
     places += [mass.at for mass in finger.masses if mass.mass > 0.0]
-    # Kinks of stiffness and rest curvature cost nothing.
+    # Kinks of stiffness and rest curvature, as samples have at each of them, cost nothing.
     places += (*finger.profile.bending_stiffness.jumps, *finger.profile.rest_curvature.jumps)
     places += (at for channel in finger.channels for at in channel.shape.breaks)
     found = list(scene.contacts)

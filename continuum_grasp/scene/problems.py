@@ -38,7 +38,6 @@ _RENAMED = {
     "q_above_rest": "q",
     "second_moment": "thickness and width of finger.rod",
     "residual": "finger.tendons.friction, finger.damping.dry_friction or finger.softening",
-    "samples": "sections of finger.rod, with [from, to] where values change",
     "closing": "a scene of simulate with the object, or a mission",
 }
 """Keys that are said by another one, or by another scene."""

@@ -15,7 +15,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.scene.graded import Along, RodFactors, RodSection, SpiRob, Varying, ends
+from continuum_grasp.scene.graded import Along, RodFactors, RodSamples, RodSection, SpiRob, Varying, ends
 from continuum_grasp.scene.value import SAME
 
 if TYPE_CHECKING:
@@ -59,11 +59,11 @@ class Curve:
         return cls((*(start for start, _ in pieces), length), tuple(own for _, own in pieces))
 
     @classmethod
-    def exponential_of(cls, spline: PPoly) -> Curve:
-        """The exponential of a piecewise polynomial of scipy."""
+    def through(cls, spline: PPoly, *, exponential: bool = False) -> Curve:
+        """A piecewise polynomial of scipy, or its exponential."""
         # scipy has the highest power first, one column per piece.
         pieces = spline.c[::-1].T.tolist()
-        return cls(tuple(map(float, spline.x)), tuple(map(tuple, pieces)), exponential=True)
+        return cls(tuple(map(float, spline.x)), tuple(map(tuple, pieces)), exponential)
 
     def __call__(self, s: ArrayLike, *, tip_side: bool = False) -> Array:
         """Value at positions [m], beyond the ends that of the outer pieces continued; shape of ``s``."""
@@ -158,7 +158,7 @@ class Profile:
     half_thickness: Curve  # half the outer thickness [m], where contacts touch
     half_depth: Curve | None  # half the depth of the elastic section [m], which strains most there; None: not known
     graded: bool = False
-    """Whether it is given by sections or a spiral: stiffness and density as run-time arguments are then
+    """Whether it is given by sections, samples or a spiral: stiffness and density as run-time arguments are then
     factors (nominal 1), and lengths of elements are none."""
 
     def scaled(self, factors: RodFactors) -> Profile:
@@ -256,7 +256,7 @@ def touching(length: float, spiral: SpiRob) -> Curve:
     at, slope = np.asarray(spiral.edges(length)), (spiral.tip_thickness - spiral.base_thickness) / length
     thickness = spiral.base_thickness + slope * at
     values = np.log(-slope / (spiral.growth(length) * thickness))
-    return Curve.exponential_of(CubicHermiteSpline(at, values, -slope / thickness))
+    return Curve.through(CubicHermiteSpline(at, values, -slope / thickness), exponential=True)
 
 
 def of_sections(length: float, sections: Sequence[RodSection]) -> Profile:
@@ -285,6 +285,30 @@ def _of_section(one: RodSection, span: float) -> tuple[float | Polynomial, ...]:
         stiffness = modulus * second
         inertia = density * second if one.rotary_inertia is None else inertia
     return stiffness, mass, inertia, _line(one.rest_curvature or 0.0, span), thickness
+
+
+def of_samples(length: float, samples: RodSamples) -> Profile:
+    """A rod of samples."""
+    from scipy.interpolate import PchipInterpolator
+
+    at = np.array([*samples.at[:-1], length])
+
+    def smooth(values: Sequence[float] | None, *, exponential: bool = False) -> Curve:
+        if values is None:
+            return Curve.along(length, 0.0)
+        given = np.log(values) if exponential else np.asarray(values)
+        return Curve.through(PchipInterpolator(at, given), exponential=exponential)
+
+    thickness = smooth(samples.thickness).scaled(0.5)
+    return Profile(
+        length,
+        smooth(samples.bending_stiffness, exponential=True),
+        smooth(samples.linear_density, exponential=True),
+        smooth(samples.rotary_inertia),
+        smooth(samples.rest_curvature),
+        thickness,
+        None if samples.thickness is None else thickness,
+    )
 
 
 def _line(value: Varying[float], span: float) -> float | Polynomial:

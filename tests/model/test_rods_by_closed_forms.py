@@ -152,6 +152,24 @@ def test_cutting_a_rod_into_equal_pieces_changes_nothing(pieces):
     assert theirs == pytest.approx(ours, rel=1e-12)
 
 
+SAMPLES = {"at": [0.0, 0.3, 1.0], "bending_stiffness": [1.0] * 3, "linear_density": [1.0] * 3}
+
+
+@pytest.mark.parametrize("family", few(["matched_clothoid", "clothoid", "arc"], 1))
+def test_a_rod_of_equal_samples_is_the_uniform_model(family):
+    uniform, even = (
+        FingerModel(rod_scene(rod, family, 3, **LOADED), input_rates=False)
+        for rod in (RODS["uniform"], {"length": 1.0, "samples": SAMPLES})
+    )
+    rng = np.random.default_rng(5)
+    for name in function_names(FingerModel):
+        one, other = (getattr(model, name) for model in (uniform, even))
+        given = [rng.uniform(-0.4, 0.4, one.size1_in(k)) for k in range(one.n_in())]
+        for mine, theirs in zip(one.call(given), other.call(given), strict=True):
+            mine, theirs = np.array(mine), np.array(theirs)
+            assert theirs == pytest.approx(mine, abs=1e-12 * max(1e-300, np.abs(mine).max(initial=0.0))), name
+
+
 @pytest.mark.parametrize("family", ["clothoid", "arc"])
 def test_energy_is_conserved_over_ten_thousand_steps(family):
     core = Core(FingerModel(rod_scene(RODS["cone 0.25"], family, 3, gravity=(0.0, -1.0))))
