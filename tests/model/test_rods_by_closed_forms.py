@@ -11,6 +11,7 @@ from scipy import integrate
 
 from continuum_grasp.core import Core
 from continuum_grasp.model import FingerModel
+from continuum_grasp.model.functions import function_names
 from continuum_grasp.rod import natural_frequencies, solve_elastica
 from continuum_grasp.simulation import equilibrium, modes
 from tests.closed_forms.graded import pointed_frequencies, tapered_frequencies
