@@ -200,7 +200,7 @@ class Fit(Predicted):
 
 
 def estimates(unknowns: Sequence[Unknown], values: Array, found: Inference) -> dict[str, Any]:
-    """What a `Fit` has of the first unknowns, of some values and what is inferred about all."""
+    """Fields of a `Fit`, of the first unknowns, from some values and the inference about all."""
     count = len(unknowns)
     return {
         "names": tuple(one.name for one in unknowns),

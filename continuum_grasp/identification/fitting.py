@@ -279,7 +279,7 @@ def _block(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
 
 
 def _fit(task: Task, problem: Problem, solution: Solution, **further: Any) -> Fit:
-    """What was found, and how far it can be trusted."""
+    """The result: estimates, and how far they can be trusted."""
     sigma, unknowns, shared = solution.sigma, problem.unknowns, problem.shared
     rows = problem.weighted(solution)
     found = infer(unknowns, solution.values, *rows, solution.inflation, shared, problem.series)

@@ -125,7 +125,7 @@ class Problem:
         return [values[columns] for columns in self._columns]
 
     def predicted(self, values: Array, predictions: Array) -> dict[str, Any]:
-        """What `Predicted` has of a model at some values."""
+        """Fields of `Predicted`, from a model at some values."""
         own = zip(self.blocks, self.by_block(values), strict=True)
         return {
             "entries": tuple(self.entries),

@@ -55,6 +55,7 @@ def reason(name="tension", limit=1.0, needed=1.0):
 
 def searching(scene=SCENE, **more):
     known = {"scene": scene, "budget": Budget(), "basins": [], "tried": [], "good": [], "best": None, "unscanned": []}
+    known["lost"] = []
     return Some(**{**known, "impossible": False, **more})
 
 

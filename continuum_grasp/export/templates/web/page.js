@@ -311,7 +311,7 @@ function look(passed) {
   add(x0 + back * Math.sin(memory.section_angle[0]), y0 - back * Math.cos(memory.section_angle[0]));
   const goal = box.map((v, i) => Math.max([x0, y0][i % 2] - most, Math.min([x0, y0][i % 2] + most, v + (i < 2 ? -edge : edge))));
   if (!view.box) view.box = goal;
-  if (hand || world.lost || (paused && !view.follows)) return;
+  if (hand || world.lost || (paused && !view.follows && world.played < 0)) return;
   view.box = view.box.map((v, i) => {
     const grows = i < 2 ? goal[i] < v : goal[i] > v;
     return v + (goal[i] - v) * (1 - Math.exp(-passed / (grows ? 0.15 : 2.5)));
@@ -951,6 +951,7 @@ function tick(seconds) {
   draw(seconds);
   view.follows = false;
   tell();
+  describe();
   show();
 }
 
