@@ -49,3 +49,12 @@ def test_the_tip_reaches_where_the_finger_can_rest(name):
     scene = scene.changed({"reference.tip": tip.tolist(), "controller.cost": weights})
     run = run_closed_loop(scene, controller=Controller(scene, deadline=math.inf))
     assert np.linalg.norm(run.tip[-1] - tip) < 0.01 * np.linalg.norm(tip - start)
+
+
+def test_a_loop_with_slack_cables_arrives_or_says_that_they_may_be_slack():
+    """Where no tendon is in tension a small change of a command has no effect."""
+    (feature,) = (one for one in FEATURES if one.name == "slack cables")
+    scene = scene_of(ControlScene, feature, {"duration": 1.0, "reference": {"tip": [-0.06, 0.16]}})
+    run = run_closed_loop(scene, controller=Controller(scene, deadline=math.inf))
+    off = np.linalg.norm(run.tip[-1] - run.r[-1, :2])
+    assert off < 1e-3 or any("slack" in text for text in run.warnings)

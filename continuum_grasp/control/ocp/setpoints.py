@@ -246,7 +246,8 @@ def missed_setpoints(
         if aim and off > limit and stood >= max(_STOOD, FINAL * t[-1]) * (1.0 - 1e-9):
             found.append(
                 f"{group.label}: {amount(off, group.unit)} off a setpoint that stood; likely cause: no posture that "
-                "inputs within their bounds hold is there, or something is in the way"
+                "inputs within their bounds hold is there, something is in the way, or tendons are slack, so that "
+                "commands have no effect (give drive.pretension)"
             )
     return tuple(found)
 
