@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import ctypes
-import gc
 import math
-import os
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +15,7 @@ from numpy.typing import ArrayLike
 from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments, positive, within
 from continuum_grasp.arrays import Array
+from continuum_grasp.closed_loop.real_time import HangsError, RealTime, alarm, no_collection, real_time, wait_until
 from continuum_grasp.closed_loop.wiring import wiring_of
 from continuum_grasp.control.arguments import vector
 from continuum_grasp.control.command import Command
@@ -47,24 +43,6 @@ class Driver(Protocol):
 
     def write(self, command: Command) -> object:
         """Send a command: its ``u``, and whatever else a bench wants of ``status`` and ``health``."""
-
-
-class RealTime(NamedTuple):
-    """Requests to the operating system while a loop runs.
-
-    Attributes
-    ----------
-    priority : int or None
-        Of the first-in-first-out scheduler, 1 to 99.
-    core : int or None
-        The core that the process keeps to.
-    lock_memory : bool
-        Whether no memory of the process is swapped out.
-    """
-
-    priority: int | None = None
-    core: int | None = None
-    lock_memory: bool = False
 
 
 @dataclass(frozen=True)
@@ -191,15 +169,15 @@ def run_hardware(
     loop = _Loop(controller, driver, _first(controller, start), soft_start, watchdog)
     error: BaseException | None = None
     with ExitStack() as stack:
-        granted = stack.enter_context(_real_time(realtime or RealTime()))
-        stack.enter_context(_no_collection())
-        loop.arm = stack.enter_context(_alarm(watchdog))
+        granted = stack.enter_context(real_time(realtime or RealTime()))
+        stack.enter_context(no_collection())
+        loop.arm = stack.enter_context(alarm(watchdog))
         try:
             loop.run(max(1, math.floor(duration / period + 1e-9)), spin)
         except BaseException as raised:
             error = raised
             of_user = isinstance(raised, KeyboardInterrupt)
-            loop.ended = "silent" if isinstance(raised, _HangsError) else "interrupted" if of_user else "failed"
+            loop.ended = "silent" if isinstance(raised, HangsError) else "interrupted" if of_user else "failed"
             loop.cause = str(raised) or type(raised).__name__
         if not (hold and loop.ended == "finished"):
             with interrupt.held(quietly=True):
@@ -231,10 +209,6 @@ def _first(controller: Controller, start: ArrayLike | Command | None) -> Array:
     return u
 
 
-class _HangsError(TimeoutError):
-    """The driver does not return."""
-
-
 class _Loop:
     """The cycles of one run, and what they recorded."""
 
@@ -264,7 +238,7 @@ class _Loop:
         cycle, late, heard = 0, False, start
         while cycle < cycles:
             release = start + cycle * period
-            began = _wait_until(release, spin)
+            began = wait_until(release, spin)
             measured = self._read()
             heard = began if measured is not None and np.isfinite(measured).any() else heard
             now = time.perf_counter()
@@ -355,82 +329,3 @@ class _Loop:
             health={kind.name.lower(): n for kind, n in zip(Health, self.health, strict=True)},
             realtime=granted,
         )
-
-
-def _wait_until(instant: float, spin: float) -> float:
-    """Sleep, then poll the clock; return the time at which the waiting ended."""
-    rest = instant - spin - time.perf_counter()
-    if rest > 0.0:
-        time.sleep(rest)
-    now = time.perf_counter()
-    while now < instant:
-        now = time.perf_counter()
-    return now
-
-
-@contextmanager
-def _no_collection() -> Iterator[None]:
-    was = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was:
-            gc.enable()
-
-
-@contextmanager
-def _alarm(watchdog: float) -> Iterator[Callable[[bool], object]]:
-    """Break off what hangs while it is armed, by a timer of the operating system where there is one."""
-    if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
-        yield lambda on: None
-        return
-
-    def hangs(*_: object) -> None:
-        raise _HangsError(f"the driver did not return within {watchdog:g} s")
-
-    before = signal.signal(signal.SIGALRM, hangs)
-    try:
-        yield lambda on: signal.setitimer(signal.ITIMER_REAL, watchdog if on else 0.0)
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
-
-
-@contextmanager
-def _real_time(asked: RealTime) -> Iterator[tuple[str, ...]]:
-    """Ask the operating system, say what it granted, and give it back."""
-    said, undo = list[str](), ExitStack()
-
-    def ask(what: str, wanted: bool, do: Any, back: Any) -> None:
-        if not wanted:
-            return
-        try:
-            before = do()
-            undo.callback(back, before)
-            said.append(f"{what}: granted")
-        except (OSError, AttributeError, ValueError) as error:
-            said.append(f"{what}: refused ({error})")
-
-    def priority() -> Any:
-        before = os.sched_getscheduler(0), os.sched_getparam(0)
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(asked.priority or 1))
-        return before
-
-    def core() -> Any:
-        before = os.sched_getaffinity(0)
-        os.sched_setaffinity(0, {asked.core or 0})
-        return before
-
-    def memory() -> Any:
-        library = ctypes.CDLL(None, use_errno=True)
-        if library.mlockall(3) != 0:  # MCL_CURRENT | MCL_FUTURE
-            raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
-        return library
-
-    ask(f"core {asked.core}", asked.core is not None, core, lambda was: os.sched_setaffinity(0, was))
-    ask("locked memory", asked.lock_memory, memory, lambda library: library.munlockall())
-    wanted = asked.priority is not None
-    ask(f"priority {asked.priority}", wanted, priority, lambda was: os.sched_setscheduler(0, *was))
-    with undo:
-        yield tuple(said)

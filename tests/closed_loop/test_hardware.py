@@ -12,9 +12,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from continuum_grasp.closed_loop import hardware
+from continuum_grasp.closed_loop import hardware, real_time
 from continuum_grasp.closed_loop.drivers import SerialBoard, SimulatedBench, line_of
-from continuum_grasp.closed_loop.hardware import RealTime, run_hardware
+from continuum_grasp.closed_loop.hardware import run_hardware
+from continuum_grasp.closed_loop.real_time import RealTime
 from continuum_grasp.control import Controller
 from continuum_grasp.control.status import Health, Status
 from continuum_grasp.errors import InputError, Interrupted
@@ -86,7 +87,8 @@ class Fake:
 @pytest.fixture
 def clock(monkeypatch):
     made = Clock()
-    monkeypatch.setattr(hardware, "time", made)
+    for module in (hardware, real_time):
+        monkeypatch.setattr(module, "time", made)
     return made
 
 
