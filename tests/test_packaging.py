@@ -10,6 +10,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).parents[1]
 ALWAYS = ("/pyproject.toml", "/LICENSE", "/.gitignore")
@@ -58,3 +59,14 @@ def test_version_is_the_same_everywhere():
     cited = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)[1]
     newest = re.search(r"^## ([\d.]+)", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)[1]
     assert cited == newest == version
+
+
+def test_the_conda_recipe_asks_for_the_same():
+    recipe = yaml.safe_load((ROOT / "packaging/conda/recipe.yaml").read_text(encoding="utf-8"))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    version = re.search(r'__version__ = "(.+)"', (ROOT / "continuum_grasp/__init__.py").read_text(encoding="utf-8"))[1]
+    assert recipe["context"] == {"version": version, "python_min": project["requires-python"].removeprefix(">=")}
+    asked = {text.replace(" ", "").replace("matplotlib-base", "matplotlib") for text in recipe["requirements"]["run"][1:]}
+    assert asked == set(project["dependencies"])
+    scripts = [f"{name} = {place}" for name, place in project["scripts"].items()]
+    assert recipe["build"]["python"]["entry_points"] == scripts

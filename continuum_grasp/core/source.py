@@ -6,7 +6,7 @@ Of lanes and plain functions, which controllers take, ``real`` is what they comp
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, lru_cache, reduce
 from importlib.resources import files
 from typing import Any
@@ -112,22 +112,29 @@ def _names(function: ca.Function) -> dict[str, object]:
 
 def generated(name: str, *functions: ca.Function) -> str:
     """CasADi's C of functions, which are its symbols; ``name`` stands before those of its own help functions."""
-    # static_aux: CasADi's help functions are static, so that several generated sources link.
-    options = {"with_header": False, "with_export": False, "static_aux": True, "with_mem": False}
-    generator = ca.CodeGenerator(f"{name}.c", options)
-    for function in functions:
-        generator.add(function)
     # The type of lanes is that of the source, which ``single`` may change.
     prelude = f"#ifndef CG_LANES\n{lane_prelude('casadi_real')}\n#endif\n"
-    return with_loops(str(generator.dump()), _fill, prelude)
+    return with_loops(str(generator_of(name, functions, with_export=False).dump()), _fill, prelude)
+
+
+_STATIC_AUX = tuple(map(int, ca.CasadiMeta.version().split(".")[:2])) >= (3, 8)
+"""Whether CasADi's generator has the option."""
 
 
 def externals_source(functions: Sequence[ca.Function]) -> str:
     """CasADi's C of functions, as ``casadi.external`` takes it from a library."""
-    generator = ca.CodeGenerator("functions.c", {"with_mem": False, "static_aux": True})
+    return str(generator_of("functions", functions).dump())
+
+
+def generator_of(name: str, functions: Iterable[ca.Function], **options: bool) -> ca.CodeGenerator:
+    """CasADi's writer of C for functions. Sources of several names link: help functions are static (from CasADi 3.8 on)
+    or have the name before theirs.
+    """
+    aside = {"static_aux": True} if _STATIC_AUX else {}
+    generator = ca.CodeGenerator(f"{name}.c", {"with_mem": False, **aside, **options})
     for function in functions:
         generator.add(function)
-    return str(generator.dump())
+    return generator
 
 
 _STRAIGHT = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)

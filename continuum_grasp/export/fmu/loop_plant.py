@@ -20,6 +20,7 @@ from continuum_grasp.closed_loop.plant import Sensors, choose_method
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
+from continuum_grasp.core.source import generator_of
 from continuum_grasp.export.fmu.variable import TIP, Unit, contact_variables, count, labeled
 from continuum_grasp.export.kernel import check_size
 from continuum_grasp.export.part import Code
@@ -128,13 +129,10 @@ def _words(model: PlantModel, sensors: Sensors, step: float, named: Sequence[ca.
 
 def _generated(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
     """CasADi's C of functions, and its header; InputError where one is too large, OSError where the disk is full."""
-    generator = ca.CodeGenerator(
-        f"{name}.c", {"with_header": True, "with_export": False, "static_aux": True, "with_mem": False}
-    )
     for function in functions:
         for part in (function, *function.find_functions()):
             check_size(part.name(), part.n_instructions() if part.is_a("SXFunction") else 0, _MOST_INSTRUCTIONS)
-        generator.add(function)
+    generator = generator_of(name, functions, with_header=True, with_export=False)
     with tempfile.TemporaryDirectory() as folder:
         generator.generate(f"{folder}/")
         source, header = ((Path(folder) / f"{name}.{suffix}").read_text() for suffix in ("c", "h"))
