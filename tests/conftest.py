@@ -7,6 +7,10 @@ import shutil
 import sys
 import time
 
+import casadi as ca
+import pytest
+
+from continuum_grasp.errors import InputError
 from tests.tiers import (  # noqa: F401 - hooks of pytest, found here by their names
     pytest_addoption,
     pytest_collection_modifyitems,
@@ -44,3 +48,14 @@ def pytest_configure(config):
     for entry in (folder / "compiled").glob("*.*"):
         if entry.stat().st_mtime < oldest:
             entry.unlink(missing_ok=True)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call(pyfuncitem):
+    """Tests that need a solver which an older CasADi does not have are skipped there."""
+    try:
+        return (yield)
+    except InputError as error:
+        if "needs PIQP" in str(error) and not ca.has_conic("piqp"):
+            pytest.skip(str(error))
+        raise

@@ -66,7 +66,9 @@ def test_the_conda_recipe_asks_for_the_same():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     version = re.search(r'__version__ = "(.+)"', (ROOT / "continuum_grasp/__init__.py").read_text(encoding="utf-8"))[1]
     assert recipe["context"] == {"version": version, "python_min": project["requires-python"].removeprefix(">=")}
-    asked = {text.replace(" ", "").replace("matplotlib-base", "matplotlib") for text in recipe["requirements"]["run"][1:]}
+    asked = {
+        text.replace(" ", "").replace("matplotlib-base", "matplotlib") for text in recipe["requirements"]["run"][1:]
+    }
     assert asked == set(project["dependencies"])
     scripts = [f"{name} = {place}" for name, place in project["scripts"].items()]
     assert recipe["build"]["python"]["entry_points"] == scripts

@@ -141,6 +141,10 @@ _STRAIGHT = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\
 """Name and body of a straight-line function in what CasADi writes."""
 
 
+_HELP_ENDS = re.compile(r"^/\* (?:Configuration this file was compiled with|\w+:)", re.MULTILINE)
+"""Head of what CasADi writes behind its help functions; the first is written from CasADi 3.8 on."""
+
+
 def plain_source(name: str, functions: Sequence[ca.Function], real: str = "double") -> str:
     """C of straight-line functions and of calls of such functions, and of nothing else that CasADi writes around them.
 
@@ -148,7 +152,7 @@ def plain_source(name: str, functions: Sequence[ca.Function], real: str = "doubl
     straight-line function that is null on, nothing is computed. ``name`` stands before the names of help functions.
     """
     code = generated(name, *straight_functions(functions))
-    begin, _, _ = code.partition("/* Configuration this file was compiled with */")
+    begin = _HELP_ENDS.split(code, 1)[0]
     arguments = "(const casadi_real *const arg[], casadi_real *const res[])"
     bodies = [f"static int {f}{arguments}\n{{{_until_null(body)}}}\n" for f, body in _STRAIGHT.findall(code)]
     bodies += [calls_source(f, "casadi_real", repr) for f in functions if not f.is_a("SXFunction")]

@@ -22,6 +22,7 @@ from continuum_grasp import interrupt
 from continuum_grasp.arrays import Array
 from continuum_grasp.nlp import Attempt, Budget, Multipliers, Status
 from continuum_grasp.nlp.optimality import optimality_error
+from continuum_grasp.nlp.sqp import qp_solver
 from continuum_grasp.planning.problem import PlanProblem
 
 _FIRST_RADIUS, _LARGEST, _SMALLEST = 1.0, 1e3, 1e-9
@@ -224,7 +225,7 @@ class _Model:
         lbx = np.concatenate([np.maximum(start.low[problem._free] - x, -radius), np.zeros(2 * m)])
         ubx = np.concatenate([np.minimum(start.high[problem._free] - x, radius), np.full(2 * m, np.inf)])
         h, c = ca.DM(square), ca.DM(a)
-        solver = ca.conic("qp", "piqp", {"h": h.sparsity(), "a": c.sparsity()}, {"error_on_fail": False})
+        solver = ca.conic("qp", qp_solver("method"), {"h": h.sparsity(), "a": c.sparsity()}, {"error_on_fail": False})
         found = solver(h=h, g=linear, a=c, lba=(low - rows)[near], uba=(high - rows)[near], lbx=lbx, ubx=ubx)
         step = np.clip(np.array(found["x"]).ravel()[:n], lbx[:n], ubx[:n])
         ends = rows + self.slope @ step

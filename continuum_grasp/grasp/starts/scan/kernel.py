@@ -16,6 +16,7 @@ import numpy as np
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, find_compiler
+from continuum_grasp.nlp.sqp import qp_solver
 
 
 def library() -> ctypes.CDLL | None:
@@ -97,7 +98,7 @@ def _by_library(size: int, height: int) -> ca.Function:
     squares, rows = ca.diag(ca.DM([_RIGID] * size + [1.0] * height)), ca.horzcat(across.T, -ca.MX.eye(height))
     free = [np.inf] * height
     options: dict[str, Any] = {"error_on_fail": False, "piqp": {"eps_abs": 1e-11, "eps_rel": 1e-11}}
-    solver = ca.conic("squares", "piqp", {"h": squares.sparsity(), "a": rows.sparsity()}, options)
+    solver = ca.conic("squares", qp_solver(None), {"h": squares.sparsity(), "a": rows.sparsity()}, options)
     found = solver(
         h=squares,
         g=ca.vertcat(weight, ca.MX(height, 1)),
