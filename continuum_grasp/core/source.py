@@ -114,35 +114,37 @@ def generated(name: str, *functions: ca.Function) -> str:
     """CasADi's C of functions, which are its symbols; ``name`` stands before those of its own help functions."""
     # The type of lanes is that of the source, which ``single`` may change.
     prelude = f"#ifndef CG_LANES\n{lane_prelude('casadi_real')}\n#endif\n"
-    return with_loops(str(generator_of(name, functions, with_export=False).dump()), _fill, prelude)
-
-
-_STATIC_AUX = tuple(map(int, ca.CasadiMeta.version().split(".")[:2])) >= (3, 8)
-"""Whether CasADi's generator has the option."""
+    return with_loops(with_static_help(str(generator_of(name, functions, with_export=False).dump())), _fill, prelude)
 
 
 def externals_source(functions: Sequence[ca.Function]) -> str:
     """CasADi's C of functions, as ``casadi.external`` takes it from a library."""
-    return str(generator_of("functions", functions).dump())
+    return with_static_help(str(generator_of("functions", functions).dump()))
 
 
 def generator_of(name: str, functions: Iterable[ca.Function], **options: bool) -> ca.CodeGenerator:
-    """CasADi's writer of C for functions. Sources of several names link: help functions are static (from CasADi 3.8 on)
-    or have the name before theirs.
-    """
-    aside = {"static_aux": True} if _STATIC_AUX else {}
-    generator = ca.CodeGenerator(f"{name}.c", {"with_mem": False, **aside, **options})
+    """CasADi's writer of C for functions."""
+    generator = ca.CodeGenerator(f"{name}.c", {"with_mem": False, **options})
     for function in functions:
         generator.add(function)
     return generator
+
+
+def with_static_help(code: str) -> str:
+    """CasADi's C whose help functions are static, so that several sources link; its own option is not in CasADi 3.7."""
+    return _HELP.sub(r"static \g<0>", code)
+
+
+_HELP = re.compile(r"^(?:void|casadi_int|casadi_real) casadi_\w+\(", re.MULTILINE)
+"""Head of a help function."""
 
 
 _STRAIGHT = re.compile(r"^/\* (\w+):[^\n]*\*/\nstatic int \w+\([^)]*\) \{(.*?)^\}\n", re.MULTILINE | re.DOTALL)
 """Name and body of a straight-line function in what CasADi writes."""
 
 
-_HELP_ENDS = re.compile(r"^/\* (?:Configuration this file was compiled with|\w+:)", re.MULTILINE)
-"""Head of what CasADi writes behind its help functions; the first is written from CasADi 3.8 on."""
+_HELP_ENDS = re.compile(r"^(?:/\* Configuration this file|static const casadi_int|/\* \w+:)", re.MULTILINE)
+"""Head of what CasADi writes behind its help functions: the first from 3.8 on, sparsities, the first function."""
 
 
 def plain_source(name: str, functions: Sequence[ca.Function], real: str = "double") -> str:

@@ -15,7 +15,7 @@ import pytest
 from continuum_grasp.core import compiler
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, longest_function, translation_units
-from continuum_grasp.core.source import batch_source, generated, generator_of, rollout_source
+from continuum_grasp.core.source import batch_source, externals_source, generated, rollout_source
 
 needs_compiler = pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
 
@@ -72,8 +72,8 @@ def test_each_function_has_the_level_of_its_own_length(command, levels, monkeypa
         pytest.skip(f"no {command}")
     monkeypatch.setenv("CC", command)
     monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
-    generator = generator_of("both", [chain(20, "brief"), chain(400, "long_one"), chain(30, "after")])
-    library = ctypes.CDLL(str(library_for(generator.dump(), find_compiler())))
+    code = externals_source([chain(20, "brief"), chain(400, "long_one"), chain(30, "after")])
+    library = ctypes.CDLL(str(library_for(code, find_compiler())))
     assert sorted(level for _, level in levels) == ["-O1", "-O3"]
     assert all((level == "-O3") == (lines <= 300) for lines, level in levels)
     x = np.array([0.4, -0.7])

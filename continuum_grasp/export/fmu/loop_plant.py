@@ -20,7 +20,7 @@ from continuum_grasp.closed_loop.plant import Sensors, choose_method
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.integrators import step_function
-from continuum_grasp.core.source import generator_of
+from continuum_grasp.core.source import generator_of, with_static_help
 from continuum_grasp.export.fmu.variable import TIP, Unit, contact_variables, count, labeled
 from continuum_grasp.export.kernel import check_size
 from continuum_grasp.export.part import Code
@@ -139,4 +139,4 @@ def _generated(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
     # CasADi writes to files alone, and reports nothing where the disk is full.
     if not (source.endswith("#endif\n") and header.endswith("#endif\n")):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), folder)
-    return source, header
+    return with_static_help(source), header
