@@ -84,6 +84,8 @@ class Start:
     patience : int or None
         How many iterations may leave a violation as it is, until it is half of what it was; then the run ends with the
         outcome ``Stalled``. None: any number.
+    standstill : int or None
+        How many iterations in a row may leave a violation the same to 0.1 %, after which the run ends likewise.
     known : sequence of (n,) ndarray
         Solutions: a run that comes to one of them ends with the outcome ``Known``.
     """
@@ -98,6 +100,7 @@ class Start:
     barrier: float | None = None
     option_set: OptionSet = OptionSet.DEFAULT
     patience: int | None = None
+    standstill: int | None = None
     known: Sequence[Array] = ()
 
     @property

@@ -37,8 +37,10 @@ _STATUS = {
     KNOWN: Status.STOPPED,
 }
 """CasADi's solvers share these names but the last two."""
-_VIOLATED, _SAME = 1e-3, 0.03
-"""Violation from which on a run may lose its patience, and relative change of one that stays as it is."""
+_VIOLATED, _SAME, _STILL = 1e-3, 0.03, 1e-3
+"""Violation from which on a run may lose its patience, and relative changes of one that stays as it is, and of one that
+stands still: where steps become so short, IPOPT is at a point that violates least nearby, or about to restore
+feasibility."""
 _UNKNOWNS, _CONSTRAINTS = 0, 2
 """Places of unknowns and constraints among what CasADi passes to a callback, in the order of its outputs."""
 _ACCEPTABLE = 100.0
@@ -207,8 +209,8 @@ class _Stop(ca.Callback):
     def begin(self, start: Start, until: Budget) -> None:
         """Count from zero."""
         self.start, self.until, self.calls = start, until, 0
-        # Iterations without a change since the violation was so much, and the violation before.
-        self._idle, self._mark, self._last = 0, np.inf, np.inf
+        # Iterations without a change since the violation was so much, those in a row, and the violation before.
+        self._idle, self._mark, self._still, self._last = 0, np.inf, 0, np.inf
         self.outcome = ""  # where a start ends it
         self._known = np.array(start.known).reshape(-1, start.x.size)
 
@@ -224,19 +226,21 @@ class _Stop(ca.Callback):
     def eval_buffer(self, point: Any, stop: Any) -> int:
         self.calls += 1
         self.until.left -= 1
-        if self.start.patience is not None:
+        if self.start.patience is not None or self.start.standstill is not None:
             g = np.frombuffer(point[_CONSTRAINTS])
             violation = float(np.maximum(self.start.lower - g, g - self.start.upper).max(initial=0.0))
-            self.outcome = STALLED if self._stalls(violation, self.start.patience) else ""
+            self.outcome = STALLED if self._stalls(violation) else ""
         if self._known.size and (np.abs(np.frombuffer(point[_UNKNOWNS]) - self._known) < CLOSE).all(axis=1).any():
             self.outcome = KNOWN
         np.frombuffer(stop[0])[0] = interrupt.pressed() or self.until.over or bool(self.outcome)
         return 0
 
-    def _stalls(self, violation: float, patience: int) -> bool:
+    def _stalls(self, violation: float) -> bool:
+        change, last, self._last = abs(violation - self._last), self._last, violation
+        self._still = self._still + 1 if change < _STILL * last else 0
         if violation < 0.5 * self._mark:
             self._idle, self._mark = 0, violation
-        elif abs(violation - self._last) < _SAME * self._last:
+        elif change < _SAME * last:
             self._idle += 1
-        self._last = violation
-        return self._idle >= patience and violation > _VIOLATED
+        counts = (self._idle, self.start.patience), (self._still, self.start.standstill)
+        return violation > _VIOLATED and any(most is not None and count >= most for count, most in counts)

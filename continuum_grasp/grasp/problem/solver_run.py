@@ -112,7 +112,7 @@ class GraspSolverRun:
         parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features``, by default those of the
         start, beyond whose ends they go on while that is better; if ``smoothed``, circles stand for blunt corners
         first. The unknowns begin with ``x0``. Further run-time ``numbers`` go to the problem. Unknowns ``pinned`` stay
-        at their values, but for NaN. ``patience`` is that of `nlp.Start`; a run that comes to a ``known`` attempt
+        at their values, but for NaN. ``patience`` and ``standstill`` are those of `nlp.Start`; a run that comes to a ``known`` attempt
         returns that, and with an objective above ``enough`` guarded places are not moved any more.
 
         Raises
@@ -212,6 +212,7 @@ class GraspSolverRun:
         numbers: Mapping[str, Any] | None = None,
         pinned: Mapping[str, ArrayLike] | None = None,
         patience: int | None = None,
+        standstill: int | None = None,
         known: Sequence[Attempt] = (),
         enough: float = np.inf,
     ) -> Attempt:
@@ -241,9 +242,9 @@ class GraspSolverRun:
         x = np.clip(x, low, high)
         look = self._look(scene, values)
         begin = look(x, problem.numbers.pack(values, 0.0))[1]
-        first = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options, patience=patience)
         alike = [one for one in known if one.features == features and _parts(one.start) == _parts(start)]
-        first = replace(first, known=[one.x for one in alike])
+        ends = {"patience": patience, "standstill": standstill, "known": [one.x for one in alike]}
+        first = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options, **ends)
         with budget.share(iterations) as part:
             last, last_numbers = solve_clear(solve, self.nlp, first, look, allowed_depth(scene), part, cap, enough)
         last = replace(last, seconds=time.perf_counter() - began)
