@@ -153,16 +153,35 @@ def test_three_iterations_that_leave_the_violation_are_too_many_until_it_is_halv
     problem, start, _ = problem_71()
     stop = _Stop(problem)
     stop.begin(replace(start, patience=3), Budget())
-    assert [stop._stalls(violation, 3) for violation in violations][-1] is stalls
+    assert [stop._stalls(violation) for violation in violations][-1] is stalls
 
 
-def test_patience_ends_what_has_no_solution_early():
+@pytest.mark.parametrize(
+    ("violations", "stalls"),
+    [
+        ([1.0] * 2, False),
+        ([1.0] * 3, True),
+        ([1.0, 0.9991, 0.9982], True),
+        ([1.0, 0.9989, 0.9978], False),
+        ([1.0, 1.0, 0.9, 0.9], False),
+        ([0.99e-3] * 9, False),
+    ],
+)
+def test_a_violation_stands_still_where_two_iterations_in_a_row_change_it_by_less_than_a_thousandth(violations, stalls):
+    problem, start, _ = problem_71()
+    stop = _Stop(problem)
+    stop.begin(replace(start, standstill=2), Budget())
+    assert [stop._stalls(violation) for violation in violations][-1] is stalls
+
+
+@pytest.mark.parametrize("ends", [{"patience": 3}, {"standstill": 3}])
+def test_what_has_no_solution_ends_early(ends):
     problem, start, expected = problem_71()
     none = replace(start, lower=np.array([25.0, 200.0]), upper=np.array([INF, 200.0]))
-    found, ended = (solved("ipopt", problem, replace(none, patience=patience)) for patience in (None, 3))
+    found, ended = solved("ipopt", problem, none), solved("ipopt", problem, replace(none, **ends))
     assert (ended.status, ended.outcome) == (Status.STOPPED, "Stalled")
     assert ended.iterations < found.iterations
-    assert_allclose(solved("ipopt", problem, replace(start, patience=3)).x, expected, atol=1e-5)
+    assert_allclose(solved("ipopt", problem, replace(start, **ends)).x, expected, atol=1e-5)
 
 
 @pytest.mark.parametrize(("aside", "outcome"), [(0.0, "Known"), (0.9e-3, "Known"), (1.1e-3, "Solve_Succeeded")])
