@@ -241,8 +241,7 @@ class GraspSolverRun:
         began = time.perf_counter()
         x = np.clip(x, low, high)
         look = self._look(scene, values)
-        # What is far from a solution leaves the places that a look finds there.
-        begin = look(x, problem.numbers.pack(values, 0.0), x0 is not None)[1]
+        begin = look(x, problem.numbers.pack(values, 0.0))[1]
         alike = [one for one in known if one.features == features and _parts(one.start) == _parts(start)]
         ends = {"patience": patience, "standstill": standstill, "known": [one.x for one in alike]}
         first = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options, **ends)
@@ -262,11 +261,11 @@ class GraspSolverRun:
         none, violation = nlp.Multipliers(np.zeros(start.x.size), np.zeros(g.size)), start.violation(start.x, g)
         return nlp.Attempt(nlp.Status.FAILED, OVERDETERMINED, start.x, g, 0.0, none, 0, 0.0, violation, np.inf)
 
-    def _look(self, scene: GraspScene, values: dict[str, Any]) -> Callable[..., tuple[float, Array]]:
+    def _look(self, scene: GraspScene, values: dict[str, Any]) -> Callable[[Array, Array], tuple[float, Array]]:
         """Depth of fingers at a point, and ``values`` as numbers with the guarded places and circles of it."""
 
-        def look(x: Array, numbers: Array, refined: bool = True) -> tuple[float, Array]:
-            sight = self.near.look(scene, x, numbers, refined=refined)
+        def look(x: Array, numbers: Array) -> tuple[float, Array]:
+            sight = self.near.look(scene, x, numbers)
             return sight.deepest, self.problem.numbers.pack({**values, **sight.numbers})
 
         return look

@@ -79,24 +79,16 @@ class Surroundings:
     def __init__(self, problem: Layout, places: ca.Function) -> None:
         self._problem, self._places = problem, places
 
-    def look(
-        self,
-        scene: GraspScene,
-        x: Array,
-        numbers: Array,
-        probes: Mapping[str, Array] | None = None,
-        refined: bool = True,
-    ) -> Sight:
+    def look(self, scene: GraspScene, x: Array, numbers: Array, probes: Mapping[str, Array] | None = None) -> Sight:
         """Look at a point of the search, given by unknowns and run-time numbers; what a look finds does not matter in
-        these. ``probes`` by finger, where given, are the guarded fractions of the elements in place of the deepest,
-        which are found to a part of the spacing of an even look if ``refined``.
+        these. ``probes`` by finger, where given, are the guarded fractions of the elements in place of the deepest.
         """
         units, sight = Units.of(scene), Sight()
         pose, *rest = (np.array(v) for v in self._places(x, numbers))
         pose, at = pose.ravel(), self._problem.x.at
         allowed = [float(x[at[f"relaxed clearance at the {name}"]][0]) for name in ("supports", "object")]
         traced = [
-            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, units, allowed, sight, numbers, probes, refined)
+            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, units, allowed, sight, numbers, probes)
             for k, setup in enumerate(scene.setups)
         ]
         for one, other in self._problem.spec.pairs:
@@ -120,7 +112,6 @@ class Surroundings:
         sight: Sight,
         numbers: Array,
         given: Mapping[str, Array] | None,
-        refined: bool,
     ) -> _Traced:
         """Look along one finger; supports and object may be ``allowed`` deep in it."""
         finger, name = self._problem.fingers[index], setup.name
@@ -148,10 +139,9 @@ class Surroundings:
         even = np.tile(np.arange(FINE + 1) / FINE, (finger.spec.elements, 1))
         dense = along(even)
         if given is None:
-            probes = _deepest(depth(dense, True), finger.spec.probes)
-            if refined:
-                before = numbers[self._problem.numbers.at[f"{name}.probes"]].reshape(probes.shape)
-                probes = _refined(lambda fractions: depth(along(fractions), False), probes, before)
+            picks = _deepest(depth(dense, True), finger.spec.probes)
+            before = numbers[self._problem.numbers.at[f"{name}.probes"]].reshape(picks.shape)
+            probes = _refined(lambda fractions: depth(along(fractions), False), picks, before)
         else:
             probes = given[name].reshape(finger.spec.elements, finger.spec.probes)
         at, owner, thick = along(probes)

@@ -98,13 +98,14 @@ class Repairs(Elastic):
                 starts[limit] = self.starts.alone(limit)
                 self._from(limit, starts[limit], FIRST)
         others = [limit for limit in starts if limit in self.bounding]
-        # From rough starts all limits are relaxed at once: where that gives no grasp, one alone gives none, but for
-        # those that are not relaxed as far beside others.
+        # From rough starts all limits are relaxed at once: where that gives no grasp, one alone gives none, but for a
+        # part of a limit, which is not relaxed as far beside others.
         rough = self.starts.rough if others else []
+        points = _least(self._all_from(self.numbered, rough[:FIRST]))
         for limit in others:
-            if math.isfinite(limit.most(self.scene)) and not limit.bounds_shape:
+            if math.isfinite(limit.most(self.scene)) and not limit.bounds_shape and (points or not limit.additive):
                 self._from(limit, rough, FIRST)
-        for point in [*_least(self._all_from(self.numbered, rough[:FIRST])), *_least(self.found.values())[:1]]:
+        for point in [*points, *_least(self.found.values())[:1]]:
             self._in_place_of(point, [limit for limit in others if (limit,) not in self.found])
         for limit in starts:
             if (limit,) in self.found and not settled(self.totals[limit,]):

@@ -16,7 +16,7 @@ from continuum_grasp.grasp.certificate.certificate import certify_reached
 from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.problem.values import contact_features
-from continuum_grasp.grasp.search import FIRST_CAP, Search
+from continuum_grasp.grasp.search import FIRST_CAP, STANDSTILL, Search
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.values import SAME
 from continuum_grasp.scene.grasp import GraspScene
@@ -24,9 +24,6 @@ from continuum_grasp.scene.grasp_options import Robust
 
 AGREEING = 3
 """Number of starts that end at the same point, or elsewhere after the least, before no more are tried."""
-STANDSTILL = 3
-"""Iterations in a row that leave a violation as it is, after which limits that are relaxed give no grasp: of 430 runs
-(26 scenes) that ends 8 of 183 that do give one, and saves two thirds of the iterations of the others."""
 STEPS, HALVINGS = (0.01, 0.04, 0.16, 0.64), 2
 """Usual amounts by which a limit is relaxed further until a grasp holds for all errors and friction states, and how
 often the last interval is halved.
@@ -84,9 +81,10 @@ class Elastic:
         known = {} if begin is None else begin.parts
         usual = {limit: limit.start(scene) for limit in limits}
         relaxed = [(limit, most * known.get(limit, 1.0 if begin is None else 0.0)) for limit, most in usual.items()]
-        x0 = None if begin is None else begin.attempt.x
-        options = {"rung": 2, "iterations": FIRST_CAP, "standstill": STANDSTILL, "relaxed": relaxed, "x0": x0, **options}
-        attempt = solver.run(scene, start, search.budget, smoothed=begin is None, **options)
+        x0, first = (None if begin is None else begin.attempt.x), begin is None
+        options |= {"rung": 2 if first else 1, "standstill": STANDSTILL, "iterations": FIRST_CAP}
+        options |= {"relaxed": relaxed, "x0": x0}
+        attempt = solver.run(scene, start, search.budget, smoothed=first, **options)
         if attempt.violations and attempt.features != contact_features(scene, start.contacts):
             # A limit may be relaxed far enough for some corner where the circles led to none.
             attempt = solver.run(scene, start, search.budget, **options)

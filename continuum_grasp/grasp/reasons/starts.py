@@ -10,7 +10,7 @@ from typing import Any
 
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
-from continuum_grasp.grasp.search import BENT, HELD, Search
+from continuum_grasp.grasp.search import BENT, HELD, UNLIKELY, Search
 from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.tried import branch_of
@@ -105,9 +105,9 @@ class Starts:
         most = NEARLY_BALANCED if all(setup.elements <= 2 for setup in self._scene.setups) else BENT
 
         def enough(start: Start) -> float:
-            # Behind the last contact a finger is as its tendons bend it, and its imbalance says little.
+            # Behind the last contact a finger is as its tendons bend it, and a small imbalance says little.
             if not tips <= start.contacts.keys():
-                return math.inf
+                return UNLIKELY
             alike = (one.start for one in search.basins if one.start.contacts.keys() == start.contacts.keys())
             known = min((one.imbalance for one in alike), default=math.inf)
             return min(most, max(NEARER * known, NONE))
