@@ -24,13 +24,11 @@ import casadi as ca
 from continuum_grasp.model.memory import IN_MOTION, clipped, direction
 from continuum_grasp.model.parameters import Parameters
 from continuum_grasp.model.planar import Scalar
-from continuum_grasp.scene.drives import LengthDrive, MotorDrive, WinchDrive
+from continuum_grasp.scene.drives import SOFT, LengthDrive, MotorDrive, WinchDrive
 from continuum_grasp.scene.tendons import Tendon
 
 SLOW = 0.05
 """Angular velocity below which dry friction without a memory is rounded off [rad/s]: 0.4 mm/s on a drum of 8 mm."""
-SOFT = 20e-6
-"""Half the length in which a tendon goes from slack to taut [m]: 0.4 N of a cable of 20 N/mm."""
 
 _LOOSE = 1e-6
 """Share of a gear's stiffness by which the drum is where it is within the play while no tendon pulls [1]."""

@@ -17,12 +17,10 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.friction import TendonFriction, cell_nodes, friction_of
 from continuum_grasp.grasp.shape import FingerShape
-from continuum_grasp.scene.drives import MotorDrive
+from continuum_grasp.scene.drives import SOFT, MotorDrive
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.grasp_drive import DriveLaw
 
-SOFT = 20e-6
-"""Half the length in which a tendon goes from slack to taut [m]: that of the law that is verified."""
 TAUT = 1e-6
 """Tension above which a tendon counts as taut, per greatest tension."""
 

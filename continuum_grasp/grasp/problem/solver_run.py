@@ -112,8 +112,8 @@ class GraspSolverRun:
         parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features``, by default those of the
         start, beyond whose ends they go on while that is better; if ``smoothed``, circles stand for blunt corners
         first. The unknowns begin with ``x0``. Further run-time ``numbers`` go to the problem. Unknowns ``pinned`` stay
-        at their values, but for NaN. ``patience`` and ``standstill`` are those of `nlp.Start`; a run that comes to a ``known`` attempt
-        returns that, and with an objective above ``enough`` guarded places are not moved any more.
+        at their values, but for NaN. ``patience`` and ``standstill`` are as of `nlp.Start`; a run that comes to a
+        ``known`` attempt returns that, and with an objective above ``enough`` guarded places are not moved any more.
 
         Raises
         ------

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.grasp.certificate.drives import SOFT, StoredFinger
+from continuum_grasp.grasp.certificate.drives import StoredFinger
 from continuum_grasp.grasp.problem.curves import curve_numbers
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
 from continuum_grasp.grasp.problem.structure import inner_masses
@@ -20,6 +20,7 @@ from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.offset_polygon import SHARP
 from continuum_grasp.model.surfaces.surface import Feature
+from continuum_grasp.scene.drives import SOFT
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import PlanarGravity
 from continuum_grasp.scene.objects.body import Freedom, Pose, pose_bounds

@@ -78,13 +78,11 @@ class Elastic:
         if search.budget.over:
             return None
         solver = search.solver(start)
-        known = {} if begin is None else begin.parts
+        known, x0, rung = ({}, None, 2) if begin is None else (begin.parts, begin.attempt.x, 1)
         usual = {limit: limit.start(scene) for limit in limits}
         relaxed = [(limit, most * known.get(limit, 1.0 if begin is None else 0.0)) for limit, most in usual.items()]
-        x0, first = (None if begin is None else begin.attempt.x), begin is None
-        options |= {"rung": 2 if first else 1, "standstill": STANDSTILL, "iterations": FIRST_CAP}
-        options |= {"relaxed": relaxed, "x0": x0}
-        attempt = solver.run(scene, start, search.budget, smoothed=first, **options)
+        options |= {"rung": rung, "iterations": FIRST_CAP, "standstill": STANDSTILL, "relaxed": relaxed, "x0": x0}
+        attempt = solver.run(scene, start, search.budget, smoothed=begin is None, **options)
         if attempt.violations and attempt.features != contact_features(scene, start.contacts):
             # A limit may be relaxed far enough for some corner where the circles led to none.
             attempt = solver.run(scene, start, search.budget, **options)
