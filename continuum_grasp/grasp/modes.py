@@ -13,8 +13,7 @@ from continuum_grasp.scene.simulate import Fidelity
 from continuum_grasp.scene.supports import Switch
 
 MOST = 64
-"""Sets of contacts that are tried, those with the most contacts first:
-all choices of six contacts."""
+"""Sets of contacts that are tried, those with the most contacts first: all choices of six contacts."""
 _CHOICES = {"on": (True,), "off": (False,), "auto": (True, False)}
 
 

@@ -30,11 +30,12 @@ HELD, HELD_STILL = 3, "held still"
 """Grasps from which another scene starts, such as one with stations: of nearby branches another may be best for it; as
 many starts, nearest to their constraints, where few elements hold nothing, and for all limits relaxed at once. Label of
 starts where object and bases were held that may move."""
-EXCHANGE_CAP, FIRST_CAP = 25, 80
-"""Iterations of an exchange of fingers, and of a rough start, also with limits relaxed, where 98 % of those that give a
-grasp take fewer (50 scenes): from good starts IPOPT needs a median of 12 and 17 at the 95th percentile (400 random
-scenes), at most 76 of 36 random ones of several fingers. Beyond 100, of exchanges beyond 25, rounding decides where it
-ends, which then differs between a scene and its mirror image."""
+EXCHANGE_CAP, ITERATION_CAP, FIRST_CAP = 25, 40, 80
+"""Iterations of an exchange of fingers, of a rough start once there is a grasp, and before or with limits relaxed,
+where 98 % of the starts that give a grasp take fewer (50 scenes): from good starts IPOPT needs a median of 12 and 17 at
+the 95th percentile (400 random scenes), at most 52 from the best of shipped scenes and 76 of 36 random ones of several
+fingers. Beyond 100, of exchanges beyond 25, rounding decides where it ends, which then differs between a scene and its
+mirror image."""
 PRUNE_FACTOR = 1.5
 """Estimated tension, per that of the best grasp, up to which a start is worth trying: the estimates are no
 bounds, and those of rough starts are off by tens of percent."""
@@ -46,14 +47,15 @@ the median, so that all basins are solved."""
 COARSE = 4
 """Elements with which grasps of fingers with more are found first. From there 20 of 22 scenes with eight needed 5
 iterations in the median, and none was worse than from a scan of postures."""
-PATIENCE = 7
-"""Iterations that bring a start no nearer to its constraints, after which its run ends. Of 256 scenes (one finger, two,
-parts) none loses its best grasp, which one does with 5; a violation that must halve within 10 iterations, whatever it
+PATIENCE, IMPATIENT = 7, 4
+"""Iterations that bring a start no nearer to its constraints, after which its run ends, and where there is a grasp of
+one finger. Of 256 scenes (one finger, two, parts) none loses its best grasp, which one does with 5 before any grasp,
+and others with 3 thereafter, or with 4 for two fingers; a violation that must halve within 10 iterations, whatever it
 does meanwhile, loses one, too."""
-STANDSTILL, FIRST_STANDSTILL = 3, 2
-"""Iterations in a row that leave a violation the same, after which a run ends, and the first from a start. Of 447 such
-(33 scenes) none of the 33 that give a grasp does, and two thirds of the iterations of the others come thereafter; of
-430 with limits relaxed (26 scenes) 8 of the 183 that give one, and half of the iterations of the others."""
+STANDSTILL = 3
+"""Iterations in a row that leave a violation the same, after which a run ends: none of the 33 that give a grasp of 447
+(33 scenes), where 2 lose the best of another scene, and 8 of the 183 that do of 430 with limits relaxed (26 scenes),
+where it saves half of the iterations."""
 WORSE = 1.05
 """Objective, per the least there is, from which on guarded places are not moved any more: they only raise it."""
 SAME_BASIN = 5e-3
@@ -250,15 +252,9 @@ class Search:
 
     def _from_start(self, start: Start, rung: int, iterations: int | None = None) -> Tried | None:
         """Solve from a start and verify; what lost patience may be tried again."""
-        found = self.attempt(
-            start,
-            smoothed=True,
-            rung=rung,
-            iterations=iterations,
-            patience=PATIENCE,
-            standstill=FIRST_STANDSTILL,
-            enough=self._enough,
-        )
+        patience = IMPATIENT if self.best and len(self.scene.setups) == 1 else PATIENCE
+        ends: dict[str, Any] = {"patience": patience, "standstill": STANDSTILL, "enough": self._enough}
+        found = self.attempt(start, smoothed=True, rung=rung, iterations=iterations, **ends)
         if found is not None and found.attempt.outcome == STALLED:
             self._missed.append((found.attempt.badness, start, rung))
         return found
@@ -352,7 +348,8 @@ class Search:
     def _from_rough(self, modes: list[frozenset[str]]) -> None:
         """Solve from rough starts of modes, the best of each first, one of each branch where that tells where they end.
 
-        Once there is a grasp, starts that do not touch and those that look much worse are skipped.
+        Once there is a grasp, starts that do not touch and those that look much worse are skipped, and the others get
+        few iterations.
         """
         # From rough starts object and bases move farther than from where they were held.
         known = (tried.attempt.start for tried in self.good)
@@ -377,7 +374,7 @@ class Search:
                 basin = Basin(start, tried=True)
                 if not math.isnan(start.estimate):
                     self.basins.append(basin)
-                found = self._from_start(start, len(RUNGS) - 1, FIRST_CAP)
+                found = self._from_start(start, len(RUNGS) - 1, ITERATION_CAP if best else FIRST_CAP)
                 vain[contacts] = 0 if self.best is not best else vain[contacts] + 1
                 if found is not None and found in self.good:
                     held.add(branch)

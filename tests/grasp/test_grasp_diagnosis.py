@@ -210,7 +210,7 @@ def test_both_halves_of_a_pair_are_needed(seed):
     rows = random.uniform(0.1, 2.0, (6, len(names))) * (random.random((6, len(names))) < 0.6)
     rows[:, random.integers(len(names))] = random.uniform(0.1, 2.0, 6)
 
-    def relax(limits, start, begin=None, weights=None):
+    def relax(limits, begin, weights=None):
         cost = [(weights or {}).get(limit.name, 1.0) for limit in limits]
         found = linprog(cost, -rows[:, [names.index(limit) for limit in limits]], -np.ones(6))
         return (

@@ -85,8 +85,8 @@ def repaired(amount, most=1.0, other=None):
 def in_place(part):
     """Whether another limit is relaxed alone from a point at which a limit is still relaxed by a part."""
     mass, tried, repairs = next(one for one in RELAXATIONS if one.name == "mass"), [], Repairs(SCENE, searching())
-    repairs.relax = lambda limits, start, begin, weights: Repair({TENSION: part, mass: 0.5}, {}, Some(start=None))
-    repairs.attempt = lambda limits, start, begin: tried.append(limits)
+    repairs.relax = lambda limits, begin, weights: Repair({TENSION: part, mass: 0.5}, {}, Some(start=None))
+    repairs.attempt = lambda limits, begin: tried.append(limits)
     repairs._in_place_of(Repair({TENSION: 1.0}, {}, Some(start=None)), [mass])
     return tried == [(mass,)]
 
@@ -307,7 +307,7 @@ def rough_starts():
     """Starts that no scan gave from which all limits are relaxed, and those that the mass alone is relaxed from."""
     asked, repairs = [], Repairs(make_scene(), searching())
     repairs.starts = Some(alone=lambda *_: [], rough=[*range(9)])
-    repairs.relax = lambda limits, start, begin=None: asked.append((len(limits) > 1, start))
+    repairs.relax = lambda limits, start: asked.append((len(limits) > 1, start))
     repairs._alone([limit for limit in RELAXATIONS if limit.name in ("tension", "mass")])
     return [start for many, start in asked if many], [start for many, start in asked if not many]
 
@@ -335,7 +335,7 @@ def weights_of(part):
     weights, repairs = [], Repairs(SCENE, searching())
     point = Repair(dict.fromkeys(RELAXATIONS[:3], part), {}, Some(start=None))
 
-    def relax(limits, start, begin, weights=None, seen=weights):
+    def relax(limits, begin, weights=None, seen=weights):
         seen.extend([weights["tension"]] if weights else [])
         return point if weights else None
 

@@ -124,17 +124,14 @@ class Repairs(Elastic):
         weights = {one.name: 1.0 / FLOOR for one in known}
         if len(set(others) - set(known)) > 1:
             # Where none of them is relaxed though all may be, none is in the place of something.
-            every = self.relax(tuple(dict.fromkeys((*known, *others))), point.attempt.start, point, weights=weights)
+            every = self.relax(tuple(dict.fromkeys((*known, *others))), point, weights=weights)
             if every is not None and all(every.parts[one] < NONE for one in others if one not in known):
                 others = [one for one in others if one in known]
         for limit in others:
-            at, rest = point, [one for one in known if one is not limit]
-            if rest:
-                lighter = self.relax((*rest, limit), point.attempt.start, point, weights={**weights, limit.name: 1.0})
-                if lighter is None or any(lighter.parts[one] >= NONE for one in rest):
-                    continue
-                at = lighter
-            self.attempt((limit,), at.attempt.start, at)
+            rest = [one for one in known if one is not limit]
+            at = self.relax((*rest, limit), point, weights={**weights, limit.name: 1.0}) if rest else point
+            if at is not None and all(at.parts[one] < NONE for one in rest):
+                self.attempt((limit,), at)
 
     def _from(self, limit: Relaxation, starts: Iterable[Start], most: int) -> None:
         """Relax a limit as little as possible, from so many new starts until several agree."""
@@ -153,13 +150,13 @@ class Repairs(Elastic):
         for every in dict.fromkeys((self.numbered, self.bounding)):
             if self.explained:
                 return
-            points = [self.relax(every, seed.attempt.start, seed) for seed in seeds]
+            points = [self.relax(every, seed) for seed in seeds]
             seeds = _least(points or self._all_from(every, self.starts.together(every)))[:HELD]
             for limits, point in filter(None, map(self._few, seeds)):
                 # Each alone from there, too: of several limits none may be enough without the others.
-                last = self.attempt(limits, point.attempt.start, point) or point
+                last = self.attempt(limits, point) or point
                 for limit in limits if len(limits) > 1 else ():
-                    self.attempt((limit,), last.attempt.start, last)
+                    self.attempt((limit,), last)
 
     def _all_from(self, limits: Limits, starts: Iterable[Start]) -> list[Repair | None]:
         """Points with many limits relaxed from starts."""
@@ -176,11 +173,11 @@ class Repairs(Elastic):
             if len(needed) <= TOGETHER:
                 return tuple(needed), point
             weights = {limit.name: FLOOR / (FLOOR + part) for limit, part in parts.items()}
-            if count < REWEIGHTED and (lighter := self.relax(needed, point.attempt.start, point, weights=weights)):
+            if count < REWEIGHTED and (lighter := self.relax(needed, point, weights=weights)):
                 point = lighter
                 continue
             fewer = (
-                self.relax([limit for limit in needed if limit is not left], point.attempt.start, point)
+                self.relax([limit for limit in needed if limit is not left], point)
                 for left in sorted(needed, key=parts.__getitem__)
             )
             best = next((one for one in fewer if one is not None), None)

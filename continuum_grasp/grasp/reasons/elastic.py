@@ -54,9 +54,9 @@ class Elastic:
         self.found: dict[Limits, Repair] = {}
         self.totals: dict[Limits, list[float]] = {}  # of all starts, infinite where one gave no grasp
 
-    def attempt(self, limits: Limits, start: Start, begin: Repair | None = None) -> Repair | None:
-        """Relax limits as little as possible from a start, and retain the least amounts that are confirmed."""
-        repair = self.relax(limits, start, begin)
+    def attempt(self, limits: Limits, begin: Start | Repair) -> Repair | None:
+        """Relax limits as little as possible, and retain the least amounts that are confirmed."""
+        repair = self.relax(limits, begin)
         self.totals.setdefault(limits, []).append(math.inf if repair is None else repair.total)
         if repair is None:
             return None
@@ -68,21 +68,21 @@ class Elastic:
                 self.found[limits] = repair
         return repair
 
-    def relax(
-        self, limits: Sequence[Relaxation], start: Start, begin: Repair | None = None, **options: Any
-    ) -> Repair | None:
-        """Relax limits by the least sum of their parts of a usual amount, from a start or from a point with the same
-        start to ``begin`` with; None where that gives no grasp.
+    def relax(self, limits: Sequence[Relaxation], begin: Start | Repair, **options: Any) -> Repair | None:
+        """Relax limits by the least sum of their parts of a usual amount, from a start or where some are relaxed; None
+        where that gives no grasp.
         """
         scene, search = self.scene, self.search
         if search.budget.over:
             return None
-        solver = search.solver(start)
-        known, x0, rung = ({}, None, 2) if begin is None else (begin.parts, begin.attempt.x, 1)
-        usual = {limit: limit.start(scene) for limit in limits}
-        relaxed = [(limit, most * known.get(limit, 1.0 if begin is None else 0.0)) for limit, most in usual.items()]
+        if isinstance(begin, Repair):
+            start, parts, x0, rung = begin.attempt.start, begin.parts, begin.attempt.x, 1
+        else:
+            start, parts, x0, rung = begin, dict.fromkeys(limits, 1.0), None, 2
+        solver, usual = search.solver(start), {limit: limit.start(scene) for limit in limits}
+        relaxed = [(limit, most * parts.get(limit, 0.0)) for limit, most in usual.items()]
         options |= {"rung": rung, "iterations": FIRST_CAP, "standstill": STANDSTILL, "relaxed": relaxed, "x0": x0}
-        attempt = solver.run(scene, start, search.budget, smoothed=begin is None, **options)
+        attempt = solver.run(scene, start, search.budget, smoothed=x0 is None, **options)
         if attempt.violations and attempt.features != contact_features(scene, start.contacts):
             # A limit may be relaxed far enough for some corner where the circles led to none.
             attempt = solver.run(scene, start, search.budget, **options)
