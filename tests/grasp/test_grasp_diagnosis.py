@@ -11,6 +11,7 @@ import yaml
 from grasp_scenes import CONFIGS, PLANAR, UPRIGHT, WEIGHTLESS, make_scene
 from scipy.optimize import linprog
 
+from benchmarks.grasp_images import drawn, scene_of
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.scenes import DRAWN, UNASKED
 from benchmarks.grasp_oracle.search import Search
@@ -258,6 +259,16 @@ supports: {palm: {type: palm, point: [0, 0], normal_angle: 0}}
 contacts: {friction: 0.6, normal_force_max: 30, middle: auto, tip: on}
 gravity: {mode: out_of_plane, magnitude: 9.81, tilt: balance}
 """
+
+
+@pytest.mark.deep
+def test_limits_that_repair_nothing_cost_few_iterations():
+    """Runs that go on where violations stand still take 722 for the same mass."""
+    result = optimize_grasp(scene_of(drawn("one", 857), 4), raise_on_failure=False)
+    assert [(reason.name, reason.needed) for reason in result.reasons] == [
+        ("mass", pytest.approx(0.09378481, rel=1e-5))
+    ]
+    assert result.statistics["total_iterations"] < 500
 
 
 @pytest.mark.deep

@@ -243,7 +243,7 @@ class GraspSolverRun:
         look = self._look(scene, values)
         begin = look(x, problem.numbers.pack(values, 0.0))[1]
         alike = [one for one in known if one.features == features and _parts(one.start) == _parts(start)]
-        ends = {"patience": patience, "standstill": standstill, "known": [one.x for one in alike]}
+        ends: dict[str, Any] = {"patience": patience, "standstill": standstill, "known": [one.x for one in alike]}
         first = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options, **ends)
         with budget.share(iterations) as part:
             last, last_numbers = solve_clear(solve, self.nlp, first, look, allowed_depth(scene), part, cap, enough)
