@@ -53,8 +53,8 @@ one finger. Of 256 scenes (one finger, two, parts) none loses its best grasp, wh
 and others with 3 thereafter, or with 4 for two fingers; a violation that must halve within 10 iterations, whatever it
 does meanwhile, loses one, too."""
 STANDSTILL = 3
-"""Iterations in a row that leave a violation the same, after which a run ends: none of 33 that give a grasp (33 scenes),
-where 2 lose the best of another, and 8 of 183 with limits relaxed (26 scenes), in half of the iterations."""
+"""Iterations in a row that leave a violation the same, after which a run ends: of runs that give a grasp none of 33 (33
+scenes), where 2 lose the best of another, and with limits relaxed 8 of 183 (26 scenes), in half of the iterations."""
 WORSE = 1.05
 """Objective, per the least there is, from which on guarded places are not moved any more: they only raise it."""
 SAME_BASIN = 5e-3
