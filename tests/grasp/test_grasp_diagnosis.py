@@ -263,7 +263,7 @@ gravity: {mode: out_of_plane, magnitude: 9.81, tilt: balance}
 
 @pytest.mark.deep
 def test_limits_that_repair_nothing_cost_few_iterations():
-    """Runs that go on where violations stand still take 722 for the same mass."""
+    """Runs that do not end where violations stand still take 722 for the same mass."""
     result = optimize_grasp(scene_of(drawn("one", 857), 4), raise_on_failure=False)
     assert [(reason.name, reason.needed) for reason in result.reasons] == [
         ("mass", pytest.approx(0.09378481, rel=1e-5))
