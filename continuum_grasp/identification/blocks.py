@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.identification.data import UNIT_OF, Frequencies, Poses, Reading
+from continuum_grasp.identification.data import UNIT_OF, Frequencies, Poses, TipPath
 from continuum_grasp.identification.observation import at_rest, check_tensions
 from continuum_grasp.identification.rows import Resting, Rows, Shapes, symbols, with_slopes
 from continuum_grasp.identification.unknowns import Unknown
@@ -22,7 +22,7 @@ from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import poles
-from continuum_grasp.simulation.trajectory import backbones
+from continuum_grasp.simulation.trajectory import backbones, limit_warnings
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,24 @@ class Entry:
     place: float | None = None
     """Position along the finger [m] where it was measured; None: not along the finger."""
 
-    @classmethod
-    def of(cls, one: Reading, row: int, at: float, words: Sequence[str], fitted: bool, length: float) -> Entry:
-        """A reading in a row, at a row or an instant [s]; ``words`` are label, group and series."""
-        label, group, series = words
-        place = None if one.of_drive else length if one.at is None else one.at
-        known = UNIT_OF[one.quantity], float(np.asarray(one.values)[row]), fitted, one.sigma
-        return cls(label, group, *known, at, series, one.quantity, place)
+
+def entries_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], length: float) -> list[Entry]:
+    """Entries of what was measured of a finger of some length [m], row by row, or instant by instant; both are ``at``.
+
+    Readings without a known deviation share that of a kind.
+    """
+    found, moves = list[Entry](), isinstance(data, TipPath)
+    for row, (when, used) in enumerate(zip(at.tolist(), fitted.tolist(), strict=True)):
+        for one in data.readings:
+            what = one.what if moves else one.what.replace(" of ", " at ")
+            group = f"{one.kind} {'on paths' if moves else 'of poses'}"
+            if one.sigma is not None:
+                group = f"{data.name}: {one.kind if moves else what}"
+            place = None if one.of_drive else length if one.at is None else one.at
+            known = UNIT_OF[one.quantity], float(np.asarray(one.values)[row]), used, one.sigma
+            label = what + (f" at {when:g} s" if moves else f", row {row + 1}")
+            found.append(Entry(label, group, *known, when, what, one.quantity, place))
+    return found
 
 
 class Drawn(NamedTuple):
@@ -64,15 +75,19 @@ class Drawn(NamedTuple):
     over_time: bool = False
 
 
-DRAWN, _POINTS = 8, 60
+class Bent(NamedTuple):
+    """Shapes of a model in rows or at instants ``at`` (S,): coordinates, inputs and parameters (S, ...)."""
+
+    model: FingerModel
+    at: Array
+    q: Array
+    u: Array
+    p: Array
+    over_time: bool
+
+
+_DRAWN, _POINTS = 8, 60
 """Most backbones of a set of measurements that are drawn, and points of each [1]: more hide one another."""
-
-
-def drawn_backbones(model: FingerModel, at: Array, q: Array, u: Array, p: Array, *, over_time: bool = False) -> Drawn:
-    """Backbones of coordinates (S, n) and inputs (S, nu) with parameters (S, np)."""
-    core = Core(model, compiled=False)
-    lines = [backbones(core, q[k : k + 1], u[k : k + 1], _POINTS, p[k])[0] for k in range(len(at))]
-    return Drawn(at, np.array(lines), over_time)
 
 
 class Block:
@@ -106,13 +121,27 @@ class Block:
         """
         raise NotImplementedError
 
+    def bent(self, values: Array) -> Bent | None:
+        """Shapes behind the predictions; None where they are not drawn, nor warned of."""
+        return None
+
     def warnings(self, values: Array) -> tuple[str, ...]:
         """Warnings about shapes beyond the bending range or the strain limit."""
-        raise NotImplementedError
+        bent = self.bent(values)
+        if bent is None:
+            return ()
+        use = bent.model.range_use.map(len(bent.at))(bent.q.T, bent.u.T, bent.p.T)
+        return limit_warnings(bent.model, np.array(use).T, bent.at if bent.over_time else None)
 
     def drawn(self, values: Array) -> Drawn:
         """Backbones of some rows or instants, evenly spread; none where no point of the finger is measured."""
-        return Drawn(np.zeros(0), np.zeros((0, _POINTS, 2)))
+        bent = self.bent(values)
+        if bent is None or all(entry.place is None for entry in self.entries):
+            return Drawn(np.zeros(0), np.zeros((0, _POINTS, 2)))
+        last, core = len(bent.at) - 1, Core(bent.model, compiled=False)
+        chosen = np.unique(np.linspace(0, last, min(_DRAWN, last + 1)).round().astype(int))
+        lines = [backbones(core, bent.q[[k]], bent.u[[k]], _POINTS, bent.p[k])[0] for k in chosen]
+        return Drawn(bent.at[chosen], np.array(lines), bent.over_time)
 
 
 class _RowsBlock(Block):
@@ -146,8 +175,10 @@ class _RowsBlock(Block):
             0, 1
         ) if found else np.zeros(0)
 
-    def warnings(self, values: Array) -> tuple[str, ...]:
-        return self._shapes.warnings(values)
+    def bent(self, values: Array) -> Bent:
+        rows, model = list(self._shapes.all(values)), self._shapes.model
+        u, _, p = np.split(np.array([one.z for one in rows]), np.cumsum([model.nu, model.nw]), axis=1)
+        return Bent(model, np.arange(1.0, len(rows) + 1.0), np.array([one.q for one in rows]), u, p, False)
 
     def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
         raise NotImplementedError
@@ -167,20 +198,8 @@ class PosesBlock(_RowsBlock):
         y = at_rest(model, data.measured, q, u, p, *given, offsets=beside)
         self._observe = with_slopes("observation", y, q, ca.vertcat(u, w, p), history, beside)
         self._offsets = np.stack([np.broadcast_to(one.offset, data.rows) for one in data.measured], axis=1)
-        length = scene.finger.rod.length
-        for row in range(data.rows):
-            for one in data.measured:
-                what = one.what.replace(" of ", " at ")
-                # a reading of known deviation is a group of its own
-                group = f"{one.kind} of poses" if one.sigma is None else f"{data.name}: {what}"
-                words = f"{what}, row {row + 1}", group, what
-                self.entries.append(Entry.of(one, row, row + 1.0, words, bool(self._fitted[row]), length))
-
-    def drawn(self, values: Array) -> Drawn:
-        rows, model = list(self._shapes.all(values)), self._shapes.model
-        chosen = np.unique(np.linspace(0, len(rows) - 1, min(DRAWN, len(rows))).round().astype(int))
-        u, _, p = np.split(np.array([rows[k].z for k in chosen]), np.cumsum([model.nu, model.nw]), axis=1)
-        return drawn_backbones(model, chosen + 1.0, np.array([rows[k].q for k in chosen]), u, p)
+        rows = np.arange(1.0, data.rows + 1.0)
+        self.entries = entries_of(data, rows, self._fitted, scene.finger.rod.length)
 
     def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
         given = (resting.q, resting.z, resting.history, self._offsets[row])

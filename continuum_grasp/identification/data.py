@@ -28,10 +28,10 @@ UNIT_OF = {
 """SI units of the quantities that are measured at a section, and of those at a drive."""
 KIND_OF = {"x": "positions", "y": "positions", "angle": "angles", "bend": "angles"}
 """Quantities that share a standard deviation; those of drives have one each."""
-STARTS = ("scene", "measured", "estimated")
+STARTS = ("scene", "estimated")
 """Starts of the motion of a path."""
 START_SAMPLES = 7
-"""Samples that a measured start is read from [1]: a parabola through them halves the noise of the position and leaves
+"""Samples that an estimated start is read from [1]: a parabola through them halves the noise of the position and leaves
 the rate with a third of what two samples would."""
 
 
@@ -117,6 +117,11 @@ class Poses:
         _check_rows(self.name, self.conditions, self.fitted, self.rows)
 
     @property
+    def readings(self) -> Sequence[Reading]:
+        """All that was measured."""
+        return self.measured
+
+    @property
     def rows(self) -> int:
         """Number of rows R."""
         return int(np.size(self.measured[0].values))
@@ -138,15 +143,15 @@ class TipPath:
         Standard deviation of x and y [m], where known.
     measured : sequence of Reading
         What was measured at further sections, T values each.
-    start : {"scene", "measured", "estimated"}
-        How the motion starts: at time zero as ``initial`` of the scene says, or at ``t[0]`` in the smoothest shape and
-        rates through the first samples, which stay or are estimated with the parameters.
+    start : {"scene", "estimated"}
+        How the motion starts: at time zero as ``initial`` of the scene says, or at ``t[0]`` in a shape and rates that
+        are estimated with the parameters, from the smoothest ones through the first samples on.
     start_sigma : (2,) sequence of float, optional
-        Standard deviations of an estimated start about the measured one: of the bend of every element [rad] and of its
-        rate [rad/s]; where not given, any start is as likely.
+        Standard deviations of an estimated start about that of the first samples: of the bend of every element [rad]
+        and of its rate [rad/s]; where not given, any start is as likely.
     before : sequence of Reading
-        The same as ``readings``, before the first instant: shapes that the friction of a finger goes through before a
-        measured start, from the first on, which was reached as ``initial.reached_by`` of the scene says.
+        The same as ``readings``, before the first instant: shapes that the friction of a finger goes through before an
+        estimated start, from the first on, which was reached as ``initial.reached_by`` of the scene says.
     fitted : bool
         False: predicted and not fitted.
     scene : Scene, optional
@@ -181,7 +186,7 @@ class TipPath:
         if self.start not in STARTS:
             raise InputError(f"expected one of {', '.join(STARTS)}, got {self.start!r:.60}", key=f"{self.name}.start")
         if self.start != "scene" and t.size < START_SAMPLES:
-            raise InputError(f"a measured start takes {START_SAMPLES} samples, got {t.size}", key=f"{self.name}.t")
+            raise InputError(f"an estimated start takes {START_SAMPLES} samples, got {t.size}", key=f"{self.name}.t")
         if self.start_sigma is not None:
             key = f"{self.name}.start_sigma"
             if self.start != "estimated" or np.shape(self.start_sigma) != (2,):
@@ -231,6 +236,11 @@ class Frequencies:
         if self.decay_rate is not None:
             column(f"{self.name}.decay_rate", self.decay_rate, self.rows)
         _check_rows(self.name, self.conditions, self.fitted, self.rows)
+
+    @property
+    def readings(self) -> Sequence[Reading]:
+        """Nothing at sections and drives."""
+        return ()
 
     @property
     def rows(self) -> int:

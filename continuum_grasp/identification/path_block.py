@@ -16,17 +16,16 @@ from continuum_grasp.core import Core
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, signal
 from continuum_grasp.errors import NumericalError
-from continuum_grasp.identification.blocks import DRAWN, Block, Drawn, Entry, drawn_backbones
-from continuum_grasp.identification.data import Reading, TipPath, column
+from continuum_grasp.identification.blocks import Bent, Block, entries_of
+from continuum_grasp.identification.data import TipPath, column
 from continuum_grasp.identification.driven import Driven
 from continuum_grasp.identification.observation import check_tensions
 from continuum_grasp.identification.rows import Rows, Shapes
 from continuum_grasp.identification.start import MeasuredStart
-from continuum_grasp.identification.unknowns import START, Unknown
-from continuum_grasp.labels import split_unit
+from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
-from continuum_grasp.simulation.trajectory import acting_input, limit_warnings
+from continuum_grasp.simulation.trajectory import acting_input
 
 
 class PathBlock(Block):
@@ -36,138 +35,74 @@ class PathBlock(Block):
 
     def __init__(self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown]) -> None:
         self.name, self.finger, readings = data.name, scene.finger, data.readings
-        plain = Driven(scene, unknowns, readings)
         self._t = t = column(f"{data.name}.t", data.t)
-        self._measured = None if data.start == "scene" else MeasuredStart(plain.model, readings, t, data.name)
-        self._rows = Rows(plain.scene, unknowns, data.name)
-        self.kinked = bool(plain.model.friction_names)
-        self._shape = _start_rows(plain.scene, unknowns, data.name) if self._measured is None else None
-        self._count, self._initial = len(unknowns), scene.initial
-        if self._measured is not None and data.start == "estimated":
-            start = np.array([one.start for one in unknowns])
-            self.own = self._estimated_start(self._measured, plain, start, data.start_sigma)
-        self._all = [*unknowns, *self.own]
-        check_tensions(plain.model, readings, data.name)
-        passed = self._passed(plain, data.before) if plain.model.friction_names else []
-        self._driven = Driven(scene, self._all, readings, passed) if self.own or passed else plain
-        self._driven.check(unknowns, data.name)
-        self.free = self._driven.signals.constant
-        self.begins_there = self.free and self._measured is not None
-        self._model = self._driven.model
-        self._motion = _Motion(self._driven, t, 0.0 if self._measured is None else float(t[0]))
-        self._read = self._driven.readings.map(t.size)
-        self.entries = _entries(readings, t, data, scene.finger.rod.length)
+        driven = Driven(scene, unknowns, readings)
+        check_tensions(driven.model, readings, data.name)
+        self._rows, self._count, self._shape = Rows(driven.scene, unknowns, data.name), len(unknowns), None
+        self._initial, self._begins = scene.initial, float(t[0])
+        if data.start == "estimated":
+            p = self._parameters(np.array([one.start for one in unknowns]))[0]
+            acting = np.concatenate([driven.signals.u(t[:1])[0], driven.signals.w(t[:1])[0], p])
+            measured = MeasuredStart(driven.model, readings, t, acting, data.name)
+            self.own = measured.unknowns(data.start_sigma)
+            passed = measured.before(data.before) if driven.model.friction_names else []
+            driven = Driven(scene, [*unknowns, *self.own], readings, passed)
+        else:
+            self._begins, self._shape = 0.0, _start_rows(driven.scene, unknowns, data.name)
+        driven.check(unknowns, data.name)
+        self._driven, self._model = driven, driven.model
+        self.kinked, self.free = bool(driven.model.friction_names), driven.signals.constant
+        self.begins_there = self.free and bool(self.own)
+        self._motion = _Motion(driven, t, self._begins)
+        self._read = driven.readings.map(t.size)
+        self.entries = entries_of(data, t, np.full(t.size, data.fitted), scene.finger.rod.length)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         states, p, delay = self._moved(values)
-        count, size = len(self._all), self._driven.readings.size1_out(0) // (1 + len(self._all))
+        count, size = len(values), self._driven.readings.size1_out(0) // (1 + len(values))
         inputs = self._driven.commands(self._t, delay), self._driven.signals.w(self._t), np.tile(p, (self._t.size, 1))
         both = np.array(self._read(states.T, *(rows.T for rows in inputs)))
         slopes = both[size:].reshape(count, size, self._t.size)
         return both[:size].T.ravel(), slopes.transpose(2, 1, 0).reshape(size * self._t.size, count)
 
-    def warnings(self, values: Array) -> tuple[str, ...]:
+    def bent(self, values: Array) -> Bent:
         states, p, delay = self._moved(values)
-        n, t, size = self._model.n, self._t, self._driven.size
-        p = p[: self._model.np]
-        commands = self._driven.commands(t, delay)[:, : self._model.nu]
-        u = acting_input(self._model, states[:, :size].T, commands.T, p)
-        use = self._model.range_use.map(t.size)(states[:, :n].T, u, np.tile(p, (t.size, 1)).T)
-        return limit_warnings(self._model, np.array(use).T, t)
-
-    def drawn(self, values: Array) -> Drawn:
-        states, p, delay = self._moved(values)
-        chosen = np.unique(np.linspace(0, len(states) - 1, min(DRAWN, len(states))).round().astype(int))
-        t, own = self._t[chosen], np.tile(p[: self._model.np], (len(chosen), 1))
-        commands = self._driven.commands(t, delay)[:, : self._model.nu]
-        u = acting_input(self._model, states[chosen, : self._driven.size].T, commands.T, own[0])
-        u = np.broadcast_to(np.array(u).T, (len(chosen), self._model.nu))
-        return drawn_backbones(self._model, t, states[chosen, : self._model.n], u, own, over_time=True)
+        model, t, p = self._model, self._t, p[: self._model.np]
+        commands = self._driven.commands(t, delay)[:, : model.nu]
+        u = acting_input(model, states[:, : self._driven.size].T, commands.T, p)
+        rows = np.broadcast_to(np.array(u).T, (t.size, model.nu)), np.tile(p, (t.size, 1))
+        return Bent(model, t, states[:, : model.n], *rows, True)
 
     def _moved(self, values: Array) -> tuple[Array, Array, float]:
         """States with their derivatives (T, ...), the parameters with theirs, and the delay."""
-        driven, slope = self._driven, np.zeros((self._model.np, len(values)))
+        slope, delay = np.zeros((self._model.np, len(values))), self._driven.delay(values)
         p, slope[:, : self._count] = self._parameters(values[: self._count])
-        delay = driven.delay(values)
-        start = self._begin(driven, values, delay, p, slope)
+        start = self._begin(values, delay, p, slope)
         acting = np.concatenate([p, slope.ravel(order="F")])
         return self._motion.at(*start, p, acting, delay), acting, delay
 
-    def _begin(self, driven: Driven, values: Array, delay: float, p: Array, by_values: Array) -> tuple[Array, Array]:
+    def _begin(self, values: Array, delay: float, p: Array, by_values: Array) -> tuple[Array, Array]:
         """State where the motion starts, and its derivative by all values."""
-        model, n, shared = driven.model, driven.model.n, values[: self._count]
-        x, slope = np.zeros(driven.size), np.zeros((driven.size, len(values)))
-        if self._measured is not None and len(values) == self._count:
-            x[: 2 * n], slope[: 2 * n] = self._read_start(self._measured, driven, shared)
-        elif self._measured is not None:
-            x[: 2 * n], slope[: 2 * n, self._count :] = values[self._count :], np.eye(2 * n)
+        model, n, count = self._model, self._model.n, self._count
+        x, slope = np.zeros(self._driven.size), np.zeros((self._driven.size, len(values)))
+        if self.own:
+            x[: 2 * n], slope[: 2 * n, count:] = values[count:], np.eye(2 * n)
         elif self._shape is not None:
-            resting = next(self._shape.all(shared))
-            x[:n], slope[:n, : self._count] = resting.q, resting.by_q
+            resting = next(self._shape.all(values))
+            x[:n], slope[:n] = resting.q, resting.by_q
         elif self._initial.q is not None:
             model.structure.check_initial(self._initial)
             x[:n] = self._initial.q
-        if self._measured is None and self._initial.qd is not None:
+        if not self.own and self._initial.qd is not None:
             x[n : 2 * n] = self._initial.qd
-        t = float(self._t[0]) if self._measured else 0.0
-        x[2 * n :], slope[2 * n :] = driven.begin(t, delay, x[:n], slope[:n], p, by_values)
+        x[2 * n :], slope[2 * n :] = self._driven.begin(self._begins, delay, x[:n], slope[:n], p, by_values)
         return x, slope
-
-    def _read_start(self, measured: MeasuredStart, driven: Driven, shared: Array) -> tuple[Array, Array]:
-        """The measured start (2 n,) and its derivative by the unknowns, for inputs as they are there."""
-        acting, by_shared = self._acting(driven, shared)
-        state, by_z = measured.at(acting)
-        return state, by_z[:, measured.inputs :] @ by_shared
 
     def _parameters(self, shared: Array) -> tuple[Array, Array]:
         """Run-time parameters of the model (np,), and their derivatives by the shared unknowns."""
         z, by_shared = self._rows.at(0, shared)
         start = self._rows.model.nu + self._rows.model.nw
         return z[start:], by_shared[start:]
-
-    def _acting(self, driven: Driven, shared: Array) -> tuple[Array, Array]:
-        """Inputs, forces and parameters (nz,) at the first sample; derivatives of the parameters."""
-        p, by_shared = self._parameters(shared)
-        return np.concatenate([driven.signals.u(self._t[:1])[0], driven.signals.w(self._t[:1])[0], p]), by_shared
-
-    def _passed(self, driven: Driven, before: Sequence[Reading]) -> list[Array]:
-        """Shapes before a measured start, by the parameters that the search begins with."""
-        seen = [np.asarray(one.values, dtype=float) for one in before if not one.of_drive]
-        if self._measured is None or not seen:
-            return []
-        rows = np.stack(seen, axis=1)
-        acting, _ = self._acting(driven, np.array([one.start for one in self._all[: self._count]]))
-        return self._measured.before(rows[np.isfinite(rows).all(axis=1)], acting)
-
-    def _estimated_start(
-        self, measured: MeasuredStart, driven: Driven, shared: Array, bends: tuple[float, float] | None
-    ) -> list[Unknown]:
-        """Coordinates and rates at the first sample, to be estimated from those that are read there.
-
-        ``bends`` are standard deviations about these, of the bend of an element [rad] and of its rate [rad/s].
-        """
-        model, known = driven.model, [math.inf] * (2 * driven.model.n)
-        if bends is not None:
-            family = model.structure.family
-            own = [[h for k, h in enumerate(model.lengths) if i in family.local(k)] for i in range(model.n)]
-            known = [family.coordinate_size(bend, max(lengths)) for bend in bends for lengths in own]
-        state, _ = self._read_start(measured, driven, shared)
-        sizes = [measured.reach] * model.n + [measured.reach / measured.slow] * model.n
-        return [
-            Unknown(*split_unit(label), START, 0.0, False, float(value), -math.inf, math.inf, size, True, sigma)
-            for label, value, size, sigma in zip(model.x_names[: 2 * model.n], state, sizes, known, strict=True)
-        ]
-
-
-def _entries(readings: Sequence[Reading], t: Array, data: TipPath, length: float) -> list[Entry]:
-    """Instant by instant, of a finger of some length [m]; readings without a known deviation share that of a kind."""
-    found = []
-    for k, at in enumerate(t):
-        for one in readings:
-            group = f"{one.kind} on paths" if one.sigma is None else f"{data.name}: {one.kind}"
-            words = f"{one.what} at {at:g} s", group, one.what
-            found.append(Entry.of(one, k, float(at), words, data.fitted, length))
-    return found
 
 
 def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> Shapes | None:
@@ -176,8 +111,7 @@ def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> Shapes 
     scene = scene.model_copy(update={"loads": (*scene.loads, *scene.initial.held_by)})
     if pose == "rest":
         scene = scene.model_copy(update={"gravity": (0.0, 0.0), "actuation": None, "loads": ()})
-    rows = Rows(scene, unknowns, name)
-    return Shapes(rows) if pose in ("equilibrium", "rest") else None
+    return Shapes(Rows(scene, unknowns, name)) if pose in ("equilibrium", "rest") else None
 
 
 _MOST_STEPS = 200_000

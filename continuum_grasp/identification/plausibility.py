@@ -21,7 +21,7 @@ from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.data import KIND_OF, Data, TipPath
 from continuum_grasp.identification.problem import Build, Given, Problem, Solution
-from continuum_grasp.identification.slips import Slip, readings_of, slips_of, undone
+from continuum_grasp.identification.slips import Slip, slips_of, undone
 from continuum_grasp.identification.unknowns import ADDED, read_unknowns
 
 IMPLAUSIBLE = "implausible"
@@ -152,7 +152,7 @@ def _too_far(problem: Problem, solution: Solution, given: Given) -> str:
     found, over = "", [np.zeros(0)]
     sigma, sets = solution.sigma, problem.by_block(solution.values)
     for (data, scene), block, part, values in zip(given, problem.blocks, problem.parts, sets, strict=True):
-        readings = readings_of(data)
+        readings = data.readings
         sought = {one.target: float(value) for one, value in zip(problem.sought, values, strict=False)}
         base = [
             at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", scene.finger.base.position, strict=True)

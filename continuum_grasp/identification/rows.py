@@ -22,7 +22,6 @@ from continuum_grasp.model.memory import clipped
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.simulation.statics import equilibrium_under, friction_of
-from continuum_grasp.simulation.trajectory import limit_warnings
 
 
 def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str] = ()) -> tuple[str, ...]:
@@ -204,10 +203,6 @@ class Shapes:
         _, stiffness, by_z, by_past = self._evaluate(q, z, history)
         slope = -np.linalg.solve(stiffness, by_z @ by_values + by_past @ by_history)
         return Resting(z, q, history, by_values, np.asarray(slope), by_history)
-
-    def warnings(self, values: Array) -> tuple[str, ...]:
-        """Warnings about shapes beyond the bending range or the strain limit."""
-        return limit_warnings(self.model, np.array([self.use(resting) for resting in self.all(values)]))
 
     def stable(self, resting: Resting) -> bool:
         """Whether every small displacement is driven back."""

@@ -99,12 +99,7 @@ def _columns(data: Data, scene: Scene) -> dict[str, str]:
         found |= dict.fromkeys(data.conditions, "")
     if isinstance(data, Frequencies):
         return {**found, "frequency": "Hz", "decay rate": "1/s"}
-    return found | {_column(one): UNIT_OF[one.quantity] for one in readings_of(data)}
-
-
-def readings_of(data: Data) -> Sequence[Reading]:
-    """All readings of a set of data at sections and drives."""
-    return () if isinstance(data, Frequencies) else data.readings if isinstance(data, TipPath) else data.measured
+    return found | {_column(one): UNIT_OF[one.quantity] for one in data.readings}
 
 
 def _column(reading: Reading) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import casadi as ca
@@ -12,16 +13,14 @@ from continuum_grasp.errors import SolverError
 from continuum_grasp.identification.data import START_SAMPLES, Reading, column
 from continuum_grasp.identification.least_squares import least_squares
 from continuum_grasp.identification.observation import at_rest
-from continuum_grasp.identification.rows import symbols, with_slopes
+from continuum_grasp.identification.rows import symbols
+from continuum_grasp.identification.unknowns import START, Unknown
+from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
 
 _SMOOTH = 1e-4
 """Weight of the squared coordinates per range beside that of the squared readings per length [1]: what moves a reading
 by less than a hundredth of the length stays small, and what is seen is off by a thousandth."""
-_SETTLED = 1e-12
-"""Last step of Newton's method per range [1]."""
-_ITERATIONS = 20
-"""Most steps of Newton's method, which begins at the minimum of least squares."""
 
 
 class MeasuredStart:
@@ -30,78 +29,82 @@ class MeasuredStart:
     ``|readings(q) - y|^2 + s |q / reach|^2`` and ``|J qd - v|^2 + s |qd slow / reach|^2``,
 
     where y and v are value and slope of a parabola through the first samples of each reading, positions per length of
-    the finger, and ``slow`` is a time scale of bending [s].
+    the finger, and ``slow`` is a time scale of bending [s]. ``z`` are inputs, forces and parameters [u, w, p] there.
     """
 
-    def __init__(self, model: FingerModel, readings: Sequence[Reading], t: Array, name: str) -> None:
-        self._model, self._name = model, name
+    def __init__(self, model: FingerModel, readings: Sequence[Reading], t: Array, z: Array, name: str) -> None:
+        self._model, self._name, self._z = model, name, z
         readings = [one for one in readings if not one.of_drive]
-        self.inputs = model.nu + model.nw
-        n, length = model.n, model.finger.rod.length
-        self.reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
-        rod = model.finger.rod
-        self.slow = length**2 * float(np.sqrt(rod.mass_per_length / rod.stiffness))
+        rod, length = model.finger.rod, model.finger.rod.length
+        self._reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
+        self._slow = length**2 * float(np.sqrt(rod.mass_per_length / rod.stiffness))
         first = np.stack([column(name, one.values)[:START_SAMPLES] for one in readings])
         after = t[:START_SAMPLES] - t[0]
         # value, slope and curvature of a parabola
         parabola = np.linalg.lstsq(np.vander(after / after[-1], 3, increasing=True), first.T, rcond=None)[0]
-        scale = np.array([1.0 / length if one.quantity in ("x", "y") else 1.0 for one in readings])
-        value, slope = scale * parabola[0], scale * parabola[1] / after[-1]
-        self._scale, self._value = scale, value
-        _, u, w, p = symbols(model)
-        q, qd = ca.SX.sym("q", n), ca.SX.sym("qd", n)
-        z = ca.vertcat(u, w, p)
-        y, by_q, _ = with_slopes("observation", at_rest(model, readings, q, u, p), q, z)(q, z)
-        target = ca.SX.sym("target", value.size)
-        near = ca.vertcat(scale * y - target, np.sqrt(_SMOOTH) / self.reach * q)
-        missed = ca.substitute(near, target, ca.DM(value))
-        moved = ca.vertcat(scale * (by_q @ qd) - slope, np.sqrt(_SMOOTH) * self.slow / self.reach * qd)
-        self._residuals = ca.Function("missed", [q, z, target], [near, ca.jacobian(near, q)])
-        state = ca.vertcat(q, qd)
-        # qd minimizes the second sum alone: it has no say in q
-        still = ca.vertcat(ca.gradient(0.5 * ca.sumsqr(missed), q), ca.gradient(0.5 * ca.sumsqr(moved), qd))
-        outputs = ca.cse([still, ca.densify(ca.jacobian(still, state)), ca.densify(ca.jacobian(still, z))])
-        self._still = ca.Function("still", [state, z], outputs)
-        self._last = np.zeros(n)
+        self._scale = np.array([1.0 / length if one.quantity in ("x", "y") else 1.0 for one in readings])
+        self._value, self._slope = self._scale * parabola[0], self._scale * parabola[1] / after[-1]
+        q, u, w, p = symbols(model)
+        y = self._scale * at_rest(model, readings, q, u, p)
+        given = [q, ca.vertcat(u, w, p), ca.SX.sym("target", self._value.size)]
+        smooth = np.sqrt(_SMOOTH) / self._reach
+        near = ca.vertcat(y - given[2], smooth * q)
+        self._missed = ca.Function("missed", given, [near, ca.jacobian(near, q)])
+        self._slopes = ca.Function("slopes", given[:2], [ca.vertcat(ca.jacobian(y, q), smooth * self._slow * np.eye(model.n))])
+        # least squares end near the minimum, from where Newton's method takes it to rounding: starts that repeat
+        still = {"x": q, "p": ca.vertcat(*given[1:]), "g": ca.gradient(0.5 * ca.sumsqr(near), q)}
+        self._still = ca.rootfinder("still", "newton", still, {"abstol": 1e-13})
+        self._straight = np.zeros(model.n)
 
-    def at(self, z: Array) -> tuple[Array, Array]:
-        """State [q, qd] (2 n,) at z = [u, w, p], and its derivative (2 n, nz) with respect to z.
+    def state(self) -> tuple[Array, Array]:
+        """Coordinates and rates (n,) at the first sample.
 
         Raises
         ------
         SolverError
             If no shape of the finger comes near the readings.
         """
-        n = self._model.n
-        state = np.concatenate([self._near(self._last, z, self._value), np.zeros(n)])
-        size = np.concatenate([np.full(n, self.reach), np.full(n, self.reach / self.slow)])
-        for _ in range(_ITERATIONS):
-            still, by_state, by_z = (np.array(part) for part in self._still(state, z))
-            change = np.linalg.solve(by_state, -still.ravel())
-            state = state + change
-            # rates may be many ranges per time scale
-            if np.all(np.abs(change) <= _SETTLED * np.maximum(size, np.abs(state))):
-                self._last = state[:n]
-                return state, np.linalg.solve(by_state, -by_z)
-        raise SolverError(
-            f"{self._name}: no shape of the finger goes through the first samples",
-            status="no start",
-            advice="check units, signs and positions of the readings, and the base's position",
-        )
+        q = self._near(self._straight, self._value)
+        moved = np.append(self._slope, np.zeros(q.size))
+        return q, np.linalg.lstsq(np.array(self._slopes(q, self._z)), moved, rcond=None)[0]
 
-    def before(self, readings: Array, z: Array) -> list[Array]:
-        """Shapes (n,) through readings (K, readings) of sections before the start, at z = [u, w, p]."""
-        found: list[Array] = []
-        q = np.zeros(self._model.n)
-        for row in readings:
-            q = self._near(q, z, self._scale * row)
-            found.append(q)
-        return found
+    def unknowns(self, bends: tuple[float, float] | None) -> list[Unknown]:
+        """Coordinates and rates at the first sample, to be estimated from those that are read there.
 
-    def _near(self, q: Array, z: Array, target: Array) -> Array:
+        ``bends`` are standard deviations about these, of the bend of an element [rad] and of its rate [rad/s].
+        """
+        model, known = self._model, [math.inf] * (2 * self._model.n)
+        if bends is not None:
+            family = model.structure.family
+            own = [[h for k, h in enumerate(model.lengths) if i in family.local(k)] for i in range(model.n)]
+            known = [family.coordinate_size(bend, max(lengths)) for bend in bends for lengths in own]
+        sizes = [self._reach] * model.n + [self._reach / self._slow] * model.n
+        rows = zip(model.x_names[: 2 * model.n], np.append(*self.state()).tolist(), sizes, known, strict=True)
+        return [
+            Unknown(*split_unit(label), START, 0.0, False, value, -math.inf, math.inf, size, True, sigma)
+            for label, value, size, sigma in rows
+        ]
+
+    def before(self, readings: Sequence[Reading]) -> list[Array]:
+        """Shapes (n,) through readings of sections before the start, those of an instant each."""
+        seen = [np.asarray(one.values, dtype=float) for one in readings if not one.of_drive]
+        found = [self._straight]
+        for row in np.stack(seen, axis=1) if seen else ():
+            if np.isfinite(row).all():
+                found.append(self._near(found[-1], self._scale * row))
+        return found[1:]
+
+    def _near(self, q: Array, target: Array) -> Array:
         def missed(q: Array) -> tuple[Array, Array]:
-            near, slope = (np.array(part) for part in self._residuals(q, z, target))
+            near, slope = (np.array(part) for part in self._missed(q, self._z, target))
             return near.ravel(), slope
 
         free = np.full(q.size, np.inf)
-        return least_squares(missed, q, -free, free, np.full(q.size, self.reach)).values
+        found = least_squares(missed, q, -free, free, np.full(q.size, self._reach))
+        if not found.converged:
+            raise SolverError(
+                f"{self._name}: no shape of the finger goes through the first samples",
+                status="no start",
+                advice="check units, signs and positions of the readings, and the base's position",
+            )
+        return np.array(self._still(found.values, np.append(self._z, target))).ravel()

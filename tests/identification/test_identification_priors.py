@@ -102,7 +102,7 @@ def test_deviations_of_a_start_are_checked(start_sigma):
     with pytest.raises(InputError, match=r"expected|positive"):
         TipPath(t, t, t, start="estimated", start_sigma=start_sigma)
     with pytest.raises(InputError, match="estimated"):
-        TipPath(t, t, t, start="measured", start_sigma=(0.1, 1.0))
+        TipPath(t, t, t, start_sigma=(0.1, 1.0))
 
 
 # -- residuals that hang together ------------------------------------------------------------------------------------
@@ -195,6 +195,6 @@ def test_the_prior_of_a_start_is_read_from_a_configuration(tmp_path):
     }
     (path,) = read_data(IdentifyScene(**keys), [file])
     assert path.start_sigma == pytest.approx((np.pi / 60.0, np.pi / 2.0))
-    keys["data"][0]["start"] = "measured"
+    keys["data"][0]["start"] = "scene"
     with pytest.raises(InputError, match="start_prior: goes with start: estimated"):
         IdentifyScene(**keys)

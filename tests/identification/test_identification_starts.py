@@ -47,7 +47,7 @@ def motion() -> cg.Trajectory:
 
 
 @pytest.mark.deep
-def test_a_measured_start_is_the_state_that_the_samples_show(motion):
+def test_an_estimated_start_begins_at_the_state_that_the_samples_show(motion):
     """The parabola through seven samples misses the rates by the third derivative, a percent of the fast mode's."""
     first, scene = 50, swinging()
     unknowns = read_unknowns(scene, ["bending_stiffness"])
@@ -74,13 +74,12 @@ def test_an_estimated_start_leaves_the_stiffness_to_the_motion(motion):
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("start", ["measured", "estimated"])
-def test_derivatives_from_starts_that_are_read(motion, start):
+def test_derivatives_from_starts_that_are_read(motion):
     scene = swinging()
     unknowns = read_unknowns(scene, ["bending_stiffness", "clamp_angle", "tip_body_along", "tip_body_inertia"])
-    data = points_of(motion, scene, 50, start=start)
-    few = TipPath(data.t[:40], measured=[Reading(r.quantity, r.values[:40], r.at) for r in data.measured], start=start)
-    block = PathBlock(scene, few, unknowns)
+    data = points_of(motion, scene, 50, start="estimated")
+    few = [Reading(one.quantity, one.values[:40], one.at) for one in data.measured]
+    block = PathBlock(scene, TipPath(data.t[:40], measured=few, start="estimated"), unknowns)
     every = [*unknowns, *block.own]
     assert slope_error(block, np.array([u.start for u in every]), np.array([u.typical for u in every])).max() < 2e-6
 

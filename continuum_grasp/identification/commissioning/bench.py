@@ -1,8 +1,8 @@
 """Readings of a bench while its drives follow commands, as a function of how it is mounted and of its finger.
 
 The motion is that of the controller's finger as a plant (`PlantModel`), by the commands as they are held, without
-friction in the tendons; what a little of it changes is added in the end (`BenchBlock.by_friction`). Derivatives by what
-changes the motion are differences of motions; those by the camera and by zeros of load cells are exact.
+friction in the tendons; what a little of it changes is added in the end (`BenchBlock.by_friction`). Derivatives are
+differences.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ CAMERA = ("camera_x", "camera_y", "camera_angle", "camera_scale")
 ZERO, BIAS = "drive_zero", "tension_zero"
 """Unknowns of the lines of drives and load cells, with their number behind them."""
 _DIFFERENCE = 1e-4
-"""Change of an unknown, per typical size, of which the motion is compared [1]."""
+"""Change of an unknown, per typical size, of which the readings are compared [1]."""
 _LONGEST = 4e-3
 """Longest step of the motion, and time between stored states [s]: between those, readings are interpolated by lines, to
 0.02 mm of a tip that swings by 50 mm at 2 Hz."""
@@ -120,6 +120,7 @@ class Bench:
         self._shown = ca.Function("shown", [x, u, w, p], [ca.densify(shown)])
         self.names = (*TIP, *self.model.u_names)
         self._last, self._maps = self.model.start, dict[int, ca.Function]()
+        self._shown_last = b"", (np.zeros(0), np.zeros((0, 0)))
 
     def parameters(self, values: Array, friction: float = 0.0) -> Array:
         """Run-time parameters of the model (np,) from the values of ``unknowns``, and friction where it has that."""
@@ -182,13 +183,17 @@ class Bench:
     def shown(self, log: Log, connected: Connected, values: Array, friction: float = 0.0) -> tuple[Array, Array]:
         """Instants (N,), and tip and exerted inputs (N, 2 + nu) without delay, by the values of ``unknowns``."""
         p, zeros = self.parameters(values, friction), values[len(self.unknowns) - len(self.zeros) :]
-        end = max(float(log.at[-1]), float(log.t[-1]))
-        t, x, u = self.moved(log.t, self.commanded(log.u, connected, zeros), p, end)
-        w = np.repeat(self.model.forces(0.0), len(x), axis=0)
-        if len(x) not in self._maps:
-            self._maps[len(x)] = self._shown.map(len(x))
-        seen = self._maps[len(x)](x.T, u.T, w.T, np.repeat(p[:, None], len(x), axis=1))
-        return t, np.array(seen).T
+        u = self.commanded(log.u, connected, zeros)
+        # what the camera and load cells count, and a delay, does not change the motion
+        key = b"".join(one.tobytes() for one in (log.t, u, p))
+        if self._shown_last[0] != key:
+            t, x, u = self.moved(log.t, u, p, max(float(log.at[-1]), float(log.t[-1])))
+            w = np.repeat(self.model.forces(0.0), len(x), axis=0)
+            if len(x) not in self._maps:
+                self._maps[len(x)] = self._shown.map(len(x))
+            seen = self._maps[len(x)](x.T, u.T, w.T, np.repeat(p[:, None], len(x), axis=1))
+            self._shown_last = key, (t, np.array(seen).T)
+        return self._shown_last[1]
 
 
 class BenchBlock(Block):
@@ -205,6 +210,7 @@ class BenchBlock(Block):
         self.bench, self._log, self.connected = bench, log, connected
         self._cells = [(k, *paired[name]) for k, name in enumerate(log.names) if name not in TIP]
         self.unknowns = [*bench.unknowns, *_of_camera(bench.scene.finger.rod.length)]
+        self._delay = [one.name for one in bench.unknowns].index(DELAY)
         most, length = float(max(bench.scene.input_limits[1])), bench.scene.finger.rod.length
         for k, _, _ in self._cells:
             label, unit = split_unit(log.names[k])
@@ -217,54 +223,29 @@ class BenchBlock(Block):
                 self.entries.append(Entry(f"{what} at {at:g} s", *known, length if group == "tip" else None))
 
     def predict(self, values: Array) -> tuple[Array, Array]:
-        bench, log, connected = self.bench, self._log, self.connected
-        count = len(bench.unknowns)
-        own, (x, y, angle, scale) = values[:count], values[count : count + 4]
-        t, base = bench.shown(log, connected, own)
-        names = [one.name for one in bench.unknowns]
-        then = log.at - own[names.index(DELAY)]
-
-        def read(columns: Array) -> Array:
-            return np.column_stack([np.interp(then, t, column) for column in columns.T])
-
-        seen, by_own = read(base), np.empty((len(then), base.shape[1], count))
-        for k, one in enumerate(bench.unknowns):
-            if one.name == DELAY:
-                by_own[:, :, k] = -read(np.gradient(base, t, axis=0))
-                continue
-            moved, step = own.copy(), _DIFFERENCE * one.typical
-            moved[k] += step
-            by_own[:, :, k] = (read(bench.shown(log, connected, moved)[1]) - seen) / step
-        found = np.empty((len(then), len(log.names)))
-        slopes = np.zeros((*found.shape, len(values)))
-        turn, turned = (camera_axes(angle + more, connected.mirrored) for more in (0.0, 0.5 * math.pi))
-        away, tip = seen[:, :2] - (x, y), [log.names.index(name) for name in TIP]
-        found[:, tip] = scale * away @ turn.T
-        slopes[:, tip, :count] = scale * np.einsum("rc,tck->trk", turn, by_own[:, :2])
-        slopes[:, tip, count : count + 2] = -scale * turn
-        slopes[:, tip, count + 2] = scale * away @ turned.T
-        slopes[:, tip, count + 3] = away @ turn.T
-        for k, (column, tendon, sign) in enumerate(self._cells):
-            found[:, column] = sign * seen[:, 2 + tendon] + values[count + 4 + k]
-            slopes[:, column, :count] = sign * by_own[:, 2 + tendon]
-            slopes[:, column, count + 4 + k] = 1.0
-        return found.ravel(), slopes.reshape(found.size, -1)
+        seen = self._seen(values)
+        steps = np.diag([_DIFFERENCE * one.typical for one in self.unknowns])
+        return seen, np.column_stack([(self._seen(values + step) - seen) / step.max() for step in steps])
 
     def by_friction(self, values: Array) -> Array:
         """Derivative (entries,) of what is read by friction of the tendons, where there is none yet."""
-        bench, log, count = Bench(self.bench.scene, friction=True), self._log, len(self.bench.unknowns)
-        then = log.at - values[[one.name for one in bench.unknowns].index(DELAY)]
-        (t, with_it), (_, without) = (bench.shown(log, self.connected, values[:count], f) for f in (_FRICTION, 0.0))
-        rate = np.column_stack([np.interp(then, t, column) for column in ((with_it - without) / _FRICTION).T])
-        found = np.zeros((len(then), len(log.names)))
-        turn = values[count + 3] * camera_axes(values[count + 2], self.connected.mirrored)
-        found[:, [log.names.index(name) for name in TIP]] = rate[:, :2] @ turn.T
-        for column, tendon, sign in self._cells:
-            found[:, column] = sign * rate[:, 2 + tendon]
-        return found.ravel()
+        bench = Bench(self.bench.scene, friction=True)
+        seen, without = (self._seen(values, bench, friction) for friction in (_FRICTION, 0.0))
+        return (seen - without) / _FRICTION
 
-    def warnings(self, values: Array) -> tuple[str, ...]:
-        return ()
+    def _seen(self, values: Array, bench: Bench | None = None, friction: float = 0.0) -> Array:
+        """Readings (entries,) on a bench, its own where not given."""
+        bench, log, count = bench or self.bench, self._log, len(self.bench.unknowns)
+        x, y, angle, scale, *biases = values[count:]
+        t, base = bench.shown(log, self.connected, values[:count], friction)
+        then = log.at - values[self._delay]
+        moved = np.column_stack([np.interp(then, t, column) for column in base.T])
+        found = np.empty((len(then), len(log.names)))
+        tip = [log.names.index(name) for name in TIP]
+        found[:, tip] = scale * (moved[:, :2] - (x, y)) @ camera_axes(angle, self.connected.mirrored).T
+        for (column, tendon, sign), bias in zip(self._cells, biases, strict=True):
+            found[:, column] = sign * moved[:, 2 + tendon] + bias
+        return found.ravel()
 
 
 def _of_camera(length: float) -> list[Unknown]:
