@@ -220,7 +220,8 @@ class VibrationBlock(_RowsBlock):
             if there:
                 message = f"frequencies of a finger {which} are not predicted, since {why}: give a trajectory"
                 raise InputError(message, key=data.name)
-        self._matrices, self._gradient = _pencil(self._shapes.model)
+        self._pencil = _pencil(self._shapes.model)
+        self._slopes = self._pencil.forward(len(unknowns))
         self._modes = np.asarray(data.mode, dtype=int)
         self._decays = data.decay_rate is not None
         columns = [("frequency", "Hz", data.frequency), ("decay rate", "1/s", data.decay_rate)]
@@ -233,19 +234,14 @@ class VibrationBlock(_RowsBlock):
                     self.entries.append(Entry(f"{what}, row {row + 1}", *own))
 
     def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
-        z, q = resting.z, resting.q
-        mass, damping, stiffness = (np.array(v) for v in self._matrices(q, z))
+        given = resting.q, resting.z
+        three = mass, damping, stiffness = [np.array(matrix) for matrix in self._pencil(*given)]
         pole, left, right = _mode(mass, damping, stiffness, int(self._modes[row]))
         # l* (s^2 M + s D + K) r = 0 differentiated: ds = l* (s^2 dM + s dD + dK) r / -(l* (2 s M + D) r); dl and dr
         # drop out, since l and r are null vectors (P. Lancaster, 1964, doi:10.1007/BF01386087)
-        weights = np.outer(left.conj(), right)
-        scale = -np.sum(weights * (2.0 * pole * mass + damping))
-        slope = np.zeros(q.size + z.size, complex)
-        terms = (pole**2 * weights, pole * weights, weights)
-        # CasADi is real: real and imaginary part one after the other
-        for unit, parts in ((1.0, [term.real for term in terms]), (1.0j, [term.imag for term in terms])):
-            slope += unit * np.array(self._gradient(q, z, *parts)).ravel() / scale
-        change = slope[q.size :] @ resting.by_z + slope[: q.size] @ resting.by_q
+        moved = [np.array(slope) for slope in self._slopes(*given, *three, resting.by_q, resting.by_z)]
+        turned = (pole**2 * moved[0] + pole * moved[1] + moved[2]).reshape(right.size, -1, right.size)
+        change = left.conj() @ (turned @ right) / -(left.conj() @ (2.0 * pole * mass + damping) @ right)
         y, derivative = [pole.imag / (2.0 * np.pi)], [change.imag / (2.0 * np.pi)]
         if self._decays:
             y.append(-pole.real)
@@ -253,25 +249,16 @@ class VibrationBlock(_RowsBlock):
         return np.array(y), np.array(derivative)
 
 
-def _pencil(model: FingerModel) -> tuple[ca.Function, ca.Function]:
-    """Mass, damping and stiffness of small motions as functions (q, z), and the gradient of a weighted sum of them."""
-    n = model.n
+def _pencil(model: FingerModel) -> ca.Function:
+    """Mass, damping and stiffness of small motions as a function of q and z = [u, w, p]."""
     q, u, w, p = symbols(model)
-    qd, qdd = (ca.SX.sym(name, n) for name in ("qd", "qdd"))
+    qd, qdd = (ca.SX.sym(name, model.n) for name in ("qd", "qdd"))
     # As it was pulled there.
     pulled = (np.append(np.zeros(len(model.friction_names)), 1.0),) if model.friction_names else ()
     missing = model.inverse_dynamics(q, qd, qdd, u, w, p, *pulled)
-    at_rest = [qd, qdd], [ca.SX.zeros(n), ca.SX.zeros(n)]
-    three = [ca.substitute([ca.jacobian(missing, by)], *at_rest)[0] for by in (qdd, qd, q)]
-    z = ca.vertcat(u, w, p)
-    weights = [ca.SX.sym(name, n, n) for name in ("a", "b", "c")]
-    total = sum((ca.dot(weight, matrix) for weight, matrix in zip(weights, three, strict=True)), ca.SX(0))
-    gradient = ca.cse([ca.densify(ca.gradient(total, ca.vertcat(q, z)))])
-    outputs = ca.cse([ca.densify(matrix) for matrix in three])
-    return (
-        ca.Function("pencil", [q, z], outputs, ["q", "z"], ["M", "D", "K"]),
-        ca.Function("pencil_gradient", [q, z, *weights], gradient, ["q", "z", "a", "b", "c"], ["gradient"]),
-    )
+    at_rest = [qd, qdd], [ca.SX.zeros(model.n), ca.SX.zeros(model.n)]
+    three = [ca.densify(ca.substitute([ca.jacobian(missing, by)], *at_rest)[0]) for by in (qdd, qd, q)]
+    return ca.Function("pencil", [q, ca.vertcat(u, w, p)], ca.cse(three), ["q", "z"], ["M", "D", "K"])
 
 
 def _mode(

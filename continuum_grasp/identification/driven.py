@@ -12,8 +12,9 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.data import Reading
 from continuum_grasp.identification.observation import moving
-from continuum_grasp.identification.rows import runtime_names, symbols
+from continuum_grasp.identification.rows import runtime_names, set_by, symbols
 from continuum_grasp.identification.unknowns import DELAY, LAG, Unknown
+from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.memory import clipped
 from continuum_grasp.scene.simulate import Scene
@@ -45,6 +46,7 @@ class Driven:
         self.size = model.nx
         self._late = targets.index(DELAY) if DELAY in targets else None
         self._count = len(unknowns)
+        self._own, self.turned = set_by(unknowns, [split_unit(label)[0] for label in model.p_names])
         x, u, w, p = symbols(model, "x")
         self.variational = self._with_slopes("variational", model.forward_dynamics(x, u, w, p), x, u, w, p)
         self.readings = self._with_slopes("readings", moving(model, readings, x, u, p), x, u, w, p)
@@ -80,6 +82,10 @@ class Driven:
         inputs = [ca.vertcat(x, ca.vec(moved)), given, w, ca.vertcat(p, ca.vec(turned))]
         return ca.Function(name, inputs, outputs, ["x", "u", "w", "p"], ["xd"])
 
+    def parameters(self, values: Array) -> Array:
+        """Run-time parameters of the model (np,), whose derivatives by the unknowns are ``turned``."""
+        return np.asarray(self._own * self.model.p_nominal + self.turned @ values)
+
     def delay(self, values: Array) -> float:
         """Time before a command reaches the drive [s]."""
         return 0.0 if self._late is None else float(values[self._late])
@@ -92,10 +98,10 @@ class Driven:
         after, before = (self.signals.u(t - delay - side * _INSTANT) for side in (1.0, -1.0))
         return np.hstack([at, (after - before) / (2.0 * _INSTANT)])
 
-    def begin(self, t: float, delay: float, q: Array, by_values: Array, p: Array, turned: Array) -> tuple[Array, Array]:
+    def begin(self, t: float, delay: float, q: Array, by_values: Array, p: Array) -> tuple[Array, Array]:
         """State of drives that have reached their commands at an instant, and of friction, with their derivatives.
 
-        ``by_values`` and ``turned`` are the derivatives of q and p by all values.
+        ``by_values`` are the derivatives of q by all values.
         """
         row = self.commands(np.array([t]), delay)[0]
         u = row[: self.model.nu]
@@ -103,17 +109,12 @@ class Driven:
         how = friction_of(self.scene.initial, self.model, needed=False)
         history = friction_history(self.model, (*self._passed, q)[0], u, p, **how)
         state, by_q, by_u, by_p = (np.array(part) for part in self._start(q, u, p, history))
-        slope = by_q @ by_values + by_p @ turned
+        slope = by_q @ by_values + by_p @ self.turned
         if self._late is not None:
             slope[:, self._late] += by_u @ row[self.model.nu :]
         return state.ravel(), slope
 
     def check(self, unknowns: Sequence[Unknown], name: str) -> None:
-        """Refuse a delay of inputs that do not vary.
-
-        Raises
-        ------
-        InputError
-        """
+        """Raise an InputError for a delay of inputs that do not vary."""
         if self.signals.constant and any(one.target == DELAY for one in unknowns):
             raise InputError("a delay needs commands that vary: actuation, or conditions, of the set", key=name)

@@ -142,14 +142,17 @@ class ExperimentPlan(Result):
 
 
 class Choice:
-    """Experiments on unknowns, the first ``shared`` of all sets, of which those are chosen that show most of these.
+    """Experiments on unknowns, of which those are chosen that show most of the first ``shared``, those of all sets.
 
-    ``rows`` (rows, n) are the derivatives of what is known already, per standard deviation, as those of all readings.
+    ``values`` are those at which experiments are judged, ``rows`` (rows, n) the derivatives of what is known already,
+    per standard deviation.
     """
 
     def __init__(self, unknowns: Sequence[Unknown], shared: int, rows: Array) -> None:
         self.unknowns, self.shared, self.rows = list(unknowns), shared, rows
-        self.sizes = np.array([one.typical for one in unknowns])
+        self.values, self._sizes = (
+            np.array(column) for column in zip(*((v.start, v.typical) for v in unknowns), strict=True)
+        )
         self.offered, self.counts = list[Array](), np.zeros(0, dtype=np.intp)
         self._cautious = list[Array]()
         self._budgets = list[tuple[NDArray[np.intp], int]]()
@@ -162,17 +165,17 @@ class Choice:
         """
         self._budgets.append((len(self.offered) + np.arange(jacobians.shape[1]), most))
         self.offered += list(jacobians[0])
-        sizes = np.linalg.norm(jacobians * self.sizes, axis=(2, 3))
-        self._cautious += [jacobians[k, row] for row, k in enumerate(np.argmin(sizes, axis=0))]
+        least = np.argmin(np.linalg.norm(jacobians * self._sizes, axis=(2, 3)), axis=0)
+        self._cautious += list(jacobians[least, np.arange(least.size)])
 
     def __call__(self, parts: Sequence[Array], each: float, least: NDArray[np.intp]) -> NDArray[np.intp]:
         """Choose among what is offered and, as `Choose`, segments of a motion."""
         first, budgets = len(self.offered), list(self._budgets)
         if parts:
             budgets.append((first + np.arange(len(parts)), SHARES))
-        found = [information(one, self.sizes) for one in self._cautious]
-        found += [information(one, self.sizes) / each for one in parts]
-        known, least = information(self.rows, self.sizes), np.append(np.zeros(first, dtype=np.intp), least)
+        found = [information(one, self._sizes) for one in self._cautious]
+        found += [information(one, self._sizes) / each for one in parts]
+        known, least = information(self.rows, self._sizes), np.append(np.zeros(first, dtype=np.intp), least)
         counts = allotted(np.array(found), known, self.shared, budgets, least)
         self.counts = counts[:first]
         return counts[first:]
@@ -258,14 +261,15 @@ def design_experiments(
             raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
     plain, names = plain_scene(scene), [one.name or f"data[{k}]" for k, one in designed]
     known = _known(scene, data, names, progress or (lambda share: None))
-    choice, offered = Choice(known.unknowns, known.shared, known.rows), list[dict[str, str]]()
+    choice, offered = known.choice, list[dict[str, str]]()
     for number, (k, one) in enumerate(proposed):
         cells, jacobians = _possible(number, one, plain, known, f"data[{k}]")
         choice.offer(jacobians, one.propose or 1)
         offered += [{SET: names[number], **row} for row in cells]
     motion = None
     if logged:
-        at_known = applied(plain, known.targets, known.values[: known.shared]) if known.scales else plain
+        targets = [(one.target, one.factor, one.added) for one in choice.unknowns[: choice.shared]]
+        at_known = applied(plain, targets, choice.values[: choice.shared]) if known.scales else plain
         design = Design(at_known, patterns_of(plain), scene.excitation)
         motion = design.excited(lambda of: _read_along(of, *logged[0], known), choice)
     else:
@@ -278,7 +282,7 @@ def design_experiments(
         *(v for _, v in logged),
     )
     return replace(
-        plan_of(choice, known.values, motion, plain),
+        plan_of(choice, motion, plain),
         pose_headings=headings,
         pose_rows=tuple(tuple(row.get(heading, "") for heading in headings) for row in rows),
         configuration=scene.model_copy(update={"data": reading}),
@@ -294,7 +298,8 @@ def _possible(
     """
     headings, cells, poses = choices_of(one, scene, key)
     block = PosesBlock(poses.scene or scene, poses, known.sought)
-    at, own = known.values[known.columns[number]], [known.unknowns[k] for k in known.columns[number]]
+    own = [known.choice.unknowns[k] for k in known.columns[number]]
+    at = known.choice.values[known.columns[number]]
     about = _ABOUT * np.array([min(one.sigma, one.typical) for one in own])
     free = np.array([(one.lower, one.upper) for one in own]).T
     turns = np.random.default_rng(0).choice([-1.0, 1.0], size=(_TRIED, at.size)) if at.size > 1 else [[-1.0], [1.0]]
@@ -306,14 +311,14 @@ def _possible(
     return found, known.whitened(number, slopes, block, one, key)
 
 
-def plan_of(choice: Choice, values: Array, motion: Excited | None, scene: Scene) -> ExperimentPlan:
-    """Plan of the experiments that were chosen, and of a motion, at values of the unknowns."""
+def plan_of(choice: Choice, motion: Excited | None, scene: Scene) -> ExperimentPlan:
+    """Plan of the experiments that were chosen, and of a motion."""
     chosen = [(f"pose {k}", choice.offered[one]) for k, one in enumerate(choice.made, 1)]
     offered, along = list(choice.offered), motion.by_segment if motion else []
     chosen += [(one.name, rows) for one, rows in zip(motion.segments if motion else (), along, strict=True)]
     free, shared = [one._replace(lower=-np.inf, upper=np.inf) for one in choice.unknowns], choice.shared
     before, after, every = (
-        infer(free, values, np.vstack([choice.rows, *rows]), None, shared=shared)
+        infer(free, choice.values, np.vstack([choice.rows, *rows]), None, shared=shared)
         for rows in ([], [rows for _, rows in chosen], [*offered, *along])
     )
     warnings = [one.replace("the data", "these experiments") for one in after.warnings]
@@ -327,7 +332,7 @@ def plan_of(choice: Choice, values: Array, motion: Excited | None, scene: Scene)
     plan = ExperimentPlan(
         names=tuple(one.name for one in free[:shared]),
         units=tuple(one.unit for one in free[:shared]),
-        values=values[:shared],
+        values=choice.values[:shared],
         before=before.deviations[:shared],
         deviations=after.deviations[:shared],
         shares=each / np.maximum(each.sum(axis=1, keepdims=True), 1e-300),
@@ -354,27 +359,17 @@ def plan_of(choice: Choice, values: Array, motion: Excited | None, scene: Scene)
 
 
 class _Known(NamedTuple):
-    """Knowledge before a design."""
+    """Knowledge before a design, and the choice of experiments that begins with it."""
 
+    choice: Choice
     sets: tuple[DataSet, ...]
     """Data that are measured already."""
     sought: list[Unknown]
     """Unknowns of each set."""
-    unknowns: list[Unknown]
-    """All unknowns: the first ``shared`` of all sets, the others of one each."""
-    shared: int
-    values: Array
-    rows: Array
-    """Derivatives (rows, n) of what is measured, or known beforehand, per standard deviation."""
     columns: list[NDArray[np.intp]]
     """Unknowns of each set that is designed, among all."""
     scales: dict[str, float]
     """Standard deviation of readings that were measured, by their group."""
-
-    @property
-    def targets(self) -> list[tuple[str, float, bool]]:
-        """Parts of the model that the shared unknowns set, as of `Fit`."""
-        return [(one.target, one.factor, one.added) for one in self.unknowns[: self.shared]]
 
     def whitened(self, number: int, slopes: Array, block: Block, one: StaticPoses | TipTrajectory, key: str) -> Array:
         """Derivatives (..., readings, n) by all unknowns, per deviation, from those by the unknowns of a set."""
@@ -385,7 +380,7 @@ class _Known(NamedTuple):
                 where = f"{key}.measured[{k}].sigma" if k >= 0 else f"{key}.sigma"
                 raise InputError("deviations cannot be predicted without that of every reading", key=where)
             sigma.append(found)
-        whole = np.zeros((*slopes.shape[:-1], len(self.unknowns)))
+        whole = np.zeros((*slopes.shape[:-1], len(self.choice.unknowns)))
         whole[..., self.columns[number]] = slopes / np.array(sigma)[:, None]
         return whole
 
@@ -410,18 +405,9 @@ def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report
     fresh = iter(unknowns[:shared])
     sought = [one if one.per_set else next(fresh) for one in sought]
     unknowns, columns = with_sets(unknowns, sought, [(name, ()) for name in sets])
-    values = np.array([one.start for one in unknowns])
     whole = np.pad(rows, ((0, 0), (0, len(unknowns) - rows.shape[1])))
-    return _Known(
-        scene.data if paths else (),
-        sought,
-        unknowns,
-        shared,
-        values,
-        np.vstack([whole, prior(unknowns, values)[1]]),
-        columns,
-        scales,
-    )
+    whole = np.vstack([whole, prior(unknowns, np.zeros(len(unknowns)))[1]])
+    return _Known(Choice(unknowns, shared, whole), scene.data if paths else (), sought, columns, scales)
 
 
 def _read_along(motion: Trajectory, k: int, one: TipTrajectory, known: _Known) -> Array:
@@ -430,7 +416,7 @@ def _read_along(motion: Trajectory, k: int, one: TipTrajectory, known: _Known) -
     none = np.zeros(t.size)
     readings = [Reading(m.quantity, none, m.place, m.sigma, m.since, m.of) for m in one.readings]
     block = PathBlock(motion.scene, TipPath(t, measured=readings, name="excitation"), known.sought)
-    _, slopes = block.predict(known.values[known.columns[-1]])
+    _, slopes = block.predict(known.choice.values[known.columns[-1]])
     return known.whitened(-1, slopes.reshape(t.size, len(readings), -1), block, one, f"data[{k}]")
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
@@ -15,10 +14,10 @@ from continuum_grasp.identification.comparison import Predicted
 from continuum_grasp.identification.inference import Inference
 from continuum_grasp.identification.laws import LawTrial
 from continuum_grasp.identification.unknowns import DELAY, LAG, OF_DRIVE, Unknown
-from continuum_grasp.model.parameters import numbers_of, places_of
+from continuum_grasp.model.parameters import at_tip, numbers_of, places_of
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.yaml_text import yaml_text
-from continuum_grasp.scene.finger import PointMass
+from continuum_grasp.scene.finger import Finger, PointMass
 from continuum_grasp.scene.rod import Rod
 from continuum_grasp.scene.simulate import FingerScene
 
@@ -171,10 +170,7 @@ class Fit(Predicted):
 
     def details(self) -> dict[str, Any]:
         """The identified finger, None where an estimate is out of a finger's range, and the summary."""
-        try:
-            finger = self.apply().finger.model_dump(mode="json", exclude_unset=True)
-        except InputError:
-            finger = None
+        finger, _ = _plain_finger(self)
         return {"identified_finger": finger, **self.summary()}
 
     def summary(self) -> dict[str, Any]:
@@ -215,12 +211,19 @@ def estimates(unknowns: Sequence[Unknown], values: Array, found: Inference) -> d
     }
 
 
+def _plain_finger(fit: Fit) -> tuple[dict[str, Any] | None, str]:
+    """The identified finger as plain data; None, and why, where an estimate is out of a finger's range."""
+    try:
+        return fit.apply().finger.model_dump(mode="json", exclude_unset=True), ""
+    except InputError as error:
+        return None, str(error)
+
+
 def finger_text(fit: Fit) -> str:
     """The identified finger as YAML, to which the ``finger`` of any configuration may refer by its path."""
-    try:
-        finger = fit.apply().finger.model_dump(mode="json", exclude_unset=True)
-    except InputError as error:
-        return f"# Not a finger: {error}\n"
+    finger, why = _plain_finger(fit)
+    if finger is None:
+        return f"# Not a finger: {why}\n"
     head = f"# Identified from {', '.join(name for name, _ in fit.blocks)}.\n"
     rows = zip(fit.names, fit.values, fit.deviations, fit.units, strict=True)
     head += "".join(f"# {name}: {value:.6g} +/- {deviation:.2g} {unit}\n" for name, value, deviation, unit in rows)
@@ -236,39 +239,27 @@ def applied(scene: Any, targets: Sequence[tuple[str, float, bool]], values: Arra
         elif target == LAG and not (scene.finger.tendons or scene.finger.chambers):
             scene = scene.changed({"controller.input.time_constant": value})
         elif target not in OF_DRIVE:
-            base = _of_base(scene, target) if added else 0.0
-            scene = with_parameter(scene, target, base + factor * value)
+            changes = _changes(scene.finger, target, factor * value, added)
+            scene = scene.changed({f"finger.{key}": new for key, new in changes.items()})
     return scene
 
 
-def _of_base(scene: Any, target: str) -> float:
-    base = scene.finger.base
-    return float(base.angle if target == "base_angle" else base.position["xy".index(target[-1])])
-
-
-def with_parameter(scene: Any, target: str, value: float) -> Any:
-    """The scene with one run-time parameter of the model, as in ``FingerModel(..., parameters=...)``, at another value.
-
-    Raises
-    ------
-    InputError
-        If no value of a scene is behind the parameter, or the scene does not take this one.
-    """
-    finger = scene.finger
-    changes: Mapping[str, Any]
+def _changes(finger: Finger, target: str, value: float, added: bool) -> Mapping[str, Any]:
+    """Changes of a finger by a run-time parameter of the model, as in ``FingerModel(..., parameters=...)``."""
+    x, y = finger.base.position
+    if added and target == "base_angle":
+        return {"base.angle": finger.base.angle + value}
+    if added:
+        return {"base.position": (x + value, y) if target == "base_position_x" else (x, y + value)}
     if target in ("bending_stiffness", "linear_density", "rotary_inertia"):
-        changes = {f"rod.{key}": number for key, number in _rod(finger.rod, target, value).items()}
-    elif target == "tip_mass":
-        others = [mass for mass in finger.masses if not math.isclose(mass.at, finger.rod.length, rel_tol=1e-9)]
-        changes = {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}
-    elif target.startswith("base_position_"):
-        own = target.removeprefix("base_position_")
-        changes = {"base.position": tuple(value if k == own else _of_base(scene, k) for k in "xy")}
-    elif target in (numbers := numbers_of(finger)):
-        changes = dict.fromkeys(places_of(finger, numbers[target].key), value)
-    else:
+        return {f"rod.{key}": number for key, number in _rod(finger.rod, target, value).items()}
+    if target == "tip_mass":
+        others = [mass for mass in finger.masses if not at_tip(mass.at, finger.rod.length)]
+        return {"masses": [*others, PointMass(at=finger.rod.length, mass=value)]}
+    numbers = numbers_of(finger)
+    if target not in numbers:
         raise InputError(f"no value of a scene is behind {target}")
-    return scene.changed({f"finger.{key}": new for key, new in changes.items()})
+    return dict.fromkeys(places_of(finger, numbers[target].key), value)
 
 
 def _rod(rod: Rod, target: str, value: float) -> dict[str, float]:

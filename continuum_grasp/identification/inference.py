@@ -238,6 +238,8 @@ def middle(jacobian: Array, residuals: Array) -> tuple[Array, float]:
 
     ``residuals`` are (T, readings), ``jacobian`` (T, readings, n).
     """
+    from scipy.linalg import matmul_toeplitz
+
     count, readings, n = jacobian.shape
     last = last_lag(residuals)
     if last == 0:
@@ -245,14 +247,11 @@ def middle(jacobian: Array, residuals: Array) -> tuple[Array, float]:
         return float(np.mean(residuals**2)) * flat.T @ flat, float(residuals.size)
     length = min(_WINDOW * last + 1.0, float(count))
     tapered = _parzen(np.arange(count) / length)[:, None, None] * _autocovariance(residuals)
-    spectra = np.fft.rfft(jacobian, 2 * count, axis=0)
     total = np.zeros((n, n))
-    for one in range(readings):
-        for other in range(readings):
-            # G e of the lags of both signs, by a circulant of twice the size
-            both = np.concatenate([tapered[:, one, other], [0.0], tapered[:0:-1, other, one]])
-            turned = np.fft.irfft(np.fft.rfft(both)[:, None] * spectra[:, other], 2 * count, axis=0)[:count]
-            total += jacobian[:, one].T @ turned
+    for one, other in np.ndindex(readings, readings):
+        # G of the lags of both signs, those of one reading with the other
+        lags = tapered[:, one, other], tapered[:, other, one]
+        total += jacobian[:, one].T @ matmul_toeplitz(lags, jacobian[:, other])
     return 0.5 * (total + total.T), _FREEDOM * count / length
 
 

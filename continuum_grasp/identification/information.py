@@ -30,27 +30,12 @@ def information(jacobian: Array, sizes: Array) -> Array:
 def allotted(
     each: Array, known: Array, shared: int, budgets: Sequence[tuple[NDArray[np.intp], int]], least: NDArray[np.intp]
 ) -> NDArray[np.intp]:
-    """Choose how often each experiment is made, so that the variances of the first unknowns have the least sum.
+    """Choose how often (E,) each experiment is made, so that the variances of the first unknowns have the least sum.
 
     Experiments are added one by one, the best one first, and then exchanged in pairs as long as that helps (V. Fedorov,
-    1972, for the A-criterion).
-
-    Parameters
-    ----------
-    each : (E, n, n) ndarray
-        Information of every experiment, once.
-    known : (n, n) ndarray
-        Information that there is already.
-    shared : int
-        Unknowns whose variances count; the others are those of single sets.
-    budgets : sequence of ((K,) ndarray, int)
-        Numbers of experiments that share a budget, and how many of them may be made in all.
-    least : (E,) ndarray
-        How often each is made at least.
-
-    Returns
-    -------
-    (E,) ndarray
+    1972, for the A-criterion). ``each`` (E, n, n) is the information of every experiment, once, ``known`` (n, n) that
+    there is already. The first ``shared`` unknowns count; the others are those of single sets. ``budgets`` are numbers
+    (K,) of experiments that share one, and how many of them may be made in all; ``least`` (E,) are made at least.
     """
     counts = least.copy()
     total = known + np.eye(len(known)) / _VAGUE**2 + np.einsum("e,eij->ij", counts, each)

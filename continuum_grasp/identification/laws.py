@@ -44,12 +44,7 @@ class LawTrial(NamedTuple):
 def choose_law(tasks: Mapping[str, Task], report: Callable[[float], None]) -> tuple[str, tuple[LawTrial, ...]]:
     """Name of the law that is chosen, of tasks by the names of laws, and how all of them did.
 
-    Raises
-    ------
-    InputError
-        If there is nothing to hold out.
-    SolverError
-        If no law can be fitted.
+    InputError if there is nothing to hold out, SolverError if no law can be fitted.
     """
     names, candidates = list(tasks), list(tasks.values())
     problems = [one.build(one.given, one.unknowns) for one in candidates]

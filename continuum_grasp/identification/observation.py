@@ -27,12 +27,8 @@ def at_rest(
 ) -> ca.SX:
     """Readings of a finger at rest; ``history`` is that of tendon friction, where there is any.
 
-    ``offsets`` (readings) [m] replace those of the readings, which may differ from row to row.
-
-    Raises
-    ------
-    InputError
-        If a position is not on the finger, or a drive is not one of it.
+    ``offsets`` (readings) [m] replace those of the readings, which may differ from row to row. InputError if a position
+    is not on the finger, or a drive is not one of it.
     """
 
     def drives() -> tuple[ca.SX, ca.SX]:
@@ -119,12 +115,7 @@ def _at_drive(model: FingerModel, one: Reading, u: ca.SX, tensions: ca.SX, state
 
 
 def check_tensions(model: FingerModel, readings: Sequence[Reading], name: str) -> None:
-    """Refuse tensions of tendons that have none of their own.
-
-    Raises
-    ------
-    InputError
-    """
+    """Raise an InputError for tensions of tendons that have none of their own."""
     if not model.structure.own_tendons and any(one.quantity == "tension" for one in readings):
         raise InputError(
             "a tension that was measured at a drive is predicted for tendons with friction or on winches; here it is "

@@ -38,10 +38,9 @@ class PathBlock(Block):
         self._t = t = column(f"{data.name}.t", data.t)
         driven = Driven(scene, unknowns, readings)
         check_tensions(driven.model, readings, data.name)
-        self._rows, self._count, self._shape = Rows(driven.scene, unknowns, data.name), len(unknowns), None
-        self._initial, self._begins = scene.initial, float(t[0])
+        self._count, self._shape, self._initial, self._begins = len(unknowns), None, scene.initial, float(t[0])
         if data.start == "estimated":
-            p = self._parameters(np.array([one.start for one in unknowns]))[0]
+            p = driven.parameters(np.array([one.start for one in unknowns]))
             acting = np.concatenate([driven.signals.u(t[:1])[0], driven.signals.w(t[:1])[0], p])
             measured = MeasuredStart(driven.model, readings, t, acting, data.name)
             self.own = measured.unknowns(data.start_sigma)
@@ -75,13 +74,12 @@ class PathBlock(Block):
 
     def _moved(self, values: Array) -> tuple[Array, Array, float]:
         """States with their derivatives (T, ...), the parameters with theirs, and the delay."""
-        slope, delay = np.zeros((self._model.np, len(values))), self._driven.delay(values)
-        p, slope[:, : self._count] = self._parameters(values[: self._count])
-        start = self._begin(values, delay, p, slope)
-        acting = np.concatenate([p, slope.ravel(order="F")])
-        return self._motion.at(*start, p, acting, delay), acting, delay
+        driven = self._driven
+        p, delay = driven.parameters(values), driven.delay(values)
+        acting = np.concatenate([p, driven.turned.ravel(order="F")])
+        return self._motion.at(*self._begin(values, delay, p), p, acting, delay), acting, delay
 
-    def _begin(self, values: Array, delay: float, p: Array, by_values: Array) -> tuple[Array, Array]:
+    def _begin(self, values: Array, delay: float, p: Array) -> tuple[Array, Array]:
         """State where the motion starts, and its derivative by all values."""
         model, n, count = self._model, self._model.n, self._count
         x, slope = np.zeros(self._driven.size), np.zeros((self._driven.size, len(values)))
@@ -95,14 +93,8 @@ class PathBlock(Block):
             x[:n] = self._initial.q
         if not self.own and self._initial.qd is not None:
             x[n : 2 * n] = self._initial.qd
-        x[2 * n :], slope[2 * n :] = self._driven.begin(self._begins, delay, x[:n], slope[:n], p, by_values)
+        x[2 * n :], slope[2 * n :] = self._driven.begin(self._begins, delay, x[:n], slope[:n], p)
         return x, slope
-
-    def _parameters(self, shared: Array) -> tuple[Array, Array]:
-        """Run-time parameters of the model (np,), and their derivatives by the shared unknowns."""
-        z, by_shared = self._rows.at(0, shared)
-        start = self._rows.model.nu + self._rows.model.nw
-        return z[start:], by_shared[start:]
 
 
 def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> Shapes | None:
@@ -139,12 +131,8 @@ class _Motion:
     def at(self, start: Array, slope: Array, p: Array, acting: Array, delay: float) -> Array:
         """States with their derivatives (T, ...), from a start (nx,) with its derivative.
 
-        ``p`` are the parameters, ``acting`` these with their derivatives.
-
-        Raises
-        ------
-        NumericalError
-            If the motion does not stay finite, or is too stiff.
+        ``p`` are the parameters, ``acting`` these with their derivatives. NumericalError if the motion does not stay
+        finite, or is too stiff.
         """
         self._settle(start, p)
         grid, driven = self._grid, self._driven

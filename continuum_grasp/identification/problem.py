@@ -162,12 +162,7 @@ class Problem:
     def solve(self, progress: Progress) -> Solution:
         """Find the parameters; unknown standard deviations and robust weights are found by iteration.
 
-        Raises
-        ------
-        InputError
-            If nothing is to be fitted.
-        SolverError
-            If the search does not converge.
+        InputError if nothing is to be fitted, SolverError if the search does not converge.
         """
         if not self.fitted.any():
             raise InputError("no row is to be fitted", key="data")

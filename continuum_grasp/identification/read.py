@@ -108,10 +108,7 @@ def sets_of(scene: IdentifyScene, paths: Sequence[Path]) -> tuple[DataSet, ...]:
 def located(scene: Scene, beside: Path | None) -> list[Path]:
     """Files that the data of a scene name, in a folder, or in one folder of the data folder.
 
-    Raises
-    ------
-    InputError
-        If the scene names none, or one is in none of these, or in several.
+    InputError if the scene names none, or one is in none of these, or in several.
     """
     sets = scene.data if isinstance(scene, IdentifyScene) else ()
     if not sets:
@@ -238,12 +235,7 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list
 def choices_of(one: StaticPoses, scene: Scene, key: str) -> tuple[tuple[str, ...], list[tuple[str, ...]], Poses]:
     """Table of all rows that the choices of a set's conditions make, as it is read back: headings, cells, poses.
 
-    Cells of what is to be measured are zero.
-
-    Raises
-    ------
-    InputError
-        If a condition has no choices, or there are too many rows.
+    Cells of what is to be measured are zero. InputError if a condition has no choices, or there are too many rows.
     """
     choices = dict[str, Sequence[float]]()
     for k, condition in enumerate(one.conditions):
@@ -430,12 +422,8 @@ _TIMES, _SUFFIX = ("t", "time"), re.compile(r"(.+?)_(mm|cm|m|deg|rad|s|ms|N|mN|g
 
 
 def _by_headings(file: Path, scene: Scene) -> list[Data]:
-    """Measurements of a table whose headings say what they are, with their units in brackets or behind an underscore.
-
-    Raises
-    ------
-    InputError
-        If they do not.
+    """Measurements of a table whose headings say what they are, with their units in brackets or behind an underscore;
+    InputError if they do not.
     """
     table, columns = read_table(file), dict[str, Column]()
     for heading, unit in zip(table.headings, table.units, strict=True):

@@ -32,16 +32,21 @@ def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str]
     return tuple(dict.fromkeys((*scene.parameters, *own, *more)))
 
 
+def set_by(unknowns: Sequence[Unknown], names: Sequence[str]) -> tuple[Array, Array]:
+    """Entries of a model by unknowns: share of their own values (entries,), and derivatives (entries, unknowns)."""
+    own, derivative = np.ones(len(names)), np.zeros((len(names), len(unknowns)))
+    for k, one in enumerate(unknowns):
+        if one.target not in (*OF_DRIVE, START):
+            at = names.index(one.target)
+            own[at], derivative[at, k] = float(one.added), one.factor
+    return own, derivative
+
+
 class Rows:
     """The argument z = [u, w, p] of a model in every row, and its derivative with respect to the unknowns.
 
     Conditions (rows,) are values by row, under the names of the model; all others are the scene's, at time zero.
-    ``name`` is that of the data, for errors.
-
-    Raises
-    ------
-    InputError
-        If a condition is unknown, or is to be estimated.
+    ``name`` is that of the data, for errors. InputError if a condition is unknown, or is to be estimated.
     """
 
     def __init__(
@@ -77,18 +82,11 @@ class Rows:
             if one not in names:
                 raise InputError(f"no entry {one!r}; expected one of {', '.join(names)}", key=key)
             self._table[:, names.index(one)] = numbers
-        # z = own * table + derivative @ values
-        self._derivative, self._own = np.zeros((len(names), len(unknowns))), np.ones(len(names))
-        for k, unknown in enumerate(unknowns):
-            if unknown.target not in OF_DRIVE:
-                at = names.index(unknown.target)
-                self._derivative[at, k] = unknown.factor
-                self._own[at] = 1.0 if unknown.added else 0.0
+        self._own, self._derivative = set_by(unknowns, names)
 
     def at(self, row: int, values: Array) -> tuple[Array, Array]:
         """Values z (nz,) of a row and their derivative (nz, unknowns)."""
-        z = self._own * self._table[row] + self._derivative @ values
-        return z, self._derivative
+        return self._own * self._table[row] + self._derivative @ values, self._derivative
 
 
 _TOLERANCE = 1e-11
@@ -115,12 +113,7 @@ class Shapes:
 
     Each is followed from the last one that was found for its row, in shorter steps of z where Newton's method fails:
     a finger that can buckle keeps to its branch. Rows in ``sequence`` are followed from one to the next instead, and
-    the friction states with them.
-
-    Raises
-    ------
-    SolverError
-        If the scene has no equilibrium.
+    the friction states with them. SolverError if the scene has no equilibrium.
     """
 
     def __init__(self, rows: Rows, *, sequence: bool = False) -> None:
@@ -148,13 +141,7 @@ class Shapes:
         self._carried = with_slopes("carried", carried, q, z, history)
 
     def all(self, values: Array) -> Iterator[Resting]:
-        """The rows, one by one.
-
-        Raises
-        ------
-        SolverError
-            If one cannot be followed there.
-        """
+        """The rows, one by one; SolverError if one cannot be followed there."""
         before = None
         for row in range(self.rows.count):
             # Of a sequence the first row has the scene's own history, each of the others that of the one before.

@@ -50,20 +50,16 @@ class MeasuredStart:
         smooth = np.sqrt(_SMOOTH) / self._reach
         near = ca.vertcat(y - given[2], smooth * q)
         self._missed = ca.Function("missed", given, [near, ca.jacobian(near, q)])
-        self._slopes = ca.Function("slopes", given[:2], [ca.vertcat(ca.jacobian(y, q), smooth * self._slow * np.eye(model.n))])
+        self._slopes = ca.Function(
+            "slopes", given[:2], [ca.vertcat(ca.jacobian(y, q), smooth * self._slow * np.eye(model.n))]
+        )
         # least squares end near the minimum, from where Newton's method takes it to rounding: starts that repeat
         still = {"x": q, "p": ca.vertcat(*given[1:]), "g": ca.gradient(0.5 * ca.sumsqr(near), q)}
         self._still = ca.rootfinder("still", "newton", still, {"abstol": 1e-13})
         self._straight = np.zeros(model.n)
 
     def state(self) -> tuple[Array, Array]:
-        """Coordinates and rates (n,) at the first sample.
-
-        Raises
-        ------
-        SolverError
-            If no shape of the finger comes near the readings.
-        """
+        """Coordinates and rates (n,) at the first sample; SolverError if no shape comes near the readings."""
         q = self._near(self._straight, self._value)
         moved = np.append(self._slope, np.zeros(q.size))
         return q, np.linalg.lstsq(np.array(self._slopes(q, self._z)), moved, rcond=None)[0]

@@ -84,10 +84,7 @@ class Unknown(NamedTuple):
 def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unknown]:
     """Parameters to estimate, with bounds and sizes; start values come from the scene.
 
-    Raises
-    ------
-    InputError
-        If there is none, one is unknown or given twice, or a start value is missing or out of bounds.
+    InputError if there is none, one is unknown or given twice, or a start value is missing or out of bounds.
     """
     if isinstance(estimates, str):
         raise InputError(f"expected a list of names, got {estimates!r:.60}", key="estimate")

@@ -198,11 +198,11 @@ class TipTrajectory(_Data):
     """Columns with what was measured at further sections at the same instants. Instants at which one of the cells is
     empty are left out."""
     start: Literal["scene", "estimated"] = "scene"
-    """Start of the motion. scene: at time zero as ``initial`` says; estimated: at the first sample, in a shape and rates
-    that are estimated with the parameters, from the smoothest ones through what is measured there on."""
+    """Start of the motion. scene: at time zero as ``initial`` says; estimated: at the first sample, in a shape and
+    rates that are estimated with the parameters, from the smoothest ones through what is measured there on."""
     start_prior: StartPrior | None = None
-    """Standard deviations of an estimated start about what the first samples show; None: any start is as likely, whatever its
-    rates."""
+    """Standard deviations of an estimated start about what the first samples show; None: any start is as likely,
+    whatever its rates."""
     window: _Window | None = None
     """Instants from and to which samples are used [s]."""
     sigma: Annotated[Positive, Unit("m")] | None = None

@@ -102,7 +102,7 @@ def test_friction_at_a_start_is_that_of_a_simulation(bend, history):
     scene = driven(WINCHES, "lengths", [], initial={"q": [bend, 0.5 * bend], **history})
     own = Driven(scene, (), ())
     q, p = np.array(scene.initial.q), np.array(own.model.p_nominal)
-    found, _ = own.begin(0.0, 0.0, q, np.zeros((2, 0)), p, np.zeros((p.size, 0)))
+    found, _ = own.begin(0.0, 0.0, q, np.zeros((2, 0)), p)
     expected = initial_state(scene, own.model)[own.model.nx - found.size :]
     assert found == pytest.approx(expected, rel=1e-9, abs=1e-9)
     if history.get("reached_by") == "releasing":

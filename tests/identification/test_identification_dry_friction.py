@@ -59,8 +59,9 @@ def path() -> TipPath:
 @pytest.mark.deep
 def test_derivatives_of_motions_through_stops_are_those_of_differences(path):
     scene = hanging()
-    block = PathBlock(scene, path, read_unknowns(scene, NAMES))
-    values = np.array([1.03 * one.start for one in block._all])
+    unknowns = read_unknowns(scene, NAMES)
+    block = PathBlock(scene, path, unknowns)
+    values = np.array([1.03 * one.start for one in [*unknowns, *block.own]])
     _, slopes = block.predict(values)
     for k, value in enumerate(values):
         step = 1e-5 * max(abs(value), 0.1)
@@ -87,8 +88,9 @@ def test_without_the_shapes_before_the_friction_of_the_start_is_wrong(path):
     scene = hanging()
     found = {}
     for name, before in (("with", path.before), ("without", ())):
-        block = PathBlock(scene, replace(path, before=before), read_unknowns(scene, NAMES))
-        values = np.array([one.start for one in block._all])
+        unknowns = read_unknowns(scene, NAMES)
+        block = PathBlock(scene, replace(path, before=before), unknowns)
+        values = np.array([one.start for one in [*unknowns, *block.own]])
         missed = block.predict(values)[0] - np.array([one.value for one in block.entries])
         found[name] = float(np.sqrt(np.mean(missed**2)))
     assert found["with"] < 0.2 * found["without"]

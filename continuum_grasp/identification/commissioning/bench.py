@@ -144,12 +144,7 @@ class Bench:
     def moved(self, t: Array, u: Array, p: Array, end: float) -> tuple[Array, Array, Array]:
         """Instants (N,), states (N, nx) and commands (N, nu) under commands held from instants t (K,) on until an end.
 
-        It begins at rest under the first command.
-
-        Raises
-        ------
-        NumericalError
-            If the motion does not stay finite.
+        It begins at rest under the first command. NumericalError if the motion does not stay finite.
         """
         step, stored = self.step, self._stored
         count = max(1, math.ceil((end - t[0]) / (stored * step)))

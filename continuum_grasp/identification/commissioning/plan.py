@@ -103,7 +103,7 @@ def design_commissioning(
         return _limited(known, motion.u[:, : bench.model.nu])
 
     def rows(motion: Trajectory) -> Array:
-        _, slopes = block(motion.t, commands(motion)).predict(values)
+        _, slopes = block(motion.t, commands(motion)).predict(choice.values)
         return np.asarray(slopes.reshape(len(motion.t) - 1, len(names), -1) / sigma[:, None])
 
     def allowed(motion: Trajectory) -> bool:
@@ -112,24 +112,18 @@ def design_commissioning(
         return not exceeded
 
     unknowns = block(np.zeros(1), np.zeros((1, 1))).unknowns
-    values = np.array([one.start for one in unknowns])
     choice = Choice(unknowns, len(unknowns), np.zeros((0, len(unknowns))))
     motion = design.excited(rows, choice, allowed)
     if exceeded:
         raise InputError(f"no excitation is possible: it goes beyond the limit of {exceeded}", key="controller.bounds")
     to_bench = wiring_of(known.mounting, (), bench.model.u_names, "mounting").commands
     sent = np.array([to_bench(row) for row in commands(motion.rehearsal)])
-    plan = plan_of(choice, values, motion, around)
+    plan = plan_of(choice, motion, around)
     return replace(plan, commands=sent, command_names=tuple(COMMANDED + name for name in bench.model.u_names))
 
 
 def checked(scene: ControlScene | str | PathLike[str]) -> ControlScene:
-    """The scene, if it can be commissioned.
-
-    Raises
-    ------
-    InputError
-    """
+    """The scene, if it can be commissioned; InputError if not."""
     known = scene_of(scene, ControlScene)
     _CONSUMER.check(known)
     _BLIND.check(known)
