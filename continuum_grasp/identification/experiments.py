@@ -20,7 +20,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.identification.blocks import Block, PosesBlock
 from continuum_grasp.identification.data import Reading, TipPath
 from continuum_grasp.identification.fit import applied
-from continuum_grasp.identification.fitting import Measurements, posed, resolved
+from continuum_grasp.identification.fitting import Measurements, listed, posed, resolved
 from continuum_grasp.identification.inference import infer
 from continuum_grasp.identification.information import allotted, information
 from continuum_grasp.identification.path_block import PathBlock
@@ -390,11 +390,11 @@ def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report
     sought = read_unknowns(scene, scene.estimate)
     unknowns, scales = [one for one in sought if not one.per_set], dict[str, float]()
     rows: Array = np.zeros((0, len(unknowns)))
-    given = [data] if isinstance(data, (str, os.PathLike)) else data if isinstance(data, Sequence) else []
+    given = listed(data)
     paths = [Path(one) for one in given if isinstance(one, (str, os.PathLike))]
     if paths:
         scene = scene.model_copy(update={"data": sets_of(scene, paths)})
-    if paths or given or not isinstance(data, Sequence):
+    if given:
         found = posed(scene, data, scene.estimate)
         problem = found.build(found.given, found.unknowns)
         solution = problem.solve(report)

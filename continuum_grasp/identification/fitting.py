@@ -254,20 +254,23 @@ def _measurements(scene: Scene, data: Measurements, beside: Path | None) -> list
     """Given measurements, and those in given files, which come first; those that the scene names where none is given,
     in the folder of its own file, ``beside``.
     """
-    kinds, places = (Poses, TipPath, Frequencies), (str, os.PathLike)
-    given = list(data) if isinstance(data, Sequence) and not isinstance(data, (*kinds, *places)) else [data]
-    found: list[Data] = []
-    paths = [Path(one) for one in given if isinstance(one, places)]
+    given, found = listed(data), list[Data]()
+    paths = [Path(one) for one in given if isinstance(one, (str, os.PathLike))]
     if paths or not given:
         found += read_data(scene, paths, beside=beside)
     for one in given:
-        if isinstance(one, kinds):
+        if isinstance(one, (Poses, TipPath, Frequencies)):
             found.append(one)
-        elif not isinstance(one, places):
+        elif not isinstance(one, (str, os.PathLike)):
             raise InputError(f"expected Poses, TipPath, Frequencies or a path, got {one!r:.60}", key="data")
     if not found:
         raise InputError("expected measurements, got none", key="data")
     return found
+
+
+def listed(data: Measurements) -> list[Any]:
+    """Measurements, or places of them, one by one."""
+    return list(data) if isinstance(data, Sequence) and not isinstance(data, str) else [data]
 
 
 def _block(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:

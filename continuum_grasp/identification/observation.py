@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, cast
 
 import casadi as ca
@@ -30,24 +30,18 @@ def at_rest(
     ``offsets`` (readings) [m] replace those of the readings, which may differ from row to row. InputError if a position
     is not on the finger, or a drive is not one of it.
     """
-
-    def drives() -> tuple[ca.SX, ca.SX]:
-        return model.tensions_at_rest()(q, u, p, *history), model.drives_at_rest()(q, u, p, *history)
-
+    drives = []
+    if any(one.of_drive for one in readings):
+        drives = [give()(q, u, p, *history) for give in (model.tensions_at_rest, model.drives_at_rest)]
     return _observed(model, readings, q, u, p, drives, offsets)
 
 
 def moving(model: FingerModel, readings: Sequence[Reading], x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
     """Readings of a finger that moves; errors as of ``at_rest``."""
-    end = model.nx - len(model.friction_names)
-    return _observed(
-        model,
-        readings,
-        x[: model.n],
-        acting_input(model, x, u, p),
-        p,
-        lambda: (model.tensions()(x, u, p)[0], x[2 * model.n : end]),
-    )
+    drives = []
+    if any(one.of_drive for one in readings):
+        drives = [model.tensions()(x, u, p)[0], x[2 * model.n : model.nx - len(model.friction_names)]]
+    return _observed(model, readings, x[: model.n], acting_input(model, x, u, p), p, drives)
 
 
 def _observed(
@@ -56,16 +50,16 @@ def _observed(
     q: ca.SX,
     u: ca.SX,
     p: ca.SX,
-    drives: Callable[[], tuple[ca.SX, ca.SX]],
+    drives: Sequence[ca.SX],
     offsets: ca.SX | None = None,
 ) -> ca.SX:
-    values, given = [], None
-    for k, one in enumerate(readings):
-        if not one.of_drive:
-            values.append(_along(model, one, q, u, p, one.offset if offsets is None else offsets[k]))
-            continue
-        given = given or drives()
-        values.append(_at_drive(model, one, u, *given))
+    """Readings, where ``drives`` are tensions of tendons and states of drives, for those of drives."""
+    values = [
+        _at_drive(model, one, u, *drives)
+        if one.of_drive
+        else _along(model, one, q, u, p, one.offset if offsets is None else offsets[k])
+        for k, one in enumerate(readings)
+    ]
     return ca.vertcat(*values)
 
 
