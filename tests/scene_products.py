@@ -320,7 +320,7 @@ def read_and_sought(scene: IdentifyScene) -> Iterator[object]:
 def excited(scene: Scene, options: Excitation) -> Scene:
     """A finger under the commands that the design of an excitation begins with."""
     design = Excited(scene, patterns_of(scene), options)
-    return design.scene(np.ones(len(design.parts)) / len(design.parts), 1.0)
+    return design.scene(1.0)
 
 
 def of_sweep(sweep: Sweep) -> Iterator[object]:

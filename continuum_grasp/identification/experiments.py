@@ -26,7 +26,7 @@ from continuum_grasp.identification.information import allotted, information
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Progress, with_sets
 from continuum_grasp.identification.read import choices_of, plain_scene, sets_of
-from continuum_grasp.identification.segments import SHARES, Design, Excited, Segment, patterns_of
+from continuum_grasp.identification.segments import Design, Excited, Segment, patterns_of
 from continuum_grasp.identification.unknowns import Unknown, prior, read_unknowns
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.result import Result
@@ -168,17 +168,11 @@ class Choice:
         least = np.argmin(np.linalg.norm(jacobians * self._sizes, axis=(2, 3)), axis=0)
         self._cautious += list(jacobians[least, np.arange(least.size)])
 
-    def __call__(self, parts: Sequence[Array], each: float, least: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Choose among what is offered and, as `Choose`, segments of a motion."""
-        first, budgets = len(self.offered), list(self._budgets)
-        if parts:
-            budgets.append((first + np.arange(len(parts)), SHARES))
-        found = [information(one, self._sizes) for one in self._cautious]
-        found += [information(one, self._sizes) / each for one in parts]
-        known, least = information(self.rows, self._sizes), np.append(np.zeros(first, dtype=np.intp), least)
-        counts = allotted(np.array(found), known, self.shared, budgets, least)
-        self.counts = counts[:first]
-        return counts[first:]
+    def choose(self, along: Sequence[Array]) -> None:
+        """Choose among what is offered, beside what is read along a motion (readings, n)."""
+        found = np.array([information(one, self._sizes) for one in self._cautious])
+        known = information(np.vstack([self.rows, *along]), self._sizes)
+        self.counts = allotted(found, known, self.shared, self._budgets)
 
     @property
     def made(self) -> list[int]:
@@ -197,8 +191,7 @@ def design_experiments(
     the scene has an ``excitation``, and drives, a motion is added: slow loops with an inner loop, steps and sweeps to
     each side, and of both tendons together, as far as ``reach`` of the limits allows; its first data of ``kind:
     trajectory`` say what is logged. Fisher's information of all readings gives the standard deviations of the unknowns
-    before anything is measured; poses, and the share of time of each segment, are those that make the sum of the
-    variances least, relative to typical sizes.
+    before anything is measured; poses are those that make the sum of the variances least, relative to typical sizes.
 
     Parameters
     ----------
@@ -271,9 +264,8 @@ def design_experiments(
         targets = [(one.target, one.factor, one.added) for one in choice.unknowns[: choice.shared]]
         at_known = applied(plain, targets, choice.values[: choice.shared]) if known.scales else plain
         design = Design(at_known, patterns_of(plain), scene.excitation)
-        motion = design.excited(lambda of: _read_along(of, *logged[0], known), choice)
-    else:
-        choice((), 1.0, np.zeros(0, dtype=np.intp))
+        motion = design.excited(lambda of: _read_along(of, *logged[0], known))
+    choice.choose(motion.by_segment if motion else ())
     rows = [offered[k] for k in choice.made]
     headings = tuple(dict.fromkeys(heading for row in rows for heading in row))
     reading = (

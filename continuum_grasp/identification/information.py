@@ -28,17 +28,16 @@ def information(jacobian: Array, sizes: Array) -> Array:
 
 
 def allotted(
-    each: Array, known: Array, shared: int, budgets: Sequence[tuple[NDArray[np.intp], int]], least: NDArray[np.intp]
+    each: Array, known: Array, shared: int, budgets: Sequence[tuple[NDArray[np.intp], int]]
 ) -> NDArray[np.intp]:
     """Choose how often (E,) each experiment is made, so that the variances of the first unknowns have the least sum.
 
     Experiments are added one by one, the best one first, and then exchanged in pairs as long as that helps (V. Fedorov,
     1972, for the A-criterion). ``each`` (E, n, n) is the information of every experiment, once, ``known`` (n, n) that
     there is already. The first ``shared`` unknowns count; the others are those of single sets. ``budgets`` are numbers
-    (K,) of experiments that share one, and how many of them may be made in all; ``least`` (E,) are made at least.
+    (K,) of experiments that share one, and how many of them may be made in all.
     """
-    counts = least.copy()
-    total = known + np.eye(len(known)) / _VAGUE**2 + np.einsum("e,eij->ij", counts, each)
+    counts, total = np.zeros(len(each), dtype=np.intp), known + np.eye(len(known)) / _VAGUE**2
 
     def variance(matrices: Array) -> Array:
         return np.asarray(np.einsum("...ii->...", np.linalg.inv(matrices)[..., :shared, :shared]))
@@ -49,7 +48,7 @@ def allotted(
         return float(sums[k]), int(members[k])
 
     for members, most in budgets:
-        while counts[members].sum() < most:
+        for _ in range(most):
             _, one = best(members, total)
             counts[one] += 1
             total = total + each[one]
@@ -57,7 +56,7 @@ def allotted(
     while exchanged:
         exchanged = False
         for members, _ in budgets:
-            for one in members[counts[members] > least[members]]:
+            for one in members[counts[members] > 0]:
                 found, other = best(members, total - each[one])
                 if found < (1.0 - _BETTER) * reached:
                     counts[one] -= 1

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import SolverError
@@ -38,18 +37,8 @@ _BAND = 0.5, 1.5
 """Frequencies from which and up to which it goes, per first natural frequency [1]."""
 _NYQUIST = 0.1
 """Greatest frequency times the time between samples [1]."""
-SHARES = 120
-"""Shares into which the time of the commands is divided [1]: of nine segments each has a dozen to begin with."""
-_LEAST = {"hold": 0.3, "loop": 1.1, "steps": 0.5, "sweep": 0.9}
-"""Least share of time of a segment, per equal shares [1]: none is left out, since the values at which the information
-is taken are guesses, a loop must stay slow, and a sweep swing."""
 _LESS, _TRIES = 0.85, 24
 """Factor on the commands where the motion that they cause goes beyond a limit [1], and how often at most."""
-
-
-Choose = Callable[[Sequence[Array], float, NDArray[np.intp]], NDArray[np.intp]]
-"""Shares of time of segments, in `SHARES`, of derivatives (readings, n) of what is read in each segment of a motion in
-which each has so many shares, and of the least shares."""
 
 
 class Segment(NamedTuple):
@@ -71,7 +60,6 @@ class Pattern(NamedTuple):
 
 class _Part(NamedTuple):
     name: str
-    shows: str
     form: str
     pattern: int
 
@@ -93,6 +81,7 @@ class Excited(NamedTuple):
 
 
 _SHOWS = {
+    "hold": "noise of the sensors",
     "loop": "slow: stiffness (slope), tendon friction (width), presliding and elasticity (where it turns)",
     "steps": "lag, delay and inertia of the drives; damping",
     "sweep": "masses and damping, viscous friction of the drives",
@@ -162,7 +151,7 @@ def _of_sides(sides: Array, directions: Mapping[str, float], paid: float, most: 
 
 
 class Design:
-    """Commands of a scene's drives, by shares of time of their segments.
+    """Commands of a scene's drives, in segments.
 
     Each is as large as ``reach`` of the bending range, of the tensions and of what the drives take allows at rest.
     """
@@ -174,11 +163,11 @@ class Design:
         self._forces = Signals(taut, self._model).w(0.0)[0]
         self._patterns = patterns
         self._greatest = [self._reach(one) for one in patterns]
-        self.parts = [_Part("hold", "noise of the sensors", "hold", 0)]
+        self.parts = [_Part("hold", "hold", 0)]
         for form in ("loop", "steps", "sweep"):
             for k, one in enumerate(patterns):
                 if not (one.name == "together" and form == "sweep"):
-                    self.parts.append(_Part(f"{form} {one.name}", _SHOWS[form], form, k))
+                    self.parts.append(_Part(f"{form} {one.name}", form, k))
         self._frequency = self._first_frequency()
 
     def _reach(self, pattern: Pattern) -> float:
@@ -209,31 +198,17 @@ class Design:
         return bool(use <= reach and np.all(tensions <= reach * most))
 
     def excited(
-        self,
-        rows: Callable[[Trajectory], Array],
-        choose: Choose,
-        allowed: Callable[[Trajectory], bool] | None = None,
+        self, rows: Callable[[Trajectory], Array], allowed: Callable[[Trajectory], bool] | None = None
     ) -> Excited:
-        """Commands in the shares of time that are chosen, as large as the motion that they cause is allowed to be.
+        """Commands as large as the motion that they cause is allowed to be.
 
         ``rows`` gives derivatives (T, readings, n) of what is read after each sample, per standard deviation.
         """
-        weights, scale, tries = np.ones(len(self.parts)), 1.0, _TRIES
-        for last in (False, True):
-            rehearsal = simulate(self.scene(weights, scale))
-            while tries and not (allowed or self.within)(rehearsal):
-                scale, tries = _LESS * scale, tries - 1
-                rehearsal = simulate(self.scene(weights, scale))
-            found = Excited(self.segments(weights), rehearsal, rows(rehearsal), scale)
-            if not last:
-                weights = choose(found.by_segment, SHARES / len(self.parts), self.least).astype(float)
-        return found
-
-    @property
-    def least(self) -> NDArray[np.intp]:
-        """Least shares of time of the segments, in `SHARES`."""
-        share = SHARES / len(self.parts)
-        return np.array([math.ceil(_LEAST[part.form] * share) for part in self.parts], dtype=np.intp)
+        scale, tries, rehearsal = 1.0, _TRIES, simulate(self.scene(1.0))
+        while tries and not (allowed or self.within)(rehearsal):
+            scale, tries = _LESS * scale, tries - 1
+            rehearsal = simulate(self.scene(scale))
+        return Excited(self.segments, rehearsal, rows(rehearsal), scale)
 
     def within(self, motion: Trajectory) -> bool:
         """Whether a motion stays within the bending range and the greatest tensions."""
@@ -253,17 +228,18 @@ class Design:
         found = modes(alone.model_copy(update={"initial": initial}))
         return float(found.frequencies_hz[0])
 
-    def segments(self, weights: Array) -> tuple[Segment, ...]:
-        """The segments with their times."""
-        ends_at = np.cumsum(weights) / weights.sum() * self.options.duration
-        starts = np.append(0.0, ends_at[:-1])
-        rows = zip(self.parts, starts.tolist(), ends_at.tolist(), strict=True)
-        return tuple(Segment(part.name, part.shows, start, end) for part, start, end in rows)
+    @property
+    def segments(self) -> tuple[Segment, ...]:
+        """The segments with their times, which are equally long."""
+        ends = np.linspace(0.0, self.options.duration, len(self.parts) + 1).tolist()
+        return tuple(
+            Segment(part.name, part.shows, *times) for part, times in zip(self.parts, pairwise(ends), strict=True)
+        )
 
-    def scene(self, weights: Array, scale: float) -> Scene:
+    def scene(self, scale: float) -> Scene:
         """The scene under the commands."""
         points: list[tuple[float, Array]] = []
-        for part, one in zip(self.parts, self.segments(weights), strict=True):
+        for part, one in zip(self.parts, self.segments, strict=True):
             most = scale * self._greatest[part.pattern]
             for at, level in self._form(part.form, one.end - one.start):
                 points.append((one.start + at, self._base + (most * level) * self._patterns[part.pattern].commands))

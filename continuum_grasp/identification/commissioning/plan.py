@@ -113,7 +113,7 @@ def design_commissioning(
 
     unknowns = block(np.zeros(1), np.zeros((1, 1))).unknowns
     choice = Choice(unknowns, len(unknowns), np.zeros((0, len(unknowns))))
-    motion = design.excited(rows, choice, allowed)
+    motion = design.excited(rows, allowed)
     if exceeded:
         raise InputError(f"no excitation is possible: it goes beyond the limit of {exceeded}", key="controller.bounds")
     to_bench = wiring_of(known.mounting, (), bench.model.u_names, "mounting").commands
