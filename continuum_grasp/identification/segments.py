@@ -232,9 +232,8 @@ class Design:
     def segments(self) -> tuple[Segment, ...]:
         """The segments with their times, which are equally long."""
         ends = np.linspace(0.0, self.options.duration, len(self.parts) + 1).tolist()
-        return tuple(
-            Segment(part.name, part.shows, *times) for part, times in zip(self.parts, pairwise(ends), strict=True)
-        )
+        times = zip(self.parts, pairwise(ends), strict=True)
+        return tuple(Segment(part.name, _SHOWS[part.form], *both) for part, both in times)
 
     def scene(self, scale: float) -> Scene:
         """The scene under the commands."""

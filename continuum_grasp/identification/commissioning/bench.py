@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
+from scipy.optimize import root
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.integration import Integration
@@ -41,8 +42,6 @@ FRICTION = "tendon_friction"
 """Unknown that is found in the end: friction of the tendons."""
 _FRICTION = 0.01
 """Friction of the tendons whose motion is compared with that without any [1]."""
-_NEWTON = 12
-"""Most steps of Newton's method towards the first state at rest [1]; fingers with friction need no more than six."""
 
 
 class Connected(NamedTuple):
@@ -90,11 +89,8 @@ class Bench:
         names = ["bending_stiffness", "tip_mass"] + ["material_damping"] * damped
         self.unknowns = read_unknowns(around, names)
         if lag is not None:
-            names.append(LAG)
             self.unknowns.append(Unknown(LAG, "s", LAG, 1.0, False, lag, 0.02 * lag, 50.0 * lag, lag))
-        self._count = len(names) - (lag is not None)
-        names[self._count : self._count] = [FRICTION] * friction
-        self.model = PlantModel(plain, parameters=names)
+        self.model = PlantModel(plain, parameters=[one.target for one in self.unknowns] + [FRICTION] * friction)
         self.nominal = self.model.p.copy()
         period, delay = scene.controller.step, 0.0 if scene.estimator is None else scene.estimator.delay
         self.unknowns.append(Unknown(DELAY, "s", DELAY, 1.0, False, delay, 0.0, 1.0, max(delay, period)))
@@ -124,14 +120,9 @@ class Bench:
 
     def parameters(self, values: Array, friction: float = 0.0) -> Array:
         """Run-time parameters of the model (np,) from the values of ``unknowns``, and friction where it has that."""
-        p, count = self.nominal.copy(), self._count
-        for k, one in enumerate(self.unknowns[:count]):
-            p[k] = one.factor * values[k]
-        if len(self.model.parameters) > count:
-            p[count] = friction
-        if len(self.unknowns) > count and self.unknowns[count].name == LAG:
-            p[-1] = values[count]
-        return p
+        given = {one.target: one.factor * value for one, value in zip(self.unknowns, values, strict=True)}
+        names = [*self.model.parameters, LAG][: self.nominal.size]
+        return np.array([given.get(name, friction) for name in names])
 
     def commanded(self, u: Array, connected: Connected, shifts: Array) -> Array:
         """Commands (K, nu) of the tendons from those of the bench; ``shifts`` are the values of the zeros."""
@@ -162,18 +153,18 @@ class Bench:
         return halves[whole], states[0], rows[whole]
 
     def _at_rest(self, u: Array, w: Array, p: Array) -> Array:
-        """State at rest (nx) under a command (nu), by Newton's method from the last one."""
-        x = self._last
-        for _ in range(_NEWTON):
-            rate, slope = (np.array(part) for part in self._rate(x, u, w, p))
-            change = np.linalg.lstsq(slope, -rate.ravel(), rcond=1e-10)[0]
-            x = x + change
-            if np.abs(change).max() < 1e-10:
-                break
-        if not np.isfinite(x).all():
+        """State at rest (nx) under a command (nu), sought from the last one."""
+
+        def rate(x: Array) -> tuple[Array, Array]:
+            found, slope = (np.array(part) for part in self._rate(x, u, w, p))
+            return found.ravel(), slope
+
+        # friction that rests anywhere makes the Jacobian singular, which a method of least squares takes
+        found = root(rate, self._last, jac=True, method="lm", tol=1e-12)
+        if not np.isfinite(found.x).all():
             raise NumericalError("the finger has no state at rest under the first command", time=0.0)
-        self._last = x
-        return x
+        self._last = found.x
+        return self._last
 
     def shown(self, log: Log, connected: Connected, values: Array, friction: float = 0.0) -> tuple[Array, Array]:
         """Instants (N,), and tip and exerted inputs (N, 2 + nu) without delay, by the values of ``unknowns``."""
