@@ -413,9 +413,9 @@ def _read_along(motion: Trajectory, k: int, one: TipTrajectory, known: _Known) -
 
 
 def _read_back(one: StaticPoses, name: str) -> StaticPoses:
-    """The set that reads the table of poses."""
+    """The set that reads the table of poses, a row each."""
     chosen = (*one.where, RowsEqual(column=SET, equals=(name,)))
-    own = {"file": POSES, "name": f"{name}, proposed", "where": chosen, "use": "fit", "holdout_rows": ()}
+    own = {"file": POSES, "name": f"{name}, proposed", "where": chosen, "use": "fit", "holdout_rows": (), "pose": None}
     return one.model_copy(update=own)
 
 

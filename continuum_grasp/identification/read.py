@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import cast
@@ -166,7 +166,7 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list
     fitted = one.use == "fit"
     if isinstance(one, StaticPoses):
         points = _Points(one, table, scene, key, table.groups(one.pose), one.pose)
-        chosen = _chosen(points.rows, fitted, one.holdout_rows, key)
+        chosen = _chosen(len(points.groups), fitted, one.holdout_rows, key)
         conditions = {
             which: points.same(v, which) for which, v in _conditions(table, one.conditions, scene, key).items()
         }
@@ -249,13 +249,9 @@ def choices_of(one: StaticPoses, scene: Scene, key: str) -> tuple[tuple[str, ...
     rows = list(product(*choices.values()))
     if len(rows) > _ROWS:
         raise InputError(f"the choices of all conditions make {len(rows)} rows; expected {_ROWS} at most", key=key)
-    counted = [str(k) for k in range(1, len(rows) + 1)] if one.pose is not None else [""] * len(rows)
-    headings = (*fixed, *([one.pose] if one.pose is not None else []), *choices, *seen)
-    cells = [
-        (*fixed.values(), *([number] if one.pose is not None else []), *(f"{v:.12g}" for v in row), *["0"] * len(seen))
-        for number, row in zip(counted, rows, strict=True)
-    ]
-    plain = one.model_copy(update={"where": (), "holdout_rows": (), "use": "fit"})
+    headings = (*fixed, *choices, *seen)
+    cells = [(*fixed.values(), *(f"{v:.12g}" for v in row), *["0"] * len(seen)) for row in rows]
+    plain = one.model_copy(update={"where": (), "holdout_rows": (), "use": "fit", "pose": None})
     changed = _changed(scene, one.set, f"{key}.set")
     (poses,) = _read(plain, Table.of(headings, cells), changed, one.name or key, key)
     return headings, cells, cast(Poses, poses)
@@ -266,61 +262,61 @@ def _of(reading: Reading, rows: NDArray[np.bool_]) -> Reading:
     return replace(reading, values=np.asarray(reading.values)[rows], offset=offset)
 
 
+@dataclass(frozen=True)
 class _Points:
     """Readings of a table whose rows are poses or instants, or points of these: groups of rows (R,) each.
 
     ``heading`` is that of the column that rows of a group share.
     """
 
-    def __init__(
-        self,
-        one: StaticPoses | TipTrajectory,
-        table: Table,
-        scene: Scene,
-        key: str,
-        groups: Sequence[NDArray[np.intp]],
-        heading: str | None,
-    ) -> None:
-        self._one, self._table, self._scene, self._key, self._groups = one, table, scene, key, groups
-        self._heading = heading
-        self.rows, self.first = len(groups), np.array([rows[0] for rows in groups])
+    one: StaticPoses | TipTrajectory
+    table: Table
+    scene: Scene
+    key: str
+    groups: Sequence[NDArray[np.intp]]
+    heading: str | None
+
+    @property
+    def first(self) -> NDArray[np.intp]:
+        """First row (R,) of each group."""
+        return np.array([rows[0] for rows in self.groups])
 
     def same(self, values: Array, name: str) -> Array:
         """Values (R,) of the groups, all of whose rows must have the same."""
-        for rows in self._groups:
+        for rows in self.groups:
             other = rows[values[rows] != values[rows[0]]]
             if other.size:
-                message = f"{name} differs from the first row with the same {self._heading}"
-                raise self._table.error(message, 0, int(other[0]))
+                message = f"{name} differs from the first row with the same {self.heading}"
+                raise self.table.error(message, 0, int(other[0]))
         return np.asarray(values[self.first])
 
     def readings(self, m: ReadingColumn, key: str) -> Iterator[Reading]:
         """Readings of a column, one for each place that it has, NaN where a group has none."""
-        table, one, length = self._table, self._one, self._scene.finger.rod.length
+        table, one, length = self.table, self.one, self.scene.finger.rod.length
         quantity, sign = m.quantity, 1.0
         if quantity in ("x", "y"):
             axis = one.axes["xy".index(quantity)]
             quantity, sign = ("x" if axis[-1] == "x" else "y"), -1.0 if axis[0] == "-" else 1.0
         elif quantity in KIND_OF and one.axes != ("x", "y"):
-            raise InputError(f"axes are those of x and y: give {quantity} by scale", key=f"{self._key}.axes")
+            raise InputError(f"axes are those of x and y: give {quantity} by scale", key=f"{self.key}.axes")
         origin = one.origin["xy".index(quantity)] if quantity in ("x", "y") else 0.0
         values = sign * _column(table, m, UNIT_OF[quantity], gaps=True) + origin
         offset = _column(table, m.offset, "m", gaps=True) if isinstance(m.offset, Column) else m.offset
         places = _column(table, m.at, "m") if isinstance(m.at, Column) else None
         for at in [m.place] if places is None else np.unique(places).tolist():
-            here = np.full(self.rows, -1)
-            for k, rows in enumerate(self._groups):
+            here = np.full(len(self.groups), -1)
+            for k, rows in enumerate(self.groups):
                 mine = rows if places is None else rows[places[rows] == at]
                 if len(mine) > 1:
                     hint = "say which place each has: at: {column: ...}" if places is None else "expected one"
-                    raise table.error(f"{len(mine)} rows of one {self._heading} at one place; {hint}", 0, int(mine[1]))
+                    raise table.error(f"{len(mine)} rows of one {self.heading} at one place; {hint}", 0, int(mine[1]))
                 here[k] = mine[0] if len(mine) else -1
             for word, where in (("at", at), ("since", m.since)):
                 if where is not None and where > length * (1 + 1e-9):
                     message = f"{where:g} m is beyond the finger's length of {length:g} m"
                     if word == "at" and places is not None:
                         raise table.error(message, table.index(as_column(cast(Column, m.at)).column), int(here.max()))
-                    raise InputError(message, key=f"{self._key}.{key}.{word}")
+                    raise InputError(message, key=f"{self.key}.{key}.{word}")
             found = np.where(here < 0, np.nan, values[here])
             own = np.nan_to_num(np.broadcast_to(offset, values.shape))[here]
             beside = np.where(here < 0, own.max(initial=0.0) if np.ptp(own[here >= 0]) == 0.0 else 0.0, own)
@@ -333,7 +329,7 @@ class _Points:
         there = np.isfinite([np.asarray(reading.values) for reading in readings]).T
         for k, row in enumerate(there):
             if not row.any():
-                raise self._table.empty(self._table.index(measured[0].column), int(self.first[k]))
+                raise self.table.empty(self.table.index(measured[0].column), int(self.first[k]))
         for pattern in dict.fromkeys(map(tuple, there)):
             have = [reading for reading, yes in zip(readings, pattern, strict=True) if yes]
             yield have, (there == pattern).all(axis=1)
