@@ -87,21 +87,20 @@ def test_points_beyond_the_reach_are_refused(at, way):
 
 
 @pytest.mark.parametrize(
-    ("quantity", "values", "limit"), [("bend", [0.2, 0.5, 1.0], 0.1), ("bend", [0.0, 1.0, 4.0], 0.2)]
+    ("quantity", "values", "limit"),
+    [
+        ("bend", [0.2, 0.5, 1.0], 0.1),
+        ("bend", [0.0, 1.0, 4.0], 0.2),
+        ("frequency", [3.0, 4.0], 0.05 * np.sqrt(12.5)),
+        ("torque", [3.0, 4.0], np.sqrt(12.5)),
+        ("decay rate", [3.0, 4.0], np.inf),
+    ],
 )
-def test_bends_are_refused_from_a_share_of_their_range_on(quantity, values, limit):
-    (found,) = misfits(Problem([Missed(Poses([Reading(quantity, values)]))], [ONE], "squares"), np.zeros(3))
-    assert found.limit == pytest.approx(limit)
-
-
-@pytest.mark.parametrize(
-    ("quantity", "limit"), [("frequency", 0.05), ("torque", 1.0), ("decay rate", np.inf)], ids=lambda one: str(one)
-)
-def test_frequencies_and_drives_are_refused_from_a_share_of_their_size_on(quantity, limit):
-    block = Missed(Poses([Reading("x", [3.0, 4.0])]))
+def test_other_quantities_are_refused_from_a_share_of_their_range_or_size_on(quantity, values, limit):
+    block = Missed(Poses([Reading("x", values)]))
     block.entries = [replace(one, quantity=quantity) for one in block.entries]
-    (found,) = misfits(Problem([block], [ONE], "squares"), np.zeros(2))
-    assert found.limit == pytest.approx(limit * np.sqrt(12.5))
+    (found,) = misfits(Problem([block], [ONE], "squares"), np.zeros(len(values)))
+    assert found.limit == pytest.approx(limit)
 
 
 class Fixed(Missed):

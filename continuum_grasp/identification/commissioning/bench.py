@@ -171,9 +171,10 @@ class Bench:
         p, zeros = self.parameters(values, friction), values[len(self.unknowns) - len(self.zeros) :]
         u = self.commanded(log.u, connected, zeros)
         # what the camera and load cells count, and a delay, does not change the motion
-        key = b"".join(one.tobytes() for one in (log.t, u, p))
+        end = max(float(log.at[-1]), float(log.t[-1]))
+        key = b"".join(one.tobytes() for one in (log.t, u, p, np.array(end)))
         if self._shown_last[0] != key:
-            t, x, u = self.moved(log.t, u, p, max(float(log.at[-1]), float(log.t[-1])))
+            t, x, u = self.moved(log.t, u, p, end)
             w = np.repeat(self.model.forces(0.0), len(x), axis=0)
             if len(x) not in self._maps:
                 self._maps[len(x)] = self._shown.map(len(x))
