@@ -61,6 +61,7 @@ class MeasuredStart:
     def state(self) -> tuple[Array, Array]:
         """Coordinates and rates (n,) at the first sample; SolverError if no shape comes near the readings."""
         q = self._near(self._straight, self._value)
+        q = np.array(self._still(q, np.append(self._z, self._value))).ravel()
         moved = np.append(self._slope, np.zeros(q.size))
         return q, np.linalg.lstsq(np.array(self._slopes(q, self._z)), moved, rcond=None)[0]
 
@@ -103,4 +104,4 @@ class MeasuredStart:
                 status="no start",
                 advice="check units, signs and positions of the readings, and the base's position",
             )
-        return np.array(self._still(found.values, np.append(self._z, target))).ravel()
+        return found.values
