@@ -61,7 +61,10 @@ class MeasuredStart:
     def state(self) -> tuple[Array, Array]:
         """Coordinates and rates (n,) at the first sample; SolverError if no shape comes near the readings."""
         q = self._near(self._straight, self._value)
-        q = np.array(self._still(q, np.append(self._z, self._value))).ravel()
+        try:
+            q = np.array(self._still(q, np.append(self._z, self._value))).ravel()
+        except RuntimeError as error:  # of the root finder
+            raise self._lost() from error
         moved = np.append(self._slope, np.zeros(q.size))
         return q, np.linalg.lstsq(np.array(self._slopes(q, self._z)), moved, rcond=None)[0]
 
@@ -99,9 +102,12 @@ class MeasuredStart:
         free = np.full(q.size, np.inf)
         found = least_squares(missed, q, -free, free, np.full(q.size, self._reach))
         if not found.converged:
-            raise SolverError(
-                f"{self._name}: no shape of the finger goes through the first samples",
-                status="no start",
-                advice="check units, signs and positions of the readings, and the base's position",
-            )
+            raise self._lost()
         return found.values
+
+    def _lost(self) -> SolverError:
+        return SolverError(
+            f"{self._name}: no shape of the finger goes through the first samples",
+            status="no start",
+            advice="check units, signs and positions of the readings, and the base's position",
+        )
