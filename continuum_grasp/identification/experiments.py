@@ -22,7 +22,7 @@ from continuum_grasp.identification.data import Reading, TipPath
 from continuum_grasp.identification.fit import applied
 from continuum_grasp.identification.fitting import Measurements, listed, posed, resolved
 from continuum_grasp.identification.inference import infer
-from continuum_grasp.identification.information import allotted, information
+from continuum_grasp.identification.information import Choice
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Progress, with_sets
 from continuum_grasp.identification.read import choices_of, plain_scene, sets_of
@@ -139,45 +139,6 @@ class ExperimentPlan(Result):
             "poses": [dict(zip(self.pose_headings, row, strict=True)) for row in self.pose_rows],
             "segments": [one._asdict() for one in self.segments],
         }
-
-
-class Choice:
-    """Experiments on unknowns, of which those are chosen that show most of the first ``shared``, those of all sets.
-
-    ``values`` are those at which experiments are judged, ``rows`` (rows, n) the derivatives of what is known already,
-    per standard deviation.
-    """
-
-    def __init__(self, unknowns: Sequence[Unknown], shared: int, rows: Array) -> None:
-        self.unknowns, self.shared, self.rows = list(unknowns), shared, rows
-        self.values, self._sizes = (
-            np.array(column) for column in zip(*((v.start, v.typical) for v in unknowns), strict=True)
-        )
-        self.offered, self.counts = list[Array](), np.zeros(0, dtype=np.intp)
-        self._cautious = list[Array]()
-        self._budgets = list[tuple[NDArray[np.intp], int]]()
-
-    def offer(self, jacobians: Array, most: int) -> None:
-        """Offer K experiments, of which so many are made, by their derivatives (values, K, readings, n).
-
-        The first of the values are those that are assumed. An experiment is chosen by the values at which it shows
-        least: a shape that is about to buckle is most sensitive, to what is assumed as well.
-        """
-        self._budgets.append((len(self.offered) + np.arange(jacobians.shape[1]), most))
-        self.offered += list(jacobians[0])
-        least = np.argmin(np.linalg.norm(jacobians * self._sizes, axis=(2, 3)), axis=0)
-        self._cautious += list(jacobians[least, np.arange(least.size)])
-
-    def choose(self, along: Sequence[Array]) -> None:
-        """Choose among what is offered, beside what is read along a motion (readings, n)."""
-        found = np.array([information(one, self._sizes) for one in self._cautious])
-        known = information(np.vstack([self.rows, *along]), self._sizes)
-        self.counts = allotted(found, known, self.shared, self._budgets)
-
-    @property
-    def made(self) -> list[int]:
-        """Numbers of the experiments that are made, of those that are offered, as often as they are made."""
-        return np.repeat(np.arange(self.counts.size), self.counts).tolist()
 
 
 @interrupt.listening()

@@ -22,7 +22,8 @@ from continuum_grasp.control.log import COMMANDED
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError, NumericalError
 from continuum_grasp.identification.commissioning.bench import Bench, BenchBlock, Connected, Log
-from continuum_grasp.identification.experiments import Choice, ExperimentPlan, plan_of
+from continuum_grasp.identification.experiments import ExperimentPlan, plan_of
+from continuum_grasp.identification.information import Choice
 from continuum_grasp.identification.segments import Design, patterns_of
 from continuum_grasp.scene.consumer import Consumer, beside
 from continuum_grasp.scene.control import ControlScene
