@@ -31,6 +31,8 @@ from continuum_grasp.simulation.signals import Signals
 
 _LAG = "drive_time_constant"
 """Parameter that is the lag of commanded tensions."""
+FALL = "friction_fall [1]"
+"""Entry of w by which friction of all contacts is less than ``friction_factor``, as a share of it."""
 
 
 def plant_scene(scene: ControlScene) -> Scene:
@@ -98,6 +100,9 @@ class PlantModel(Remade):
     parameters, object_parameters : sequence of str
         What of finger and object may be changed without compiling anew: the values in ``p``, which may be assigned to.
         ``drive_time_constant`` of commanded tensions is the last one there.
+    falls : bool, optional
+        Whether w has a last entry ``friction_fall [1]``, by whose share friction is less than the parameter
+        ``friction_factor`` has it.
 
     Attributes
     ----------
@@ -119,6 +124,7 @@ class PlantModel(Remade):
         given: Scene | None = None,
         parameters: Sequence[str] = (),
         object_parameters: Sequence[str] = (),
+        falls: bool = False,
     ) -> None:
         self.control, self.scene = scene, plant_scene(scene) if given is None else given
         varies = given is None and scene.object_moves
@@ -159,11 +165,15 @@ class PlantModel(Remade):
         self.u_names = tuple(self.system.u_names[: len(finger.input_keys)])
         lagging = [lag_names(*split_unit(name), self._order) for name in self.u_names[: self._lags]]
         self.x_names = (*self.system.x_names, *(name for names in zip(*lagging, strict=True) for name in names))
-        self.w_names = tuple(self.system.w_names)
+        self.w_names = (*self.system.w_names, *([FALL] if falls else []))
         self.nx, self.nu, self.nw = len(self.x_names), len(self.u_names), len(self.w_names)
         self._x, self._u = ca.SX.sym("x", self.nx), ca.SX.sym("u", self.nu)
         self._w, self._p = ca.SX.sym("w", self.nw), ca.SX.sym("p", self.system.np + varied_lag)
         self.command, self.symbols = self._u, (self._x, self._u, self._w, self._p)
+        # What equations of the system take: loads that it knows, and parameters as they are by now.
+        self._loads, self._now = self._w[: self.system.nw], ca.SX(self._p[: self.system.np])
+        if falls:
+            self._now[self.finger_parameters + self.object_parameters.index("friction_factor")] *= 1.0 - self._w[-1]
         self.p: Array = np.array(self.system.p_nominal)
         if varies:
             # Run-time numbers, so that plants that differ in them share one compiled integrator.
@@ -275,11 +285,11 @@ class PlantModel(Remade):
         """
         chain, (others, own) = self.chain, self._others
         places, tension = ca.SX.sym("places", 6, len(chain.places)), ca.SX.sym("tension", len(chain.tendons))
-        p = self._p[self.finger_parameters :]
-        force, rate, *exerted = chain.around(places, tension, own, self.acting, self._w, p)
+        p = self._now[self.finger_parameters :]
+        force, rate, *exerted = chain.around(places, tension, own, self.acting, self._loads, p)
         names = ["places", "tension", "others", "u", "w", "p"]
         values = [ca.vertcat(rate, self._drive_rates), self._wrench(*exerted), force]
-        given = [places, tension, others, self._u, self._w, p]
+        given = [places, tension, others, self._u, self._w, self._p[self.finger_parameters :]]
         return ca.Function("around", given, values, names, ["rate", "exerted", "force"])
 
     # -- functions ----------------------------------------------------------------------------------------------------
@@ -296,12 +306,12 @@ class PlantModel(Remade):
 
     @property
     def _of_system(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        return self._x[: self.system.nx], self.acting, self._p[: self.system.np]
+        return self._x[: self.system.nx], self.acting, self._now
 
     @cached_property
     def _rate(self) -> ca.SX:
         x, u, p = self._of_system
-        return ca.vertcat(self.elements.forward_dynamics(x, u, self._w, p), self._drive_rates)
+        return ca.vertcat(self.elements.forward_dynamics(x, u, self._loads, p), self._drive_rates)
 
     @property
     def elements(self) -> System:
@@ -381,7 +391,7 @@ class PlantModel(Remade):
     def touch(self) -> dict[str, ca.SX]:
         """All contacts, by the names of the outputs of ``System.touch``."""
         x, u, p = self._of_system
-        return dict(zip(self.system.touch.name_out(), self.system.touch(x, u, self._w, p), strict=True))
+        return dict(zip(self.system.touch.name_out(), self.system.touch(x, u, self._loads, p), strict=True))
 
     def tracked(self, key: str, name: str) -> ca.SX:
         """An output of ``System.touch`` at the contacts that a term of the controller's cost follows, in its order."""

@@ -112,11 +112,12 @@ def find_drop(
     if not fallen.size:
         return None
     end = int(fallen[0])
-    friction = plant_friction(assignments[0].mission, variation, contacts.names)
+    left = 1.0 - timetable.fallen(variation, t)
+    friction = left[:, None] * plant_friction(assignments[0].mission, variation, contacts.names)
     lift, slips = timetable.span("lift").start, []
     for name, rows in bodies(contacts.names, [one.name for one in assignments]).items():
         normal, shear = contacts.normal_force[:, rows], contacts.shear[:, rows]
-        gone = np.all(shear >= ON_CONE * friction[rows] * normal, axis=1)  # also where nothing presses
+        gone = np.all(shear >= ON_CONE * friction[:, rows] * normal, axis=1)  # also where nothing presses
         gone[1:-1] |= gone[:-2] & gone[2:]  # friction that turns is within the cone for an instant
         firm = np.flatnonzero(~gone[: end + 1])
         begin = int(firm[-1]) + 1 if firm.size else 0
@@ -130,7 +131,7 @@ def find_drop(
                 contact=name,
                 how="absent" if at > begin else "slipped" if pressed > 0.0 else "parted",
                 time=float(t[at]),
-                friction=float(friction[rows[0]]),
+                friction=float(friction[at, rows[0]]),
                 normal_force=pressed,
                 shear=float(shear[at].sum()),
                 certified_friction=None if own is None else own.friction,

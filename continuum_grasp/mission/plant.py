@@ -11,7 +11,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.plant import Plant
-from continuum_grasp.closed_loop.plant_model import PlantModel, plant_scene
+from continuum_grasp.closed_loop.plant_model import FALL, PlantModel, plant_scene
 from continuum_grasp.closed_loop.shared_object import WRENCH
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.mission.assignment import Assignment, object_of
@@ -29,6 +29,8 @@ _PROJECTIONS = 200
 the other had, of a groove of 60 degrees a quarter."""
 _CLEAR = 1e-9
 """Depth in a support that is none [m]: 20 uN at 20 kN/m."""
+_FALLS = 0.02
+"""Time in which friction falls [s]: two periods."""
 MOVES = 0.75
 """Share of a stroke in which the setpoint of the angle moves, and of a squeeze in which inputs grow; in the rest object
 and fingers come to rest."""
@@ -52,6 +54,8 @@ class Variation:
     """Seed of the measurement noise."""
     tendon_friction: float = 1.0
     """Friction of the tendons, per that of the plant [1]."""
+    friction_fall: float = 0.0
+    """Share of ``friction`` by which that of all contacts is less from the middle of the hold on [1]."""
 
 
 def mission_plant_model(assignment: Assignment) -> PlantModel:
@@ -68,7 +72,7 @@ def mission_plant_model(assignment: Assignment) -> PlantModel:
         table=_table(mission, body, mass),
     )
     of_tendons = ("tendon_friction",) * scene.finger.has_tendon_friction
-    return PlantModel(control, scene, (*_FINGER, *of_tendons), _OBJECT)
+    return PlantModel(control, scene, (*_FINGER, *of_tendons), _OBJECT, falls=True)
 
 
 def _table(mission: MissionScene, body: GraspObject, mass: float) -> Table:
@@ -95,7 +99,7 @@ def mission_plant(
     damping = 1.0 if variation.damping is None else variation.damping / own.damping
     of_tendons = [variation.tendon_friction] * equations.scene.finger.has_tendon_friction
     equations.p = nominal * np.array([stiffness, damping, *of_tendons, variation.mass, variation.friction])
-    equations.outside = timetable.outside()
+    equations.outside = {**timetable.outside(), FALL: partial(timetable.fallen, variation)}
     fingers, seed = list(assignment.mission.grasp.named_fingers), variation.seed
     if (number := fingers.index(assignment.name)) > 0:
         # Each finger's sensors have noise of their own.
@@ -266,6 +270,11 @@ class Timetable:
     def outside(self) -> dict[str, Callable[[Array], Array]]:
         """Height of the table, and what pulls at the object, as functions of instants."""
         return {"table_height [m]": self._table, **{name: partial(self._pull, k) for k, name in enumerate(WRENCH)}}
+
+    def fallen(self, variation: Variation, t: Array) -> Array:
+        """Share (T,) by which friction of contacts has fallen on a plant at instants (T,) of the mission [s]."""
+        span = self._plan("hold")
+        return variation.friction_fall * _smooth((self.planned(t) - 0.5 * (span.start + span.end)) / _FALLS)
 
     def _table(self, t: Array) -> Array:
         t = self.planned(t)
