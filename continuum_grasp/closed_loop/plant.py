@@ -79,10 +79,14 @@ class Plant:
         # What measurements may still show: instants, states, and the inputs that led to them.
         self._past_t, self._past_x, self._past_u = np.zeros(1), self.x[None], self.model.rest_input[None]
 
+    def seen(self) -> tuple[float, Array]:
+        """Return instant [s] and state (nx) that measurements which arrive now show."""
+        at = max(self.t - self.sensors.delay, 0.0)
+        return at, np.array([np.interp(at, self._past_t, column) for column in self._past_x.T])
+
     def measure(self) -> Array:
         """Return the measurement that arrives now (ny)."""
-        at = max(self.t - self.sensors.delay, 0.0)
-        x = np.array([np.interp(at, self._past_t, column) for column in self._past_x.T])
+        at, x = self.seen()
         # The input of the step that contains the instant; 1e-12 s: instants are sums of rounded steps.
         k = min(int(np.searchsorted(self._past_t, at - 1e-12)), len(self._past_t) - 1)
         read = self.sensors.read(x, self._past_u[k], self.model.forces(at)[0])

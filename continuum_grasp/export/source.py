@@ -20,7 +20,7 @@ from continuum_grasp.export.control.loop import Phases
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
 from continuum_grasp.mission.assignment import Assignment, assign
-from continuum_grasp.mission.plan import mission_settings, needed_forces
+from continuum_grasp.mission.plan import mission_settings, certified_forces
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.precheck import admit, exceeded
 from continuum_grasp.mission.result import MissionRun
@@ -163,8 +163,8 @@ def _of_mission(given: MissionScene | MissionRun, real: Real, finger: str | None
 
     def phases(stages: Stages) -> Phases:
         table = Timetable(of)
-        needed, holds_on = needed_forces(assignments, of), of.mission.phases.hold_until_release
-        sizes, settings = mission_settings(table, stages, needed, leads=leads, holds_on=holds_on)
+        certified, holds_on = certified_forces(assignments, of), of.mission.phases.hold_until_release
+        sizes, settings = mission_settings(table, stages, certified, leads=leads, holds_on=holds_on)
         spans = table.phases()
         return Phases(sizes, settings, tuple(span.name for span in spans), spans[-1].start, reported)
 

@@ -80,6 +80,8 @@ class Assignment:
     """Inputs (nu) under which the finger holds the object with them."""
     tight: Array
     """Inputs (nu) beyond ``held``, as seen from ``before``, where a drive is at its limit."""
+    reserve: float
+    """Share of the tensions beyond ``before`` by which ``tight`` has more than ``held`` [1]."""
     before: Array
     """Inputs (nu) with which the finger is about to touch."""
     rest: Array
@@ -171,7 +173,7 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
     loose = commands.of(np.where(pulls, most, np.minimum(most, least + _OPPOSED)), ends)
     closing, rise = commands.closing(pulls), np.maximum(tensions - before, 0.0)
     reserve = float(np.min((most - tensions)[rise > 0.0] / rise[rise > 0.0], initial=math.inf))
-    tight = tensions + max(0.0, reserve) * rise if math.isfinite(reserve) else tensions
+    reserve = max(0.0, reserve) if math.isfinite(reserve) else 0.0
     factors = np.minimum(np.asarray(resistance.factors), LARGEST)
     return Assignment(
         mission=mission,
@@ -181,7 +183,8 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
         object_pose=(pose[0], pose[1], pose[2]),
         tensions=tensions,
         held=commands.of(tensions, ends),
-        tight=commands.of(tight, ends),
+        tight=commands.of(tensions + reserve * rise, ends),
+        reserve=reserve,
         before=commands.of(before, angles),
         rest=np.array(control.rest_input),
         holding=(
@@ -335,6 +338,13 @@ def _about_to_touch(
             break
         before, q = u, shape
     return before, np.ravel(core.batch("orientation", q, before, edges[:, None])), nearest
+
+
+def object_height(mission: MissionScene, pose: Array) -> Array:
+    """Height (K,) of an object with poses (K, 3 or 4): out of the plane, or in it against gravity [m]."""
+    up = -np.array(mission.plane_gravity)
+    size = float(np.hypot(*up))
+    return np.asarray(pose[:, 3] if size == 0.0 else pose[:, :2] @ up / size)
 
 
 def object_of(scene: ControlScene | Scene) -> GraspObject:

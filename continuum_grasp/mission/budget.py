@@ -50,6 +50,15 @@ def certified_contact(assignments: Sequence[Assignment], name: str) -> Certified
     )
 
 
+def firmer(of: Assignment) -> float:
+    """Share by which the fingers of a task may press harder than in the grasp [1]: as far as the drive of ``of`` has
+    tension, and each contact may be pressed (``normal_force_max``).
+    """
+    contacts = of.grasp.contacts
+    most = min(of.mission.grasp.normal_force_max(one.name) / max(one.normal_force, 1e-9) for one in contacts)
+    return max(0.0, min(of.reserve, most - 1.0))
+
+
 def grasp_contact(assignments: Sequence[Assignment], name: str) -> str | None:
     """Name in the grasp of a contact of the plant; None where the grasp does not know it (``more_contacts``)."""
     body, _, own = name.partition(".")
@@ -94,13 +103,6 @@ def plant_mass(mission: MissionScene, variation: Variation) -> float:
     """Mass of the object on the plant [kg]."""
     own = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
     return own * variation.mass
-
-
-def object_height(mission: MissionScene, pose: Array) -> Array:
-    """Height (K,) of an object with poses (K, 3 or 4): out of the plane, or in it against gravity [m]."""
-    up = -np.array(mission.plane_gravity)
-    size = float(np.hypot(*up))
-    return np.asarray(pose[:, 3] if size == 0.0 else pose[:, :2] @ up / size)
 
 
 # -- sinking -----------------------------------------------------------------------------------------------------------

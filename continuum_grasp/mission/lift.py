@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -12,8 +13,19 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.budget import certified_contact
-from continuum_grasp.mission.plan import BEARS, LETS_GO, UNKNOWN, WAITS, Plan, blindness, needed_forces
+from continuum_grasp.mission.budget import certified_contact, firmer
+from continuum_grasp.mission.plan import (
+    BEARS,
+    LETS_GO,
+    NOTICED,
+    SETS_DOWN,
+    UNKNOWN,
+    USUAL,
+    WAITS,
+    Plan,
+    blindness,
+    certified_forces,
+)
 from continuum_grasp.mission.plant import Timetable
 
 _AT_LIMIT = 0.999
@@ -98,11 +110,43 @@ class NotLifted:
         return f"not lifted at {self.time:.2f} s: {why}. {advice}"
 
 
+@dataclass(frozen=True)
+class Slipped:
+    """What was noticed while the object was held, and what was done.
+
+    Attributes
+    ----------
+    time : float
+        When it was noticed, and the fingers squeezed harder [s].
+    noticed : {"sinks", "parts"}
+        The object lost height in the hand; a contact bore hardly anything, by its estimate.
+    lost : float
+        Height lost by then, by what was measured [m]; zero where it is not measured.
+    firmer : float
+        Share by which the fingers press harder from then on [1].
+    down : float
+        When it was set down, because it went on [s]; infinite where squeezing held it.
+    """
+
+    time: float
+    noticed: str
+    lost: float
+    firmer: float
+    down: float = math.inf
+
+    @property
+    def text(self) -> str:
+        """What was noticed, when, and what was done."""
+        what = f"it sank by {1e3 * self.lost:.2g} mm" if self.noticed == "sinks" else "a contact parted"
+        end = ", which held it" if math.isinf(self.down) else f", and set down at {self.down:.2f} s, since it went on"
+        return f"{what} at {self.time:.2f} s: squeezed {100.0 * self.firmer:.0f} % harder{end}"
+
+
 class LiftCheck:
     """Decides before the lift, for all fingers at once, whether the object is lifted or let go.
 
     Where a contact bears too little by the estimate, the fingers squeeze on, following their held forces, for as long
-    as the squeeze took at most; then they let go.
+    as the squeeze took at most; then they let go. What one finger notices while the object is held, all answer.
 
     Parameters
     ----------
@@ -114,6 +158,8 @@ class LiftCheck:
     ----------
     refused : NotLifted or None
         Why the object was not lifted.
+    slipped : Slipped or None
+        What was noticed of slip while it was held.
     """
 
     def __init__(self, assignments: Sequence[Assignment], timetables: Sequence[Timetable]) -> None:
@@ -122,13 +168,29 @@ class LiftCheck:
         self._seen: dict[int, Any] = {}
         self._over = False
         self.refused: NotLifted | None = None
+        self.slipped: Slipped | None = None
 
     def schedule(self, finger: int, stages: Stages) -> Plan:
         """The phases of a finger, by number, which ask before the lift."""
-        needed, leads = needed_forces(self._of, self._of[finger]), finger == 0
+        certified, leads = certified_forces(self._of, self._of[finger]), finger == 0
         reported, waits = self._others if leads else self._decision, partial(self._waited, finger)
-        self._plans.append(Plan(self._tables[finger], stages, needed, leads=leads, reported=reported, waits=waits))
-        return self._plans[-1]
+        plan = Plan(
+            self._tables[finger], stages, certified, leads=leads, reported=reported, waits=waits, grips=self._firmest
+        )
+        self._plans.append(plan)
+        return plan
+
+    def _firmest(self, t: float) -> int:
+        """The firmest grip of all fingers, which each takes over; notes what made it so."""
+        plan = max(self._plans, key=lambda one: one.grip)
+        if plan.grip != USUAL and self.slipped is None:
+            more = min(firmer(one) for one in self._of)
+            self.slipped = Slipped(t, NOTICED[plan.noticed], max(plan.lost, 0.0), more)
+        if plan.grip == SETS_DOWN and self.slipped is not None and math.isinf(self.slipped.down):
+            self.slipped = replace(self.slipped, down=t)
+            for table in self._tables:
+                table.set_down(t)
+        return plan.grip
 
     def _decision(self) -> int:
         return self._plans[0].decision

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -17,8 +18,9 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.parts import Settings
 from continuum_grasp.control.status import Anomaly
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.budget import certified_contact
+from continuum_grasp.mission.budget import certified_contact, firmer
 from continuum_grasp.mission.plant import Timetable
+from continuum_grasp.scene.mission import Slip
 
 _FOLLOWED = {"posture": ("bending_",), "force": ("contact_force",), "gap": ("gap_",), "angle": ("gap_", "object_angle")}
 """Quantities that the controller may follow in a phase, and how the names of their setpoints begin."""
@@ -28,7 +30,11 @@ WAITS, LIFTS, LETS_GO = range(3)
 """Decisions before the lift, as in ``c/mission.h``."""
 UNKNOWN, BEARS, LACKS = range(3)
 """Forces at the contacts of a finger, by the estimate."""
-_DUE, _BY_FORCES, _RELEASE, _ABORT = -1, -2, -3, -4
+USUAL, FIRM, SETS_DOWN = range(3)
+"""Grip of what is held."""
+NOTICED = ("", "sinks", "parts", "told")
+"""What makes a grip firm: the object sinks, a contact parts, another finger or the caller says so."""
+_DUE, _BY_FORCES, _RELEASE, _ABORT, _SQUEEZE = -1, -2, -3, -4, -5
 """Calls of ``c/mission_python.c``."""
 _BEGINS = {
     **dict.fromkeys(("approach", "release", "leave last"), ("posture", _NOMINAL)),
@@ -41,11 +47,10 @@ _BEGINS = {
 """Quantity that is followed from a phase on, and limits of the command; other phases leave both as they are."""
 
 
-def needed_forces(assignments: Sequence[Assignment], of: Assignment) -> Array:
-    """Least normal force (C,) [N] of each contact of a finger's controller before the lift; of others none."""
-    share = of.mission.phases.lift_share
+def certified_forces(assignments: Sequence[Assignment], of: Assignment) -> Array:
+    """Normal force (C,) [N] of each contact of a finger's controller in the certificate; NaN where it has none."""
     found = [certified_contact(assignments, of.own_name(name)) for name in of.control.contact_names]
-    return np.array([-ABSENT if one is None else share * one.normal_force for one in found])
+    return np.array([np.nan if one is None else one.normal_force for one in found])
 
 
 def blindness(command: Any) -> str:
@@ -56,7 +61,7 @@ def blindness(command: Any) -> str:
 
 
 def mission_settings(
-    table: Timetable, stages: Stages, needed: Array, *, leads: bool = True, holds_on: bool = False
+    table: Timetable, stages: Stages, certified: Array, *, leads: bool = True, holds_on: bool = False
 ) -> tuple[dict[str, int], Settings]:
     """Dimensions of the C of a finger's phases, and the members of ``mission_settings``."""
     of, moves, phases = table.of, table.moves(stages.r_names), table.phases()
@@ -85,7 +90,7 @@ def mission_settings(
         "holds_on": int(holds_on),
         "leads": int(leads),
         "patience": patience,
-        "needed": needed,
+        "needed": _share(of.mission.phases.lift_share, certified),
         "weights": weights,
         "u_min": stages.u_min,
         "u_max": stages.u_max,
@@ -95,8 +100,42 @@ def mission_settings(
         "held": of.held,
         **dict(zip(("first", "moves_at", "moves_for", "moves_by"), moves, strict=True)),
     }
+    members |= _slip_settings(of, stages.r_names, certified)
     sizes = {"PHASES": len(phases), "MOVES": len(moves[1]), "NR": len(stages.r_names)}
-    return sizes | {"NU": len(stages.u_min), "NC": needed.size}, members
+    return sizes | {"NU": len(stages.u_min), "NC": certified.size}, members
+
+
+_PARTS_IN = 3
+"""Calls in a row in which a contact bears hardly anything until it counts as parted [1]: one update of an estimate that
+jumps is none."""
+_SIGMAS = 6.0
+"""Standard deviations of the smoothed height lost, within ``slip.sunk`` [1]: with noise alone one call in 1e9 exceeds."""
+
+
+def _share(share: float, certified: Array) -> Array:
+    """Least normal forces (C,) [N] as a share of those in the certificate; of contacts that it does not have none."""
+    return np.where(np.isnan(certified), -ABSENT, share * np.nan_to_num(certified))
+
+
+def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> Settings:
+    """Members of ``mission_settings`` about an object that slips."""
+    watches, asked = int(of.mission.slip is not None), of.mission.slip or Slip()
+    # Both the height and that before the lift are smoothed: by as much as leaves them few standard deviations apart.
+    spread = _SIGMAS * math.sqrt(2.0) * (asked.height or 0.0) / asked.sunk
+    firm, more = dict.fromkeys(names, 0.0), firmer(of)
+    part = more / of.reserve if of.reserve else 0.0
+    firm |= dict(zip((one.label for one in of.control.finger.inputs), part * (of.tight - of.held), strict=True))
+    firm |= {f"contact_force_{name} [N]": more * force for name, force in of.forces.items()}
+    return {
+        "watches": watches,
+        "sunk": asked.sunk,
+        "further": asked.further,
+        "fresh": 2.0 / (1.0 + max(1.0, spread**2)),
+        "settles": asked.settle,
+        "parts": _PARTS_IN,
+        "lost": _share(asked.parted, certified),
+        "firm": [firm[name] for name in names],
+    }
 
 
 class Plan(Schedule):
@@ -104,29 +143,33 @@ class Plan(Schedule):
 
     ``reported`` gives what a finger needs to know of others before the lift: the first one, whether they bear enough,
     the others, its decision; ``waits`` is called with instant and command at each period in which that is asked.
+    ``grips`` is called each period while slip is watched, and gives the firmest grip of all fingers.
     """
 
     def __init__(
         self,
         table: Timetable,
         stages: Stages,
-        needed: Array,
+        certified: Array,
         *,
         leads: bool = True,
         reported: Callable[[], int] = lambda: BEARS,
         waits: Callable[[float, Any], None] = lambda t, command: None,
+        grips: Callable[[float], int] = lambda t: USUAL,
     ) -> None:
-        sizes, settings = mission_settings(table, stages, needed, leads=leads)
+        sizes, settings = mission_settings(table, stages, certified, leads=leads)
+        self._watches = bool(settings["watches"])
         names = [span.name for span in table.phases()]
         lengths = np.ravel(np.asarray(settings["length"])).tolist()
         super().__init__([Phase(name, self.rows, length) for name, length in zip(names, lengths, strict=True)])
         self._confirm, self._release = names.index("confirm"), names.index("release")
-        self._reported, self._waits, self._nr = reported, waits, sizes["NR"]
-        given = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1, "blind": 1}
-        parts = {"phase": 1, "changed": 1, "decision": 1, "bears": 1, "weights": sizes["NR"]}
+        self._reported, self._waits, self._grips, self._nr = reported, waits, grips, sizes["NR"]
+        given = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1, "blind": 1, "height": 1}
+        parts = dict.fromkeys(("phase", "changed", "decision", "bears", "grip", "noticed", "asks", "lost"), 1)
+        parts |= {"weights": sizes["NR"]}
         parts |= {"u_min": sizes["NU"], "u_max": sizes["NU"]}
         self._c = Compiled(mission_source(sizes, settings), settings, given, parts, "the mission")
-        self.decision, self.bears = WAITS, UNKNOWN
+        self.decision, self.bears, self.grip, self.noticed, self.lost, self._asks = WAITS, UNKNOWN, USUAL, 0, 0.0, False
 
     def enter(self, t: float, controller: Any, plant: Any, phase: int = 0) -> None:
         """Begin a phase, at first the first one."""
@@ -134,11 +177,16 @@ class Plan(Schedule):
 
     def advance(self, t: float, controller: Any, plant: Any, command: Any) -> bool:
         """Begin what is due at an instant [s], by the last command; False after the last phase."""
-        goes_on = self._step(t, controller, plant.command, _DUE)
-        if self.current == self._confirm:  # alone in asking for forces, which take longest
+        goes_on = self._step(t, controller, plant.command, _DUE, height=plant.height if self._watches else math.nan)
+        if self._asks:  # for forces, which take longest
+            waited = self.current == self._confirm
             felt, blind = command.contact_forces.force, bool(blindness(command))
             goes_on = self._step(t, controller, plant.command, _BY_FORCES, felt, self._reported(), blind)
-            self._waits(t, command)
+            if waited:
+                self._waits(t, command)
+            elif (firmest := self._grips(t)) > self.grip:
+                what = _RELEASE if firmest == SETS_DOWN else _SQUEEZE
+                self._step(t, controller, plant.command, what)
         return goes_on
 
     def release(self, t: float, controller: Any, plant: Any, *, at_once: bool = False) -> None:
@@ -154,13 +202,14 @@ class Plan(Schedule):
         forces: ArrayLike = 0.0,
         reported: int = 0,
         blind: bool = False,
+        height: float = math.nan,
     ) -> bool:
-        now, u, felt, word, unseen = self._c.given
-        now[0], u[:], felt[:], word[0], unseen[0] = t, before, forces, reported, blind
+        now, u, felt, word, unseen, at = self._c.given
+        now[0], u[:], felt[:], word[0], unseen[0], at[0] = t, before, forces, reported, blind, height
         c = self._c
         goes_on = bool(c.library.cg_step(c.address, c.input_address, what, c.output_address))
         found = c.output.copy()
-        phase, changed, decision, bears = (int(number) for number in found[:4])
+        phase, changed, decision, bears, grip, noticed, asks = (int(number) for number in found[:7])
         passed = range(self.current + 1, phase + 1) if what < 0 else [phase]
         if what <= _RELEASE:
             passed = passed[-1:]
@@ -168,7 +217,8 @@ class Plan(Schedule):
         self.events += [(t, self.phases[k].name) for k in passed if k not in cut]
         if phase != self.current or what >= 0:
             self.current, self.start = phase, t
-        self.decision, self.bears = decision, bears
+        self.decision, self.bears, self.grip, self.noticed, self._asks = decision, bears, grip, noticed, bool(asks)
+        self.lost = float(found[7])
         if changed:
             weights, low, high = (found[c.parts[name]] for name in ("weights", "u_min", "u_max"))
             controller.change(weights=weights, u_min=low, u_max=high)

@@ -14,7 +14,7 @@ from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import FALL, PlantModel, plant_scene
 from continuum_grasp.closed_loop.shared_object import WRENCH
 from continuum_grasp.control.prediction import Prediction
-from continuum_grasp.mission.assignment import Assignment, object_of
+from continuum_grasp.mission.assignment import Assignment, object_height, object_of
 from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.surroundings import Table
@@ -89,9 +89,26 @@ def _table(mission: MissionScene, body: GraspObject, mass: float) -> Table:
     return Table(friction=mission.table_friction, point=(float(x), float(y)), normal_angle=angle + math.pi)
 
 
+class MissionPlant(Plant):
+    """The plant of one finger, with an object whose height in the hand is measured for ``slip``."""
+
+    mission: MissionScene
+    height_noise: np.random.Generator
+
+    @property
+    def height(self) -> float:
+        """Height of the object that is measured now [m]; NaN where it is not."""
+        slip = self.mission.slip
+        if slip is None or slip.height is None:
+            return math.nan
+        pose = self.seen()[1][self.model.system.object_states]
+        found = float(object_height(self.mission, pose[None])[0])
+        return found + self.mission.plant.noise * slip.height * self.height_noise.standard_normal()
+
+
 def mission_plant(
     assignment: Assignment, timetable: Timetable, prediction: Prediction, variation: Variation, equations: PlantModel
-) -> Plant:
+) -> MissionPlant:
     """The plant of one finger at the start of a mission; its equations are those of ``mission_plant_model``."""
     own, nominal = assignment.mission.plant, np.array(equations.system.p_nominal)
     # The equations have the factors of the mission's ``plant`` already.
@@ -105,7 +122,10 @@ def mission_plant(
         # Each finger's sensors have noise of their own.
         drawn = np.random.SeedSequence((own.seed if seed is None else seed, number))
         seed = int(drawn.generate_state(1)[0])
-    plant = Plant(assignment.control, prediction, assignment.mission.controller.period, equations, seed)
+    plant = MissionPlant(assignment.control, prediction, assignment.mission.controller.period, equations, seed)
+    plant.mission = assignment.mission
+    # All fingers are told the same height.
+    plant.height_noise = np.random.default_rng((own.seed if variation.seed is None else variation.seed, 0xBE16))
     plant.x = plant.x.copy()
     if any(variation.shift):
         plant.x[equations.system.object_states][:2] += _clear_of_supports(equations, plant.x, variation.shift)
@@ -175,8 +195,9 @@ class Timetable:
         self._planned = tuple(
             Span(name, float(end - length), float(end)) for (name, length), end in zip(lengths, ends, strict=True)
         )
-        self._waits = self._plan("lift").start
+        self._waits, self._lower = self._plan("lift").start, self._plan("lower").start
         self._resumed = self._decided = self._waits
+        self._down = math.inf
 
     def _plan(self, name: str) -> Span:
         return next(span for span in self._planned if span.name == name)
@@ -192,8 +213,16 @@ class Timetable:
         at_once = name == "lift" and t - self._waits < 1e-9
         self._decided, self._resumed = self._waits if at_once else t, self._plan(name).start
 
+    def set_down(self, t: float) -> None:
+        """Lower what is held from an instant on [s]; what pulls at it then pulls on to its end."""
+        self._down = min(self._down, t)
+
     def planned(self, t: Array) -> Array:
         """Instants (T,) of the plan, in which nothing is waited for or left out, at instants of the mission [s]."""
+        return np.where(t <= self._down, self._uncut(t), self._lower + t - self._down)
+
+    def _uncut(self, t: Array) -> Array:
+        """The same without an object that is set down before its time."""
         late = t + (self._resumed - self._decided)
         return np.where(t <= self._waits, t, np.where(t <= self._decided, self._waits, late))
 
@@ -204,8 +233,12 @@ class Timetable:
         if self._decided > self._waits:
             before.append(Span("confirm", self._waits, self._decided))
         late = self._decided - self._resumed
-        after = [span for span in self._planned if span.start >= self._resumed]
-        return (*before, *(Span(span.name, span.start + late, span.end + late) for span in after))
+        after = [Span(s.name, s.start + late, s.end + late) for s in self._planned if s.start >= self._resumed]
+        held = [Span(s.name, s.start, min(s.end, self._down)) for s in after if s.start < self._down]
+        if math.isfinite(self._down):
+            cut = self._down - self._lower
+            held += [Span(s.name, s.start + cut, s.end + cut) for s in self._planned if s.start >= self._lower]
+        return (*before, *held)
 
     def span(self, name: str) -> Span:
         """The first phase of a name; of one that was left out, after all times."""
@@ -274,16 +307,19 @@ class Timetable:
     def fallen(self, variation: Variation, t: Array) -> Array:
         """Share (T,) by which friction of contacts has fallen on a plant at instants (T,) of the mission [s]."""
         span = self._plan("hold")
-        return variation.friction_fall * _smooth((self.planned(t) - 0.5 * (span.start + span.end)) / _FALLS)
+        return variation.friction_fall * _smooth((self._uncut(t) - 0.5 * (span.start + span.end)) / _FALLS)
 
     def _table(self, t: Array) -> Array:
         t = self.planned(t)
         return -_SUNK * (self._risen(t, "lift") - self._risen(t, "lower"))
 
     def _pull(self, axis: int, t: Array) -> Array:
-        t, total = self.planned(t), np.zeros_like(t)
+        # What pulls does not know that the object is set down; what has not begun by then does not come.
+        t, total, down = self._uncut(t), np.zeros_like(t), self._uncut(np.array(self._down))
         for k, wrench in enumerate(self.of.pulls):
             span = self._plan(f"pull {k + 1}")
+            if span.start > down:
+                break
             quarter = 0.25 * (span.end - span.start)  # to grow, and to fade; half of it stays
             total += wrench[axis] * _smooth((t - span.start) / quarter)
             total -= wrench[axis] * _smooth((t - span.end + quarter) / quarter)

@@ -130,9 +130,13 @@ class MissionRun(MotionResult):
 
     @property
     def status(self) -> str:
-        """Status of the closed loops: tripped, if one of them did; not_lifted, if they let go before the lift."""
+        """Status of the closed loops: tripped, if one of them did; not_lifted, if they let go before the lift;
+        set_down, if they did before the end because it slipped.
+        """
         ends = [run.ended for run in self.runs]
-        return "tripped" if "tripped" in ends else ends[0] if self.verdict.refused is None else "not_lifted"
+        if "tripped" in ends:
+            return "tripped"
+        return "not_lifted" if self.verdict.refused else "set_down" if self.verdict.set_down else ends[0]
 
     @property
     def statistics(self) -> Mapping[str, Any]:
@@ -310,7 +314,7 @@ class MissionRun(MotionResult):
 def verdict_data(verdict: Verdict) -> dict[str, Any]:
     """A verdict as plain data, with the sentence on a drop."""
     found = {**asdict(verdict), "succeeded": verdict.succeeded}
-    for name, part in (("refused", verdict.refused), ("drop", verdict.drop), ("turned", verdict.turned)):
+    for name, part in (("refused", verdict.refused), ("slipped", verdict.slipped), ("drop", verdict.drop), ("turned", verdict.turned)):
         if part is not None:
             found[name] |= {"text": part.text}
     if verdict.turned is not None:

@@ -16,7 +16,7 @@ from continuum_grasp.control.controller import Controller
 from continuum_grasp.errors import Interrupted
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import Assignment, assign, present
-from continuum_grasp.mission.lift import LiftCheck, NotLifted
+from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
 from continuum_grasp.mission.precheck import admit, exceeded
 from continuum_grasp.mission.result import MissionRun
@@ -101,7 +101,7 @@ class MissionRunner:
         runs, error = run_fingers(loops, shared, loops[0].plan.duration, progress)
         # Ctrl-C at the very end: the verdict is whole, and comes with the exception.
         with interrupt.held(quietly=True) as pressed:
-            judged = self._judged(asked, runs, tables[0], check.refused)
+            judged = self._judged(asked, runs, tables[0], check)
         if pressed() and error is None:
             error = Interrupted("interrupted after the end of the mission")
         if error is not None:
@@ -110,11 +110,11 @@ class MissionRunner:
         return judged
 
     def _judged(
-        self, variation: Variation, runs: Sequence[ControlRun], table: Timetable, refused: NotLifted | None
+        self, variation: Variation, runs: Sequence[ControlRun], table: Timetable, check: LiftCheck
     ) -> MissionRun:
         of, scenes = self.assignments, tuple(model.scene for model in self._models)
         found = {one.name: present(run.contacts) for one, run in zip(of, runs, strict=True)}
         contacts = ContactForces.joined(found)
-        verdict = judge(of, table, variation, runs, contacts, refused)
+        verdict = judge(of, table, variation, runs, contacts, check.refused, check.slipped)
         beyond = exceeded(of, variation)
         return MissionRun(of, table, variation, tuple(runs), scenes, contacts, verdict, beyond)

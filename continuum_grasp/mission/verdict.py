@@ -10,10 +10,10 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.closed_loop.result import ControlRun
-from continuum_grasp.mission.assignment import Assignment, present
-from continuum_grasp.mission.budget import is_table, object_height, plant_friction
+from continuum_grasp.mission.assignment import Assignment, object_height, present
+from continuum_grasp.mission.budget import is_table, plant_friction
 from continuum_grasp.mission.drop import FALLEN, Drop, find_drop
-from continuum_grasp.mission.lift import NotLifted
+from continuum_grasp.mission.lift import NotLifted, Slipped
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.turned import Turned, find_turned
 from continuum_grasp.simulation.contacts import ContactForces
@@ -50,13 +50,20 @@ class Verdict:
     """Why the object was dropped; None where it was not."""
     refused: NotLifted | None = None
     """Why it was let go without a lift; None where it was lifted."""
+    slipped: Slipped | None = None
+    """What was noticed of slip, and done; None where nothing was, or it is not watched."""
     turned: Turned | None = None
     """Turn of the object before it was grasped; None where that was not asked for."""
 
     @property
     def succeeded(self) -> bool:
         """Turned if asked for, held from lift to lowering, and let go."""
-        return self.held and self.released and (self.turned is None or self.turned.achieved)
+        return self.held and not self.set_down and self.released and (self.turned is None or self.turned.achieved)
+
+    @property
+    def set_down(self) -> bool:
+        """Whether it was set down before its time, because it slipped."""
+        return self.held and self.slipped is not None and self.slipped.down < np.inf
 
     @property
     def word(self) -> str:
@@ -64,7 +71,8 @@ class Verdict:
         if self.refused is not None:
             found = "not lifted, released" if self.released else "not lifted, not released"
         else:
-            found = "dropped" if not self.held else "held and released" if self.released else "held, not released"
+            end = "set down" if self.set_down else "held"
+            found = "dropped" if not self.held else f"{end} and released" if self.released else f"{end}, not released"
         if self.turned is None:
             return found
         return f"turned, {found}" if self.turned.achieved else f"not turned, {found}"
@@ -72,7 +80,7 @@ class Verdict:
     @property
     def texts(self) -> dict[str, str]:
         """Sentences on a refused lift, a drop and a turn, by name; without those that there are not."""
-        parts = {"not lifted": self.refused, "dropped": self.drop, "turned": self.turned}
+        parts = {"not lifted": self.refused, "slipped": self.slipped, "dropped": self.drop, "turned": self.turned}
         found = {name: part.text for name, part in parts.items() if part is not None}
         why = "" if self.turned is None else self.turned.reason
         return found | ({"not turned": why} if why else {})
@@ -104,11 +112,12 @@ def judge(
     runs: Sequence[ControlRun],
     contacts: ContactForces,
     refused: NotLifted | None = None,
+    slipped: Slipped | None = None,
 ) -> Verdict:
     """The verdict on a closed loop, which may have been stopped early, read off the plant.
 
     ``runs`` are those of the fingers, ``contacts`` those of all fingers and supports, ``refused`` is why nothing was
-    lifted.
+    lifted, ``slipped`` what was noticed of slip.
     """
     first, mission = runs[0], assignments[0].mission
     pose, t = present(first.object_pose), first.t
@@ -157,6 +166,7 @@ def judge(
         fallbacks=sum(word in _FALLBACKS for run in runs for word in run.status),
         drop=find_drop(assignments, timetable, variation, t, contacts, lost),
         refused=refused,
+        slipped=slipped,
         turned=find_turned(assignments, timetable, variation, runs, pose, contacts),
     )
 

@@ -140,6 +140,26 @@ class Turn(Value):
             raise ValueError(f"tolerance = {self.tolerance:g} rad is not less than the angle, {abs(self.angle):g} rad")
 
 
+class Slip(Value):
+    """What is watched while the object is held, and from when on it is held more firmly.
+
+    An object that sinks in the hand, or a contact that bears hardly anything, makes the fingers squeeze as hard as drives
+    and ``grasp.contacts.normal_force_max`` allow. Where that does not stop it, it is set down.
+    """
+
+    height: Annotated[Extent, Field(examples=[1e-4, "0.1 mm"])] | None = None
+    """Standard deviation of the object's measured height in the hand [m]; None: not measured, and what slides out of the
+    plane is not noticed."""
+    sunk: Annotated[Extent, Field(examples=[5e-4, "0.5 mm"])] = 5e-4
+    """Height lost since the lift that is answered [m]."""
+    further: Annotated[Extent, Field(examples=[2e-3, "2 mm"])] = 2e-3
+    """Height lost under a firm grip from which on the object is set down [m]."""
+    settle: Duration = 0.1
+    """Time in which a firm grip takes hold [s]; what is lost meanwhile does not count."""
+    parted: Annotated[float, Field(ge=0.0, le=1.0, examples=[0.1, "10 %"]), Unit("1")] = 0.1
+    """Share of its normal force in the certificate below which a contact counts as parted, by the estimate [1]; 0: never."""
+
+
 class Trials(Value):
     """Plants that differ at random, each evenly within its range either way."""
 
@@ -155,6 +175,8 @@ class Trials(Value):
     """Range of all friction coefficients between finger, object and supports [1]."""
     tendon_friction: _Spread = 0.0
     """Range of the friction of the tendons [1]."""
+    friction_fall: Annotated[float, Field(ge=0.0, lt=1.0, examples=[0.3, "30 %"]), Unit("1")] = 0.0
+    """Share by which friction between finger, object and supports falls in the middle of the hold, on all plants [1]."""
     position: Distance = 0.001
     """Range of each coordinate of where the object stands [m]."""
     seed: Annotated[int, Field(ge=0)] = 0
@@ -241,6 +263,8 @@ class MissionScene(Configuration):
     ``table.friction_radius`` of closed loops. 0: the object turns freely on the table."""
     turn: Turn | None = None
     """A turn of the object on its table before it is grasped; None: it stands as in the grasp."""
+    slip: Slip | None = None
+    """Answer to an object that slips while it is held; None: it is held as planned."""
     more_contacts: Annotated[tuple[Length, ...], Field(strict=False)] = ()
     """More positions along each finger where it may touch the object in the plant, which its controller does not know
     [m]."""

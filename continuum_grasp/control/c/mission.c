@@ -17,12 +17,23 @@ static void mission_planned(const mission_settings *o, real t, real *row)
   }
 }
 
-void mission_setpoints(const mission_state *state, const mission_settings *o, real t, real *row)
+/* The instant of the plan that is foreseen at an instant. */
+static real mission_foreseen(const mission_state *state, const mission_settings *o, real t)
 {
   real at = o->begin[state->phase] + (t - state->start);
   if (state->phase <= o->confirm && at > o->begin[o->confirm]) at = o->begin[o->confirm];
   if (o->holds_on && state->phase < o->lower && at > o->begin[o->lower]) at = o->begin[o->lower];
+  return at;
+}
+
+void mission_setpoints(const mission_state *state, const mission_settings *o, real t, real *row)
+{
+  const real at = mission_foreseen(state, o, t);
   mission_planned(o, at, row);
+  if (state->grip != MISSION_USUAL) {
+    const real firm = 1 - mission_smooth((at - o->begin[o->release]) / o->length[o->release]);
+    for (int j = 0; j < MISSION_NR; ++j) row[j] += firm * o->firm[j];
+  }
   if (state->left_at < 0) return;
   const real left = 1 - mission_smooth((t - state->left_at) / o->length[o->release]);
   for (int j = 0; j < MISSION_NR; ++j) row[j] += left * state->left[j];
@@ -67,10 +78,60 @@ static int mission_decide(mission_state *state, const mission_settings *o, real 
   return state->decision != MISSION_WAITS;
 }
 
+/* ---- an object that slips ---- */
+
+/* Whether it is held off the table. */
+static int mission_holds(const mission_state *state, const mission_settings *o)
+{
+  return state->phase > o->confirm && state->phase < o->lower;
+}
+
+void mission_see(mission_state *state, const mission_settings *o, real height)
+{
+  if (!cg_finite(&height, 1)) return;
+  state->height = state->seen ? state->height + o->fresh * (height - state->height) : height;
+  state->seen = 1;
+  if (!mission_holds(state, o)) state->base = state->height;
+}
+
+void mission_squeeze(mission_state *state, const mission_settings *o, real t, int noticed)
+{
+  if (state->grip != MISSION_USUAL || !mission_holds(state, o)) return;
+  state->grip = MISSION_FIRM;
+  state->noticed = noticed;
+  state->noticed_at = t;
+}
+
+/* Squeeze where the object slips, and set it down where it goes on slipping. */
+static void mission_watch(mission_state *state, const mission_settings *o, real t, const real *forces, const real *u)
+{
+  const int firm = state->grip != MISSION_USUAL;
+  int open = 0;
+  for (int c = 0; c < MISSION_NC; ++c) open |= !state->blind && forces[c] < o->lost[c];
+  state->open = open ? state->open + 1 : 0;
+  if (firm && t - state->noticed_at < o->settles) {     /* what it loses until then is not lost by a firm grip */
+    state->base = state->height;
+    state->open = 0;
+  }
+  const int sinks = state->seen && state->base - state->height > (firm ? o->further : o->sunk);
+  if (!sinks && state->open < o->parts) return;
+  if (!firm) mission_squeeze(state, o, t, sinks ? MISSION_SINKS : MISSION_PARTS);
+  else {
+    state->grip = MISSION_SETS_DOWN;
+    mission_release(state, o, t, u, 0);
+  }
+}
+
+int mission_asks(const mission_state *state, const mission_settings *o)
+{
+  return state->phase == o->confirm || (o->watches && mission_holds(state, o));
+}
+
 int mission_advance(mission_state *state, const mission_settings *o, real t, const real *forces, const real *u,
                     int reported)
 {
   state->changed = 0;
+  if (forces && o->watches && mission_holds(state, o)) mission_watch(state, o, t, forces, u);
   for (;;) {
     const real since = t - state->start;
     int next = state->phase + 1;
@@ -92,7 +153,7 @@ void mission_release(mission_state *state, const mission_settings *o, real t, co
   const int next = at_once || state->phase <= o->confirm ? o->release : o->lower;
   real row[MISSION_SIZE(MISSION_NR)];
   if (state->phase >= next) return;
-  mission_setpoints(state, o, t, row);
+  mission_planned(o, mission_foreseen(state, o, t), row);
   mission_planned(o, o->begin[next], state->left);
   for (int j = 0; j < MISSION_NR; ++j) state->left[j] = row[j] - state->left[j];
   state->left_at = t;

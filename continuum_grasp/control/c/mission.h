@@ -4,6 +4,8 @@
  *   1. mission_advance begins the next phase where the present one is over. Before the lift the normal forces that are
  *      estimated are compared with those that are needed: while a contact bears too little, the fingers squeeze on, for
  *      `patience` at most, and then let go; so they do where they are `blind`, which the caller says.
+ *      While the object is held and the mission `watches`, an object that sinks in the hand (mission_see) or a contact
+ *      that bears hardly anything makes them squeeze harder by `firm`; where it goes on sinking, it is set down.
  *   2. mission_setpoints gives the setpoints over the horizon, and the state the weights and limits of the phase.
  *
  * Of several fingers each has a mission; the first one leads. To it is reported whether all others bear enough
@@ -23,6 +25,8 @@
 
 enum { MISSION_WAITS = 0, MISSION_LIFTS = 1, MISSION_LETS_GO = 2 };     /* decision before the lift */
 enum { MISSION_UNKNOWN = 0, MISSION_BEARS = 1, MISSION_LACKS = 2 };     /* forces at the contacts, when they count */
+enum { MISSION_USUAL = 0, MISSION_FIRM = 1, MISSION_SETS_DOWN = 2 };  /* grip of what is held */
+enum { MISSION_SINKS = 1, MISSION_PARTS = 2, MISSION_TOLD = 3 };      /* what makes it firm */
 enum { MISSION_NOMINAL = 0, MISSION_SQUEEZES = 1, MISSION_HOLDS = 2 };  /* limits of the command */
 enum { MISSION_FOLLOWED = 4 };                                          /* what phases may follow: rows of weights */
 
@@ -36,6 +40,13 @@ typedef struct {
   int leads;                    /* whether this finger decides */
   real patience;                /* longest wait for forces [s] */
   real needed[MISSION_SIZE(MISSION_NC)];        /* least normal force at each contact [N] */
+  int watches;                  /* whether slip is answered */
+  real sunk, further;           /* height lost that is noticed, and lost after that which ends a firm grip [m] */
+  real fresh;                   /* share of a new height in the smoothed one */
+  real settles;                 /* time in which a firm grip takes hold [s] */
+  int parts;                    /* calls in a row for which a contact bears less than `lost` [N], until that counts */
+  real lost[MISSION_SIZE(MISSION_NC)];
+  real firm[MISSION_SIZE(MISSION_NR)];          /* further setpoints of a firm grip */
   real weights[MISSION_FOLLOWED][MISSION_SIZE(MISSION_NR)];
   real u_min[MISSION_NU], u_max[MISSION_NU];
   real low[3][MISSION_NU], high[3][MISSION_NU]; /* by the kind of limits, within u_min and u_max */
@@ -54,15 +65,24 @@ typedef struct {
   real u_min[MISSION_NU], u_max[MISSION_NU];
   real left[MISSION_SIZE(MISSION_NR)];  /* of setpoints before a release or an abort; fades from `left_at` on */
   real left_at;
+  int grip, noticed;            /* how it is held, and what made it firm; 0: nothing */
+  real noticed_at;              /* [s] */
+  int seen, open;               /* whether a height is known, and for how many calls a contact has borne hardly anything */
+  real height, base;            /* smoothed height of the object in the hand, and that before it sank [m] */
 } mission_state;
 
 void mission_enter(mission_state *state, const mission_settings *settings, int phase, real t, const real *u);
 /* Begin the first phase at an instant t, with the command u before. */
 void mission_start(mission_state *state, const mission_settings *settings, real t, const real *u);
-/* Begin what is due at t by the command u before, the estimated forces (which count in the phase `confirm` alone; null:
+/* Begin what is due at t by the command u before, the estimated forces (which count where mission_asks for them; null:
  * not yet known) and what is reported; whether the mission goes on. */
+int mission_asks(const mission_state *state, const mission_settings *settings);
 int mission_advance(mission_state *state, const mission_settings *settings, real t, const real *forces, const real *u,
                     int reported);
+/* What was measured of the object's height in the hand [m], before the call; only what is lost of it counts. */
+void mission_see(mission_state *state, const mission_settings *settings, real height);
+/* Hold what is held firmly from t on, since something was noticed elsewhere. */
+void mission_squeeze(mission_state *state, const mission_settings *settings, real t, int noticed);
 /* Let the object go at t: lowered first where it may hang, or at once. */
 void mission_release(mission_state *state, const mission_settings *settings, real t, const real *u, int at_once);
 /* Setpoints at an instant, as they are foreseen now. */

@@ -7,18 +7,22 @@ size_t cg_size(void) { return sizeof(cg_object); }
 size_t cg_state_size(void) { return sizeof(mission_state); }
 void cg_settings(cg_object *o, const double *values) { cg_fill(&o->settings, values); }
 
-/* out: phase, whether weights and limits changed, decision, forces, weights, least and greatest command */
+/* out: phase, whether weights and limits changed, decision, forces, grip, what was noticed, whether forces are asked for,
+ * height lost; weights, least and greatest command */
 static void cg_state(const cg_object *o, double *out)
 {
-  const int numbers[] = {o->state.phase, o->state.changed, o->state.decision, o->state.bears};
-  out = cg_write_ints(out, numbers, 4);
+  const int numbers[] = {o->state.phase, o->state.changed, o->state.decision, o->state.bears, o->state.grip, o->state.noticed,
+                         mission_asks(&o->state, &o->settings)};
+  const real lost = o->state.base - o->state.height;
+  out = cg_write_ints(out, numbers, 7);
+  out = cg_write(out, &lost, 1);
   out = cg_write(out, o->settings.weights[o->state.follows], MISSION_NR);
   out = cg_write(out, o->state.u_min, MISSION_NU);
   cg_write(out, o->state.u_max, MISSION_NU);
 }
 
-/* in: t, command, forces, what is reported, whether it is blind; what: a phase that begins, or -1: what is due, -2: by forces, -3: release,
- * -4: abort */
+/* in: t, command, forces, what is reported, whether it is blind, height of the object; what: a phase that begins, or
+ * -1: what is due, -2: by forces, -3: release, -4: abort, -5: squeeze */
 int cg_step(cg_object *o, const double *in, int what, double *out)
 {
   const double t = *in++;
@@ -27,8 +31,10 @@ int cg_step(cg_object *o, const double *in, int what, double *out)
   int goes_on = 1;
   o->state.changed = 0;
   o->state.blind = (int)in[1];
+  if (what == -1) mission_see(&o->state, &o->settings, (real)in[2]);
   if (what == 0) mission_start(&o->state, &o->settings, t, u);
   else if (what > 0) mission_enter(&o->state, &o->settings, what, t, u);
+  else if (what == -5) mission_squeeze(&o->state, &o->settings, t, MISSION_TOLD);
   else if (what >= -2) goes_on = mission_advance(&o->state, &o->settings, t, what == -2 ? forces : 0, u, (int)*in);
   else mission_release(&o->state, &o->settings, t, u, what == -4);
   cg_state(o, out);
