@@ -145,6 +145,7 @@ def _loop_description(loop: Loop, real: Real) -> dict[str, Any]:
         "phases": identifiers(loop.phases.names),
         "planned_end_s": loop.phases.ends,
         "reports": [name for name, _ in loop.phases.reported],
+        "watches": loop.phases.watches,
     }
     return {
         "period_s": loop.period,

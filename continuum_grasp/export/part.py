@@ -154,13 +154,13 @@ class Call:
     """Warnings and errors that it may return beyond those of every function."""
 
 
-SECONDS = "seconds"
+NUMBER = "number"
 """Input of a method that is a number instead of a struct."""
 
 
 @dataclass(frozen=True)
 class Method:
-    """A further function of a stateful one, ``<prefix>_<owner>_<name>``: of structs or seconds, to one or none."""
+    """A further function of a stateful one, ``<prefix>_<owner>_<name>``: of structs or a number, to one or none."""
 
     name: str
     text: str

@@ -173,11 +173,11 @@ class Plan(Schedule):
 
     def enter(self, t: float, controller: Any, plant: Any, phase: int = 0) -> None:
         """Begin a phase, at first the first one."""
-        self._step(t, controller, plant.command, phase)
+        self._step(t, controller, plant.command, phase, height=self._height(plant))
 
     def advance(self, t: float, controller: Any, plant: Any, command: Any) -> bool:
         """Begin what is due at an instant [s], by the last command; False after the last phase."""
-        goes_on = self._step(t, controller, plant.command, _DUE, height=plant.height if self._watches else math.nan)
+        goes_on = self._step(t, controller, plant.command, _DUE, height=self._height(plant))
         if self._asks:  # for forces, which take longest
             waited = self.current == self._confirm
             felt, blind = command.contact_forces.force, bool(blindness(command))
@@ -188,6 +188,9 @@ class Plan(Schedule):
                 what = _RELEASE if firmest == SETS_DOWN else _SQUEEZE
                 self._step(t, controller, plant.command, what)
         return goes_on
+
+    def _height(self, plant: Any) -> float:
+        return float(plant.height) if self._watches else math.nan
 
     def release(self, t: float, controller: Any, plant: Any, *, at_once: bool = False) -> None:
         """Let the object go: lowered first where it may hang, or ``at_once``."""

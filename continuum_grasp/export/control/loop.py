@@ -67,6 +67,11 @@ class Phases(NamedTuple):
     ends: float
     reported: tuple[tuple[str, str], ...]
 
+    @property
+    def watches(self) -> int:
+        """Whether it watches what is held for slip."""
+        return int(np.asarray(self.members["watches"]))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Loop(ControlParts):

@@ -268,7 +268,10 @@ def _mission_vectors(contents: Contents, loop: Loop, host: _Host, function: Stat
             y, reported = finger.measured(u), 1 + (k % 7 == 3 if asked else 0)
             if k % 53 == 20:
                 y[rng.integers(len(y))] = np.nan
-            code, out = record.call(flags, y, [reported if loop.phases and loop.phases.reported else 0])
+            # It sinks in the hold, by what is squeezed for, and where it is let go after the lift by what is set down.
+            sinks = -1e-3 * (1 + 4 * asked) * min(max(k * loop.period - lifted, 0.0) / 0.2, 1.0)
+            height = [sinks] if loop.phases and loop.phases.watches else []
+            code, out = record.call(flags, y, [reported if loop.phases and loop.phases.reported else 0], height)
             u = out[:nu].astype(float) if code >= 0 else u
             finger.advance(u)
     return record.vectors((), close=nu)

@@ -192,6 +192,7 @@ class _Writer:
         return {
             "phases": [*enumerate(name.upper() for name in identifiers(phases.names))],
             "several": phases.reported,
+            "watches": phases.watches,
             "alone": not phases.reported,
             "leads": "others_bear" in dict(phases.reported),
             "words_reported": phases.reported,

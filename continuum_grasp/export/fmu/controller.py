@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -21,6 +22,7 @@ _EVENTS = {
     "others_bear": "above 0.5: all other fingers have forces 1",
     "others_lack": "above 0.5: one of the other fingers has forces 2",
     "lift": "above 0.5: the finger that decides has decision 1",
+    "squeeze": "above 0.5: squeeze harder, since slip was noticed elsewhere",
     "let_go": "above 0.5: the finger that decides has decision 2",
 }
 """Commands and reports that a mission takes, by its function."""
@@ -102,20 +104,24 @@ def _of_loop(manifest: Mapping[str, Any], preview: bool) -> _Own:
     }
     names = [entry["name"] for entry in structs["reference"]]
     places = [(name, f"{j * nodes} + k" if preview else j) for j, name in enumerate(names)]
-    return groups, {}, {"nodes": nodes, "reference": places}
+    return groups, {}, {"nodes": nodes, "reference": places, "watches": 0}
 
 
 def _of_mission(mission: Mapping[str, Any]) -> _Own:
     """Commands and reports that it takes, and where it is."""
-    events = ["release", "abort", *mission["reports"]]
+    watches = mission["watches"]
+    events = ["release", "abort", *["squeeze"] * watches, *mission["reports"]]
     groups = {"FMU_EVENTS": tuple(Variable(name, "1", _EVENTS[name], "input", low=0.0, high=1.0) for name in events)}
+    text = "of the object in the hand; NaN where it was not measured"
+    groups["FMU_HEIGHT"] = (Variable("height", "m", text, "input", math.nan, may_be_missing=True),) * watches
     phases = ", ".join(f"{k} {name}" for k, name in enumerate(mission["phases"]))
     states = {
         "phase": f"number of the phase: {phases}",
         "decision": "before the lift: 0 none, 1 lift, 2 let go",
         "forces": "at the contacts: 0 unknown, 1 enough to lift, 2 too little",
     }
-    return groups, states, {"events": [*enumerate(events)]}
+    states |= {"grip": "of what is held: 0 as planned, 1 squeezed, 2 set down"} if watches else {}
+    return groups, states, {"events": [*enumerate(events)], "watches": watches}
 
 
 def _reference(entries: list[dict[str, Any]], wanted: list[float], nodes: int, stage: float) -> tuple[Variable, ...]:

@@ -9,7 +9,7 @@ from continuum_grasp.export.control.kernels import adapters_of
 from continuum_grasp.export.control.loop import Loop
 from continuum_grasp.export.control.source import control_sources
 from continuum_grasp.export.fields import Struct
-from continuum_grasp.export.part import ROW_FLAGS, SECONDS, Code, Method, Part, Stateful
+from continuum_grasp.export.part import ROW_FLAGS, NUMBER, Code, Method, Part, Stateful
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
 
@@ -64,7 +64,7 @@ def mpc(subject: Subject) -> Part:
             ),
             Method("applied", "Before the next call: what was really applied since the last one.", ("command",)),
             Method("late", "Before the next call: that the last command came late."),
-            Method("elapsed", "Before the next call: time since the last one [s].", (SECONDS,)),
+            Method("elapsed", "Before the next call: time since the last one [s].", (NUMBER,)),
             Method("rearm", "Leave a trip: 1, or 0 where that is not allowed yet.", counts=True),
             Method("estimate", "State and disturbances from which the last plan starts.", (), loop.start.name),
             Method("diagnosis", "What is known of the last call.", (), "diagnosis"),
@@ -77,11 +77,11 @@ def mpc(subject: Subject) -> Part:
 def mission(subject: Subject) -> Part:
     """Commands from approach to release, by the phases of a mission."""
     loop = cast(Loop, subject.loop)  # without it packages have none of these parts
-    reported = () if loop.phases is None else loop.phases.reported
+    reported, watches = ((), 0) if loop.phases is None else (loop.phases.reported, loop.phases.watches)
     function = Stateful(
         "mission_step",
         "The command for a measurement, by the phase of the mission.",
-        _runner(subject, loop, "mission", reported_at=1),
+        _runner(subject, loop, "mission", reported_at=1, height=watches),
         ("mission", "mission_work"),
         ("measurement",),
         "command",
@@ -92,10 +92,19 @@ def mission(subject: Subject) -> Part:
             Method("phase", "Number of the phase.", counts=True),
             Method("decision", "Decision before the lift: 0 none, 1 lift, 2 let go.", counts=True),
             Method("forces", "Forces at the contacts: 0 unknown, 1 enough to lift, 2 too little.", counts=True),
+            *(_WATCHING if watches else ()),
             *(Method(name, "Before the next call: what is known of other fingers.") for name, _ in reported),
         ),
     )
     return _part(subject, "mission", [loop.measurement, loop.command, loop.start], (), function)
+
+
+_WATCHING = (
+    Method("height", "Before the next call: height of the object in the hand [m].", (NUMBER,)),
+    Method("squeeze", "Before the next call: squeeze harder, since slip was noticed elsewhere."),
+    Method("grip", "How the object is held: 0 as planned, 1 squeezed, 2 set down.", counts=True),
+)
+"""Methods of a mission that watches for slip."""
 
 
 def _contact(loop: Loop) -> list[Method]:
@@ -134,5 +143,6 @@ def _runner(subject: Subject, loop: Loop, name: str, **between: int) -> str:
     # Settings begin with the weights of the setpoints, running and terminal; see CHANGEABLE.
     words = {"loop": loop, "low": ROW_FLAGS + 2 * loop.stages.nr, "behind": loop.command.size + loop.start.size}
     reported = () if loop.phases is None else loop.phases.reported
+    words["watches"] = between.get("height", 0)
     words["reported"] = [(k + 1, own) for k, (own, _) in enumerate(reported)]
     return fill(f"tests/run_{name}.c", {"p": subject.prefix, **places, **words})

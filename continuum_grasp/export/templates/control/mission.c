@@ -64,7 +64,7 @@ int <<p>>_mission_step(<<p>>_mission *mission, <<p>>_mission_work *work, const <
   if (mission->memory.calls > 0) {
     const <<p>>_real *before = mission->controller.memory.state.u;
     <<p>>_phases_advance(&next, &phase_settings, now, 0, before, 0);
-    if (next.phase == <<P>>_PHASE_CONFIRM) {
+    if (<<p>>_phases_asks(&next, &phase_settings)) {
       next.blind = mission->controller.memory.last.supervisor.reason || (mission->controller.memory.last.anomalies & <<P>>_ANOMALY_BLIND);
       estimated_forces(&mission->controller, forces);
       <<p>>_phases_advance(&next, &phase_settings, now, forces, before, <<if alone>><<P>>_PHASES_BEARS<<else>>mission->memory.reported<<end>>);
@@ -116,7 +116,27 @@ int <<p>>_mission_forces(const <<p>>_mission *mission)
   const int ready = mission_ready(mission);
   return ready < 0 ? ready : mission->memory.state.bears;
 }
-<<for name, word in words_reported>>
+<<if watches>>
+int <<p>>_mission_height(<<p>>_mission *mission, <<p>>_real height)
+{
+  const int ready = mission_ready(mission);
+  if (ready >= 0) <<p>>_phases_see(&mission->memory.state, &phase_settings, height);
+  return ready;
+}
+
+int <<p>>_mission_squeeze(<<p>>_mission *mission)
+{
+  const int ready = mission_ready(mission);
+  if (ready >= 0) <<p>>_phases_squeeze(&mission->memory.state, &phase_settings, mission_now(mission), <<P>>_PHASES_TOLD);
+  return ready;
+}
+
+int <<p>>_mission_grip(const <<p>>_mission *mission)
+{
+  const int ready = mission_ready(mission);
+  return ready < 0 ? ready : mission->memory.state.grip;
+}
+<<end>><<for name, word in words_reported>>
 int <<p>>_mission_<<name>>(<<p>>_mission *mission)
 {
   const int ready = mission_ready(mission);

@@ -7,7 +7,9 @@ enum {
 /* Decision before the lift; forces at the contacts, from `confirm` on. */
 enum { <<P>>_DECISION_NONE = 0, <<P>>_DECISION_LIFT = 1, <<P>>_DECISION_LET_GO = 2 };
 enum { <<P>>_FORCES_UNKNOWN = 0, <<P>>_FORCES_ENOUGH = 1, <<P>>_FORCES_LACK = 2 };
-
+<<if watches>>/* Grip of what is held: as planned, squeezed since it slipped, set down since squeezing did not stop it. */
+enum { <<P>>_GRIP_USUAL = 0, <<P>>_GRIP_FIRM = 1, <<P>>_GRIP_SETS_DOWN = 2 };
+<<end>>
 /* A mission. The caller owns it, <<p>>_mission_init makes it ready. Its controller may be asked for estimate and
    diagnosis, rearmed, and informed of what was applied, of a late command and of the time between calls; its settings are
    the mission's. */
@@ -44,7 +46,13 @@ int <<p>>_mission_abort(<<p>>_mission *mission);
 int <<p>>_mission_phase(const <<p>>_mission *mission);
 int <<p>>_mission_decision(const <<p>>_mission *mission);
 int <<p>>_mission_forces(const <<p>>_mission *mission);
-<<if several>>/* This finger is one of several<<if leads>>, and decides for all. Before each call from its phase `confirm` on: that all
+<<if watches>>/* Before each call: height of the object in the hand [m], from where it does not matter; none where it was not measured. */
+int <<p>>_mission_height(<<p>>_mission *mission, <<p>>_real height);
+/* Before the next call: squeeze harder, since slip was noticed elsewhere. */
+int <<p>>_mission_squeeze(<<p>>_mission *mission);
+/* How the object is held: <<P>>_GRIP_...<<if several>>. Where one finger squeezes, squeeze all; where one sets down, release all<<end>>. */
+int <<p>>_mission_grip(const <<p>>_mission *mission);
+<<end>><<if several>>/* This finger is one of several<<if leads>>, and decides for all. Before each call from its phase `confirm` on: that all
    others have <<P>>_FORCES_ENOUGH, or that one of them has <<P>>_FORCES_LACK. Until either is known, it waits. */
 int <<p>>_mission_others_bear(<<p>>_mission *mission);
 int <<p>>_mission_others_lack(<<p>>_mission *mission);<<else>>, of which another one decides. Before the next call: what that decided. */

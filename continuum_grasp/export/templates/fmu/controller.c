@@ -23,6 +23,7 @@ static fmu_level fmu_computed(fmu_instance *f)
   code = <<p>>_mpc(&m->next, &f->scratch.work, &measurement, &f->scratch.reference, &command);
   if ((level = fmu_judged(f, "mpc", code)) > FMU_WARNING) return level;
 <<else>><<for k, name in events>>  if (values[FMU_EVENTS + <<k>>] > 0.5) <<p>>_mission_<<name>>(&m->next);
+<<end>><<if watches>>  <<p>>_mission_height(&m->next, values[FMU_HEIGHT]);
 <<end>>  code = <<p>>_mission_step(&m->next, &f->scratch.work, &measurement, &command);
   if ((level = fmu_judged(f, "mission_step", code)) > FMU_WARNING) return level;
 <<for name, place in states>>  f->data.counts[FMU_<<place>>] = <<p>>_mission_<<name>>(&m->next);

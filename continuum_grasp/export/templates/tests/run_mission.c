@@ -9,7 +9,8 @@ static int run_mission_step(check_memory *memory, const <<p>>_real *row, <<p>>_r
   memcpy(&measurement, row + <<measurement>>, sizeof measurement);
   if (row[1] > 0) <<p>>_mission_release(&memory->mission);
   if (row[2] > 0) <<p>>_mission_abort(&memory->mission);
-<<for k, name in reported>>  if (row[<<reported_at>>] == (<<p>>_real)<<k>>) <<p>>_mission_<<name>>(&memory->mission);
+<<if watches>>  <<p>>_mission_height(&memory->mission, row[<<height>>]);
+<<end>><<for k, name in reported>>  if (row[<<reported_at>>] == (<<p>>_real)<<k>>) <<p>>_mission_<<name>>(&memory->mission);
 <<end>>  memcpy(&command, out, sizeof command);
   memory->mission.abi ^= other_abi;
   for (k = 0; k < repeat; ++k)

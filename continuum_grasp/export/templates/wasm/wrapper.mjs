@@ -128,11 +128,11 @@ class Finger {
       at += this.#real.BYTES_PER_ELEMENT * sizeOf(INTERFACE.structs[member]);
     }
     const call = (full, first, structs, result, given) => {
-      const whole = structs.map((struct, k) => (struct === "seconds" ? given[k] : this.#complete(struct, given[k])));
+      const whole = structs.map((struct, k) => (struct === "number" ? given[k] : this.#complete(struct, given[k])));
       for (const member of members) this.#write(places[member], INTERFACE.structs[member], found[member]);
       let next = this.#start;
       const passed = structs.map((struct, k) => {
-        if (struct === "seconds") return whole[k];
+        if (struct === "number") return whole[k];
         const to = next;
         next += 8 * sizeOf(INTERFACE.structs[struct]);
         this.#reserve(next);
