@@ -1,12 +1,16 @@
-"""Setpoints of missions, and what their phases change of a controller."""
+"""Setpoints of missions, what their phases change of a controller, and fingers by hand that carry them out."""
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 
 import numpy as np
 
 from continuum_grasp.mission.plan import Plan
+from continuum_grasp.scene.mission import Phases
+
+CERTIFIED, STEP = 4.0, 0.01  # N at each tip, s
 
 
 def planned(table, names, t):
@@ -23,3 +27,44 @@ def begun(table, stages, plant):
         said = SimpleNamespace(change=lambda name=phase.name, **new: found.update({name: new}))
         plan.enter(0.0, said, plant, k)
     return found
+
+
+def fingers(*names, slip=None, most=20.0):
+    """Fingers by hand that touch with their tips, certified for 4 N each, of which half is needed.
+
+    Their drives have a fifth more than the grasp takes; contacts may be pressed with ``most`` [N].
+    """
+    contacts = [
+        SimpleNamespace(name=f"{n}.tip", normal_force=CERTIFIED, friction_force=0.0, lift=0.0, part=0) for n in names
+    ]
+    grasp = SimpleNamespace(contacts=contacts, scene=SimpleNamespace(friction=lambda name: 0.5))
+    tendons = [SimpleNamespace(max_tension=75.0)] * 2
+    finger = SimpleNamespace(
+        input_keys=["tensions"], tendon_list=tendons, winches=(), inputs=[SimpleNamespace(label="")] * 2
+    )
+    control = SimpleNamespace(
+        contact_names=("finger.tip",), contacts=(), finger=finger, controller=SimpleNamespace(step=STEP)
+    )
+    asked = SimpleNamespace(normal_force_max=lambda name: most)
+    mission = SimpleNamespace(phases=Phases(lift_share=0.5), turn=None, more_contacts=(), slip=slip, grasp=asked)
+    return [
+        SimpleNamespace(
+            name=name,
+            grasp=grasp,
+            control=control,
+            mission=mission,
+            middles=(),
+            pulls=np.ones((2, 3)),
+            **dict.fromkeys(("rest", "before"), np.zeros(2)),
+            **dict.fromkeys(("bends", "posture"), np.zeros(0)),
+            held=np.array([60.0, 1.5]),
+            tight=np.array([72.0, 1.8]),
+            reserve=0.2,
+            holding=(np.array([51.0, -math.inf]), np.array([math.inf, 4.0])),
+            contact="finger.tip",
+            force=CERTIFIED,
+            forces={"finger.tip": CERTIFIED},
+            own_name=lambda own, name=name: own.replace("finger", name),
+        )
+        for name in names
+    ]

@@ -314,7 +314,12 @@ class MissionRun(MotionResult):
 def verdict_data(verdict: Verdict) -> dict[str, Any]:
     """A verdict as plain data, with the sentence on a drop."""
     found = {**asdict(verdict), "succeeded": verdict.succeeded}
-    for name, part in (("refused", verdict.refused), ("slipped", verdict.slipped), ("drop", verdict.drop), ("turned", verdict.turned)):
+    for name, part in (
+        ("refused", verdict.refused),
+        ("slipped", verdict.slipped),
+        ("drop", verdict.drop),
+        ("turned", verdict.turned),
+    ):
         if part is not None:
             found[name] |= {"text": part.text}
     if verdict.turned is not None:

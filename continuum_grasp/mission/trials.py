@@ -36,7 +36,9 @@ def variations(trials: Trials) -> list[Variation]:
         mass, friction = factor(trials.mass), factor(trials.friction)
         dx, dy = (float(v) for v in trials.position * rng.uniform(-1.0, 1.0, 2))
         own = float(1.0 + trials.tendon_friction * of_tendons.uniform(-1.0, 1.0))
-        found.append(Variation(stiffness, damping, mass, friction, (dx, dy), int(rng.integers(2**31)), own, trials.friction_fall))
+        found.append(
+            Variation(stiffness, damping, mass, friction, (dx, dy), int(rng.integers(2**31)), own, trials.friction_fall)
+        )
     return found
 
 

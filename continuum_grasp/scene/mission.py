@@ -143,13 +143,13 @@ class Turn(Value):
 class Slip(Value):
     """What is watched while the object is held, and from when on it is held more firmly.
 
-    An object that sinks in the hand, or a contact that bears hardly anything, makes the fingers squeeze as hard as drives
-    and ``grasp.contacts.normal_force_max`` allow. Where that does not stop it, it is set down.
+    An object that sinks in the hand, or a contact that bears hardly anything, makes the fingers squeeze as hard as
+    drives and ``grasp.contacts.normal_force_max`` allow. Where that does not stop it, it is set down.
     """
 
     height: Annotated[Extent, Field(examples=[1e-4, "0.1 mm"])] | None = None
-    """Standard deviation of the object's measured height in the hand [m]; None: not measured, and what slides out of the
-    plane is not noticed."""
+    """Standard deviation of the object's measured height in the hand [m]; None: not measured, and what sinks is not
+    noticed."""
     sunk: Annotated[Extent, Field(examples=[5e-4, "0.5 mm"])] = 5e-4
     """Height lost since the lift that is answered [m]."""
     further: Annotated[Extent, Field(examples=[2e-3, "2 mm"])] = 2e-3
@@ -157,7 +157,8 @@ class Slip(Value):
     settle: Duration = 0.1
     """Time in which a firm grip takes hold [s]; what is lost meanwhile does not count."""
     parted: Annotated[float, Field(ge=0.0, le=1.0, examples=[0.1, "10 %"]), Unit("1")] = 0.1
-    """Share of its normal force in the certificate below which a contact counts as parted, by the estimate [1]; 0: never."""
+    """Share of its normal force in the certificate below which a contact counts as parted, by the estimate [1]; 0:
+    never."""
 
 
 class Trials(Value):
@@ -176,7 +177,8 @@ class Trials(Value):
     tendon_friction: _Spread = 0.0
     """Range of the friction of the tendons [1]."""
     friction_fall: Annotated[float, Field(ge=0.0, lt=1.0, examples=[0.3, "30 %"]), Unit("1")] = 0.0
-    """Share by which friction between finger, object and supports falls in the middle of the hold, on all plants [1]."""
+    """Share by which friction between finger, object and supports falls in the middle of the hold, on all plants
+    [1]."""
     position: Distance = 0.001
     """Range of each coordinate of where the object stands [m]."""
     seed: Annotated[int, Field(ge=0)] = 0

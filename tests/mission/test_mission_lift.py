@@ -20,47 +20,11 @@ from continuum_grasp.mission.plant import Timetable
 from continuum_grasp.mission.run import run_mission
 from continuum_grasp.mission.trials import run_trials
 from continuum_grasp.scene.load import load
-from continuum_grasp.scene.mission import Phases
+from tests.mission_cases import CERTIFIED, STEP, fingers
 
 MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
 STAGES = SimpleNamespace(r_names=(), weights=np.zeros(0), u_min=np.zeros(2), u_max=np.full(2, 75.0))
 NOTHING = Anomaly(0)
-CERTIFIED, STEP = 4.0, 0.01  # N at each tip, s
-
-
-def fingers(*names):
-    """Fingers by hand that touch with their tips, certified for 4 N each, of which half is needed."""
-    contacts = [
-        SimpleNamespace(name=f"{n}.tip", normal_force=CERTIFIED, friction_force=0.0, lift=0.0, part=0) for n in names
-    ]
-    grasp = SimpleNamespace(contacts=contacts, scene=SimpleNamespace(friction=lambda name: 0.5))
-    tendons = [SimpleNamespace(max_tension=75.0)] * 2
-    finger = SimpleNamespace(
-        input_keys=["tensions"], tendon_list=tendons, winches=(), inputs=[SimpleNamespace(label="")] * 2
-    )
-    control = SimpleNamespace(
-        contact_names=("finger.tip",), contacts=(), finger=finger, controller=SimpleNamespace(step=STEP)
-    )
-    mission = SimpleNamespace(phases=Phases(lift_share=0.5), turn=None, more_contacts=())
-    return [
-        SimpleNamespace(
-            name=name,
-            grasp=grasp,
-            control=control,
-            mission=mission,
-            middles=(),
-            pulls=np.ones((2, 3)),
-            **dict.fromkeys(("rest", "before"), np.zeros(2)),
-            **dict.fromkeys(("bends", "posture"), np.zeros(0)),
-            held=np.array([60.0, 1.5]),
-            holding=(np.array([51.0, -math.inf]), np.array([math.inf, 4.0])),
-            contact="finger.tip",
-            force=CERTIFIED,
-            forces={"finger.tip": CERTIFIED},
-            own_name=lambda own, name=name: own.replace("finger", name),
-        )
-        for name in names
-    ]
 
 
 def carried_out(forces, *, tension=60.0, names=("lower", "upper"), trip=Trip.NONE, anomaly=NOTHING):

@@ -1,0 +1,183 @@
+"""What slips while it is held: noticed by its height or by contacts that part, squeezed, and set down."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.control.status import Anomaly, Trip
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.budget import firmer
+from continuum_grasp.mission.lift import LiftCheck
+from continuum_grasp.mission.plant import Timetable, Variation
+from continuum_grasp.mission.run import MissionRunner
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.mission import Slip
+from tests.mission_cases import CERTIFIED, STEP, fingers
+
+MUG = Path(__file__).parents[2] / "configs/mission/mug.yaml"
+NOTHING = Anomaly(0)
+SHORT = "{approach: 0.4, squeeze: 0.6, lift: 0.2, hold: 0.3, pull: 0.16, rest: 0.06, lower: 0.2, release: 0.5}"
+QUICK = ("plant.fidelity={family: clothoid, elements: 3}", f"phases={SHORT}", "grasp.solver.effort=quick")
+FORCE = "contact_force_finger.tip [N]"
+STAGES = SimpleNamespace(r_names=(FORCE,), weights=np.zeros(1), u_min=np.zeros(2), u_max=np.full(2, 75.0))
+BEGINS = 2.4  # s: sinks or parts from then on, in the hold (1.9 s to 2.9 s)
+
+
+def watched(height, *, slip, force=lambda t: CERTIFIED, names=("finger",), **more):
+    """Phases that are told heights and forces by instant: check, timetable, setpoints of each finger, events."""
+    of = fingers(*names, slip=slip, **more)
+    tables = [Timetable(one) for one in of]
+    check = LiftCheck(of, tables)
+    plans = [check.schedule(k, STAGES) for k in range(len(of))]
+    controller, wanted = SimpleNamespace(change=lambda **_: None), list[tuple[float, list[float]]]()
+    plant = SimpleNamespace(command=np.zeros(2), height=height(0.0))
+    for plan in plans:
+        plan.enter(0.0, controller, plant)
+    for k in range(1, 1000):
+        t = k * STEP
+        plant.height = height(t)
+        going = []
+        for j, plan in enumerate(plans):
+            felt = SimpleNamespace(force=np.array([force(t) if j == 0 else CERTIFIED]), std=np.array([0.1]))
+            going.append(
+                plan.advance(
+                    t, controller, plant, SimpleNamespace(contact_forces=felt, trip=Trip.NONE, anomaly=NOTHING)
+                )
+            )
+        if not all(going):
+            break
+        wanted.append((t, [float(plan.rows(np.array([t]))[0, 0]) for plan in plans]))
+    return check, tables[0], dict(wanted), list(plans[0].events)
+
+
+@pytest.mark.parametrize("names", [("finger",), ("lower", "upper")])
+def test_what_sinks_is_squeezed_within_50_ms(names):
+    """As far as drives have more, by all fingers, until the release; what sank before the lift does not count."""
+    slip = Slip(height=1e-4)
+    check, table, wanted, _ = watched(
+        lambda t: 0.3 - 2e-3 * min(max(t - BEGINS, 0.0) / 0.1, 1.0) - 5e-3 * (t < 1.0), slip=slip, names=names
+    )
+    found = check.slipped
+    assert BEGINS + 0.025 < found.time <= BEGINS + 0.05 + 1e-9  # 0.5 mm at 20 mm/s are lost after 25 ms
+    assert (found.noticed, found.firmer, found.down) == ("sinks", pytest.approx(0.2), math.inf)
+    assert 5e-4 < found.lost < 1e-3
+    for t, forces in wanted.items():
+        if found.time + STEP / 2 < t < table.span("release").start:
+            assert forces == pytest.approx([1.2 * CERTIFIED] * len(names))
+        elif 1.7 < t < found.time - STEP / 2:
+            assert forces == pytest.approx([CERTIFIED] * len(names))
+    assert [*wanted.values()][-1] == pytest.approx([0.0] * len(names), abs=1e-9)
+    assert "squeezed 20 % harder, which held it" in found.text
+
+
+def test_contacts_are_pressed_no_harder_than_they_may_be():
+    check, _, wanted, _ = watched(lambda t: -1e-3 * (t > BEGINS), slip=Slip(height=1e-4), most=1.1 * CERTIFIED)
+    assert firmer(fingers("finger", most=1.1 * CERTIFIED)[0]) == pytest.approx(0.1)
+    assert max(forces[0] for forces in wanted.values()) == pytest.approx(1.1 * CERTIFIED)
+    assert check.slipped.firmer == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("noise", [1e-4, 5e-4])
+def test_noise_alone_is_no_slip(noise):
+    """White noise of the declared size in 500 readings, smoothed the more the larger it is."""
+    rng = np.random.default_rng(3)
+    check, *_ = watched(lambda t: noise * rng.standard_normal(), slip=Slip(height=noise))
+    assert check.slipped is None
+
+
+def test_what_is_not_watched_is_held_as_planned():
+    _, _, held, _ = watched(lambda t: math.nan, slip=None)
+    check, _, wanted, _ = watched(lambda t: -0.1 * (t > BEGINS), slip=None)
+    assert check.slipped is None
+    assert wanted == held
+
+
+@pytest.mark.parametrize("names", [("finger",), ("lower", "upper")])
+def test_what_goes_on_sinking_is_set_down(names):
+    """From 2 mm on that are lost 0.1 s after the squeeze; table and phases follow, and what pulls then pulls on."""
+    began = 2.88  # shortly before the first pull, from 2.9 s to 3.3 s
+    check, table, _, events = watched(lambda t: -0.02 * max(t - began, 0.0), slip=Slip(height=1e-6), names=names)
+    found = check.slipped
+    late = STEP * (len(names) > 1)
+    assert found.time == pytest.approx(began + 0.03, abs=1.1 * STEP)
+    assert found.down == pytest.approx(found.time + 0.1 + 0.1, abs=2.1 * STEP)
+    assert "set down at" in found.text
+    spans = {span.name: span for span in table.spans}
+    assert [span.name for span in table.spans][-4:] == ["pull 1", "lower", "release", "end"]
+    assert spans["lower"].start == found.down == spans["pull 1"].end
+    assert [name for _, name in events][-3:] == ["lower", "release", "end"]
+    lowered = next(t for t, name in events if name == "lower")
+    assert lowered == pytest.approx(found.down, abs=1e-9)
+    assert table.duration == pytest.approx(found.down + 0.3 + 0.8 + 0.2)
+    outside, plan = table.outside(), Timetable(fingers("finger")[0]).outside()
+    down = found.down + np.array([0.0, 0.15, 0.3])
+    assert outside["table_height [m]"](down) == pytest.approx([-0.05, -0.025, 0.0])
+    t = np.arange(2.0, 6.0, 0.02) + late
+    pulled = plan["object_force_x [N]"](t - late)
+    assert outside["object_force_x [N]"](t) == pytest.approx(np.where(t < 3.4, pulled, 0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize(("low", "calls", "noticed"), [(0.39, 3, True), (0.39, 2, False), (0.41, 9, False)])
+def test_a_contact_that_parts_is_noticed_by_its_estimate(low, calls, noticed):
+    """Below a tenth of its certified force three times in a row; before the lift other limits hold."""
+    until = BEGINS + (calls + 0.5) * STEP
+    check, *_ = watched(
+        lambda t: math.nan, force=lambda t: low if BEGINS + STEP / 2 < t < until else CERTIFIED, slip=Slip()
+    )
+    assert (check.slipped is not None) == noticed
+    if noticed:
+        assert (check.slipped.noticed, check.slipped.lost) == ("parts", 0.0)
+        assert check.slipped.time == pytest.approx(BEGINS + 3 * STEP)
+        assert "a contact parted at 2.43 s" in check.slipped.text
+
+
+def test_friction_falls_as_if_the_plant_had_less():
+    """The rates with 30 % less in w are those of a plant whose parameter is 30 % smaller."""
+    scene = load(Path(__file__).parents[2] / "configs/mpc/turn_bar.yaml")
+    model = PlantModel(scene, falls=True)
+    assert model.w_names[-1] == "friction_fall [1]"
+    x, w, p = model.start.copy(), model.forces(0.0)[0], model.p
+    at = model.system.object_states
+    x[at.stop : at.stop + 2] = (0.05, -0.03)  # it slides on its table, m/s
+    friction = model.finger_parameters + model.object_parameters.index("friction_factor")
+    less = p.copy()
+    less[friction] *= 0.7
+
+    def rates(fall, p):
+        given = w.copy()
+        given[-1] = fall
+        return np.array(model.forward_dynamics(x, model.rest_input, given, p)).ravel()
+
+    assert rates(0.3, p) == pytest.approx(rates(0.0, less), rel=1e-12)
+    assert np.abs(rates(0.3, p) - rates(0.0, p)).max() > 0.1
+
+
+@pytest.fixture(scope="module")
+def grasp():
+    return optimize_grasp(load(MUG, QUICK).grasp)
+
+
+@pytest.mark.deep
+def test_a_mug_whose_friction_falls_is_dropped_unless_slip_is_answered(grasp):
+    """By 40 % in the hold: slip margins follow the friction that is left."""
+    found = {}
+    for name, own in (("usual", ()), ("answered", ("slip={height: 0.1 mm}",))):
+        runner = MissionRunner(assign(load(MUG, [*QUICK, *own]), grasp))
+        found[name] = runner.run(Variation(friction_fall=0.4))
+    usual, answered = found["usual"], found["answered"]
+    assert (usual.verdict.held, usual.verdict.slipped) == (False, None)
+    assert answered.verdict.succeeded
+    assert answered.verdict.slipped.noticed == "sinks"
+    assert answered.verdict.sunk < 0.003
+    assert "squeezed" in answered.report()
+    # Until something is noticed both are the same.
+    before = answered.t[:-1] < answered.verdict.slipped.time - 1e-9
+    assert np.array_equal(usual.runs[0].u[: before.sum()], answered.runs[0].u[before])
+    assert np.nanmax(answered.friction_use) < 1.0 + 1e-6
