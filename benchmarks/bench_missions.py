@@ -5,12 +5,18 @@ to compile controllers and plants). Each mission is ``configs/mission/pinch.yaml
 fingers, which differ from each other; its grasp is optimized and certified for 10 % more mass and 10 % less friction.
 Missions are drawn until as many as asked for have a verified grasp, and these are carried out; a draw without one is
 in the table with its status. All that is known before a run is in the column "before".
+
+``--slip`` instead carries shipped missions out on plants whose friction falls in the middle of the hold, as planned and
+with ``slip`` (hours on one core), and says of each plant whether its grasp would hold it there by its certificate.
 """
 
 from __future__ import annotations
 
 import argparse
 import warnings
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +24,13 @@ import numpy as np
 from benchmarks.report import Report, Table
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.mission.assignment import LARGEST, Assignment, assign
+from continuum_grasp.mission.budget import firmer, plant_friction, plant_mass
+from continuum_grasp.mission.outcomes import Outcome
+from continuum_grasp.mission.plant import Variation
+from continuum_grasp.mission.resistance import held_resistance
 from continuum_grasp.mission.run import run_mission
+from continuum_grasp.mission.trials import run_trials
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import MissionScene
 
@@ -30,6 +42,14 @@ DRAWS = 3
 """Missions that are drawn at most, per mission that is asked for."""
 COLUMNS = ["object", "fingers: length [mm], stiffness [N m2]", "grasp", "mission", "sunk [mm]", "moved [mm]"]
 COLUMNS += ["force off [%]", "slip margin", "while pulled", "fallbacks", "before"]
+
+
+WATCHED = "slip={height: 0.1 mm}"
+SLIPS = (("mug", 0.3, 100), ("mug", 0.5, 30), ("mug_servo", 0.3, 30), ("pinch", 0.3, 30))
+"""Missions whose friction falls, by which share, and on how many plants."""
+HOLDS = ("as it is", "squeezed", "neither")
+"""By which normal forces the certificate holds a plant with the friction that is left, pulls included."""
+OUTCOMES = ("held", "squeezed and held", "set down", "dropped")
 
 
 def drawn(rng: np.random.Generator) -> tuple[str, str, dict[str, Any]]:
@@ -95,14 +115,70 @@ def carried_out(changes: dict[str, Any]) -> tuple[list[Any], bool | None]:
     return [*row, verdict.pulled_margin, verdict.fallbacks, before], verdict.succeeded
 
 
+def holds(assignments: Sequence[Assignment], variation: Variation) -> str:
+    """Entry of ``HOLDS`` for a plant; squeezing scales all contact forces alike, as if loads were smaller."""
+    of, mission = assignments[0], assignments[0].mission
+    names = [contact.name for contact in of.grasp.contacts]
+    friction = (1.0 - variation.friction_fall) * plant_friction(mission, variation, names)
+    mass, evenly = plant_mass(mission, variation), of.grasp.quality.resistance.tendons != "locked"
+    asked = mission.pull_share * np.minimum(of.resisted.factors, LARGEST)
+    for word, more in zip(HOLDS, (0.0, min(firmer(one) for one in assignments)), strict=False):
+        most = mission.drive_tension
+        there = held_resistance(of.grasp, friction, mass / (1.0 + more), max_tension=most, evenly=evenly)
+        if np.all((1.0 + more) * np.asarray(there.factors) >= asked * (1.0 - 1e-6)):
+            return word
+    return HOLDS[-1]
+
+
+def outcome(one: Outcome) -> str:
+    """Entry of ``OUTCOMES`` of a plant."""
+    verdict = one.verdict
+    if verdict is None or not verdict.held:
+        return "dropped"
+    return "set down" if verdict.set_down else "squeezed and held" if verdict.slipped else "held"
+
+
+def slip_table(name: str, fall: float, found: dict[bool, Sequence[Outcome]]) -> Table:
+    """Outcomes of a mission by what its certificate says, held as planned (False) and watched (True)."""
+    scene = load(f"configs/mission/{name}.yaml")
+    assert isinstance(scene, MissionScene)
+    assignments, rows = assign(scene), list[list[Any]]()
+    for watched, outcomes in found.items():
+        counts = Counter((holds(assignments, one.variation), outcome(one)) for one in outcomes)
+        worst = [1e3 * one.verdict.sunk for one in outcomes if one.verdict is not None and one.verdict.held]
+        for word in HOLDS:
+            row = [counts[word, what] for what in OUTCOMES]
+            rows.append(["slip answered" if watched else "as planned", word, sum(row), *row])
+        rows.append(
+            ["", "all, and sunk at worst where held [mm]", len(outcomes), max(worst, default=np.nan), "", "", ""]
+        )
+    title = f"{name}: friction falls by {100 * fall:.0f} % in the hold"
+    return Table(title, ["", "certificate holds it", "plants", *OUTCOMES], rows, f"With {WATCHED}.")
+
+
+def slips() -> None:
+    """Carry missions out whose friction falls, and write the report."""
+    report = Report("mission_slip", 0)
+    for name, fall, count in SLIPS:
+        changes = [f"trials.count={count}", f"trials.friction_fall={fall}"]
+        file = Path("configs/mission") / f"{name}.yaml"
+        found = {watched: run_trials(load(file, changes + [WATCHED] * watched)) for watched in (False, True)}
+        report.tables.append(slip_table(name, fall, found))
+    for file in report.write():
+        print(file)
+
+
 def main() -> None:
     """Draw and carry out missions, and write the report."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--missions", type=int, default=10, help="how many are carried out")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--only", type=int, action="append", default=[], help="this draw alone, counted from 1")
+    parser.add_argument("--slip", action="store_true", help="plants whose friction falls, instead")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
+    if asked.slip:
+        return slips()
     rng, rows, done = np.random.default_rng(asked.seed), list[list[Any]](), list[bool]()
     for k in range(1, DRAWS * asked.missions + 1):
         body, fingers, changes = drawn(rng)

@@ -109,7 +109,7 @@ _PARTS_IN = 3
 """Calls in a row in which a contact bears hardly anything until it counts as parted [1]: one update of an estimate that
 jumps is none."""
 _SIGMAS = 6.0
-"""Standard deviations of the smoothed height lost, within ``slip.sunk`` [1]: noise alone exceeds it once in 1e9 calls."""
+"""Standard deviations of the smoothed height lost, within ``slip.sunk`` [1]: noise exceeds it once in 1e9 calls."""
 
 
 def _share(share: float, certified: Array) -> Array:

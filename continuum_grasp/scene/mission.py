@@ -154,7 +154,7 @@ class Slip(Value):
     """Height lost since the lift that is answered [m]."""
     further: Annotated[Extent, Field(examples=[2e-3, "2 mm"])] = 2e-3
     """Height lost under a firm grip from which on the object is set down [m]."""
-    settle: Duration = 0.1
+    settle: Duration = 0.05
     """Time in which a firm grip takes hold [s]; what is lost meanwhile does not count."""
     parted: Annotated[float, Field(ge=0.0, le=1.0, examples=[0.1, "10 %"]), Unit("1")] = 0.1
     """Share of its normal force in the certificate below which a contact counts as parted, by the estimate [1]; 0:
