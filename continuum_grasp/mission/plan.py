@@ -108,6 +108,9 @@ def mission_settings(
 _PARTS_IN = 3
 """Calls in a row in which a contact bears hardly anything until it counts as parted [1]: one update of an estimate that
 jumps is none."""
+_STAYS = 0.1
+"""Time for which a contact that parted may do so under a firm grip until the object is set down [s]: twice as long as
+drives of 400 N/s take to squeeze."""
 _SIGMAS = 6.0
 """Standard deviations of the smoothed height lost, within ``slip.sunk`` [1]: noise exceeds it once in 1e9 calls."""
 
@@ -129,10 +132,10 @@ def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> Se
     return {
         "watches": watches,
         "sunk": asked.sunk,
-        "further": asked.further,
+        "down": asked.down,
         "fresh": 2.0 / (1.0 + max(1.0, spread**2)),
-        "settles": asked.settle,
         "parts": _PARTS_IN,
+        "stays": _PARTS_IN + math.ceil(_STAYS / of.control.controller.step),
         "lost": _share(asked.parted, certified),
         "firm": [firm[name] for name in names],
     }

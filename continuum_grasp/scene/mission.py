@@ -152,13 +152,15 @@ class Slip(Value):
     noticed."""
     sunk: Annotated[Extent, Field(examples=[5e-4, "0.5 mm"])] = 5e-4
     """Height lost since the lift that is answered [m]."""
-    further: Annotated[Extent, Field(examples=[2e-3, "2 mm"])] = 2e-3
-    """Height lost under a firm grip from which on the object is set down [m]."""
-    settle: Duration = 0.05
-    """Time in which a firm grip takes hold [s]; what is lost meanwhile does not count."""
+    down: Annotated[Extent, Field(examples=[2.5e-3, "2.5 mm"])] = 2.5e-3
+    """Height lost since the lift, though it is held firmly, from which on the object is set down [m]."""
     parted: Annotated[float, Field(ge=0.0, le=1.0, examples=[0.1, "10 %"]), Unit("1")] = 0.1
     """Share of its normal force in the certificate below which a contact counts as parted, by the estimate [1]; 0:
     never."""
+
+    def _check(self) -> None:
+        if self.down <= self.sunk:
+            raise ValueError(f"down = {self.down:g} m is not more than what is answered, {self.sunk:g} m")
 
 
 class Trials(Value):

@@ -101,13 +101,13 @@ def test_what_is_not_watched_is_held_as_planned():
 
 @pytest.mark.parametrize("names", [("finger",), ("lower", "upper")])
 def test_what_goes_on_sinking_is_set_down(names):
-    """From 2 mm on that are lost after the squeeze; table and phases follow, and what pulls then pulls on."""
+    """From 2.5 mm on that are lost; table and phases follow, and what pulls then pulls on."""
     began = 2.88  # shortly before the first pull, from 2.9 s to 3.3 s
     check, table, _, events = watched(lambda t: -0.02 * max(t - began, 0.0), slip=Slip(height=1e-6), names=names)
     found = check.slipped
     late = STEP * (len(names) > 1)
     assert found.time == pytest.approx(began + 0.03, abs=1.1 * STEP)
-    assert found.down == pytest.approx(found.time + 0.05 + 0.1, abs=2.1 * STEP)
+    assert found.down == pytest.approx(began + 0.125, abs=1.1 * STEP)
     assert "set down at" in found.text
     spans = {span.name: span for span in table.spans}
     assert [span.name for span in table.spans][-4:] == ["pull 1", "lower", "release", "end"]
@@ -124,14 +124,24 @@ def test_what_goes_on_sinking_is_set_down(names):
     assert outside["object_force_x [N]"](t) == pytest.approx(np.where(t < 3.4, pulled, 0.0), abs=1e-9)
 
 
-@pytest.mark.parametrize(("low", "calls", "noticed"), [(0.39, 3, True), (0.39, 2, False), (0.41, 9, False)])
-def test_a_contact_that_parts_is_noticed_by_its_estimate(low, calls, noticed):
-    """Below a tenth of its certified force three times in a row; before the lift other limits hold."""
+@pytest.mark.parametrize(
+    ("low", "calls", "noticed", "down"),
+    [
+        (0.39, 3, True, False),
+        (0.39, 2, False, False),
+        (0.41, 99, False, False),
+        (0.39, 12, True, False),
+        (0.39, 13, True, True),
+    ],
+)
+def test_a_contact_that_parts_is_noticed_by_its_estimate(low, calls, noticed, down):
+    """Below a tenth of its certified force three times in a row, and set down where that lasts 0.1 s longer."""
     until = BEGINS + (calls + 0.5) * STEP
     check, *_ = watched(
         lambda t: math.nan, force=lambda t: low if BEGINS + STEP / 2 < t < until else CERTIFIED, slip=Slip()
     )
     assert (check.slipped is not None) == noticed
+    assert (noticed and check.slipped.down < math.inf) == down
     if noticed:
         assert (check.slipped.noticed, check.slipped.lost) == ("parts", 0.0)
         assert check.slipped.time == pytest.approx(BEGINS + 3 * STEP)
@@ -166,16 +176,14 @@ def grasp():
 
 @pytest.mark.deep
 def test_a_mug_whose_friction_falls_is_dropped_unless_slip_is_answered(grasp):
-    """Its weight is then more than friction of the grasp's forces can carry, and less than that of a firm grip."""
-    left, weight = 0.44 * 0.5, 0.3 * 9.81  # friction, N
-    carries = left * sum(contact.normal_force for contact in grasp.contacts)
-    assert carries < weight < 1.2 * carries
+    """Its weight is then more than friction of the usual forces can carry, and less than that of a firm grip."""
     found = {}
     for name, own in (("usual", ()), ("answered", ("slip={height: 0.1 mm}",))):
         runner = MissionRunner(assign(load(MUG, [*QUICK, "pull_share=0", *own]), grasp))
-        found[name] = runner.run(Variation(friction_fall=0.56))
+        found[name] = runner.run(Variation(friction_fall=0.6))
     usual, answered = found["usual"], found["answered"]
     assert (usual.verdict.held, usual.verdict.slipped) == (False, None)
+    print(answered.verdict, answered.status)
     assert (answered.status, answered.verdict.succeeded) == ("finished", True)
     noticed = answered.verdict.slipped
     assert noticed.noticed == "sinks"

@@ -105,21 +105,15 @@ void mission_squeeze(mission_state *state, const mission_settings *o, real t, in
 /* Squeeze where the object slips, and set it down where it goes on slipping. */
 static void mission_watch(mission_state *state, const mission_settings *o, real t, const real *forces, const real *u)
 {
-  const int firm = state->grip != MISSION_USUAL;
+  const real lost = state->seen ? state->base - state->height : 0;
   int open = 0;
   for (int c = 0; c < MISSION_NC; ++c) open |= !state->blind && forces[c] < o->lost[c];
   state->open = open ? state->open + 1 : 0;
-  if (firm && t - state->noticed_at < o->settles) {     /* what it loses until then is not lost by a firm grip */
-    state->base = state->height;
-    state->open = 0;
-  }
-  const int sinks = state->seen && state->base - state->height > (firm ? o->further : o->sunk);
-  if (!sinks && state->open < o->parts) return;
-  if (!firm) mission_squeeze(state, o, t, sinks ? MISSION_SINKS : MISSION_PARTS);
-  else {
+  if (state->grip != MISSION_USUAL && (lost > o->down || state->open >= o->stays)) {
     state->grip = MISSION_SETS_DOWN;
     mission_release(state, o, t, u, 0);
-  }
+  } else if (lost > o->sunk || state->open >= o->parts)
+    mission_squeeze(state, o, t, lost > o->sunk ? MISSION_SINKS : MISSION_PARTS);
 }
 
 int mission_asks(const mission_state *state, const mission_settings *o)

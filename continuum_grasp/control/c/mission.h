@@ -5,7 +5,7 @@
  *      estimated are compared with those that are needed: while a contact bears too little, the fingers squeeze on, for
  *      `patience` at most, and then let go; so they do where they are `blind`, which the caller says.
  *      While the object is held and the mission `watches`, an object that sinks in the hand (mission_see) or a contact
- *      that bears hardly anything makes them squeeze harder by `firm`; where it goes on sinking, it is set down.
+ *      that bears hardly anything makes them squeeze harder by `firm`; where that goes on, it is set down.
  *   2. mission_setpoints gives the setpoints over the horizon, and the state the weights and limits of the phase.
  *
  * Of several fingers each has a mission; the first one leads. To it is reported whether all others bear enough
@@ -41,10 +41,9 @@ typedef struct {
   real patience;                /* longest wait for forces [s] */
   real needed[MISSION_SIZE(MISSION_NC)];        /* least normal force at each contact [N] */
   int watches;                  /* whether slip is answered */
-  real sunk, further;           /* height lost that is noticed, and lost after that which ends a firm grip [m] */
+  real sunk, down;              /* heights lost since the lift for which it is held firmly, and set down [m] */
   real fresh;                   /* share of a new height in the smoothed one */
-  real settles;                 /* time in which a firm grip takes hold [s] */
-  int parts;                    /* calls in a row for which a contact bears less than `lost` [N], until that counts */
+  int parts, stays;             /* calls in a row in which a contact bears less than `lost` [N], for the same */
   real lost[MISSION_SIZE(MISSION_NC)];
   real firm[MISSION_SIZE(MISSION_NR)];          /* further setpoints of a firm grip */
   real weights[MISSION_FOLLOWED][MISSION_SIZE(MISSION_NR)];
