@@ -195,9 +195,9 @@ class Timetable:
         self._planned = tuple(
             Span(name, float(end - length), float(end)) for (name, length), end in zip(lengths, ends, strict=True)
         )
-        self._waits, self._lower = self._plan("lift").start, self._plan("lower").start
-        self._resumed = self._decided = self._waits
-        self._down = math.inf
+        self._waits = self._plan("lift").start
+        # Instants of the mission, those of the plan then, and whether that goes on or is waited for.
+        self._pieces, self._down = [(0.0, 0.0, 1.0)], list[tuple[float, float, float]]()
 
     def _plan(self, name: str) -> Span:
         return next(span for span in self._planned if span.name == name)
@@ -211,34 +211,33 @@ class Timetable:
         """Go on at an instant [s] with a phase, after what came before the lift; those between are left out."""
         # Times are sums of rounded periods.
         at_once = name == "lift" and t - self._waits < 1e-9
-        self._decided, self._resumed = self._waits if at_once else t, self._plan(name).start
+        waited = [(self._waits, self._waits, 0.0), (t, self._plan(name).start, 1.0)]
+        self._pieces = [self._pieces[0], *([] if at_once else waited)]
 
     def set_down(self, t: float) -> None:
         """Lower what is held from an instant on [s]; what pulls at it then pulls on to its end."""
-        self._down = min(self._down, t)
+        self._down = [(t, self._plan("lower").start, 1.0)]
 
     def planned(self, t: Array) -> Array:
         """Instants (T,) of the plan, in which nothing is waited for or left out, at instants of the mission [s]."""
-        return np.where(t <= self._down, self._uncut(t), self._lower + t - self._down)
+        return self._along([*self._pieces, *self._down], t)
 
-    def _uncut(self, t: Array) -> Array:
-        """The same without an object that is set down before its time."""
-        late = t + (self._resumed - self._decided)
-        return np.where(t <= self._waits, t, np.where(t <= self._decided, self._waits, late))
+    @staticmethod
+    def _along(pieces: list[tuple[float, float, float]], t: Array) -> Array:
+        begin, plan, rate = np.array(pieces).T
+        k = np.maximum(np.searchsorted(begin, t) - 1, 0)
+        return np.asarray(plan[k] + rate[k] * (t - begin[k]))
 
     @property
     def spans(self) -> tuple[Span, ...]:
         """The phases with their times."""
-        before = [span for span in self._planned if span.start < self._waits]
-        if self._decided > self._waits:
-            before.append(Span("confirm", self._waits, self._decided))
-        late = self._decided - self._resumed
-        after = [Span(s.name, s.start + late, s.end + late) for s in self._planned if s.start >= self._resumed]
-        held = [Span(s.name, s.start, min(s.end, self._down)) for s in after if s.start < self._down]
-        if math.isfinite(self._down):
-            cut = self._down - self._lower
-            held += [Span(s.name, s.start + cut, s.end + cut) for s in self._planned if s.start >= self._lower]
-        return (*before, *held)
+        pieces, found = [*self._pieces, *self._down], list[Span]()
+        for (begin, plan, rate), end in zip(pieces, [*(one[0] for one in pieces[1:]), math.inf], strict=True):
+            inside = [s for s in self._planned if plan <= s.start < plan + (end - begin)]
+            late = begin - plan
+            found += [Span(s.name, s.start + late, min(s.end + late, end)) for s in inside if rate]
+            found += [] if rate else [Span("confirm", begin, end)]
+        return tuple(found)
 
     def span(self, name: str) -> Span:
         """The first phase of a name; of one that was left out, after all times."""
@@ -307,7 +306,9 @@ class Timetable:
     def fallen(self, variation: Variation, t: Array) -> Array:
         """Share (T,) by which friction of contacts has fallen on a plant at instants (T,) of the mission [s]."""
         span = self._plan("hold")
-        return variation.friction_fall * _smooth((self._uncut(t) - 0.5 * (span.start + span.end)) / _FALLS)
+        return variation.friction_fall * _smooth(
+            (self._along(self._pieces, t) - 0.5 * (span.start + span.end)) / _FALLS
+        )
 
     def _table(self, t: Array) -> Array:
         t = self.planned(t)
@@ -315,7 +316,8 @@ class Timetable:
 
     def _pull(self, axis: int, t: Array) -> Array:
         # What pulls does not know that the object is set down; what has not begun by then does not come.
-        t, total, down = self._uncut(t), np.zeros_like(t), self._uncut(np.array(self._down))
+        t, total = self._along(self._pieces, t), np.zeros_like(t)
+        down = self._along(self._pieces, np.array([one[0] for one in self._down] or [math.inf]))
         for k, wrench in enumerate(self.of.pulls):
             span = self._plan(f"pull {k + 1}")
             if span.start > down:

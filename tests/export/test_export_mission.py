@@ -21,7 +21,7 @@ from continuum_grasp.export import export_c, export_fmu
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assignment import assign
 from continuum_grasp.mission.plan import Plan
-from continuum_grasp.mission.plant import Timetable
+from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.scene.load import load
 from tests.export.test_export_targets import ELSEWHERE, MACHINES
@@ -218,6 +218,38 @@ def test_a_functional_mock_up_unit_is_the_package_to_the_bit(fmi, carried, packa
         ]
         one.step(k * unit.step, unit.step)
     assert other.decision() == 1
+
+
+@needs("cc")
+def test_slip_is_answered_as_in_python(tmp_path, monkeypatch):
+    """By the same heights: squeezed in the same period, with the same commands; told so; set down."""
+    scene = load(CONFIGS / "mug.yaml", [*QUICK, "slip={height: 0.1 mm}"])
+    heights, measured = [], Plan._height
+    monkeypatch.setattr(Plan, "_height", lambda plan, plant: heights.append(measured(plan, plant)) or heights[-1])
+    mission = MissionRunner(assign(scene, optimize_grasp(scene.grasp))).run(Variation(friction_fall=0.4))
+    done, noticed = mission.runs[0], mission.verdict.slipped
+    package = tmp_path / "package"
+    export_c(mission, package)
+    finger, library = shared_library(package, tmp_path)
+    number = phase_numbers(package)
+    usual, told, sinks = (finger.Mission(library) for _ in range(3))
+    for k, y in enumerate(done.y):
+        usual.height(heights[k])
+        found = usual.step(finger.Measurement(*y))
+        assert np.abs(np.array([found.tension_1, found.tension_2]) - done.u[k]).max() < 1e-6
+        assert usual.grip() == (done.t[k] > noticed.time - 1e-9)
+        if k == 140:
+            told.squeeze()
+        told.step(finger.Measurement(*y))
+        assert told.grip() == (k >= 140)
+        sinks.height(-0.01 * (k >= 140))
+        sinks.step(finger.Measurement(*y))
+        assert sinks.grip() == (2 if k > 140 else k == 140)
+        assert sinks.phase() >= number["LOWER"] if k > 140 else sinks.phase() < number["LOWER"]
+    (program,) = compile_programs("cc", package, tmp_path, "main", *STRICT, "-O1")
+    assert re.search(r"^mission_step +0 of +\d+ cases failed", run(program), re.MULTILINE)
+    (unit,) = export_fmu(mission, tmp_path, binary=False, fmi=["3"])
+    assert unit.inputs[-4:] == ("release", "abort", "squeeze", "height")
 
 
 def test_units_of_missions_are_controllers(carried, tmp_path):

@@ -287,6 +287,7 @@ def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved"):
     table = SimpleNamespace(
         span=lambda name: SimpleNamespace(start=spans[name][0], end=spans[name][1]),
         spans=[SimpleNamespace(name="all", start=0.0, end=9.0)],
+        fallen=lambda variation, t: np.zeros(len(t)),
     )
     certified = SimpleNamespace(contacts=(), fingers={"finger": None})
     force = np.where(t < 7.0, normal, 0.0) * np.ones(len(t))
