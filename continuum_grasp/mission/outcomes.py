@@ -39,6 +39,8 @@ class Outcome:
         shares = {"stiffness": v.stiffness, "damping": v.damping, "mass": v.mass, "friction": v.friction}
         if v.tendon_friction != 1.0:
             shares["tendon friction"] = v.tendon_friction
+        if v.friction_fall:
+            shares["friction falls by"] = v.friction_fall
         plant = ", ".join(f"{name} {value:.3f}" for name, value in shares.items() if value is not None)
         x, y = (1e3 * value for value in v.shift)
         found = self.error.partition("\n")[0]
@@ -137,6 +139,7 @@ class TrialsResult(Result, Sequence[Outcome]):
             "turn_reason", "(plant,)", "text", "why it was not turned as asked; empty where it was, or not asked for"
         ),
         Stored("refused", "(plant,)", "text", "why the object was not lifted; empty where it was"),
+        Stored("slipped", "(plant,)", "text", "what was noticed of slip, and done about it; empty where nothing was"),
         Stored("drop", "(plant,)", "text", "why the object was dropped; empty where it was not"),
         Stored("error", "(plant,)", "text", "why there is no verdict"),
     )
@@ -220,7 +223,8 @@ def _row(outcome: Outcome) -> dict[str, Any]:
     if (verdict := outcome.verdict) is not None:
         judged, texts, turned = asdict(verdict), verdict.texts, verdict.turned
         del judged["turned"]
-        judged |= {"drop": texts.get("dropped", ""), "refused": texts.get("not lifted", "")}
+        words = {"drop": "dropped", "refused": "not lifted", "slipped": "slipped"}
+        judged |= {name: texts.get(word, "") for name, word in words.items()}
         if turned is not None:
             judged |= {"turn_error": turned.error, "turn_end_error": turned.end_error, "turn_reason": turned.reason}
     return {**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")}
