@@ -198,6 +198,8 @@ class MissionRun(MotionResult):
     def _page_from(self, live_from: float | None) -> Any:
         if self.run is None:
             raise InputError(f"a page has one finger, and this mission {len(self.runs)}: take animate")
+        if self.variation.friction_fall:
+            raise InputError("on a page friction does not change, and here it falls in the hold: take animate")
         return maker_of(self.page)(self.run, self.controller_changes, live_from=live_from)
 
     def controller_changes(self, stages: Stages) -> list[dict[str, Any]]:

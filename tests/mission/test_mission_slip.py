@@ -175,26 +175,27 @@ def grasp():
 
 
 @pytest.mark.deep
-def test_a_mug_whose_friction_falls_is_dropped_unless_slip_is_answered(grasp):
-    """Its weight is then more than friction of the usual forces can carry, and less than that of a firm grip."""
-    found = {}
-    for name, own in (("usual", ()), ("answered", ("slip={height: 0.1 mm}",))):
-        runner = MissionRunner(assign(load(MUG, [*QUICK, "pull_share=0", "drive_tension=75", *own]), grasp))
-        found[name] = runner.run(Variation(friction_fall=0.6))
-    usual, answered = found["usual"], found["answered"]
-    assert (usual.verdict.held, usual.verdict.slipped) == (False, None)
-    assert (answered.status, answered.verdict.succeeded) == ("finished", True)
-    noticed = answered.verdict.slipped
-    assert noticed.noticed == "sinks"
-    lost = -(
-        answered.object_pose[:, 3]
-        - np.interp(answered.timetable.span("lift").start, answered.t, answered.object_pose[:, 3])
+def test_a_mug_whose_friction_falls_is_squeezed_and_set_down(grasp):
+    """By 40 % it sinks while it is pulled, by 60 % it falls: more than friction can carry with the usual forces."""
+    usual, answering = (
+        MissionRunner(assign(load(MUG, [*QUICK, *own]), grasp)) for own in ((), ("slip={height: 0.1 mm}",))
     )
-    real = answered.t[np.argmax((lost > 5e-4) & (answered.t > 1.2))]
+    fallen = Variation(friction_fall=0.6)
+    dropped, down = usual.run(fallen), answering.run(fallen)
+    assert (dropped.verdict.held, dropped.verdict.slipped) == (False, None)
+    assert (down.status, down.outcome, down.verdict.succeeded) == ("set_down", "set down and released", False)
+    assert down.verdict.sunk < 0.005 < dropped.verdict.sunk
+    # Until something is noticed both are the same, and slip margins follow the friction that is left.
+    before = down.t[:-1] < down.verdict.slipped.time - 1e-9
+    assert np.array_equal(dropped.runs[0].u[: len(before)][before], down.runs[0].u[before])
+    assert np.nanmax(down.friction_use) < 1.0 + 1e-6
+    fallen = Variation(friction_fall=0.4)
+    sinking, held = usual.run(fallen), answering.run(fallen)
+    assert (held.status, held.verdict.succeeded) == ("finished", True)
+    assert held.verdict.sunk < sinking.verdict.sunk
+    height, noticed = held.object_pose[:, 3], held.verdict.slipped
+    lost = height[np.searchsorted(held.t, held.timetable.span("lift").start)] - height
+    real = held.t[np.argmax((lost > 5e-4) & (held.t > held.timetable.span("hold").start))]
+    assert noticed.noticed == "sinks"
     assert abs(noticed.time - real) < 0.05
-    assert "squeezed" in answered.report()
-    # Until something is noticed both are the same.
-    before = answered.t[:-1] < noticed.time - 1e-9
-    assert np.array_equal(usual.runs[0].u[: before.sum()], answered.runs[0].u[before])
-    # Slip margins follow the friction that is left.
-    assert np.nanmax(answered.friction_use) < 1.0 + 1e-6
+    assert "squeezed 22 % harder, which held it" in held.report()
