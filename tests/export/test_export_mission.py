@@ -223,7 +223,7 @@ def test_a_functional_mock_up_unit_is_the_package_to_the_bit(fmi, carried, packa
 @needs("cc")
 def test_slip_is_answered_as_in_python(tmp_path, monkeypatch):
     """By the same heights: squeezed in the same period, with the same commands; told so; set down."""
-    scene = load(CONFIGS / "mug.yaml", [*QUICK, "slip={height: 0.1 mm}"])
+    scene = load(CONFIGS / "mug.yaml", [*QUICK, "slip={height: 0.1 mm, down: 4 mm}"])
     heights, measured = [], Plan._height
     monkeypatch.setattr(Plan, "_height", lambda plan, plant: heights.append(measured(plan, plant)) or heights[-1])
     mission = MissionRunner(assign(scene, optimize_grasp(scene.grasp))).run(Variation(friction_fall=0.4))
