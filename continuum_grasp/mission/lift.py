@@ -125,7 +125,10 @@ class Slipped:
     firmer : float
         Share by which the fingers press harder from then on [1].
     down : float
-        When it was set down, because it went on [s]; infinite where squeezing held it.
+        When the hand began to set it down, because it went on [s]; infinite where squeezing held it.
+    slid : float
+        Height that it had lost in the hand by when it stood [m]; zero where it was not set down. What falls faster than
+        the hand sinks meets the table hard.
     """
 
     time: float
@@ -133,12 +136,16 @@ class Slipped:
     lost: float
     firmer: float
     down: float = math.inf
+    slid: float = 0.0
 
     @property
     def text(self) -> str:
         """What was noticed, when, and what was done."""
         what = f"it sank by {1e3 * self.lost:.2g} mm" if self.noticed == "sinks" else "a contact parted"
-        end = ", which held it" if math.isinf(self.down) else f", and set down at {self.down:.2f} s, since it went on"
+        end = (
+            f", and set down at {self.down:.2f} s, since it went on; it slid by {1e3 * self.slid:.2g} mm until it stood"
+        )
+        end = ", which held it" if math.isinf(self.down) else end
         return f"{what} at {self.time:.2f} s: squeezed {100.0 * self.firmer:.0f} % harder{end}"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -130,6 +130,9 @@ def judge(
     height = object_height(mission, pose)
     lost[carried] = height[carried][:1] - height[carried]
     sunk = float(np.max(lost, initial=0.0))
+    if slipped is not None and slipped.down < np.inf:
+        until = (t >= lift.start) & (t <= lower.end)
+        slipped = replace(slipped, slid=float(np.max(height[until][:1] - height[until], initial=0.0)))
     moved = float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0))
     window = max(1, round(_SMOOTHED / first.period))
     errors, means, estimates, stds = list[Array](), list[float](), list[float](), list[float]()
