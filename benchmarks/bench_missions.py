@@ -49,7 +49,9 @@ SLIPS = (("mug", 0.3, 100), ("mug", 0.5, 30), ("mug_servo", 0.3, 30), ("pinch", 
 """Missions whose friction falls, by which share, and on how many plants."""
 HOLDS = ("as it is", "squeezed", "neither")
 """By which normal forces the certificate holds a plant with the friction that is left, pulls included."""
-OUTCOMES = ("held", "squeezed and held", "set down", "dropped")
+OUTCOMES = ("held", "squeezed and held", "set down", "fell while set down", "dropped")
+SOFT = 0.010
+"""Height lost in the hand up to which what was set down did not fall [m]: a fall of as much ends at 0.4 m/s."""
 
 
 def drawn(rng: np.random.Generator) -> tuple[str, str, dict[str, Any]]:
@@ -135,7 +137,9 @@ def outcome(one: Outcome) -> str:
     verdict = one.verdict
     if verdict is None or not verdict.held:
         return "dropped"
-    return "set down" if verdict.set_down else "squeezed and held" if verdict.slipped else "held"
+    if verdict.set_down and verdict.slipped is not None:
+        return "set down" if verdict.slipped.slid <= SOFT else "fell while set down"
+    return "squeezed and held" if verdict.slipped else "held"
 
 
 def slip_table(name: str, fall: float, found: dict[bool, Sequence[Outcome]]) -> Table:
@@ -149,9 +153,8 @@ def slip_table(name: str, fall: float, found: dict[bool, Sequence[Outcome]]) -> 
         for word in HOLDS:
             row = [counts[word, what] for what in OUTCOMES]
             rows.append(["slip answered" if watched else "as planned", word, sum(row), *row])
-        rows.append(
-            ["", "all, and sunk at worst where held [mm]", len(outcomes), max(worst, default=np.nan), "", "", ""]
-        )
+        most = max(worst, default=np.nan)
+        rows.append(["", "all, and sunk at worst where held [mm]", len(outcomes), most, *[""] * 4])
     title = f"{name}: friction falls by {100 * fall:.0f} % in the hold"
     return Table(title, ["", "certificate holds it", "plants", *OUTCOMES], rows, f"With {WATCHED}.")
 
