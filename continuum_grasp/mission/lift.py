@@ -112,7 +112,7 @@ class NotLifted:
 
 @dataclass(frozen=True)
 class Slipped:
-    """What was noticed while the object was held, and what was done.
+    """Slip that was noticed while the object was held, and the answer to it.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ class Slipped:
 
     @property
     def text(self) -> str:
-        """What was noticed, when, and what was done."""
+        """Sign of slip, its time, and the answer."""
         what = f"it sank by {1e3 * self.lost:.2g} mm" if self.noticed == "sinks" else "a contact parted"
         end = (
             f", and set down at {self.down:.2f} s, since it went on; it slid by {1e3 * self.slid:.2g} mm until it stood"

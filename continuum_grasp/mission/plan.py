@@ -32,8 +32,8 @@ UNKNOWN, BEARS, LACKS = range(3)
 """Forces at the contacts of a finger, by the estimate."""
 USUAL, FIRM, SETS_DOWN = range(3)
 """Grip of what is held."""
-NOTICED = ("", "sinks", "parts", "told")
-"""What makes a grip firm: the object sinks, a contact parts, another finger or the caller says so."""
+NOTICED = ("", "sinks", "parts", "reported")
+"""Reasons of a firm grip: the object sinks, a contact parts, another finger or the caller says so."""
 _DUE, _BY_FORCES, _RELEASE, _ABORT, _SQUEEZE = -1, -2, -3, -4, -5
 """Calls of ``c/mission_python.c``."""
 _BEGINS = {

@@ -124,7 +124,7 @@ def mission_plant(
         seed = int(drawn.generate_state(1)[0])
     plant = MissionPlant(assignment.control, prediction, assignment.mission.controller.period, equations, seed)
     plant.mission = assignment.mission
-    # All fingers are told the same height.
+    # All fingers are given the same height.
     plant.height_noise = np.random.default_rng((own.seed if variation.seed is None else variation.seed, 0xBE16))
     plant.x = plant.x.copy()
     if any(variation.shift):

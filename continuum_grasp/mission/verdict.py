@@ -51,7 +51,7 @@ class Verdict:
     refused: NotLifted | None = None
     """Why it was let go without a lift; None where it was lifted."""
     slipped: Slipped | None = None
-    """What was noticed of slip, and done; None where nothing was, or it is not watched."""
+    """Slip that was noticed, and the answer; None where none was, or where it is not watched."""
     turned: Turned | None = None
     """Turn of the object before it was grasped; None where that was not asked for."""
 

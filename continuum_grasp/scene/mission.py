@@ -141,7 +141,7 @@ class Turn(Value):
 
 
 class Slip(Value):
-    """What is watched while the object is held, and from when on it is held more firmly.
+    """Signs of slip that are watched while the object is held, and limits from which on they are answered.
 
     An object that sinks in the hand, or a contact that bears hardly anything, makes the fingers squeeze as hard as
     drives and ``grasp.contacts.normal_force_max`` allow. Where that does not stop it, it is set down.

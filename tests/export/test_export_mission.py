@@ -222,7 +222,7 @@ def test_a_functional_mock_up_unit_is_the_package_to_the_bit(fmi, carried, packa
 
 @needs("cc")
 def test_slip_is_answered_as_in_python(tmp_path, monkeypatch):
-    """By the same heights: squeezed in the same period, with the same commands; told so; set down."""
+    """By the same heights: squeezed in the same period, with the same commands; when asked to; set down."""
     scene = load(CONFIGS / "mug.yaml", [*QUICK, "slip={height: 0.1 mm, down: 4 mm}"])
     heights, measured = [], Plan._height
     monkeypatch.setattr(Plan, "_height", lambda plan, plant: heights.append(measured(plan, plant)) or heights[-1])
@@ -232,16 +232,16 @@ def test_slip_is_answered_as_in_python(tmp_path, monkeypatch):
     export_c(mission, package)
     finger, library = shared_library(package, tmp_path)
     number = phase_numbers(package)
-    usual, told, sinks = (finger.Mission(library) for _ in range(3))
+    usual, asked, sinks = (finger.Mission(library) for _ in range(3))
     for k, y in enumerate(done.y):
         usual.height(heights[k])
         found = usual.step(finger.Measurement(*y))
         assert np.abs(np.array([found.tension_1, found.tension_2]) - done.u[k]).max() < 1e-6
         assert usual.grip() == (done.t[k] > noticed.time - 1e-9)
         if k == 140:
-            told.squeeze()
-        told.step(finger.Measurement(*y))
-        assert told.grip() == (k >= 140)
+            asked.squeeze()
+        asked.step(finger.Measurement(*y))
+        assert asked.grip() == (k >= 140)
         sinks.height(-0.01 * (k >= 140))
         sinks.step(finger.Measurement(*y))
         assert sinks.grip() == (2 if k > 140 else k == 140)

@@ -31,7 +31,7 @@ BEGINS = 2.4  # s: sinks or parts from then on, in the hold (1.9 s to 2.9 s)
 
 
 def watched(height, *, slip, force=lambda t: CERTIFIED, names=("finger",), **more):
-    """Phases that are told heights and forces by instant: check, timetable, setpoints of each finger, events."""
+    """Phases that are given heights and forces by instant: check, timetable, setpoints of each finger, events."""
     of = fingers(*names, slip=slip, **more)
     tables = [Timetable(one) for one in of]
     check = LiftCheck(of, tables)

@@ -26,7 +26,7 @@
 enum { MISSION_WAITS = 0, MISSION_LIFTS = 1, MISSION_LETS_GO = 2 };     /* decision before the lift */
 enum { MISSION_UNKNOWN = 0, MISSION_BEARS = 1, MISSION_LACKS = 2 };     /* forces at the contacts, when they count */
 enum { MISSION_USUAL = 0, MISSION_FIRM = 1, MISSION_SETS_DOWN = 2 };  /* grip of what is held */
-enum { MISSION_SINKS = 1, MISSION_PARTS = 2, MISSION_TOLD = 3 };      /* what makes it firm */
+enum { MISSION_SINKS = 1, MISSION_PARTS = 2, MISSION_REPORTED = 3 };      /* what makes it firm */
 enum { MISSION_NOMINAL = 0, MISSION_SQUEEZES = 1, MISSION_HOLDS = 2 };  /* limits of the command */
 enum { MISSION_FOLLOWED = 4 };                                          /* what phases may follow: rows of weights */
 
