@@ -94,12 +94,11 @@ void mission_see(mission_state *state, const mission_settings *o, real height)
   if (!mission_holds(state, o)) state->base = state->height;
 }
 
-void mission_squeeze(mission_state *state, const mission_settings *o, real t, int noticed)
+void mission_squeeze(mission_state *state, const mission_settings *o, int noticed)
 {
   if (state->grip != MISSION_USUAL || !mission_holds(state, o)) return;
   state->grip = MISSION_FIRM;
   state->noticed = noticed;
-  state->noticed_at = t;
 }
 
 /* Squeeze where the object slips, and set it down where it goes on slipping. */
@@ -113,7 +112,7 @@ static void mission_watch(mission_state *state, const mission_settings *o, real 
     state->grip = MISSION_SETS_DOWN;
     mission_release(state, o, t, u, 0);
   } else if (lost > o->sunk || state->open >= o->parts)
-    mission_squeeze(state, o, t, lost > o->sunk ? MISSION_SINKS : MISSION_PARTS);
+    mission_squeeze(state, o, lost > o->sunk ? MISSION_SINKS : MISSION_PARTS);
 }
 
 int mission_asks(const mission_state *state, const mission_settings *o)

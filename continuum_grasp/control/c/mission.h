@@ -25,8 +25,8 @@
 
 enum { MISSION_WAITS = 0, MISSION_LIFTS = 1, MISSION_LETS_GO = 2 };     /* decision before the lift */
 enum { MISSION_UNKNOWN = 0, MISSION_BEARS = 1, MISSION_LACKS = 2 };     /* forces at the contacts, when they count */
-enum { MISSION_USUAL = 0, MISSION_FIRM = 1, MISSION_SETS_DOWN = 2 };  /* grip of what is held */
-enum { MISSION_SINKS = 1, MISSION_PARTS = 2, MISSION_REPORTED = 3 };      /* what makes it firm */
+enum { MISSION_USUAL = 0, MISSION_FIRM = 1, MISSION_SETS_DOWN = 2 };    /* grip of what is held */
+enum { MISSION_SINKS = 1, MISSION_PARTS = 2, MISSION_REPORTED = 3 };    /* what makes it firm */
 enum { MISSION_NOMINAL = 0, MISSION_SQUEEZES = 1, MISSION_HOLDS = 2 };  /* limits of the command */
 enum { MISSION_FOLLOWED = 4 };                                          /* what phases may follow: rows of weights */
 
@@ -65,7 +65,6 @@ typedef struct {
   real left[MISSION_SIZE(MISSION_NR)];  /* of setpoints before a release or an abort; fades from `left_at` on */
   real left_at;
   int grip, noticed;            /* how it is held, and what made it firm; 0: nothing */
-  real noticed_at;              /* [s] */
   int seen, open;               /* whether a height is known, and for how many calls a contact has borne hardly anything */
   real height, base;            /* smoothed height of the object in the hand, and that before it sank [m] */
 } mission_state;
@@ -73,15 +72,16 @@ typedef struct {
 void mission_enter(mission_state *state, const mission_settings *settings, int phase, real t, const real *u);
 /* Begin the first phase at an instant t, with the command u before. */
 void mission_start(mission_state *state, const mission_settings *settings, real t, const real *u);
-/* Begin what is due at t by the command u before, the estimated forces (which count where mission_asks for them; null:
- * not yet known) and what is reported; whether the mission goes on. */
+/* Whether mission_advance counts estimated forces, before the lift and where slip is watched. */
 int mission_asks(const mission_state *state, const mission_settings *settings);
+/* Begin what is due at t by the command u before, the estimated forces (null: not yet known) and what is reported;
+ * whether the mission goes on. */
 int mission_advance(mission_state *state, const mission_settings *settings, real t, const real *forces, const real *u,
                     int reported);
 /* What was measured of the object's height in the hand [m], before the call; only what is lost of it counts. */
 void mission_see(mission_state *state, const mission_settings *settings, real height);
-/* Hold what is held firmly from t on, since something was noticed elsewhere. */
-void mission_squeeze(mission_state *state, const mission_settings *settings, real t, int noticed);
+/* Squeeze what is held firmly from now on, for what was noticed. */
+void mission_squeeze(mission_state *state, const mission_settings *settings, int noticed);
 /* Let the object go at t: lowered first where it may hang, or at once. */
 void mission_release(mission_state *state, const mission_settings *settings, real t, const real *u, int at_once);
 /* Setpoints at an instant, as they are foreseen now. */

@@ -34,9 +34,9 @@ int cg_step(cg_object *o, const double *in, int what, double *out)
   if (what == 0) mission_start(&o->state, &o->settings, t, u);
   if (what == 0 || what == -1) mission_see(&o->state, &o->settings, (real)in[2]);
   if (what > 0) mission_enter(&o->state, &o->settings, what, t, u);
-  else if (what == -5) mission_squeeze(&o->state, &o->settings, t, MISSION_REPORTED);
-  else if (what < 0 && what >= -2) goes_on = mission_advance(&o->state, &o->settings, t, what == -2 ? forces : 0, u, (int)*in);
-  else if (what < 0) mission_release(&o->state, &o->settings, t, u, what == -4);
+  else if (what == -5) mission_squeeze(&o->state, &o->settings, MISSION_REPORTED);
+  else if (what == -3 || what == -4) mission_release(&o->state, &o->settings, t, u, what == -4);
+  else if (what) goes_on = mission_advance(&o->state, &o->settings, t, what == -2 ? forces : 0, u, (int)*in);
   cg_state(o, out);
   return goes_on;
 }

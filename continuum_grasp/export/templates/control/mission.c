@@ -127,7 +127,7 @@ int <<p>>_mission_height(<<p>>_mission *mission, <<p>>_real height)
 int <<p>>_mission_squeeze(<<p>>_mission *mission)
 {
   const int ready = mission_ready(mission);
-  if (ready >= 0) <<p>>_phases_squeeze(&mission->memory.state, &phase_settings, mission_now(mission), <<P>>_PHASES_REPORTED);
+  if (ready >= 0) <<p>>_phases_squeeze(&mission->memory.state, &phase_settings, <<P>>_PHASES_REPORTED);
   return ready;
 }
 
