@@ -167,6 +167,8 @@ def slips() -> None:
         file = Path("configs/mission") / f"{name}.yaml"
         found = {watched: run_trials(load(file, changes + [WATCHED] * watched)) for watched in (False, True)}
         report.tables.append(slip_table(name, fall, found))
+        lost = sum(outcome(one) == "dropped" for one in found[True])
+        report.claim(f"{name}, friction {100 * fall:.0f} % less, slip answered: dropped", lost, "<=", 0)
     for file in report.write():
         print(file)
 
