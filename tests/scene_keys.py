@@ -425,7 +425,10 @@ CHANGES: dict[type[BaseModel], dict[str, tuple[str, dict[str, Any]]]] = {
     Scene: _CHANGES,
     ControlScene: _LOOPS,
     PlanScene: _PLANS,
-    MissionScene: {"more contacts": ("mug", {"more_contacts": [0.05], "estimator.delay": 0.0})},
+    MissionScene: {
+        "more contacts": ("mug", {"more_contacts": [0.05], "estimator.delay": 0.0}),
+        "slip": ("mug", {"slip": {"height": 1e-4}, "trials": {"count": 2, "friction_fall": 0.3}}),
+    },
     IdentifyScene: _FITS,
     Sweep: {
         "drawn": (

@@ -283,12 +283,12 @@ def carried_out(mission: MissionScene) -> Iterator[object]:
     body = mission.grasp.object.replaced(free=None)
     control = assignment._control_scene(mission, held, body, (0.1,), {"finger.1": 1.0})
     one: Any = SimpleNamespace(mission=mission, control=control, pulls=[0])
-    with patch.object(mission_plant, "PlantModel", lambda *plant: plant[1:]):
+    with patch.object(mission_plant, "PlantModel", lambda *plant, **named: (*plant[1:], named)):
         yield from (control, mission_plant.mission_plant_model(one), mission_plant.Timetable(one).spans)
     asked = mission.controller
     yield from (asked.retained, asked.held, asked.deadline, mission.pull_share, mission.beyond_certificate)
     yield from (mission.phases.lift_share, mission.phases.squeeze_share, mission.phases.hold_until_release)
-    yield from (mission.trials, mission.turn)
+    yield from (mission.trials, mission.turn, mission.slip)
 
 
 def fitted(scene: Scene) -> Iterator[object]:

@@ -63,7 +63,7 @@ def test_iterations_are_counted_and_limited(changes):
 
 
 def test_a_budget_that_is_too_small_is_no_verdict_and_repeats():
-    few = GraspSolver(effort="quick", max_total_iterations=40)
+    few = GraspSolver(effort="quick", max_total_iterations=10)
     one, two = solved(few, **WEAK), solved(few, **WEAK)
     assert one.status is Status.NOT_SOLVED
     assert "max_total_iterations" in one.message + one.advice
