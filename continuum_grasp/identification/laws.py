@@ -1,30 +1,23 @@
 """Laws that are tried one after the other, and chosen by what they predict of data that they were not fitted to.
 
-A law with more numbers always fits better. What counts is the error of rows and motions that are held out: those of the
-data that are marked so or, where there are none, of five parts of the data, each predicted from the others (cross
-validation; M. Stone, 1974). Of laws whose errors differ by less than their scatter the one with the fewest numbers is
-taken, and the others are named (rule of one standard error; L. Breiman et al., 1984).
+A law with more numbers always fits better. What counts is the error of rows and motions that are held out. Of laws whose
+errors differ by less than their scatter the one with the fewest numbers is taken, and the others are named (rule of one
+standard error; L. Breiman et al., 1984).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, NumericalError, SolverError
-from continuum_grasp.identification.data import Data, TipPath
 from continuum_grasp.identification.inference import middle
-from continuum_grasp.identification.problem import Given, Problem, Solution, Task
-from continuum_grasp.scene.simulate import Scene
+from continuum_grasp.identification.problem import Problem, Solution, Task
 
-_PARTS = 5
-"""Parts of the data that are predicted from the others [1], as is usual (R. Kohavi, 1995: five to ten)."""
 _SURE = 0.975
 """Probability, to one side, from which a difference of errors tells two laws apart [1]."""
 
@@ -48,15 +41,14 @@ def choose_law(tasks: Mapping[str, Task], report: Callable[[float], None]) -> tu
     """
     names, candidates = list(tasks), list(tasks.values())
     problems = [one.build(one.given, one.unknowns) for one in candidates]
-    marked = not problems[0].fitted.all()
-    if not marked and len(list(_parts(candidates[0].given))) < 2:
-        raise InputError("laws are chosen by what they predict: give another set, or hold one out", key="laws")
+    if problems[0].fitted.all():
+        raise InputError("laws are chosen by what they predict: hold rows or a set out", key="laws")
     fits, missed, failed = list[Solution | None](), list[Array | None](), list[str]()
-    for k, (one, problem) in enumerate(zip(candidates, problems, strict=True)):
+    for k, problem in enumerate(problems):
         solution, found, why = None, None, ""
         try:
             solution = problem.solve(lambda share: None)
-            found = _held_out(one, problem, None if not marked else solution)
+            found = np.where(problem.fitted, np.nan, solution.predictions - problem.measured)
         except (SolverError, NumericalError) as error:
             why = f"not fitted: {error}"
         fits.append(solution)
@@ -84,35 +76,6 @@ def choose_law(tasks: Mapping[str, Task], report: Callable[[float], None]) -> tu
         for fit, of in zip(fits, problems, strict=True)
     ]
     return names[chosen], tuple(map(LawTrial._make, zip(names, numbers, weighted, errors, verdicts, strict=True)))
-
-
-def _held_out(one: Task, problem: Problem, solution: Solution | None) -> Array:
-    """Errors (m,) of what is held out, NaN elsewhere: of a solution, or without one of the parts of the data."""
-    if solution is not None:
-        return np.where(problem.fitted, np.nan, solution.predictions - problem.measured)
-    found = np.full(len(problem.measured), np.nan)
-    for part in _parts(one.given):
-        again = one.build(part, one.unknowns)
-        held = ~again.fitted
-        found[held] = (again.solve(lambda share: None).predictions - problem.measured)[held]
-    return found
-
-
-def _parts(given: Given) -> Iterator[Given]:
-    """The data with each of their parts held out: neighboring rows of every set, or whole motions."""
-    motions = [k for k, (data, _) in enumerate(given) if isinstance(data, TipPath)]
-    for part in range(_PARTS):
-        own, fitted = list[tuple[Data, Scene]](), list[NDArray[np.bool_]]()
-        for k, (data, scene) in enumerate(given):
-            if isinstance(data, TipPath):
-                fitted.append(np.array([motions.index(k) % _PARTS != part]))
-                own.append((replace(data, fitted=bool(fitted[-1][0])), scene))
-            else:
-                fitted.append(np.arange(data.rows) * _PARTS // data.rows != part)
-                own.append((replace(data, fitted=fitted[-1]), scene))
-        every = np.concatenate(fitted)
-        if every.any() and not every.all():
-            yield own
 
 
 def _differ(problem: Problem, more: Array) -> bool:

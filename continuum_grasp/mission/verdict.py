@@ -62,7 +62,7 @@ class Verdict:
 
     @property
     def set_down(self) -> bool:
-        """Whether it was set down before its time, because it slipped."""
+        """Whether the object was set down before the planned lowering, because it slipped."""
         return self.held and self.slipped is not None and self.slipped.down < np.inf
 
     @property

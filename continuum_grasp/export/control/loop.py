@@ -69,7 +69,7 @@ class Phases(NamedTuple):
 
     @property
     def watches(self) -> int:
-        """Whether it watches what is held for slip."""
+        """Whether the mission watches the held object for slip."""
         return int(np.asarray(self.members["watches"]))
 
 

@@ -68,9 +68,11 @@ class Elastic:
                 self.found[limits] = repair
         return repair
 
-    def relax(self, limits: Sequence[Relaxation], begin: Start | Repair, **options: Any) -> Repair | None:
-        """Relax limits by the least sum of their parts of a usual amount, from a start or where some are relaxed; None
-        where that gives no grasp.
+    def relax(
+        self, limits: Sequence[Relaxation], begin: Start | Repair, weights: Mapping[str, float] | None = None
+    ) -> Repair | None:
+        """Relax limits by the least sum of their parts of a usual amount, times ``weights`` by their names, from a start or
+        where some are relaxed; None where that gives no grasp.
         """
         scene, search = self.scene, self.search
         if search.budget.over:
@@ -81,7 +83,8 @@ class Elastic:
             start, parts, x0, rung = begin, dict.fromkeys(limits, 1.0), None, 2
         solver, usual = search.solver(start), {limit: limit.start(scene) for limit in limits}
         relaxed = [(limit, most * parts.get(limit, 0.0)) for limit, most in usual.items()]
-        options |= {"rung": rung, "iterations": FIRST_CAP, "standstill": STANDSTILL, "relaxed": relaxed, "x0": x0}
+        ends = {"iterations": FIRST_CAP, "standstill": STANDSTILL}
+        options: dict[str, Any] = {"rung": rung, "relaxed": relaxed, "x0": x0, "weights": weights, **ends}
         attempt = solver.run(scene, start, search.budget, smoothed=x0 is None, **options)
         if attempt.violations and attempt.features != contact_features(scene, start.contacts):
             # A limit may be relaxed far enough for some corner where the circles led to none.
