@@ -1,8 +1,8 @@
 """Laws that are tried one after the other, and chosen by what they predict of data that they were not fitted to.
 
-A law with more numbers always fits better. What counts is the error of rows and motions that are held out. Of laws whose
-errors differ by less than their scatter the one with the fewest numbers is taken, and the others are named (rule of one
-standard error; L. Breiman et al., 1984).
+A law with more numbers always fits better. What counts is the error of rows and motions that are held out. Of laws
+whose errors differ by less than their scatter the one with the fewest numbers is taken, and the others are named (rule
+of one standard error; L. Breiman et al., 1984).
 """
 
 from __future__ import annotations

@@ -90,13 +90,19 @@ def is_table(name: str) -> bool:
 # -- the plant --------------------------------------------------------------------------------------------------------
 
 
-def plant_friction(mission: MissionScene, variation: Variation, names: Sequence[str]) -> Array:
-    """Friction coefficient (K,) of each contact on the plant, by its name there or in the grasp; NaN for the table."""
+def plant_friction(
+    mission: MissionScene, variation: Variation, names: Sequence[str], fallen: float | Array = 0.0
+) -> Array:
+    """Friction coefficient (K,) of each contact on the plant, by its name there or in the grasp; NaN for the table.
+
+    (T, K) where ``fallen`` is the share (T,) by which it has fallen by some instants.
+    """
     own = {place.name: place.friction for place in mission.grasp.places}
     found = [own.get(name.partition(".")[0] if name not in own else name) for name in names]
     usual = mission.contact_law.friction
     mu = [np.nan if is_table(name) else usual if f is None else f for name, f in zip(names, found, strict=True)]
-    return variation.friction * np.array(mu)
+    now: Array = np.asarray(1.0 - fallen)[..., None] * variation.friction * np.array(mu)
+    return now
 
 
 def plant_mass(mission: MissionScene, variation: Variation) -> float:

@@ -112,8 +112,7 @@ def find_drop(
     if not fallen.size:
         return None
     end = int(fallen[0])
-    left = 1.0 - timetable.fallen(variation, t)
-    friction = left[:, None] * plant_friction(assignments[0].mission, variation, contacts.names)
+    friction = plant_friction(assignments[0].mission, variation, contacts.names, timetable.fallen(variation, t))
     lift, slips = timetable.span("lift").start, []
     for name, rows in bodies(contacts.names, [one.name for one in assignments]).items():
         normal, shear = contacts.normal_force[:, rows], contacts.shear[:, rows]

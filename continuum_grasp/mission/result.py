@@ -230,8 +230,8 @@ class MissionRun(MotionResult):
     def friction_use(self) -> Array:
         """Share of the friction cone (K + 1, contacts) that each contact uses [1]; NaN for the table and in the air."""
         contacts = self.contacts
-        left = 1.0 - self.timetable.fallen(self.variation, self.t)
-        limits = left[:, None] * plant_friction(self.mission, self.variation, contacts.names) * contacts.normal_force
+        fallen = self.timetable.fallen(self.variation, self.t)
+        limits = plant_friction(self.mission, self.variation, contacts.names, fallen) * contacts.normal_force
         # Contacts without a limit bear nothing, or are the table, whose friction is of another kind.
         found: Array = np.divide(contacts.shear, limits, out=np.full_like(limits, np.nan), where=limits > 0.0)
         return found

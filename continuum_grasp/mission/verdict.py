@@ -149,8 +149,8 @@ def judge(
     fingers = [k for k, name in enumerate(contacts.names) if contacts.on_finger(name)]
     bearing = [k for k, name in enumerate(contacts.names) if not is_table(name)]
     normal, shear = contacts.normal_force[:, bearing], contacts.shear[:, bearing]
-    friction = plant_friction(mission, variation, [contacts.names[k] for k in bearing])
-    limits = (1.0 - timetable.fallen(variation, t)[:, None]) * friction * normal
+    names = [contacts.names[k] for k in bearing]
+    limits = plant_friction(mission, variation, names, timetable.fallen(variation, t)) * normal
     margins = 1.0 - shear / np.maximum(limits, 1e-9)
     # Where hardly anything presses, the cone is too small for its share to mean something.
     margins[normal < _LOADED * min(one.force for one in assignments)] = 1.0

@@ -274,7 +274,7 @@ def test_a_variation_is_that_of_the_equations(assignment, runner):
 # -- the verdict ------------------------------------------------------------------------------------------------------
 
 
-def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved"):
+def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved", fall=0.0):
     """A closed loop by hand: one contact of the finger and a palm, a force of 5 N; and the verdict on it."""
     asked = SimpleNamespace(
         contact_law=SimpleNamespace(friction=0.5),
@@ -287,7 +287,7 @@ def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved"):
     table = SimpleNamespace(
         span=lambda name: SimpleNamespace(start=spans[name][0], end=spans[name][1]),
         spans=[SimpleNamespace(name="all", start=0.0, end=9.0)],
-        fallen=lambda variation, t: np.zeros(len(t)),
+        fallen=lambda variation, t: fall * (t > 3.0),
     )
     certified = SimpleNamespace(contacts=(), fingers={"finger": None})
     force = np.where(t < 7.0, normal, 0.0) * np.ones(len(t))
@@ -327,6 +327,7 @@ INSTANTS = np.arange(0.0, 8.05, 0.1)
         ({}, {"held": True, "released": True, "force_error": 0.0, "sunk": 0.0, "force_estimate_error": 0.1}),
         ({"normal": 4.0}, {"force_error": 0.2, "force_mean_error": -0.2, "force_estimate_std": 0.04}),
         ({"shear": 1.0}, {"slip_margin": 1.0 - 1.0 / (0.8 * 0.5 * 5.0)}),
+        ({"shear": 1.0, "fall": 0.3}, {"slip_margin": 1.0 - 1.0 / (0.7 * 0.8 * 0.5 * 5.0)}),
         ({"height": lambda t: -0.999 * 0.005 * (t > 3.0)}, {"held": True, "sunk": 0.999 * 0.005}),
         ({"height": lambda t: -1.001 * 0.005 * (t > 3.0)}, {"held": False, "sunk": 1.001 * 0.005}),
         ({"height": lambda t: -0.02 * (t > 6.5)}, {"held": True, "sunk": 0.0}),

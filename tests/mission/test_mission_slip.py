@@ -188,6 +188,8 @@ def test_a_mug_whose_friction_falls_is_squeezed_and_set_down(grasp):
     before = down.t[:-1] < down.verdict.slipped.time - 1e-9
     assert np.array_equal(dropped.runs[0].u[: len(before)][before], down.runs[0].u[before])
     assert np.nanmax(down.friction_use) < 1.0 + 1e-6
+    # What falls slides: its contacts use all of the friction that is left.
+    assert np.nanmax(dropped.friction_use[dropped.t > dropped.verdict.drop.time]) == pytest.approx(1.0, abs=1e-2)
     fallen = Variation(friction_fall=0.4)
     sinking, held = usual.run(fallen), patient.run(fallen)
     assert (held.status, held.verdict.succeeded) == ("finished", True)

@@ -71,8 +71,8 @@ class Elastic:
     def relax(
         self, limits: Sequence[Relaxation], begin: Start | Repair, weights: Mapping[str, float] | None = None
     ) -> Repair | None:
-        """Relax limits by the least sum of their parts of a usual amount, times ``weights`` by their names, from a start or
-        where some are relaxed; None where that gives no grasp.
+        """Relax limits by the least sum of their parts of a usual amount, times ``weights`` by their names, from a
+        start or where some are relaxed; None where that gives no grasp.
         """
         scene, search = self.scene, self.search
         if search.budget.over:
