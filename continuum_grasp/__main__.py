@@ -17,10 +17,8 @@ def main() -> None:
         _signal.signal(_signal.SIGINT, end)
 
     from continuum_grasp import interrupt
-    from continuum_grasp.threads import one_thread
 
-    one_thread()
-    with interrupt.listening(command=True):
+    with interrupt.computing(command=True):
         try:
             from continuum_grasp.cli import main as command
 

@@ -21,6 +21,8 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any
 
+from continuum_grasp.threads import one_thread
+
 STATUS = 130
 """Exit status of a command that Ctrl-C ended: 128 and the signal's number, as in shells."""
 _LONGEST_WAIT = 10.0
@@ -70,10 +72,18 @@ def was_pressed() -> bool:
 
 
 @contextmanager
+def computing(command: bool = False) -> Iterator[None]:
+    """Block, or decorator, of every long computation in Python and of each command: Ctrl-C is taken, and linear algebra
+    takes one thread, so that results of both are equal to the last digit.
+    """
+    with one_thread(), listening(command):
+        yield
+
+
+@contextmanager
 def listening(command: bool = False) -> Iterator[None]:
     """Take Ctrl-C within the block; without effect outside the main thread, and where another handler is installed.
 
-    It serves as a decorator too, which every long computation has: in Python, Ctrl-C is as sure as on the command line.
     ``command``: the block is the whole process, which ends with status 130 at a second press before the first could be
     raised, or if that takes long; what comes after the block ignores Ctrl-C.
     """

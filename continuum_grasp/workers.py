@@ -9,14 +9,14 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
 from continuum_grasp.errors import SolverError
 from continuum_grasp.interrupt import ignored_by_children
-from continuum_grasp.threads import VARIABLES
+from continuum_grasp.threads import one_thread
 
 
 @dataclass
@@ -52,7 +52,7 @@ class ProcessPool:
             with suppress(BrokenExecutor):  # its process died
                 worker.busy = worker.pool.submit(work, *arguments)
                 return worker.busy
-        with _one_thread(), ignored_by_children():
+        with one_thread(), ignored_by_children():
             pool = ProcessPoolExecutor(1, self._context, _prepare, self._prepared)
             started = pool.submit(_confirm_start)
         self._started[k] = worker = _Worker(pool, started, pool.submit(work, *arguments))
@@ -170,16 +170,3 @@ def _end_with_parent(watched: Connection) -> None:
 
 def _confirm_start() -> None:
     """Run as the first task, so that a process which ends before any task is distinguished."""
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Processes started here compute with one thread, unless the environment states another number."""
-    # There is a worker per core already.
-    own = [name for name in VARIABLES if name not in os.environ]
-    os.environ.update(dict.fromkeys(own, "1"))
-    try:
-        yield
-    finally:
-        for name in own:
-            os.environ.pop(name, None)

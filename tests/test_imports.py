@@ -16,7 +16,7 @@ ALLOWED = {
     "arguments": set(),
     "arrays": set(),
     "_lazy": set(),
-    "interrupt": set(),
+    "interrupt": {"threads"},
     "labels": set(),
     "summary": set(),
     "threads": set(),

@@ -70,7 +70,7 @@ class Chosen(Summarized):
         )
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def choose_fidelity(scene: Scene | str | PathLike[str], tolerance: float | None = None) -> Chosen:
     """Find the cheapest family, elements and terms with which a scene meets a tolerance.

@@ -222,7 +222,7 @@ def row_of(choice: Choice, truth: Truth, reference: Motion | None) -> tuple[Any,
     return (name, len(model.lengths), model.n, *costs, found.tip, found.shape, *frequencies, motion)
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def accuracy_report(
     scene: Scene | str | PathLike[str],

@@ -90,7 +90,7 @@ class HardwareRun:
         return {**own, "status": self.status, "health": self.health, "realtime": list(self.realtime)}
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def run_hardware(
     controller: Controller,

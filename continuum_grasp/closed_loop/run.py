@@ -63,7 +63,7 @@ class _Step(NamedTuple):
     x: Array
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def run_closed_loop(
     scene: ControlScene | str | PathLike[str],
@@ -142,7 +142,7 @@ class FingerLoop(NamedTuple):
     plan: Schedule
 
 
-@interrupt.listening()
+@interrupt.computing()
 def run_fingers(
     loops: Sequence[FingerLoop],
     shared: SharedPlant,

@@ -54,7 +54,7 @@ class _Trace:
     """Per case, the sets of errors that decided it at one design or another."""
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def optimize_design(
     design: Design | str | os.PathLike[str] | Mapping[str, Any],

@@ -80,7 +80,7 @@ class Package:
     manifest: dict[str, Any]
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def export_c(
     given: Given,

@@ -39,7 +39,7 @@ FINEST = 16
 """Elements per finger up to which they are doubled where they cannot bend enough: half a turn each is eight turns."""
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def optimize_grasp(
     scene: GraspScene | str | os.PathLike[str],

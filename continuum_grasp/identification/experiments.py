@@ -141,7 +141,7 @@ class ExperimentPlan(Result):
         }
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def design_experiments(
     scene: IdentifyScene, data: Measurements = (), *, progress: Callable[[float], None] | None = None

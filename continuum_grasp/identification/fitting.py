@@ -40,7 +40,7 @@ _MOST = 12
 """Elements beyond which a model is not refined to see its error: twice as many take far longer than the search."""
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def identify(
     scene: Scene | str | PathLike[str],
@@ -141,7 +141,7 @@ def under_laws(scene: IdentifyScene) -> Iterator[IdentifyScene]:
         yield plain.replaced(estimate=(*scene.estimate, *law.estimate))
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def compare(
     scene: Scene | str | PathLike[str],

@@ -28,7 +28,7 @@ from continuum_grasp.simulation.contacts import ContactForces
 Progress = Callable[[float], None]
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def run_mission(
     scene: MissionScene | str | PathLike[str],

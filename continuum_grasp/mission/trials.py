@@ -42,7 +42,7 @@ def variations(trials: Trials) -> list[Variation]:
     return found
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def run_trials(
     scene: MissionScene | str | PathLike[str],

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def plan(
     scene: PlanScene | str | os.PathLike[str],

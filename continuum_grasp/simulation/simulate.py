@@ -57,7 +57,7 @@ _MOST_WORK = {_FAST: 4_000_000, _STIFF: 400_000, _STIFF_SWEPT: 400_000}
 """Sub-steps of a motion up to which the tolerance is pursued: some 10 s of compiled code for fingers with contacts."""
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def simulate(scene: Scene, *, progress: Progress | None = None) -> Trajectory:
     """Simulate a scene without ``fidelity.tolerance``; see `continuum_grasp.simulate`."""

@@ -84,7 +84,7 @@ def _clock(seconds: float) -> str:
     return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def sweep(
     config: Sweep | str | os.PathLike[str] | Mapping[str, Any],

@@ -90,7 +90,7 @@ class FunctionalMockupUnit:
     binary: str | None
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def export_fmu(
     given: Scene | ControlScene | MissionScene | MissionRun | str | os.PathLike[str],

@@ -95,7 +95,7 @@ class Page:
         return self.text.partition("<title>")[2].partition("</title>")[0]
 
 
-@interrupt.listening()
+@interrupt.computing()
 @check_arguments
 def export_web(given: Scene | ControlScene | str | os.PathLike[str], file: str | os.PathLike[str]) -> Page:
     """Write a scene as a page, one file that needs no network, in which its own C runs as WebAssembly.
