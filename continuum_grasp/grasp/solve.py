@@ -21,22 +21,30 @@ from continuum_grasp.grasp.changes import (
 )
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.problem.relaxations import gives_bending_range, with_bending_range
-from continuum_grasp.grasp.problem.solver_run import Attempt
+from continuum_grasp.grasp.problem.solver_run import OVERDETERMINED, Attempt
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.words import out_of_reach
 from continuum_grasp.grasp.result import GraspResult, flawed
 from continuum_grasp.grasp.search import OPEN, Search
+from continuum_grasp.grasp.starts.supports import object_outlines, settle, touching_supports
 from continuum_grasp.grasp.stations import find_station_reasons, search_stations, without_stations
 from continuum_grasp.grasp.steady import stabilize
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import REFUTED, STEADIER, UNSTABLE, Reason, Status, force_text, tension_of
 from continuum_grasp.nlp import Budget
+from continuum_grasp.nlp.solver import STALLED
 from continuum_grasp.scene.families import ONE_TURN
 from continuum_grasp.scene.grasp import TOUCHING, GraspScene
 from continuum_grasp.scene.load import scene_of
 
 FINEST = 16
 """Elements per finger up to which they are doubled where they cannot bend enough: half a turn each is eight turns."""
+_ENDS = {
+    OVERDETERMINED: "the contacts leave fewer unknowns than there are forces to balance",
+    STALLED: "they came no nearer to contact and balance",
+    "Infeasible_Problem_Detected": "nothing near them satisfies all constraints",
+}
+"""Outcomes of starts that users may not know, in words."""
 
 
 @interrupt.computing()
@@ -305,12 +313,18 @@ class _Verdict:
             message = f"the solver converged, but the independent check rejects: {names}"
             advice = "Raise fidelity.elements or fidelity.accuracy."
         else:
-            outcomes = ", ".join(sorted({t.attempt.outcome for t in self.search.tried})) or "no posture touches"
-            message = f"no start led to a grasp ({outcomes}), and neither one limit nor two at once explain it"
+            outcomes = {t.attempt.outcome for t in self.search.tried}
+            ends = "; ".join(sorted(_ENDS.get(one, one.replace("_", " ").lower()) for one in outcomes))
+            message = (
+                f"no start led to a grasp ({ends or 'no posture touches'}), and neither one limit nor two at once "
+                "explain it"
+            )
             advice = (
                 "Likely the geometry: move the base or the object, let the middle contact be elsewhere "
                 "(contacts.middle_range), or raise solver.effort."
             )
+            if outcomes == {OVERDETERMINED}:
+                advice = "Add a contact: let the object lie against a support, or another finger hold it."
         return self._failed(Status.NOT_SOLVED, message, advice, closest)
 
     def _failed(
@@ -339,7 +353,7 @@ class _Verdict:
     def _support_note(self) -> str:
         gaps = ((body.name, self.scene.gap_range(body)[0]) for body in self.scene.places)
         return " ".join(
-            f"The object is {gap:.4g} m away from {name}, which therefore carries nothing."
+            f"The object is {gap:.4g} m away from {name}, which therefore carries nothing{_place_at(self.scene, name)}."
             for name, gap in gaps
             if gap > TOUCHING * self.scene.object.size
         )
@@ -369,3 +383,15 @@ class _Verdict:
                 for a in attempts
             ],
         }
+
+
+def _place_at(scene: GraspScene, support: str) -> str:
+    """Position of a fixed object at which it touches one more support, in words; empty where there is none within its
+    size.
+    """
+    (x, y, angle), size = scene.object.pose, scene.object.size
+    on = touching_supports(scene, scene.object.pose) | {support}
+    within = [(x - size, x + size), (y - size, y + size), (angle, angle)]
+    fixed = scene.object.free is None
+    pose = settle(scene, object_outlines(scene), on, scene.object.pose, within) if fixed else None
+    return "" if pose is None else f"; it touches at object.position = [{pose[0]:.9g}, {pose[1]:.9g}]"

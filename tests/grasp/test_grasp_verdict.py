@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
 from grasp_scenes import UPRIGHT, make_scene
+from shapely import Polygon
+from shapely.affinity import rotate
 
 import continuum_grasp as cg
+from benchmarks.grasp_images import drawn, scene_of
 from benchmarks.grasp_oracle.numbers import numbers
 from benchmarks.grasp_oracle.scenes import one_finger, two_fingers
 from benchmarks.grasp_oracle.search import Search
@@ -173,3 +177,22 @@ def test_starts_keep_fingers_apart_unless_they_may_cross(seed):
         starts = make_starts(changed, on, 8)
         least = min(gap(changed, start) for start in starts if start.label == "scan")
         assert (least > -1e-3) is (overlap == "forbid")
+
+
+@pytest.mark.parametrize(("seed", "held"), [(50, True), (31, False)])
+def test_the_place_at_which_an_object_touches_its_support_is_told(seed, held):
+    """A rounded polygon that ends short of the palm is on it where the advice says, and the palm holds."""
+    scene = scene_of(drawn("one", seed), 4)
+    result, body = solved(scene), scene.object
+    assert not result.solved
+    told = re.search(r"from palm, .* touches at object.position = \[(.*), (.*)\]\.", result.advice)
+    x, y = map(float, told.groups())
+    solid = rotate(Polygon(body.vertices), body.angle, origin=(0.0, 0.0), use_radians=True)
+    solid = solid.buffer(-body.corner_radius, join_style="mitre").buffer(body.corner_radius, quad_segs=10_000)
+    assert (x, y) == (pytest.approx(-solid.bounds[0], abs=1e-9), body.position[1])
+    moved = solved(scene.changed({"object.position": [x, y]}))
+    assert "from palm" not in moved.advice
+    assert moved.status is (Status.FEASIBLE if held else Status.INFEASIBLE)
+    assert "palm" in moved.contact_names
+    # Of two contacts one support is missing, whatever the limits.
+    assert ("leave fewer unknowns" in result.message) is ("Add a contact" in result.advice) is not held
