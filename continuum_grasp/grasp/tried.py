@@ -14,9 +14,9 @@ from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.grasp.values import NEAR
 from continuum_grasp.scene.grasp import GraspScene
 
-SECTOR = 0.8
-"""Difference of a contact's direction from which on a start is of another branch [rad]: starts whose
-contacts face alike to within it end in the same grasp as a rule."""
+SECTORS = 8
+"""Sectors of a contact's direction, seen from the object; starts of two are of different branches: those whose contacts
+face alike to within one end in the same grasp as a rule."""
 HOPELESS = 1e-2
 """Scaled violation of the problem's constraints from which on no certificate is computed: it allows at most 1e-4."""
 
@@ -86,7 +86,9 @@ def branch_of(start: Start) -> tuple[Any, ...]:
     face.
     """
     sides = tuple(finger.sides for finger in start.fingers.values())
-    faces = tuple(round(contact.normal_angle / SECTOR) for contact in start.contacts.values())
+    turns = (contact.normal_angle / math.tau for contact in start.contacts.values())
+    # A direction is known but for whole turns: a face towards -x has pi or -pi.
+    faces = tuple(round(SECTORS * turn) % SECTORS for turn in turns)
     places = tuple(contact.part for contact in start.contacts.values())
     return frozenset(start.contacts), sides, faces, places
 

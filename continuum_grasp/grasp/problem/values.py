@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from continuum_grasp.arrays import Array
+from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.certificate.drives import StoredFinger
 from continuum_grasp.grasp.problem.curves import curve_numbers
 from continuum_grasp.grasp.problem.relaxations import RELAXATIONS
@@ -146,8 +147,10 @@ def problem_bounds(problem: Layout, scene: GraspScene, features: dict[str, Featu
         name, feature = contact.name, features[contact.name]
         low[f"place, {name}"], high[f"place, {name}"] = list(feature.lower), list(feature.upper)
         if contact.finger < 0 and not contact.surface.is_smooth:
-            # The wall's normal decides, also at the end of a corner's cone.
-            low[f"place, {name}"][1], high[f"place, {name}"][1] = -np.inf, np.inf
+            # The wall's normal decides, also at the end of a corner's cone, but a face that lies flat does not lift off
+            # within the tolerance of its gaps.
+            low[f"place, {name}"][1] -= EXACT
+            high[f"place, {name}"][1] += EXACT
         low[f"force, {name}"] = [least, *sideways]
     return problem.x.pack(low, -np.inf), problem.x.pack(high, np.inf)
 
