@@ -182,8 +182,12 @@ def mirrored(data: Data) -> Data:
         if key == "base":  # points along the y axis of its frame
             x, y = value["position"]
             return {"position": (x, -y), "angle": math.remainder(math.pi - value["angle"], math.tau)}
-        if key in ("position", "point", "center_of_mass", "vector"):
+        if key in ("position", "point", "center_of_mass", "vector", "start", "end"):
             return value[0], -value[1]
+        if key == "free":
+            return {name: span if name == "x" else (-span[1], -span[0]) for name, span in value.items()}
+        if key == "wrenches":
+            return [(x, -y, -moment) for x, y, moment in value]
         if key == "vertices":
             return [(x, -y) for x, y in value]
         if key in ("angle", "normal_angle"):
@@ -192,7 +196,11 @@ def mirrored(data: Data) -> Data:
             return {"left": "right", "right": "left"}.get(value, value)
         return -value if key == "rest_curvature" else value
 
-    return _changed(data, other)
+    image = _changed(data, other)
+    for support in image["supports"].values():
+        if "start" in support:  # what it supports is on a line's left
+            support["start"], support["end"] = support["end"], support["start"]
+    return image
 
 
 def moved(data: Data) -> Data:
@@ -246,7 +254,7 @@ def _changed(data: Any, other: Callable[[str, Any], Any]) -> Any:
 
 def _nested(value: Any) -> bool:
     some = value[0] if isinstance(value, list) and value else value
-    return isinstance(some, dict) and not some.keys() <= {"position", "angle"}
+    return isinstance(some, dict) and not (some.keys() <= {"position", "angle"} or some.keys() <= {"x", "y", "angle"})
 
 
 IMAGES: dict[str, Callable[[Data], Data]] = {

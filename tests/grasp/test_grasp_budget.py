@@ -100,7 +100,6 @@ def test_the_clock_gives_no_verdict_but_says_that_it_stopped(monkeypatch, run):
 
 
 def test_a_grasp_from_before_the_clock_stopped_is_called_so(monkeypatch):
-    monkeypatch.setattr("continuum_grasp.grasp.search.branch_of", id)  # every start counts
     jump_after(monkeypatch, 2)
     result = solved(GraspSolver(effort="thorough"), **HELD)
     assert result.status is Status.FEASIBLE

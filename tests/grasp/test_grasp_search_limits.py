@@ -117,7 +117,7 @@ LIMITS = [
     ("difference of estimates of one basin", 1.0 / (1.0 - 5e-3), lambda e: module._same(start(1.0), start(e))),
     ("violation of a start that is verified", 1e-2, lambda off: verified(off)),
     ("objective that is clearly worse", 1.05 + 1e-4, lambda cost: cost < searching(grasp())[0]._enough),
-    ("turn of contacts of one branch", 0.4, lambda a: branch_of(start(angle=a)) == branch_of(start())),
+    ("turn of contacts of one branch", math.pi / 8, lambda a: branch_of(start(angle=a)) == branch_of(start())),
 ]  # fmt: skip
 
 
