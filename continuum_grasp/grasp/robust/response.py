@@ -23,7 +23,7 @@ import numpy as np
 from continuum_grasp import nlp
 from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.check import CONES
-from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun
+from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, allowed_depth
 from continuum_grasp.grasp.problem.structure import DriveSpec
 from continuum_grasp.grasp.problem.values import Units, held_values
 from continuum_grasp.grasp.robust.errors import InError
@@ -135,12 +135,13 @@ class Responder:
         known = self._nearest(error, begin)
         attempts = [] if known is None else [solve(x0=known.attempt.x)]
         # A local optimum that does not hold says nothing of others.
-        if not any(_reserve(solver, attempt) >= HOLDS for attempt in attempts):
+        reserve_of = partial(_reserve, solver, scene)
+        if not any(reserve_of(attempt) >= HOLDS for attempt in attempts):
             self.anew += 1
             attempts.append(solve(rung=2))
-        attempt = max(reversed(attempts), key=partial(_reserve, solver))
-        reserve, margin, weakest = _reserve(solver, attempt), np.nan, ""
-        if attempt.converged:
+        attempt = max(reversed(attempts), key=reserve_of)
+        reserve, margin, weakest = reserve_of(attempt), np.nan, ""
+        if np.isfinite(reserve):
             margin, weakest = _least_margin(solver, scene, attempt)
             if reserve >= HOLDS:  # a cone at its edge, up to rounding
                 margin = max(margin, 0.0)
@@ -224,9 +225,18 @@ class Responder:
         return known[int((away**2).sum(axis=1).argmin())]
 
 
-def _reserve(solver: GraspSolverRun, attempt: Attempt) -> float:
-    """By how much all friction cones could be narrower; minus infinity where nothing balances."""
-    return float(attempt.x[solver.problem.x.at["reserve"]][0]) if attempt.converged else -np.inf
+def _reserve(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -> float:
+    """By how much all friction cones could be narrower; minus infinity where nothing balances.
+
+    Where a solver was stopped next to no optimum, its last point is a posture all the same if it violates nothing: that
+    of another may be greater.
+    """
+    reserve = float(attempt.x[solver.problem.x.at["reserve"]][0])
+    if not attempt.converged:
+        stands = not attempt.violations and reserve >= HOLDS
+        if not stands or solver.near.look(scene, attempt.x, attempt.numbers).deepest > allowed_depth(scene):
+            return -np.inf
+    return reserve
 
 
 def _least_margin(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -> tuple[float, str]:
