@@ -141,3 +141,16 @@ def test_the_share_of_plants_with_usual_errors_is_that_of_plants_of_another_hand
     assert (share < 0.6) if free == 0.0 else (share > 0.8)
     # 200 plants are a sample; slopes and planes of the cones are good to 0.02.
     assert abs((held > -1e-3).mean() - share) < 0.02 + 3.0 * np.sqrt(share * (1.0 - share) / len(held))
+
+
+@pytest.mark.deep
+def test_every_draw_has_an_answer_where_the_solver_finds_no_optimum():
+    """Of 100 friction states two balance where the solver is stopped, as it cycles around an optimum: the grasp was said
+    not to be robust, its image was.
+    """
+    scene = load(CONFIGS / "mug_motor.yaml").changed(
+        {"objective": "greatest_disturbance", "disturbances.wrenches": [[1.0, 0.0, 0.0], [0.0, -1.0, 0.02]]}
+    )
+    robust = optimize_grasp(scene).robustness.robust
+    assert not np.isnan(robust.margins).any()
+    assert robust.holds
