@@ -180,13 +180,13 @@ def test_starts_keep_fingers_apart_unless_they_may_cross(seed):
 
 
 @pytest.mark.parametrize(("seed", "held"), [(50, True), (31, False)])
-def test_the_place_at_which_an_object_touches_its_support_is_told(seed, held):
+def test_advice_has_the_place_at_which_an_object_touches_its_support(seed, held):
     """A rounded polygon that ends short of the palm is on it where the advice says, and the palm holds."""
     scene = scene_of(drawn("one", seed), 4)
     result, body = solved(scene), scene.object
     assert not result.solved
-    told = re.search(r"from palm, .* touches at object.position = \[(.*), (.*)\]\.", result.advice)
-    x, y = map(float, told.groups())
+    said = re.search(r"from palm, .* touches at object.position = \[(.*), (.*)\]\.", result.advice)
+    x, y = map(float, said.groups())
     solid = rotate(Polygon(body.vertices), body.angle, origin=(0.0, 0.0), use_radians=True)
     solid = solid.buffer(-body.corner_radius, join_style="mitre").buffer(body.corner_radius, quad_segs=10_000)
     assert (x, y) == (pytest.approx(-solid.bounds[0], abs=1e-9), body.position[1])
