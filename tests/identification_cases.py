@@ -76,7 +76,7 @@ def coverage(
     blocks: list[Block], unknowns: list[Unknown], truth: list[float], noise: float, repeats: int
 ) -> np.ndarray:
     """Per unknown, how many of so many fits to noisy copies of exact data have the truth in their intervals."""
-    problem, rng = Problem(blocks, unknowns, "squares"), np.random.default_rng(7)
+    problem, rng = Problem(blocks, unknowns), np.random.default_rng(7)
     clean, hits = problem.measured.copy(), np.zeros(len(truth))
     for _ in range(repeats):
         problem.measured = clean + noise * rng.standard_normal(clean.size)

@@ -59,7 +59,7 @@ CALLS = {
     "plan": (cg.plan, {"scene": PLAN, "warm": None, "grasp": None, "raise_on_failure": True}),
     "run_mission": (cg.run_mission, {"scene": MISSION, "grasp": None, "progress": None}),
     "run_closed_loop": (cg.run_closed_loop, {"scene": CONTROL, "controller": None, "plant": None, "functions": None}),
-    "identify": (cg.identify, {"scene": SCENE, "data": (), "parameters": [], "loss": None, "progress": None}),
+    "identify": (cg.identify, {"scene": SCENE, "data": (), "parameters": [], "progress": None}),
     "FingerModel": (cg.FingerModel, {"finger": SCENE, "family": "arc", "elements": 2, "gravity": (0, 0), "loads": ()}),
     "System": (cg.System, {"given": SCENE, "surroundings": None, "object_parameters": ()}),
     "compile": (cg.compile, {"model": MODEL, "functions": ("tip",)}),

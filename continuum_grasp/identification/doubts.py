@@ -153,7 +153,7 @@ def _judged(
     jacobian, residuals = problem.weighted(solution, np.column_stack(slopes))
     step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
     left: Array = np.asarray(residuals + jacobian @ step)
-    found = infer([*problem.unknowns, *tried], step, jacobian, left, solution.inflation, series=problem.series)
+    found = infer([*problem.unknowns, *tried], step, jacobian, left, series=problem.series)
     own = step[-1] * jacobian[:, -1]
     beyond = own - jacobian[:, :-1] @ np.linalg.lstsq(jacobian[:, :-1], own, rcond=None)[0]
     sure = surely(found.freedom, chances) * found.deviations[-1]

@@ -148,7 +148,7 @@ def _files(paths: Sequence[Path], sets: Sequence[DataSet]) -> Iterator[Path]:
 
 def plain_scene(scene: Scene) -> Scene:
     """The scene without what is said of the data."""
-    own = {"estimate", "laws", "data", "excitation", "loss"}
+    own = {"estimate", "laws", "data", "excitation"}
     return Scene(**scene.model_dump(mode="json", exclude_unset=True, exclude=own))
 
 

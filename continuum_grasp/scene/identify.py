@@ -317,7 +317,7 @@ _FIT = Consumer(
     refused={"object": "has no place here: measurements are of the finger alone, leave the object out"},
     unneeded={
         **LIMITS_OF_BENDING,
-        **dict.fromkeys(("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts"),
+        "finger.half_thickness": "of contacts",
         **LIMITS_OF_COMMANDS,
         "time": "rows have times of their own",
         "name": "of reports",
@@ -338,8 +338,6 @@ class IdentifyScene(Scene):
     """Formats of the files that are given beside this one."""
     excitation: Excitation = Excitation()
     """Commands that ``identify --design`` designs, where it is given and a set is a ``trajectory``."""
-    loss: Literal["squares", "huber"] = "squares"
-    """huber: residuals beyond 1.345 standard deviations count linearly, so that outliers pull less."""
 
     def _check(self) -> None:
         names = [one.name for one in self.estimate]

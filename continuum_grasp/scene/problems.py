@@ -38,6 +38,8 @@ _RENAMED = {
     "q_above_rest": "q",
     "second_moment": "thickness and width of finger.rod",
     "residual": "finger.tendons.friction, finger.damping.dry_friction or finger.softening",
+    "loss": "holdout_rows or window, by which outliers, that fits name, are left out",
+    "samples": "sections, each from one place to the next with values [from, to]",
     "closing": "a scene of simulate with the object, or a mission",
 }
 """Keys that are said by another one, or by another scene."""

@@ -290,7 +290,7 @@ def test_data_folder_is_found_by_its_variable(written, tmp_path, monkeypatch):
         (["--data", "nothing.csv"], 2, "no such file"),
         (["--set", "estimate[0].name=stiffness"], 2, "estimate[0].name: unknown parameter"),
         (["--set", "finger.rod.bending_stiffness=1e-9", "--set", "fidelity.elements=2"], 1, "plausible"),
-        (["--set", "loss=cauchy"], 2, "not one of the choices"),
+        (["--set", "loss=huber"], 2, "holdout_rows or window"),
     ],
 )
 def test_exit_codes(written, tmp_path, arguments, code, words):
