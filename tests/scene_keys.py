@@ -393,11 +393,9 @@ _FITS: dict[str, tuple[str, dict[str, Any]]] = {
         {
             "data[0].start": "estimated",
             "data[0].t": {"column": "t", "scale": 2.0},
-            "data[0].x": {"column": "tip_y", "unit": "mm"},
-            "data[0].y": "tip_x",
+            "data[0].measured": [{"quantity": "x", "column": "tip_y", "unit": "mm", "at": 0.17}],
             "data[0].start_prior": {"bend": 0.1, "rate": 1.0},
             "data[0].window": [0.1, 1.0],
-            "data[0].at": 0.17,
         },
     ),
 }

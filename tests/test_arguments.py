@@ -77,7 +77,7 @@ CALLS = {
     "map_of": (sweeps.map_of, {"table": None, "x": "a", "y": "b", "color": "c", "reduce": "median"}),
     "front_of": (sweeps.front_of, {"table": None, "x": "a", "y": "b", "x_best": "least", "y_best": "least"}),
     "sweep": (cg.sweep, {"config": {}, "folder": None, "workers": 1, "keep": "none", "progress": None}),
-    "TipPath": (identification.TipPath, {"t": [0.0, 1.0], "x": [0.0, 1.0], "y": [0.0, 1.0]}),
+    "TipPath": (identification.TipPath, {"t": [0.0, 1.0], "measured": (identification.Reading("x", [0.0, 1.0]),)}),
     "changed": (SCENE.changed, {"changes": {}}),
     "Scene": (cg.Scene, {"finger": SCENE.finger, "gravity": (0.0, 0.0), "loads": (), "time": None, "contacts": ()}),
 }

@@ -55,7 +55,7 @@ def entries_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], leng
     """
     found, moves = list[Entry](), isinstance(data, TipPath)
     for row, (when, used) in enumerate(zip(at.tolist(), fitted.tolist(), strict=True)):
-        for one in data.readings:
+        for one in data.measured:
             what = one.what if moves else one.what.replace(" of ", " at ")
             group = f"{one.kind} {'on paths' if moves else 'of poses'}"
             if one.sigma is not None:

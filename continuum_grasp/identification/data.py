@@ -111,15 +111,8 @@ class Poses:
     sequence: bool = False
 
     def __post_init__(self) -> None:
-        if not self.measured:
-            raise InputError("measured: expected at least one reading", key=self.name)
-        _check_readings(self.name, self.measured, self.rows)
+        _check_readings(self.name, self.measured)
         _check_rows(self.name, self.conditions, self.fitted, self.rows)
-
-    @property
-    def readings(self) -> Sequence[Reading]:
-        """All that was measured."""
-        return self.measured
 
     @property
     def rows(self) -> int:
@@ -129,20 +122,14 @@ class Poses:
 
 @dataclass(frozen=True)
 class TipPath:
-    """Path of a point of the finger, and of further ones along the same motion: T instants.
+    """Readings along a motion, such as the path of the tip: T instants.
 
     Attributes
     ----------
     t : (T,) array_like
         Instants [s], increasing, from that at which the scene's motion starts.
-    x, y : (T,) array_like, optional
-        World position [m]; one of them may be missing.
-    at : float, optional
-        Position along the finger [m]; the tip where not given.
-    sigma : float, optional
-        Standard deviation of x and y [m], where known.
     measured : sequence of Reading
-        What was measured at further sections, T values each.
+        What was measured, T values each.
     start : {"scene", "estimated"}
         How the motion starts: at time zero as ``initial`` of the scene says, or at ``t[0]`` in a shape and rates that
         are estimated with the parameters, from the smoothest ones through the first samples on.
@@ -150,7 +137,7 @@ class TipPath:
         Standard deviations of an estimated start about that of the first samples: of the bend of every element [rad]
         and of its rate [rad/s]; where not given, any start is as likely.
     before : sequence of Reading
-        The same as ``readings``, before the first instant: shapes that the friction of a finger goes through before an
+        The same as ``measured``, before the first instant: shapes that the friction of a finger goes through before an
         estimated start, from the first on, which was reached as ``initial.reached_by`` of the scene says.
     fitted : bool
         False: predicted and not fitted.
@@ -160,14 +147,10 @@ class TipPath:
     """
 
     t: ArrayLike
-    x: ArrayLike | None = None
-    y: ArrayLike | None = None
-    at: float | None = None
-    sigma: float | None = None
+    measured: Sequence[Reading]
     fitted: bool = True
     scene: Scene | None = None
     name: str = "path"
-    measured: Sequence[Reading] = ()
     start: str = "scene"
     before: Sequence[Reading] = ()
     start_sigma: tuple[float, float] | None = None
@@ -176,12 +159,6 @@ class TipPath:
         t = column(f"{self.name}.t", self.t)
         if t.size < 2 or np.any(np.diff(t) <= 0.0) or t[0] < 0.0:
             raise InputError("expected two or more instants that increase from 0 on", key=f"{self.name}.t")
-        if not self.readings:
-            raise InputError("expected x, y, both, or measured", key=self.name)
-        for key, values in (("x", self.x), ("y", self.y)):
-            if values is not None:
-                column(f"{self.name}.{key}", values, t.size)
-        _check_deviation(f"{self.name}.sigma", self.sigma)
         _check_readings(self.name, self.measured, t.size)
         if self.start not in STARTS:
             raise InputError(f"expected one of {', '.join(STARTS)}, got {self.start!r:.60}", key=f"{self.name}.start")
@@ -193,13 +170,6 @@ class TipPath:
                 raise InputError("expected two numbers, for a start that is estimated", key=key)
             for one in self.start_sigma:
                 positive(key, one)
-
-    @property
-    def readings(self) -> tuple[Reading, ...]:
-        """All that was measured, x and y first."""
-        point = (("x", self.x), ("y", self.y))
-        own = (Reading(key, values, self.at, self.sigma) for key, values in point if values is not None)
-        return (*own, *self.measured)
 
 
 @dataclass(frozen=True)
@@ -238,7 +208,7 @@ class Frequencies:
         _check_rows(self.name, self.conditions, self.fitted, self.rows)
 
     @property
-    def readings(self) -> Sequence[Reading]:
+    def measured(self) -> Sequence[Reading]:
         """Nothing at sections and drives."""
         return ()
 
@@ -263,7 +233,10 @@ def column(key: str, values: ArrayLike, count: int | None = None) -> Array:
     return array
 
 
-def _check_readings(name: str, readings: Sequence[Reading], count: int) -> None:
+def _check_readings(name: str, readings: Sequence[Reading], count: int | None = None) -> None:
+    if not isinstance(readings, Sequence) or not readings or not all(isinstance(one, Reading) for one in readings):
+        raise InputError("expected at least one reading, such as Reading('x', values)", key=f"{name}.measured")
+    count = count or int(np.size(readings[0].values))
     for k, reading in enumerate(readings):
         if reading.quantity not in UNIT_OF:
             message = f"expected one of {', '.join(UNIT_OF)}, got {reading.quantity!r}"

@@ -152,7 +152,7 @@ def _too_far(problem: Problem, solution: Solution, given: Given) -> str:
     found, most = "", 0.0
     sigma, sets = solution.sigma, problem.by_block(solution.values)
     for (data, scene), block, part, values in zip(given, problem.blocks, problem.parts, sets, strict=True):
-        readings = data.readings
+        readings = data.measured
         sought = {one.target: float(value) for one, value in zip(problem.sought, values, strict=False)}
         base = [
             at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", scene.finger.base.position, strict=True)

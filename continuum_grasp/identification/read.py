@@ -197,17 +197,13 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list
     if isinstance(one, RingDown):
         return [_ring_downs(one, table, t, inside, scene, name)]
     heading = as_column(one.t).column
-    long = any(isinstance(of.at, Column) for of in one.readings)
+    long = any(isinstance(of.at, Column) for of in one.measured)
     points = _Points(one, table, scene, key, table.groups(heading if long else None), heading)
     t, inside = t[points.first], inside[points.first]
     if one.conditions:
         given = _conditions(table, one.conditions, scene, key)
         scene = commanded(scene, t, {which: points.same(v, which) for which, v in given.items()}, table.file, key)
-    readings = [
-        reading
-        for k, of in enumerate(one.readings, len(one.measured) - len(one.readings))
-        for reading in points.readings(of, f"measured[{k}]" if k >= 0 else "xy"[k])
-    ]
+    readings = [reading for k, of in enumerate(one.measured) for reading in points.readings(of, f"measured[{k}]")]
     there = np.isfinite([np.asarray(reading.values) for reading in readings]).all(axis=0)
     if not (there & inside).any():
         raise InputError("at every instant a cell that is read is empty", file=table.file)
@@ -219,10 +215,10 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list
         return [
             TipPath(
                 t[inside],
+                found,
                 fitted=fitted,
                 scene=scene,
                 name=name,
-                measured=found,
                 start=one.start,
                 before=earlier,
                 start_sigma=known,
@@ -454,7 +450,7 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
             conditions=conditions,
         )
     elif measured and time is not None:
-        one = TipTrajectory(kind="trajectory", t=time, x=None, y=None, measured=measured, conditions=conditions)
+        one = TipTrajectory(kind="trajectory", t=time, measured=measured, conditions=conditions)
     elif measured:
         named = None if pose is None else pose.column
         one = StaticPoses(kind="static", measured=measured, pose=named, conditions=conditions)

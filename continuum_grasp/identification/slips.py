@@ -99,7 +99,7 @@ def _columns(data: Data, scene: Scene) -> dict[str, str]:
         found |= dict.fromkeys(data.conditions, "")
     if isinstance(data, Frequencies):
         return {**found, "frequency": "Hz", "decay rate": "1/s"}
-    return found | {_column(one): UNIT_OF[one.quantity] for one in data.readings}
+    return found | {_column(one): UNIT_OF[one.quantity] for one in data.measured}
 
 
 def _column(reading: Reading) -> str:
@@ -135,9 +135,7 @@ def _undone_data(slip: Slip, data: Data) -> Data:
         return tuple(found)
 
     if isinstance(data, TipPath):
-        # x and y are readings as all others: of the same place and deviation
-        moved = replace(data, x=None, y=None, at=None, sigma=None, measured=read(data.readings))
-        return replace(moved, t=scaled("t", data.t), before=read(data.before))
+        return replace(data, t=scaled("t", data.t), measured=read(data.measured), before=read(data.before))
     given = {slip.columns.get(name, (name, 1.0))[0]: scaled(name, values) for name, values in data.conditions.items()}
     if isinstance(data, Poses):
         return replace(data, measured=read(data.measured), conditions=given)

@@ -155,11 +155,6 @@ class StaticPoses(_Rows):
     """Number of rows that ``identify --design`` proposes to measure, of the ``choices`` of all conditions; None: none,
     these are measured."""
 
-    @property
-    def readings(self) -> tuple[ReadingColumn, ...]:
-        """All columns with what was measured."""
-        return self.measured
-
     def _check(self) -> None:
         self._check_axes()
 
@@ -174,7 +169,7 @@ class StartPrior(Value):
 
 
 class TipTrajectory(_Data):
-    """Path of a point of the finger in time, and of further ones along the same motion."""
+    """Readings along a motion, such as the path of the tip."""
 
     REFUSALS = (
         beside("identify of known starts", lambda one: one.start != "estimated", "start_prior", _PRIOR, "data"),
@@ -182,21 +177,18 @@ class TipTrajectory(_Data):
     )
 
     kind: Literal["trajectory"]
-    """Path of a point in time."""
+    """Readings along a motion."""
     t: ColumnLike = "t"
     """Column of the instants [s]."""
     conditions: _Conditions = ()
     """Columns with the commands of the drives at these instants, smooth between them, by their names in the model
     (tension_1, length_1, angle_1, ...); they replace ``actuation``."""
-    x: ColumnLike | None = "x"
-    """Column of the world position x [m]; None: not measured."""
-    y: ColumnLike | None = "y"
-    """Column of the world position y [m]; None: not measured."""
-    at: _Place | Column | None = None
-    """Position along the finger [m], or the column that has it, in a table with a row per point; None: the tip."""
-    measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False)] = ()
-    """Columns with what was measured at further sections at the same instants. Instants at which one of the cells is
-    empty are left out."""
+    measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False, min_length=1)] = (
+        ReadingColumn(quantity="x", column="x"),
+        ReadingColumn(quantity="y", column="y"),
+    )
+    """Columns with what was measured; the path of the tip, in columns x and y, where not given. Instants at which one
+    of the cells is empty are left out."""
     start: Literal["scene", "estimated"] = "scene"
     """Start of the motion. scene: at time zero as ``initial`` says; estimated: at the first sample, in a shape and
     rates that are estimated with the parameters, from the smoothest ones through what is measured there on."""
@@ -205,24 +197,9 @@ class TipTrajectory(_Data):
     whatever its rates."""
     window: _Window | None = None
     """Instants from and to which samples are used [s]."""
-    sigma: Annotated[Positive, Unit("m")] | None = None
-    """Standard deviation of x and y [m], where known."""
-
-    @property
-    def readings(self) -> tuple[ReadingColumn, ...]:
-        """All columns that are read but instants and commands: x and y first."""
-        given: tuple[tuple[Quantity, ColumnLike | None], ...] = (("x", self.x), ("y", self.y))
-        own = ((axis, as_column(column)) for axis, column in given if column is not None)
-        point = (
-            ReadingColumn(quantity=axis, at=self.at, sigma=self.sigma, **one.model_dump(exclude_unset=True))
-            for axis, one in own
-        )
-        return (*point, *self.measured)
 
     def _check(self) -> None:
         self._check_axes()
-        if self.x is None and self.y is None and not self.measured:
-            raise ValueError("x and y are both null: give one of them at least, or measured")
 
 
 class RingDown(_Data):

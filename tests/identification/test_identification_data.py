@@ -83,12 +83,13 @@ def test_rows_are_chosen_and_columns_taken_off(tmp_path):
 def test_sets_have_scenes_of_their_own(tmp_path):
     for name in ("up.csv", "down.csv"):
         (tmp_path / name).write_text("t,x,y\n0.1,0.2,0.3\n0.2,0.3,0.4\n0.9,1,1\n")
-    up = {"kind": "trajectory", "file": "up.csv", "window": [0.0, 0.5], "set": ["finger.base.angle=0.0"], "x": None}
+    up = {"kind": "trajectory", "file": "up.csv", "window": [0.0, 0.5], "set": ["finger.base.angle=0.0"]}
+    up["measured"] = [{"quantity": "y", "column": "y"}]
     down = {"kind": "trajectory", "file": "down.csv", "use": "holdout"}
     first, second = read_data(scene(up, down), [tmp_path / "up.csv", tmp_path / "down.csv"])
     assert first.scene.finger.base.angle == 0.0
     assert second.scene.finger.base.angle == -math.pi / 2
-    assert (first.t.tolist(), [(one.quantity, one.values.tolist()) for one in first.readings]) == (
+    assert (first.t.tolist(), [(one.quantity, one.values.tolist()) for one in first.measured]) == (
         [0.1, 0.2],
         [("y", [0.3, 0.4])],
     )
@@ -210,7 +211,8 @@ def test_what_does_not_fit_is_named(tmp_path, data, words):
         ({"estimate": [{"name": "a", "min": 2.0, "max": 1.0}]}, "not below"),
         ({"data": [{**STATIC, "use": "holdout"}]}, "every set is a hold-out"),
         ({"data": [{"kind": "ring_down", "window": [2.0, 1.0]}]}, "window must increase"),
-        ({"data": [{"kind": "trajectory", "x": None, "y": None}]}, "both null"),
+        ({"data": [{"kind": "trajectory", "x": "x"}]}, "write 'measured: "),
+        ({"data": [{"kind": "trajectory", "measured": []}]}, "too short"),
         ({"data": [{"kind": "film"}]}, "not one of the choices"),
     ],
 )

@@ -16,7 +16,7 @@ from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Scene
-from tests.identification_cases import LENGTH, ROD, STIFFNESS, elastica, loaded_scene
+from tests.identification_cases import LENGTH, ROD, STIFFNESS, at_tip, elastica, loaded_scene
 from tests.marks import few
 from tests.rods import rod_scene
 
@@ -62,7 +62,7 @@ class Releases:
 
     def path(self, noise: float, seed: int = 0) -> TipPath:
         tip = self.tip + noise * np.random.default_rng(seed).standard_normal(self.tip.shape)
-        return TipPath(self.t, tip[:, 0], tip[:, 1])
+        return TipPath(self.t, at_tip(*tip.T))
 
     def build(self, given, unknowns) -> Problem:
         key = tuple(one.name for one in unknowns)
@@ -72,7 +72,7 @@ class Releases:
 
     def doubts(self, noise: float, seed: int) -> list[str]:
         path = self.path(noise, seed)
-        self.problem.measured = np.stack([path.x, path.y], axis=1).ravel()
+        self.problem.measured = np.stack([one.values for one in path.measured], axis=1).ravel()
         solution = self.problem.solve(lambda share: None)
         return doubts_of_laws(self.problem, solution, [(path, self.scene)], self.build)
 
