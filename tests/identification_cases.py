@@ -8,7 +8,7 @@ import numpy as np
 from scipy.integrate import solve_bvp
 
 from continuum_grasp.identification.blocks import Block
-from continuum_grasp.identification.data import Reading, TipPath
+from continuum_grasp.identification.data import Poses, Reading, TipPath
 from continuum_grasp.identification.inference import infer
 from continuum_grasp.identification.problem import Problem
 from continuum_grasp.identification.unknowns import Unknown
@@ -69,6 +69,13 @@ def release(scene: Scene, stiffer: float, damping: float, turned: float) -> Scen
 def at_tip(x, y, sigma: float | None = None) -> list[Reading]:
     """Readings of the tip."""
     return [Reading("x", x, sigma=sigma), Reading("y", y, sigma=sigma)]
+
+
+def rung(*frequencies, decays=(), conditions=None) -> Poses:
+    """Frequencies of the natural modes from the first on, and their decay rates, a row or several."""
+    given = [("frequency", frequencies), ("decay_rate", decays)]
+    by_mode = [Reading(one, np.atleast_1d(v), of=k + 1) for one, modes in given for k, v in enumerate(modes)]
+    return Poses(by_mode, conditions or {})
 
 
 def path_of(trajectory, scene: Scene, noise: float, rng: np.random.Generator) -> TipPath:

@@ -347,13 +347,7 @@ _PLANS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 _WEIGHED = {"kind": "static", "file": "own_finger_weights.csv"}
 _SHOWN = {"quantity": "bend", "column": "weight_g", "unit": "rad", "since": 0.01, "at": 0.1, "minus": "weight_g"}
-_RANG = {"frequency": {"column": "weight_g", "unit": "Hz", "zero": -1.0}, "mode": 1, "holdout_rows": [1]}
-_DECAYS = {
-    "kind": "frequencies",
-    "mode": 2,
-    "frequency": {"column": "weight_g", "zero": -2.0},
-    "decay_rate": "weight_g",
-}
+_RANG = {"quantity": "frequency", "column": "weight_g", "zero": -1.0, "of": 2}
 _MILLI = {"name": "load_1_y", "column": "weight_g", "unit": "mN"}
 _RUNG = {"kind": "ring_down", "file": "own_finger_ring_down.csv", "window": [0.2, 2.0], "mode": 2}
 _SET = {"name": "one", "where": [{"column": "weight_g", "equals": ["0", "5", "10"]}], "set": ["gravity=[0.0, -9.8]"]}
@@ -386,8 +380,7 @@ _FITS: dict[str, tuple[str, dict[str, Any]]] = {
         "own_finger",
         {"data": [{**_RUNG, "t": {"column": "t [s]", "scale": 2.0}, "signals": ["y [px]", "y [px]"]}]},
     ),
-    "frequencies": ("own_finger", {"data": [{**_WEIGHED, **_SET, **_RANG, "kind": "frequencies"}]}),
-    "decays": ("own_finger", {"data": [{**_WEIGHED, **_DECAYS, "conditions": [_MILLI]}]}),
+    "frequencies": ("own_finger", {"data": [{**_WEIGHED, "measured": [_RANG], "conditions": [_MILLI]}]}),
     "started": (
         "winch_finger",
         {

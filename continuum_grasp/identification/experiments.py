@@ -157,7 +157,7 @@ def design_experiments(
     Parameters
     ----------
     scene : IdentifyScene
-    data : path-like, Poses, TipPath, Frequencies, or a sequence of these
+    data : path-like, Poses, TipPath, or a sequence of these
         What is measured already: it is fitted first, and gives the values at which the rest is designed, and standard
         deviations of readings that are not stated.
     progress : callable, optional

@@ -17,9 +17,9 @@ from continuum_grasp.accuracy.space import refined
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError, SolverError
-from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBlock
+from continuum_grasp.identification.blocks import Block, PosesBlock
 from continuum_grasp.identification.comparison import Comparison
-from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPath
+from continuum_grasp.identification.data import Data, Poses, TipPath
 from continuum_grasp.identification.doubts import doubts
 from continuum_grasp.identification.fit import Fit, estimates
 from continuum_grasp.identification.inference import infer, model_error_warnings
@@ -61,7 +61,7 @@ def identify(
     scene : Scene or path-like
         The scene, or its YAML file; ``estimate`` and ``data`` of an `IdentifyScene` are what to
         estimate and how to read files.
-    data : path-like, Poses, TipPath, Frequencies, or a sequence of these
+    data : path-like, Poses, TipPath, or a sequence of these
         Measurements: CSV files, folders of them, or arrays; where not given, the files that the configuration names,
         beside it or in the data folder.
     parameters : sequence of Estimate or str, optional
@@ -155,7 +155,7 @@ def compare(
     scene : Scene or path-like
         The scene, or its YAML file. Where its ``data`` do not say how files are read, their headings do: ``t``, ``x``,
         ``y``, ``angle``, ``at``, ``frequency``, ``mode``, and names of inputs and loads of the model, with units.
-    data : path-like, Poses, TipPath, Frequencies, or a sequence of these
+    data : path-like, Poses, TipPath, or a sequence of these
         Measurements: tables, folders of them, or arrays; where not given, the files that the configuration names,
         beside it or in the data folder.
     progress : callable, optional
@@ -252,10 +252,10 @@ def _measurements(scene: Scene, data: Measurements, beside: Path | None) -> list
     if paths or not given:
         found += read_data(scene, paths, beside=beside)
     for one in given:
-        if isinstance(one, (Poses, TipPath, Frequencies)):
+        if isinstance(one, (Poses, TipPath)):
             found.append(one)
         elif not isinstance(one, (str, os.PathLike)):
-            raise InputError(f"expected Poses, TipPath, Frequencies or a path, got {one!r:.60}", key="data")
+            raise InputError(f"expected Poses, TipPath or a path, got {one!r:.60}", key="data")
     if not found:
         raise InputError("expected measurements, got none", key="data")
     return found
@@ -269,8 +269,6 @@ def listed(data: Measurements) -> list[Any]:
 def _block(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
     if isinstance(data, Poses):
         return PosesBlock(scene, data, unknowns)
-    if isinstance(data, Frequencies):
-        return VibrationBlock(scene, data, unknowns)
     return PathBlock(scene, data, unknowns)
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.blocks import Block
-from continuum_grasp.identification.data import KIND_OF, Data, TipPath
+from continuum_grasp.identification.data import KIND_OF, OF_MODES, Data, TipPath
 from continuum_grasp.identification.problem import Build, Given, Problem, Solution, spread
 from continuum_grasp.identification.slips import Slip, slips_of, undone
 from continuum_grasp.identification.unknowns import ADDED, read_unknowns
@@ -49,7 +49,7 @@ _FAR = 10.0
 scales load and stiffness alike leaves no misfit, and materials of one kind differ by less."""
 _SCALES = ("bending_stiffness", "linear_density")
 """Unknowns that scale with units of the loads or times."""
-_MEASURED = {*KIND_OF, "frequency", "decay rate"}
+_MEASURED = {*KIND_OF, *OF_MODES}
 """Columns on whose values no prediction depends."""
 _BASE = ("base_x", "base_y")
 """Unknowns of a base that is elsewhere."""
@@ -141,7 +141,7 @@ def _limit(kind: str, measured: Array, length: float) -> float:
         "positions": _PART * length,
         "angles": _PART * max(_BEND, float(np.ptp(measured))),
         "frequency": _PART * size,
-        "decay rate": math.inf,
+        "decay_rate": math.inf,
     }
     # of drives: a model that is off by as much as it is to explain; friction and lags are large parts of these
     return sizes.get(kind, size)

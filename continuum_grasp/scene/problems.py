@@ -43,6 +43,7 @@ _RENAMED = {
     **dict.fromkeys(
         ("data.x", "data.y", "data.at", "data.sigma"), "measured: [{quantity: x, column: x}, {quantity: y, column: y}]"
     ),
+    "kind: frequencies": "kind: static, measured: [{quantity: frequency, of: MODE, column: ...}]",
     "closing": "a scene of simulate with the object, or a mission",
 }
 """Keys that are said by another one, or by another scene."""
@@ -193,7 +194,8 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
             return Problem((*path, tag), "missing" + (f"; expected {words}" if words else ""))
         case "union_tag_invalid":
             tag = str(context["discriminator"]).strip("'")
-            hint = nearest(str(context["tag"]), shape.tags(path, data), say_all=False)
+            instead = _RENAMED.get(f"kind: {context['tag']}")
+            hint = f"; write {instead}" if instead else nearest(context["tag"], shape.tags(path, data), say_all=False)
             what = f"not one of the choices: expected {context['expected_tags']}, got {context['tag']!r}{hint}"
             return Problem((*path, tag), what)
         case "too_short":

@@ -106,15 +106,16 @@ def test_ring_downs_become_frequencies(tmp_path):
     (tmp_path / "ring.csv").write_text("\n".join(["t,one,two", *rows]) + "\n")
     wanted = {"kind": "ring_down", "signals": ["one", "two"], "window": [0.0, 4.0]}
     (data,) = read_data(scene(wanted), [tmp_path / "ring.csv"])
-    assert data.frequency == pytest.approx([2.0, 2.5], rel=1e-5)
-    assert data.decay_rate == pytest.approx([0.2, 0.2], rel=1e-4)
+    assert data.measured[0].values == pytest.approx([2.0, 2.5], rel=1e-5)
+    assert data.measured[1].values == pytest.approx([0.2, 0.2], rel=1e-4)
 
 
 @pytest.mark.deep
 def test_frequencies_are_read_by_mode(tmp_path):
-    rows = [f"{mode},{2.0 * math.pi * frequency(mode):.9f}" for mode in (1, 2)]
-    (tmp_path / "f.csv").write_text("\n".join(["mode,frequency [rad/s]", *rows]) + "\n")
-    wanted = scene({"kind": "frequencies"}, gravity=[0.0, 0.0], fidelity={"elements": 6})
+    values = ",".join(f"{2.0 * math.pi * frequency(mode):.9f}" for mode in (1, 2))
+    (tmp_path / "f.csv").write_text(f"first [rad/s],second [rad/s]\n{values}\n")
+    measured = [{"quantity": "frequency", "of": k + 1, "column": name} for k, name in enumerate(("first", "second"))]
+    wanted = scene({"kind": "static", "measured": measured}, gravity=[0.0, 0.0], fidelity={"elements": 6})
     fit = cg.identify(wanted, tmp_path / "f.csv")
     assert fit["bending_stiffness"] == pytest.approx(STIFFNESS, rel=3e-3)
 

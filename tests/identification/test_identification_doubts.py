@@ -65,12 +65,12 @@ def test_outliers_are_found_among_many_and_not_in_normal_noise():
     rng = np.random.default_rng(11)
     for count, most in ((12, 4), (400, 4)):  # of 200: 1 % beside 2 in a thousand
         noises = rng.standard_normal((200, count))
-        assert sum(bool(_outliers(Problem([Level(one)], [ONE]), one)) for one in noises) <= most
+        assert sum(bool(_outliers(Problem([Level(one)], [ONE]), one, one.size)) for one in noises) <= most
     # A tenth of the readings far off must not hide each other, whatever the unit of the deviation.
     noise = 1e-3 * rng.standard_normal(400)
     noise[::10] += 8e-3 * rng.choice([-1.0, 1.0], 40)
     noise[70] = 0.1
-    (found,) = _outliers(Problem([Level(noise)], [ONE]), noise)
+    (found,) = _outliers(Problem([Level(noise)], [ONE]), noise, noise.size)
     assert int(found.split()[0]) >= 38
     assert found.endswith("worst: level 70")
 

@@ -91,7 +91,7 @@ def test_points_beyond_the_reach_are_refused(at, way):
         ("bend", [0.0, 1.0, 4.0], 0.2),
         ("frequency", [3.0, 4.0], 0.05 * np.sqrt(12.5)),
         ("torque", [3.0, 4.0], np.sqrt(12.5)),
-        ("decay rate", [3.0, 4.0], np.inf),
+        ("decay_rate", [3.0, 4.0], np.inf),
     ],
 )
 def test_other_quantities_are_refused_from_a_share_of_their_range_or_size_on(quantity, values, limit):

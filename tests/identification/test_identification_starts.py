@@ -7,11 +7,11 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification import Estimate, Frequencies, Poses, Reading, TipPath
+from continuum_grasp.identification import Estimate, Poses, Reading, TipPath
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Scene
-from tests.identification_cases import LENGTH, ROD, STIFFNESS, at_tip, elastica, loaded_scene, slope_error
+from tests.identification_cases import LENGTH, ROD, STIFFNESS, at_tip, elastica, loaded_scene, rung, slope_error
 from tests.rods import HANGING, rod_scene
 
 PLACES = (0.15, 0.28, LENGTH)
@@ -140,7 +140,7 @@ def test_the_body_at_the_tip_from_two_frequencies():
     frequencies = np.sort(1.0 / np.sqrt(np.linalg.eigvals(flexibility @ body))) / (2 * np.pi)
     finger = {"tip_body": {"mass": mass, "center_of_mass": [0.0, 0.01], "rotary_inertia": 1e-3}}
     scene = rod_scene(ROD | {"linear_density": 1e-5}, "clothoid", 1, gravity=(0.0, 0.0), finger=finger)
-    fit = cg.identify(scene, Frequencies([1, 2], frequencies), parameters=["tip_body_along", "tip_body_inertia"])
+    fit = cg.identify(scene, rung(*frequencies), parameters=["tip_body_along", "tip_body_inertia"])
     assert fit["tip_body_along"] == pytest.approx(arm, rel=1e-3)
     assert fit["tip_body_inertia"] == pytest.approx(inertia, rel=1e-2)
     applied = fit.apply().finger.tip_body
