@@ -411,6 +411,11 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
         found = _SUFFIX.fullmatch(heading) if unit is None else None
         own = {"Nm": "N m"}.get(found[2], found[2]) if found else None
         columns[found[1] if found else heading] = Column(column=heading, unit=own)
+    if "mode" in columns:
+        message = (
+            "give each mode a column of its own, by data: in a configuration: {quantity: frequency, of: 2, column: ...}"
+        )
+        raise InputError(message, file=str(file), line=table.header_line)
     time = next((columns.pop(name) for name in _TIMES if name in columns), None)
     at = columns.pop("at", None)
     pose = columns.pop("pose", None)
