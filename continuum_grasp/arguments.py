@@ -21,6 +21,7 @@ from continuum_grasp.errors import InputError
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 GONE = {
+    "loss": "outliers are named; leave their rows out by `fitted` of the data, or by holdout_rows or window of a set",
     "precision": "models compute in double precision; take export_c(..., real='float'), or a Controller's precision",
 }
 """Arguments that functions had once, and what to write instead."""

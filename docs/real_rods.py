@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import continuum_grasp as cg
-from continuum_grasp.identification import Estimate, Fit, TipPath, data_folder
+from continuum_grasp.identification import Estimate, Fit, Reading, TipPath, data_folder
 from continuum_grasp.scene import Fidelity, Timing
 
 CONFIGS = Path(__file__).parents[1] / "configs"
@@ -122,7 +122,8 @@ def releases(repeats: int) -> None:
         found = []
         for grams, motion in motions.items():
             tip = motion.tip + noise * rng.standard_normal(motion.tip.shape)
-            found.append(TipPath(motion.t[1:], tip[1:, 0], tip[1:, 1], scene=scene(grams, family, elements)))
+            readings = [Reading(axis, tip[1:, k]) for k, axis in enumerate("xy")]
+            found.append(TipPath(motion.t[1:], readings, scene=scene(grams, family, elements)))
         return found
 
     rng, masses = np.random.default_rng(0), (0, 10, 20, 50)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.integrate import solve_bvp
 
 from continuum_grasp.identification.blocks import Block
-from continuum_grasp.identification.data import TipPath
+from continuum_grasp.identification.data import Poses, Reading, TipPath
 from continuum_grasp.identification.inference import infer
 from continuum_grasp.identification.problem import Problem
 from continuum_grasp.identification.unknowns import Unknown
@@ -66,17 +66,29 @@ def release(scene: Scene, stiffer: float, damping: float, turned: float) -> Scen
     return scene.model_copy(update={"finger": finger.model_copy(update={"rod": rod, "base": base, "damping": damped})})
 
 
+def at_tip(x, y, sigma: float | None = None) -> list[Reading]:
+    """Readings of the tip."""
+    return [Reading("x", x, sigma=sigma), Reading("y", y, sigma=sigma)]
+
+
+def rung(*frequencies, decays=(), conditions=None) -> Poses:
+    """Frequencies of the natural modes from the first on, and their decay rates, a row or several."""
+    given = [("frequency", frequencies), ("decay_rate", decays)]
+    by_mode = [Reading(one, np.atleast_1d(v), of=k + 1) for one, modes in given for k, v in enumerate(modes)]
+    return Poses(by_mode, conditions or {})
+
+
 def path_of(trajectory, scene: Scene, noise: float, rng: np.random.Generator) -> TipPath:
     """The path of the tip with noise, as measured on a scene."""
     tip = trajectory.tip + noise * rng.standard_normal(trajectory.tip.shape)
-    return TipPath(trajectory.t[1:], tip[1:, 0], tip[1:, 1], scene=scene, name=str(scene.name))
+    return TipPath(trajectory.t[1:], at_tip(*tip[1:].T), scene=scene, name=str(scene.name))
 
 
 def coverage(
     blocks: list[Block], unknowns: list[Unknown], truth: list[float], noise: float, repeats: int
 ) -> np.ndarray:
     """Per unknown, how many of so many fits to noisy copies of exact data have the truth in their intervals."""
-    problem, rng = Problem(blocks, unknowns, "squares"), np.random.default_rng(7)
+    problem, rng = Problem(blocks, unknowns), np.random.default_rng(7)
     clean, hits = problem.measured.copy(), np.zeros(len(truth))
     for _ in range(repeats):
         problem.measured = clean + noise * rng.standard_normal(clean.size)

@@ -43,14 +43,6 @@ _SUPPORTS = {
     "point": {"type": "point", "position": [0.3, -0.3], "radius": 0.01},
     "groove": {"type": "v_groove", "apex": [0.0, -0.4], "opening_angle": 1.5, "axis_angle": 1.57},
 }
-_SPREAD = {
-    "at": [0.0, 0.05, 0.1],
-    "bending_stiffness": [0.02, 0.015, 0.01],
-    "linear_density": [0.2, 0.15, 0.1],
-    "rotary_inertia": [1e-6, 1e-6, 1e-6],
-    "rest_curvature": [0.1, 0.2, 0.1],
-    "thickness": [0.01, 0.009, 0.008],
-}
 _BENT = {"to": 0.05, "bending_stiffness": 0.02, "linear_density": 0.2, "rotary_inertia": 1e-6, "thickness": 0.01}
 _CUT = {"to": 0.1, "youngs_modulus": 1e9, "density": 1e3, "width": 0.01, "thickness": 0.005}
 _OWN_ROD: dict[str, Any] = {
@@ -103,7 +95,6 @@ _FOLDERS = {
     Design: "design",
 }
 _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
-    "samples": ("close_on_mug", {"finger.rod": {"length": 0.1, "samples": _SPREAD}, **_OWN_ROD}),
     "loads": ("three_tendons", {"loads": [_MOMENT, _FORCE], "actuation": {"tensions": [3.0, 4.0, 5.0]}}),
     "shape": (
         "close_on_mug",
@@ -356,13 +347,7 @@ _PLANS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 _WEIGHED = {"kind": "static", "file": "own_finger_weights.csv"}
 _SHOWN = {"quantity": "bend", "column": "weight_g", "unit": "rad", "since": 0.01, "at": 0.1, "minus": "weight_g"}
-_RANG = {"frequency": {"column": "weight_g", "unit": "Hz", "zero": -1.0}, "mode": 1, "holdout_rows": [1]}
-_DECAYS = {
-    "kind": "frequencies",
-    "mode": 2,
-    "frequency": {"column": "weight_g", "zero": -2.0},
-    "decay_rate": "weight_g",
-}
+_RANG = {"quantity": "frequency", "column": "weight_g", "zero": -1.0, "of": 2}
 _MILLI = {"name": "load_1_y", "column": "weight_g", "unit": "mN"}
 _RUNG = {"kind": "ring_down", "file": "own_finger_ring_down.csv", "window": [0.2, 2.0], "mode": 2}
 _SET = {"name": "one", "where": [{"column": "weight_g", "equals": ["0", "5", "10"]}], "set": ["gravity=[0.0, -9.8]"]}
@@ -379,7 +364,6 @@ _FITS: dict[str, tuple[str, dict[str, Any]]] = {
         {
             "estimate": [{"name": "clamp_angle", "per": "set", "min": -0.5, "max": 0.5}],
             "data": [{**_WEIGHED, **_SET, "sequence": True, "holdout_rows": [1], "measured": [_SHOWN]}],
-            "loss": "huber",
         },
     ),
     "laws": (
@@ -396,18 +380,15 @@ _FITS: dict[str, tuple[str, dict[str, Any]]] = {
         "own_finger",
         {"data": [{**_RUNG, "t": {"column": "t [s]", "scale": 2.0}, "signals": ["y [px]", "y [px]"]}]},
     ),
-    "frequencies": ("own_finger", {"data": [{**_WEIGHED, **_SET, **_RANG, "kind": "frequencies"}]}),
-    "decays": ("own_finger", {"data": [{**_WEIGHED, **_DECAYS, "conditions": [_MILLI]}]}),
+    "frequencies": ("own_finger", {"data": [{**_WEIGHED, "measured": [_RANG], "conditions": [_MILLI]}]}),
     "started": (
         "winch_finger",
         {
             "data[0].start": "estimated",
             "data[0].t": {"column": "t", "scale": 2.0},
-            "data[0].x": {"column": "tip_y", "unit": "mm"},
-            "data[0].y": "tip_x",
+            "data[0].measured": [{"quantity": "x", "column": "tip_y", "unit": "mm", "at": 0.17}],
             "data[0].start_prior": {"bend": 0.1, "rate": 1.0},
             "data[0].window": [0.1, 1.0],
-            "data[0].at": 0.17,
         },
     ),
 }

@@ -305,7 +305,7 @@ def fitted(scene: Scene) -> Iterator[object]:
 
 def read_and_sought(scene: IdentifyScene) -> Iterator[object]:
     """What identify reads of the shipped files and seeks, and the commands that it begins to design."""
-    yield from (read_unknowns(scene, scene.estimate), scene.loss)
+    yield read_unknowns(scene, scene.estimate)
     yield [{**vars(one), "scene": None, "own": one.scene} for one in read_data(scene, [CONFIGS / "identify"])]
     yield [(law.name, own.estimate, own.gravity) for law, own in zip(scene.laws, under_laws(scene), strict=True)]
     for k, one in enumerate(scene.data):
@@ -352,7 +352,7 @@ class Walk:
         return f"{self.consumer}: {self.make.__name__}"
 
 
-_OF_TOUCH = ("finger.half_thickness", "finger.rod.samples.thickness", "finger.tendons.max_tension")
+_OF_TOUCH = ("finger.half_thickness", "finger.tendons.max_tension")
 """Keys of contacts and commands, which a model without them has not."""
 WALKS = (
     Walk("export to mjcf", Scene, chain_of_hinges),

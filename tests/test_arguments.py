@@ -59,7 +59,7 @@ CALLS = {
     "plan": (cg.plan, {"scene": PLAN, "warm": None, "grasp": None, "raise_on_failure": True}),
     "run_mission": (cg.run_mission, {"scene": MISSION, "grasp": None, "progress": None}),
     "run_closed_loop": (cg.run_closed_loop, {"scene": CONTROL, "controller": None, "plant": None, "functions": None}),
-    "identify": (cg.identify, {"scene": SCENE, "data": (), "parameters": [], "loss": None, "progress": None}),
+    "identify": (cg.identify, {"scene": SCENE, "data": (), "parameters": [], "progress": None}),
     "FingerModel": (cg.FingerModel, {"finger": SCENE, "family": "arc", "elements": 2, "gravity": (0, 0), "loads": ()}),
     "System": (cg.System, {"given": SCENE, "surroundings": None, "object_parameters": ()}),
     "compile": (cg.compile, {"model": MODEL, "functions": ("tip",)}),
@@ -77,7 +77,7 @@ CALLS = {
     "map_of": (sweeps.map_of, {"table": None, "x": "a", "y": "b", "color": "c", "reduce": "median"}),
     "front_of": (sweeps.front_of, {"table": None, "x": "a", "y": "b", "x_best": "least", "y_best": "least"}),
     "sweep": (cg.sweep, {"config": {}, "folder": None, "workers": 1, "keep": "none", "progress": None}),
-    "TipPath": (identification.TipPath, {"t": [0.0, 1.0], "x": [0.0, 1.0], "y": [0.0, 1.0]}),
+    "TipPath": (identification.TipPath, {"t": [0.0, 1.0], "measured": (identification.Reading("x", [0.0, 1.0]),)}),
     "changed": (SCENE.changed, {"changes": {}}),
     "Scene": (cg.Scene, {"finger": SCENE.finger, "gravity": (0.0, 0.0), "loads": (), "time": None, "contacts": ()}),
 }

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -144,45 +141,3 @@ def test_new_lists_every_example_in_one_line():
     assert {one["name"]: tuple(one["missing"]) for one in found if one["missing"]} == {
         name: examples.example(name).missing for name in NAMES if name not in WHOLE
     }
-
-
-COMPLETED = {
-    "new . --example grasp/mug_h": ["grasp/mug_handle", "grasp/mug_hanging"],
-    "modes configs/simulate/s": [
-        "configs/simulate/spirob.yaml",
-        "configs/simulate/standing.yaml",
-        "configs/simulate/stepped_rod.yaml",
-        "configs/simulate/swing_against_disc.yaml",
-    ],
-    "mpc configs/mi": [
-        f"configs/mission/{name}.yaml"
-        for name in ("cup_lying", "mug", "mug_hard", "mug_servo", "pinch", "pinch_palm", "pinch_three", "turn_block")
-    ],
-    "grasp configs/mpc/": [],
-}
-"""By what is typed; nothing: the shell completes files."""
-SCRIPTS = {
-    "bash": 'source <(continuum-grasp); unset V\nt() { COMP_WORDS=(continuum-grasp "$@"); COMP_CWORD=$#\n'
-    '_continuum_grasp_completion continuum-grasp; printf "%s\\n" "${COMPREPLY[@]}" ++; }\n',
-    "fish": "continuum-grasp | source; set -e V\n"
-    'function t; complete -C "continuum-grasp $argv" | cut -f 1; echo ++; end\n',
-    "zsh": 'unset V\nt() { V=complete_zsh _TYPER_COMPLETE_ARGS="continuum-grasp $*" continuum-grasp '
-    """| grep -o '"[^"]*"' | grep -v " "; echo ++; }\n""",
-}
-"""Print what a shell offers for the words of t."""
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("shell", SCRIPTS)
-def test_shells_complete(shell, tmp_path):
-    if shutil.which(shell) is None:
-        pytest.skip(f"no {shell}")
-    command = tmp_path / "continuum-grasp"
-    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m continuum_grasp "$@"\n', encoding="utf-8")
-    command.chmod(0o755)
-    cases = {words: found for words, found in COMPLETED.items() if found or shell != "fish"}  # fish adds files itself
-    path = {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}", "_CONTINUUM_GRASP_COMPLETE": f"source_{shell}"}
-    script = SCRIPTS[shell].replace("V", "_CONTINUUM_GRASP_COMPLETE") + "".join(f"t {words}\n" for words in cases)
-    asked = subprocess.run([shell, "-c", script], cwd=ROOT, env={**os.environ, **path}, capture_output=True, text=True)
-    answers = [sorted(answer.replace('"', "").split()) for answer in asked.stdout.split("++\n")[:-1]]
-    assert dict(zip(cases, answers, strict=True)) == cases, asked.stderr

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from continuum_grasp.cli.completion import complete_example
 from continuum_grasp.cli.options import named_path, option, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
@@ -29,7 +28,7 @@ def new(
             metavar="DIR", parser=named_path, help="Where to; made where it is missing.", show_default=False
         ),
     ] = None,
-    name: str = option("Which one.", "--example", default=_FIRST, metavar="NAME", autocompletion=complete_example),
+    name: str = option("Which one.", "--example", default=_FIRST, metavar="NAME"),
     listed: bool = option("Copy nothing: list all examples, by the command.", "--list", default=False),
     notebooks: bool = option("Copy the notebooks in place of an example.", "--notebooks", default=False),
 ) -> None:

@@ -12,7 +12,6 @@ from typing import Annotated, Any
 import typer
 from typer.models import OptionInfo
 
-from continuum_grasp.cli.completion import complete_config
 from continuum_grasp.cli.output import Output
 
 
@@ -52,7 +51,6 @@ _SHARED: dict[str, tuple[Any, Any, Any]] = {
             parser=named_path,
             help="YAML configuration.",
             show_default=False,
-            autocompletion=complete_config,
         ),
         inspect.Parameter.empty,
     ),

@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from continuum_grasp.cli.completion import complete_kind
 from continuum_grasp.cli.options import out_option
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
@@ -20,7 +19,6 @@ def schema(
             metavar="[simulate|identify|grasp|mpc|mission|plan|sweep|finger]",
             help="Print this schema.",
             show_default=False,
-            autocompletion=complete_kind,
         ),
     ] = None,
     out: Annotated[Path | None, out_option("Write all schemas into this folder.")] = None,

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 import typer
 
-from continuum_grasp.cli.completion import complete_config
 from continuum_grasp.cli.options import named_path, option, verb
 from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
@@ -18,9 +17,7 @@ def validate(
     output: Output,
     files: Annotated[
         list[Path],
-        typer.Argument(
-            metavar="FILES...", help="YAML configurations.", show_default=False, autocompletion=complete_config
-        ),
+        typer.Argument(metavar="FILES...", help="YAML configurations.", show_default=False),
     ],
     picture: Path | None = option("Draw the object as it was understood.", metavar="FILE", parser=named_path),
 ) -> None:

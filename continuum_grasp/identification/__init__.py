@@ -3,7 +3,7 @@
 from continuum_grasp.identification.commissioning import Commissioning, commission, design_commissioning
 from continuum_grasp.identification.comparison import Channel, Comparison
 from continuum_grasp.identification.damped_sine import DampedSine, fit_damped_sine
-from continuum_grasp.identification.data import Frequencies, Poses, Reading, TipPath
+from continuum_grasp.identification.data import Poses, Reading, TipPath
 from continuum_grasp.identification.experiments import ExperimentPlan, design_experiments
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.identification.fitting import compare, identify
@@ -20,7 +20,6 @@ __all__ = [
     "Estimate",
     "ExperimentPlan",
     "Fit",
-    "Frequencies",
     "IdentifyScene",
     "Poses",
     "Reading",

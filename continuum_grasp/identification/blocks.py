@@ -1,4 +1,4 @@
-"""Predictions of one set of measurements as functions of the unknowns: shapes at rest and free vibrations."""
+"""Predictions of one set of measurements as functions of the unknowns, those of shapes at rest."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
-from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.identification.data import UNIT_OF, Frequencies, Poses, TipPath
+from continuum_grasp.errors import SolverError
+from continuum_grasp.identification.data import UNIT_OF, Poses, TipPath
 from continuum_grasp.identification.observation import at_rest, check_tensions
 from continuum_grasp.identification.rows import Resting, Rows, Shapes, symbols, with_slopes
 from continuum_grasp.identification.unknowns import Unknown
+from continuum_grasp.identification.vibrations import Vibrations
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.simulate import Scene
-from continuum_grasp.simulation.spectrum import poles
 from continuum_grasp.simulation.trajectory import backbones, limit_warnings
 
 
@@ -43,7 +43,7 @@ class Entry:
     series: str = ""
     """Entries of one block and one series follow each other: one reading, row by row or instant by instant."""
     quantity: str = ""
-    """Quantity that was measured: a reading, a frequency or a decay rate."""
+    """Quantity that was measured."""
     place: float | None = None
     """Position along the finger [m] where it was measured; None: not along the finger."""
 
@@ -55,12 +55,12 @@ def entries_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], leng
     """
     found, moves = list[Entry](), isinstance(data, TipPath)
     for row, (when, used) in enumerate(zip(at.tolist(), fitted.tolist(), strict=True)):
-        for one in data.readings:
-            what = one.what if moves else one.what.replace(" of ", " at ")
-            group = f"{one.kind} {'on paths' if moves else 'of poses'}"
+        for one in data.measured:
+            what = one.what if moves or one.of_mode else one.what.replace(" of ", " at ")
+            group = what if one.of_mode else f"{one.kind} {'on paths' if moves else 'of poses'}"
             if one.sigma is not None:
                 group = f"{data.name}: {one.kind if moves else what}"
-            place = None if one.of_drive else length if one.at is None else one.at
+            place = None if one.of_drive or one.of_mode else length if one.at is None else one.at
             known = UNIT_OF[one.quantity], float(np.asarray(one.values)[row]), used, one.sigma
             label = what + (f" at {when:g} s" if moves else f", row {row + 1}")
             found.append(Entry(label, group, *known, when, what, one.quantity, place))
@@ -144,14 +144,27 @@ class Block:
         return Drawn(bent.at[chosen], np.array(lines), bent.over_time)
 
 
-class _RowsBlock(Block):
-    """Rows of measurements, each about an equilibrium of its own."""
+class PosesBlock(Block):
+    """Shapes at rest, each row about an equilibrium of its own, and vibrations about them."""
 
-    def __init__(self, scene: Scene, data: Poses | Frequencies, unknowns: Sequence[Unknown]) -> None:
-        self.name, self.entries, self.finger = data.name, [], scene.finger
-        rows = Rows(scene, unknowns, data.name, data.conditions, data.rows)
-        self._shapes = Shapes(rows, sequence=isinstance(data, Poses) and data.sequence)
+    def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
+        self.name, self.finger, self.ordered = data.name, scene.finger, data.sequence
+        self._shapes = Shapes(Rows(scene, unknowns, data.name, data.conditions, data.rows), sequence=data.sequence)
         self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
+        model, still = self._shapes.model, [one for one in data.measured if not one.of_mode]
+        check_tensions(model, still, data.name)
+        q, u, w, p = symbols(model)
+        history = ca.SX.sym("history", len(model.friction_names) + bool(model.friction_names))
+        given = (history,) if model.friction_names else ()
+        beside = ca.SX.sym("offsets", len(still))
+        y = at_rest(model, still, q, u, p, *given, offsets=beside)
+        self._observe = with_slopes("observation", y, q, ca.vertcat(u, w, p), history, beside)
+        self._offsets = np.array([np.broadcast_to(one.offset, data.rows) for one in still]).T.reshape(data.rows, -1)
+        rung = [one for one in data.measured if one.of_mode]
+        self._vibrations = Vibrations(model, rung, len(unknowns), data.name) if rung else None
+        self._places = np.argsort(np.argsort([one.of_mode for one in data.measured], kind="stable"))
+        rows = np.arange(1.0, data.rows + 1.0)
+        self.entries = entries_of(data, rows, self._fitted, scene.finger.rod.length)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         found = [self._row(row, resting) for row, resting in enumerate(self._shapes.all(values))]
@@ -181,100 +194,10 @@ class _RowsBlock(Block):
         return Bent(model, np.arange(1.0, len(rows) + 1.0), np.array([one.q for one in rows]), u, p, False)
 
     def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
-        raise NotImplementedError
-
-
-class PosesBlock(_RowsBlock):
-    """Shapes at rest."""
-
-    def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
-        super().__init__(scene, data, unknowns)
-        model, self.ordered = self._shapes.model, data.sequence
-        check_tensions(model, data.measured, data.name)
-        q, u, w, p = symbols(model)
-        history = ca.SX.sym("history", len(model.friction_names) + bool(model.friction_names))
-        given = (history,) if model.friction_names else ()
-        beside = ca.SX.sym("offsets", len(data.measured))
-        y = at_rest(model, data.measured, q, u, p, *given, offsets=beside)
-        self._observe = with_slopes("observation", y, q, ca.vertcat(u, w, p), history, beside)
-        self._offsets = np.stack([np.broadcast_to(one.offset, data.rows) for one in data.measured], axis=1)
-        rows = np.arange(1.0, data.rows + 1.0)
-        self.entries = entries_of(data, rows, self._fitted, scene.finger.rod.length)
-
-    def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
         given = (resting.q, resting.z, resting.history, self._offsets[row])
         y, by_q, by_z, by_past = (np.array(v) for v in self._observe(*given)[:4])
-        return y.ravel(), by_q @ resting.by_q + by_z @ resting.by_z + by_past @ resting.by_history
-
-
-class VibrationBlock(_RowsBlock):
-    """Frequencies and decay rates of small vibrations about the equilibrium."""
-
-    def __init__(self, scene: Scene, data: Frequencies, unknowns: Sequence[Unknown]) -> None:
-        super().__init__(scene, data, unknowns)
-        beyond = {
-            "on motors": (self._shapes.model.structure.motors, "their inertia swings along"),
-            "whose material relaxes": (scene.finger.damping.relaxation, "a part of its stiffness follows with a lag"),
-        }
-        for which, (there, why) in beyond.items():
-            if there:
-                message = f"frequencies of a finger {which} are not predicted, since {why}: give a trajectory"
-                raise InputError(message, key=data.name)
-        self._pencil = _pencil(self._shapes.model)
-        self._slopes = self._pencil.forward(len(unknowns))
-        self._modes = np.asarray(data.mode, dtype=int)
-        self._decays = data.decay_rate is not None
-        columns = [("frequency", "Hz", data.frequency), ("decay rate", "1/s", data.decay_rate)]
-        for row, mode in enumerate(self._modes):
-            for quantity, unit, numbers in columns:
-                if numbers is not None:
-                    what = f"{quantity} of mode {mode}"
-                    value, fitted = float(np.asarray(numbers)[row]), bool(self._fitted[row])
-                    own = what, unit, value, fitted, None, row + 1.0, what, quantity
-                    self.entries.append(Entry(f"{what}, row {row + 1}", *own))
-
-    def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
-        given = resting.q, resting.z
-        three = mass, damping, stiffness = [np.array(matrix) for matrix in self._pencil(*given)]
-        pole, left, right = _mode(mass, damping, stiffness, int(self._modes[row]))
-        # l* (s^2 M + s D + K) r = 0 differentiated: ds = l* (s^2 dM + s dD + dK) r / -(l* (2 s M + D) r); dl and dr
-        # drop out, since l and r are null vectors (P. Lancaster, 1964, doi:10.1007/BF01386087)
-        moved = [np.array(slope) for slope in self._slopes(*given, *three, resting.by_q, resting.by_z)]
-        turned = (pole**2 * moved[0] + pole * moved[1] + moved[2]).reshape(right.size, -1, right.size)
-        change = left.conj() @ (turned @ right) / -(left.conj() @ (2.0 * pole * mass + damping) @ right)
-        y, derivative = [pole.imag / (2.0 * np.pi)], [change.imag / (2.0 * np.pi)]
-        if self._decays:
-            y.append(-pole.real)
-            derivative.append(-change.real)
-        return np.array(y), np.array(derivative)
-
-
-def _pencil(model: FingerModel) -> ca.Function:
-    """Mass, damping and stiffness of small motions as a function of q and z = [u, w, p]."""
-    q, u, w, p = symbols(model)
-    qd, qdd = (ca.SX.sym(name, model.n) for name in ("qd", "qdd"))
-    # As it was pulled there.
-    pulled = (np.append(np.zeros(len(model.friction_names)), 1.0),) if model.friction_names else ()
-    missing = model.inverse_dynamics(q, qd, qdd, u, w, p, *pulled)
-    at_rest = [qd, qdd], [ca.SX.zeros(model.n), ca.SX.zeros(model.n)]
-    three = [ca.densify(ca.substitute([ca.jacobian(missing, by)], *at_rest)[0]) for by in (qdd, qd, q)]
-    return ca.Function("pencil", [q, ca.vertcat(u, w, p)], ca.cse(three), ["q", "z"], ["M", "D", "K"])
-
-
-def _mode(
-    mass: Array, damping: Array, stiffness: Array, number: int
-) -> tuple[complex, NDArray[np.complex128], NDArray[np.complex128]]:
-    """Pole (rate and pulsation [1/s]), left and right shape of the mode of that number, from 1."""
-    found = poles(mass, stiffness, damping)
-    # of each pair of conjugates one; those without imaginary part do not vibrate
-    ringing = sorted(found[found.imag > 1e-9 * np.abs(found).max()], key=lambda pole: pole.imag)
-    if len(ringing) < number:
-        raise SolverError(
-            f"mode {number} does not ring: only {len(ringing)} of {len(mass)} modes do",
-            status="overdamped",
-            advice="give another mode, take more elements, or bound damping and stiffness",
-        )
-    pole = complex(ringing[number - 1])
-    # null vectors: the singular vectors of the least singular value
-    left, _, right = np.linalg.svd(pole**2 * mass + pole * damping + stiffness)
-    return pole, left[:, -1], right[-1].conj()
+        y, slope = y.ravel(), by_q @ resting.by_q + by_z @ resting.by_z + by_past @ resting.by_history
+        if self._vibrations is None:
+            return y, slope
+        more, slopes = self._vibrations.at(resting)
+        return np.append(y, more)[self._places], np.vstack([slope, slopes])[self._places]

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from continuum_grasp.arguments import positive, real_array
+from continuum_grasp.arguments import positive, real_array, whole
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.identify import OF_BENDS
@@ -24,10 +24,14 @@ UNIT_OF = {
     "motor_angle": "rad",
     "torque": "N m",
     "current": "A",
+    "frequency": "Hz",
+    "decay_rate": "1/s",
 }
-"""SI units of the quantities that are measured at a section, and of those at a drive."""
+"""SI units of the quantities that are measured at a section, of those at a drive, and of those of a natural mode."""
 KIND_OF = {"x": "positions", "y": "positions", "angle": "angles", "bend": "angles"}
-"""Quantities that share a standard deviation; those of drives have one each."""
+"""Quantities at sections, which share a standard deviation; those of drives and modes have one each."""
+OF_MODES = ("frequency", "decay_rate")
+"""Quantities of small free vibrations about rest."""
 STARTS = ("scene", "estimated")
 """Starts of the motion of a path."""
 START_SAMPLES = 7
@@ -37,13 +41,14 @@ the rate with a third of what two samples would."""
 
 @dataclass(frozen=True)
 class Reading:
-    """Measured quantity at one section or drive, in every row.
+    """Measured quantity at one section or drive, or of one natural mode, in every row.
 
     Attributes
     ----------
-    quantity : {"x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "current"}
+    quantity : {"x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "current", ...}
         World position [m], angle of the section in the world [rad], angle between base and section [rad]; tension at
-        the drive [N]; cable wound up [m]; angle [rad], torque [N m] and current [A] of a motor.
+        the drive [N]; cable wound up [m]; angle [rad], torque [N m] and current [A] of a motor; "frequency" [Hz] and
+        "decay_rate" [1/s] of the amplitude of a free vibration that is damped.
     values : (R,) array_like
     at : float, optional
         Position along the finger [m]; the tip where not given.
@@ -52,7 +57,7 @@ class Reading:
     since : float, optional
         Position from which a bend counts [m]; the base where not given.
     of : int, optional
-        Number of the tendon or drive, from 1; the first where not given.
+        Number of the tendon, drive or mode, from 1; the first where not given.
     offset : float or (R,) array_like
         Distance of a marker from the backbone [m], along the section's X axis: to the right, seen from base to tip.
     """
@@ -68,11 +73,18 @@ class Reading:
     @property
     def of_drive(self) -> bool:
         """Whether it was measured at a drive."""
-        return self.quantity not in KIND_OF
+        return self.quantity not in (*KIND_OF, *OF_MODES)
+
+    @property
+    def of_mode(self) -> bool:
+        """Whether it is of a natural mode."""
+        return self.quantity in OF_MODES
 
     @property
     def what(self) -> str:
         """Quantity and place, for labels."""
+        if self.of_mode:
+            return f"{self.quantity.replace('_', ' ')} of mode {self.of or 1}"
         if self.of_drive:
             return f"{self.quantity} {self.of or 1}"
         end = "tip" if self.at is None else f"{self.at:g} m"
@@ -86,7 +98,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Poses:
-    """Shapes at rest: R rows.
+    """Shapes at rest, and vibrations about them: R rows.
 
     Attributes
     ----------
@@ -111,15 +123,8 @@ class Poses:
     sequence: bool = False
 
     def __post_init__(self) -> None:
-        if not self.measured:
-            raise InputError("measured: expected at least one reading", key=self.name)
-        _check_readings(self.name, self.measured, self.rows)
+        _check_readings(self.name, self.measured)
         _check_rows(self.name, self.conditions, self.fitted, self.rows)
-
-    @property
-    def readings(self) -> Sequence[Reading]:
-        """All that was measured."""
-        return self.measured
 
     @property
     def rows(self) -> int:
@@ -129,20 +134,14 @@ class Poses:
 
 @dataclass(frozen=True)
 class TipPath:
-    """Path of a point of the finger, and of further ones along the same motion: T instants.
+    """Readings along a motion, such as the path of the tip: T instants.
 
     Attributes
     ----------
     t : (T,) array_like
         Instants [s], increasing, from that at which the scene's motion starts.
-    x, y : (T,) array_like, optional
-        World position [m]; one of them may be missing.
-    at : float, optional
-        Position along the finger [m]; the tip where not given.
-    sigma : float, optional
-        Standard deviation of x and y [m], where known.
     measured : sequence of Reading
-        What was measured at further sections, T values each.
+        What was measured, T values each.
     start : {"scene", "estimated"}
         How the motion starts: at time zero as ``initial`` of the scene says, or at ``t[0]`` in a shape and rates that
         are estimated with the parameters, from the smoothest ones through the first samples on.
@@ -150,7 +149,7 @@ class TipPath:
         Standard deviations of an estimated start about that of the first samples: of the bend of every element [rad]
         and of its rate [rad/s]; where not given, any start is as likely.
     before : sequence of Reading
-        The same as ``readings``, before the first instant: shapes that the friction of a finger goes through before an
+        The same as ``measured``, before the first instant: shapes that the friction of a finger goes through before an
         estimated start, from the first on, which was reached as ``initial.reached_by`` of the scene says.
     fitted : bool
         False: predicted and not fitted.
@@ -160,14 +159,10 @@ class TipPath:
     """
 
     t: ArrayLike
-    x: ArrayLike | None = None
-    y: ArrayLike | None = None
-    at: float | None = None
-    sigma: float | None = None
+    measured: Sequence[Reading]
     fitted: bool = True
     scene: Scene | None = None
     name: str = "path"
-    measured: Sequence[Reading] = ()
     start: str = "scene"
     before: Sequence[Reading] = ()
     start_sigma: tuple[float, float] | None = None
@@ -176,13 +171,9 @@ class TipPath:
         t = column(f"{self.name}.t", self.t)
         if t.size < 2 or np.any(np.diff(t) <= 0.0) or t[0] < 0.0:
             raise InputError("expected two or more instants that increase from 0 on", key=f"{self.name}.t")
-        if not self.readings:
-            raise InputError("expected x, y, both, or measured", key=self.name)
-        for key, values in (("x", self.x), ("y", self.y)):
-            if values is not None:
-                column(f"{self.name}.{key}", values, t.size)
-        _check_deviation(f"{self.name}.sigma", self.sigma)
         _check_readings(self.name, self.measured, t.size)
+        if any(one.of_mode for one in self.measured):
+            raise InputError("vibrations are about rest: give them as Poses", key=f"{self.name}.measured")
         if self.start not in STARTS:
             raise InputError(f"expected one of {', '.join(STARTS)}, got {self.start!r:.60}", key=f"{self.name}.start")
         if self.start != "scene" and t.size < START_SAMPLES:
@@ -194,61 +185,8 @@ class TipPath:
             for one in self.start_sigma:
                 positive(key, one)
 
-    @property
-    def readings(self) -> tuple[Reading, ...]:
-        """All that was measured, x and y first."""
-        point = (("x", self.x), ("y", self.y))
-        own = (Reading(key, values, self.at, self.sigma) for key, values in point if values is not None)
-        return (*own, *self.measured)
 
-
-@dataclass(frozen=True)
-class Frequencies:
-    """Free vibrations: R rows.
-
-    Attributes
-    ----------
-    mode : (R,) array_like of int
-        Natural mode, from 1.
-    frequency : (R,) array_like
-        Of the damped vibration [Hz].
-    decay_rate : (R,) array_like, optional
-        Of its amplitude [1/s].
-    conditions, fitted, scene, name
-        As of ``Poses``.
-    """
-
-    mode: ArrayLike
-    frequency: ArrayLike
-    decay_rate: ArrayLike | None = None
-    conditions: Mapping[str, ArrayLike] = field(default_factory=dict)
-    fitted: ArrayLike | None = None
-    scene: Scene | None = None
-    name: str = "frequencies"
-
-    def __post_init__(self) -> None:
-        mode = column(f"{self.name}.mode", self.mode, self.rows)
-        if np.any(mode < 1) or np.any(mode != np.round(mode)):
-            raise InputError("expected whole numbers from 1 on", key=f"{self.name}.mode")
-        frequency = column(f"{self.name}.frequency", self.frequency)
-        if not frequency.size or np.any(frequency <= 0.0):
-            raise InputError("expected frequencies above 0 Hz", key=f"{self.name}.frequency")
-        if self.decay_rate is not None:
-            column(f"{self.name}.decay_rate", self.decay_rate, self.rows)
-        _check_rows(self.name, self.conditions, self.fitted, self.rows)
-
-    @property
-    def readings(self) -> Sequence[Reading]:
-        """Nothing at sections and drives."""
-        return ()
-
-    @property
-    def rows(self) -> int:
-        """Number of rows R."""
-        return int(np.size(self.frequency))
-
-
-Data = Poses | TipPath | Frequencies
+Data = Poses | TipPath
 
 
 def column(key: str, values: ArrayLike, count: int | None = None) -> Array:
@@ -263,13 +201,20 @@ def column(key: str, values: ArrayLike, count: int | None = None) -> Array:
     return array
 
 
-def _check_readings(name: str, readings: Sequence[Reading], count: int) -> None:
+def _check_readings(name: str, readings: Sequence[Reading], count: int | None = None) -> None:
+    if not isinstance(readings, Sequence) or not readings or not all(isinstance(one, Reading) for one in readings):
+        raise InputError("expected at least one reading, such as Reading('x', values)", key=f"{name}.measured")
+    count = count or int(np.size(readings[0].values))
     for k, reading in enumerate(readings):
         if reading.quantity not in UNIT_OF:
             message = f"expected one of {', '.join(UNIT_OF)}, got {reading.quantity!r}"
             raise InputError(message, key=f"{name}.measured[{k}].quantity")
+        if reading.of is not None:
+            whole(f"{name}.measured[{k}].of", reading.of)
         OF_BENDS.check(reading, f"{name}.measured[{k}]", {"since": reading.since is not None})
-        column(f"{name}.measured[{k}].values", reading.values, count)
+        values = column(f"{name}.measured[{k}].values", reading.values, count)
+        if reading.quantity == "frequency" and np.any(values <= 0.0):
+            raise InputError("expected frequencies above 0 Hz", key=f"{name}.measured[{k}].values")
         _check_deviation(f"{name}.measured[{k}].sigma", reading.sigma)
         if np.ndim(reading.offset):
             column(f"{name}.measured[{k}].offset", reading.offset, count)

@@ -34,6 +34,8 @@ models of real fingers are off, and ten times what two integrators differ by."""
 _OF_MEDIAN = 0.37
 """Degrees of freedom of the median of absolute residuals per residual [1]: its efficiency for normal noise (P. J.
 Rousseeuw, C. Croux, 1993, doi:10.1080/01621459.1993.10476408)."""
+_FEW = 60
+"""Residuals from which the median tells outliers [1]: of fewer its own scatter asks for 5 to 15 deviations."""
 _SERIES = 30
 """Instants of a path from which the correlation is tested; its deviation, 1 / sqrt(instants), holds for long series."""
 _WIDTH = "width"
@@ -48,19 +50,23 @@ def doubts(problem: Problem, solution: Solution, freedom: float, given: Given, b
     """Evidence against normal, independent residuals, on which the intervals rest, and against the model."""
     weighted = (solution.predictions - problem.measured) / solution.sigma
     return [
-        *(_outliers(problem, weighted) if freedom >= 5 else ()),
+        *(_outliers(problem, weighted, freedom) if freedom >= 5 else ()),
         *_series(problem, weighted),
         *_sets(problem, weighted),
         *doubts_of_laws(problem, solution, given, build),
     ]
 
 
-def _outliers(problem: Problem, weighted: Array) -> list[str]:
+def _outliers(problem: Problem, weighted: Array, freedom: float) -> list[str]:
     """Fitted entries far from what the rest says."""
     sizes = np.abs(weighted[problem.fitted])
-    scale = 1.4826 * float(np.median(sizes))  # which outliers do not raise
-    limit = surely(_OF_MEDIAN * sizes.size, chances=sizes.size)
-    far = np.flatnonzero(problem.fitted & (np.abs(weighted) > limit * max(scale, 1e-300)))
+    if sizes.size < _FEW:  # each against the others, of which one may be far off
+        limit = surely(freedom - 1.0, chances=sizes.size)
+        scale = np.sqrt((sizes @ sizes - weighted**2).clip(0.0) / (freedom - 1.0))
+    else:
+        limit = surely(_OF_MEDIAN * sizes.size, chances=sizes.size)
+        scale = np.full(len(weighted), 1.4826 * np.median(sizes))  # which outliers do not raise
+    far = np.flatnonzero(problem.fitted & (np.abs(weighted) > limit * scale.clip(1e-300)))
     if not far.size:
         return []
     first = problem.entries[int(far[np.argmax(np.abs(weighted[far]))])]
@@ -153,7 +159,7 @@ def _judged(
     jacobian, residuals = problem.weighted(solution, np.column_stack(slopes))
     step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
     left: Array = np.asarray(residuals + jacobian @ step)
-    found = infer([*problem.unknowns, *tried], step, jacobian, left, solution.inflation, series=problem.series)
+    found = infer([*problem.unknowns, *tried], step, jacobian, left, series=problem.series)
     own = step[-1] * jacobian[:, -1]
     beyond = own - jacobian[:, :-1] @ np.linalg.lstsq(jacobian[:, :-1], own, rcond=None)[0]
     sure = surely(found.freedom, chances) * found.deviations[-1]

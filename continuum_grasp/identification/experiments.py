@@ -157,7 +157,7 @@ def design_experiments(
     Parameters
     ----------
     scene : IdentifyScene
-    data : path-like, Poses, TipPath, Frequencies, or a sequence of these
+    data : path-like, Poses, TipPath, or a sequence of these
         What is measured already: it is fitted first, and gives the values at which the rest is designed, and standard
         deviations of readings that are not stated.
     progress : callable, optional
@@ -211,7 +211,7 @@ def design_experiments(
             key="data",
         )
     for k, one in designed:
-        if any(isinstance(place, Column) for reading in one.readings for place in (reading.at, reading.offset)):
+        if any(isinstance(place, Column) for reading in one.measured for place in (reading.at, reading.offset)):
             raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
     plain, names = plain_scene(scene), [one.name or f"data[{k}]" for k, one in designed]
     known = _known(scene, data, names, progress or (lambda share: None))
@@ -326,11 +326,11 @@ class _Known(NamedTuple):
 
     def whitened(self, number: int, slopes: Array, block: Block, one: StaticPoses | TipTrajectory, key: str) -> Array:
         """Derivatives (..., readings, n) by all unknowns, per deviation, from those by the unknowns of a set."""
-        sigma, readings = [], slopes.shape[-2]
-        for k, entry in enumerate(block.entries[:readings], len(one.measured) - readings):
+        sigma = []
+        for k, entry in enumerate(block.entries[: slopes.shape[-2]]):
             found = self.scales.get(entry.group) if entry.sigma is None else entry.sigma
             if found is None:
-                where = f"{key}.measured[{k}].sigma" if k >= 0 else f"{key}.sigma"
+                where = f"{key}.measured[{k}].sigma"
                 raise InputError("deviations cannot be predicted without that of every reading", key=where)
             sigma.append(found)
         whole = np.zeros((*slopes.shape[:-1], len(self.choice.unknowns)))
@@ -367,7 +367,7 @@ def _read_along(motion: Trajectory, k: int, one: TipTrajectory, known: _Known) -
     """Derivatives (T, readings, n) of what will be logged along a motion, per standard deviation."""
     t = motion.t[1:]
     none = np.zeros(t.size)
-    readings = [Reading(m.quantity, none, m.place, m.sigma, m.since, m.of) for m in one.readings]
+    readings = [Reading(m.quantity, none, m.place, m.sigma, m.since, m.of) for m in one.measured]
     block = PathBlock(motion.scene, TipPath(t, measured=readings, name="excitation"), known.sought)
     _, slopes = block.predict(known.choice.values[known.columns[-1]])
     return known.whitened(-1, slopes.reshape(t.size, len(readings), -1), block, one, f"data[{k}]")

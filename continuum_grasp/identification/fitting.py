@@ -17,9 +17,9 @@ from continuum_grasp.accuracy.space import refined
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError, SolverError
-from continuum_grasp.identification.blocks import Block, PosesBlock, VibrationBlock
+from continuum_grasp.identification.blocks import Block, PosesBlock
 from continuum_grasp.identification.comparison import Comparison
-from continuum_grasp.identification.data import Data, Frequencies, Poses, TipPath
+from continuum_grasp.identification.data import Data, Poses, TipPath
 from continuum_grasp.identification.doubts import doubts
 from continuum_grasp.identification.fit import Fit, estimates
 from continuum_grasp.identification.inference import infer, model_error_warnings
@@ -47,7 +47,6 @@ def identify(
     data: Measurements = (),
     *,
     parameters: Sequence[Estimate | str] | None = None,
-    loss: str | None = None,
     accept_implausible: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Fit:
@@ -62,13 +61,11 @@ def identify(
     scene : Scene or path-like
         The scene, or its YAML file; ``estimate`` and ``data`` of an `IdentifyScene` are what to
         estimate and how to read files.
-    data : path-like, Poses, TipPath, Frequencies, or a sequence of these
+    data : path-like, Poses, TipPath, or a sequence of these
         Measurements: CSV files, folders of them, or arrays; where not given, the files that the configuration names,
         beside it or in the data folder.
     parameters : sequence of Estimate or str, optional
         What to estimate; the scene's ``estimate`` where not given.
-    loss : {"squares", "huber"}, optional
-        The scene's, or squares, where not given.
     accept_implausible : bool
         Whether the estimates may be used although the measurements cannot be those of this finger.
     progress : callable, optional
@@ -106,13 +103,13 @@ def identify(
     known, beside = scene_of(scene), folder_of(scene)
     if parameters is None and isinstance(known, IdentifyScene) and known.laws:
         names, plain = [law.name for law in known.laws], cast(IdentifyScene, resolved(known)[0])
-        ways = [posed(one, data, one.estimate, loss, beside) for one in under_laws(plain)]
+        ways = [posed(one, data, one.estimate, beside) for one in under_laws(plain)]
         tried = dict(zip(names, ways, strict=True))
         chosen, laws = choose_law(tried, lambda share: report(0.5 * share))
         task = tried[chosen]
     else:
         sought = getattr(known, "estimate", ()) if parameters is None else parameters
-        task = posed(known, data, sought, loss, beside)
+        task = posed(known, data, sought, beside)
     problem = task.build(task.given, task.unknowns)
     try:
         solution = problem.solve(report)
@@ -158,7 +155,7 @@ def compare(
     scene : Scene or path-like
         The scene, or its YAML file. Where its ``data`` do not say how files are read, their headings do: ``t``, ``x``,
         ``y``, ``angle``, ``at``, ``frequency``, ``mode``, and names of inputs and loads of the model, with units.
-    data : path-like, Poses, TipPath, Frequencies, or a sequence of these
+    data : path-like, Poses, TipPath, or a sequence of these
         Measurements: tables, folders of them, or arrays; where not given, the files that the configuration names,
         beside it or in the data folder.
     progress : callable, optional
@@ -190,12 +187,12 @@ def compare(
     [-0.01, 0.01]
     """
     started = perf_counter()
-    found, blocks = posed(scene_of(scene), data, None, None, folder_of(scene)), list[Block]()
+    found, blocks = posed(scene_of(scene), data, None, folder_of(scene)), list[Block]()
     for one, own in found.given:
         blocks.append(_block(own, one, ()))
         if progress is not None:
             progress(len(blocks) / len(found.given))
-    problem = Problem(blocks, (), "squares")
+    problem = Problem(blocks, ())
     start = np.array([one.start for one in problem.unknowns])
     return Comparison(
         **problem.predicted(start, problem.predict(start)[0]),
@@ -209,7 +206,6 @@ def posed(
     scene: Scene,
     data: Measurements,
     sought: Sequence[Estimate | str] | None,
-    loss: str | None = None,
     beside: Path | None = None,
 ) -> Task:
     """Read what `identify` is given, in the folder of the scene's file; arguments and errors are its own.
@@ -217,14 +213,11 @@ def posed(
     Nothing is ``sought`` where only predictions are asked for.
     """
     scene, note = resolved(scene)
-    used_loss = loss if loss is not None else getattr(scene, "loss", "squares")
-    if used_loss not in ("squares", "huber"):
-        raise InputError(f"expected squares or huber, got {used_loss!r}", key="loss")
     unknowns = [] if sought is None else read_unknowns(scene, sought)
     given = [(one, resolved(one.scene or scene)[0]) for one in _measurements(scene, data, beside)]
 
     def build(sets: Sequence[tuple[Data, Scene]], sought: Sequence[Unknown]) -> Problem:
-        return Problem([_block(own, one, sought) for one, own in sets], sought, used_loss)
+        return Problem([_block(own, one, sought) for one, own in sets], sought)
 
     return Task(scene, note, unknowns, given, build)
 
@@ -259,10 +252,10 @@ def _measurements(scene: Scene, data: Measurements, beside: Path | None) -> list
     if paths or not given:
         found += read_data(scene, paths, beside=beside)
     for one in given:
-        if isinstance(one, (Poses, TipPath, Frequencies)):
+        if isinstance(one, (Poses, TipPath)):
             found.append(one)
         elif not isinstance(one, (str, os.PathLike)):
-            raise InputError(f"expected Poses, TipPath, Frequencies or a path, got {one!r:.60}", key="data")
+            raise InputError(f"expected Poses, TipPath or a path, got {one!r:.60}", key="data")
     if not found:
         raise InputError("expected measurements, got none", key="data")
     return found
@@ -276,8 +269,6 @@ def listed(data: Measurements) -> list[Any]:
 def _block(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
     if isinstance(data, Poses):
         return PosesBlock(scene, data, unknowns)
-    if isinstance(data, Frequencies):
-        return VibrationBlock(scene, data, unknowns)
     return PathBlock(scene, data, unknowns)
 
 
@@ -285,7 +276,7 @@ def _fit(task: Task, problem: Problem, solution: Solution, **further: Any) -> Fi
     """The result: estimates, and how far they can be trusted."""
     sigma, unknowns, shared = solution.sigma, problem.unknowns, problem.shared
     rows = problem.weighted(solution)
-    found = infer(unknowns, solution.values, *rows, solution.inflation, shared, problem.series)
+    found = infer(unknowns, solution.values, *rows, shared, problem.series)
     doubted: tuple[str, ...] = ()
     finer = _finer(task.given, task.unknowns, problem.by_block(solution.values))
     if finer is not None:

@@ -63,16 +63,15 @@ def infer(
     values: Array,
     jacobian: Array,
     residuals: Array | None,
-    inflation: float = 1.0,
     shared: int | None = None,
     series: Sequence[NDArray[np.intp]] = (),
 ) -> Inference:
     """Uncertainty at the minimum, from the weighted residuals (m,) of what was fitted and their Jacobian (m, n).
 
-    The mean square of the residuals scales the covariance; ``inflation`` is a further factor, for a robust loss. The
-    first ``shared`` unknowns, all where not given, are warned of; the others are those of one set each. Each of
-    ``series`` has the rows (T, readings) that follow one another in time, whose residuals may hang together: they are
-    worth fewer numbers then. Without residuals, before anything is measured, they scatter as stated.
+    The mean square of the residuals scales the covariance. The first ``shared`` unknowns, all where not given, are
+    warned of; the others are those of one set each. Each of ``series`` has the rows (T, readings) that follow one
+    another in time, whose residuals may hang together: they are worth fewer numbers then. Without residuals, before
+    anything is measured, they scatter as stated.
     """
     from scipy.special import stdtrit
 
@@ -93,7 +92,7 @@ def infer(
         worth, scattered, freedom = _worth(jacobian * sizes, residuals, inverse, series)
     if freedom > 0:
         # as the parameters take of the sum of squares
-        covariance = inflation * scattered / (1.0 - count / worth)
+        covariance = scattered / (1.0 - count / worth)
         spread, quantile = np.sqrt(np.diag(covariance)), float(stdtrit(freedom, 0.975))
     spread[lost] = np.inf
     with np.errstate(divide="ignore", invalid="ignore"):

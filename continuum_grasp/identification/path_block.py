@@ -34,7 +34,7 @@ class PathBlock(Block):
     moves = ordered = True
 
     def __init__(self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown]) -> None:
-        self.name, self.finger, readings = data.name, scene.finger, data.readings
+        self.name, self.finger, readings = data.name, scene.finger, data.measured
         self._t = t = column(f"{data.name}.t", data.t)
         driven = Driven(scene, unknowns, readings)
         check_tensions(driven.model, readings, data.name)

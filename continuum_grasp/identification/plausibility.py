@@ -19,8 +19,8 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.blocks import Block
-from continuum_grasp.identification.data import KIND_OF, Data, TipPath
-from continuum_grasp.identification.problem import Build, Given, Problem, Solution
+from continuum_grasp.identification.data import KIND_OF, OF_MODES, Data, TipPath
+from continuum_grasp.identification.problem import Build, Given, Problem, Solution, spread
 from continuum_grasp.identification.slips import Slip, slips_of, undone
 from continuum_grasp.identification.unknowns import ADDED, read_unknowns
 
@@ -49,7 +49,7 @@ _FAR = 10.0
 scales load and stiffness alike leaves no misfit, and materials of one kind differ by less."""
 _SCALES = ("bending_stiffness", "linear_density")
 """Unknowns that scale with units of the loads or times."""
-_MEASURED = {*KIND_OF, "frequency", "decay rate"}
+_MEASURED = {*KIND_OF, *OF_MODES}
 """Columns on whose values no prediction depends."""
 _BASE = ("base_x", "base_y")
 """Unknowns of a base that is elsewhere."""
@@ -129,7 +129,7 @@ def misfits(problem: Problem, predictions: Array) -> list[Misfit]:
             stated = [one.sigma for one in entries if one.sigma is not None]
             if stated and math.isfinite(limit):
                 limit = max(_BEYOND * max(stated), _STATED * limit)
-            rms = problem.spread(np.array([off for other, _, off in rows if other == kind]), float(values.size))
+            rms = spread(np.array([off for other, _, off in rows if other == kind]), float(values.size))
             found.append(Misfit(block.name, kind, entries[0].unit, rms, limit, scatter))
     return found
 
@@ -141,7 +141,7 @@ def _limit(kind: str, measured: Array, length: float) -> float:
         "positions": _PART * length,
         "angles": _PART * max(_BEND, float(np.ptp(measured))),
         "frequency": _PART * size,
-        "decay rate": math.inf,
+        "decay_rate": math.inf,
     }
     # of drives: a model that is off by as much as it is to explain; friction and lags are large parts of these
     return sizes.get(kind, size)
@@ -149,10 +149,10 @@ def _limit(kind: str, measured: Array, length: float) -> float:
 
 def _too_far(problem: Problem, solution: Solution, given: Given) -> str:
     """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
-    found, over = "", [np.zeros(0)]
+    found, most = "", 0.0
     sigma, sets = solution.sigma, problem.by_block(solution.values)
     for (data, scene), block, part, values in zip(given, problem.blocks, problem.parts, sets, strict=True):
-        readings = data.readings
+        readings = data.measured
         sought = {one.target: float(value) for one, value in zip(problem.sought, values, strict=False)}
         base = [
             at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", scene.finger.base.position, strict=True)
@@ -165,15 +165,13 @@ def _too_far(problem: Problem, solution: Solution, given: Given) -> str:
             distance, reach = np.linalg.norm(away, axis=0), length if place is None else place
             reach = reach + float(max(np.abs(readings[k].offset).max() for k in here))
             beyond = distance - reach - np.maximum(_PART * length, _BEYOND * noise)
-            if beyond.max() > max(0.0, np.concatenate(over).max(initial=0.0)):
-                row = int(np.argmax(beyond))
+            if beyond.max() > most:
+                row, most = int(np.argmax(beyond)), float(beyond.max())
                 found = (
                     f"{block.name}: {block.entries[row * len(readings) + here[0]].label} is {distance[row]:.3g} m from "
                     f"the base, where the finger is {reach:g} m long"
                 )
-            over.append(beyond)
-    # a robust loss expects outliers, and is misled only if most of the readings are
-    return found if problem.loss == "squares" or np.mean(np.concatenate(over) > 0.0) > 0.5 else ""
+    return found
 
 
 def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
@@ -195,11 +193,11 @@ def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit]
                 block if pair is None else _other_values(block, slip, data) or build([pair], problem.sought).blocks[0]
                 for block, (data, _), pair in zip(problem.blocks, given, pairs, strict=True)
             ]
-            trial = Problem(blocks, problem.sought, problem.loss)
+            trial = Problem(blocks, problem.sought)
             total = _total(misfits(trial, trial.predict(np.array([one.start for one in trial.unknowns]))[0]))
         except ContinuumGraspError:
             continue
-        tried[words] = total, partial(Problem, blocks, problem.sought, problem.loss)
+        tried[words] = total, partial(Problem, blocks, problem.sought)
     ranked = sorted(tried.items(), key=lambda one: np.nan_to_num(one[1][0], nan=math.inf))[:_REFITTED]
     found: list[tuple[float, str]] = []
     for words, (total, undo) in ranked:

@@ -21,10 +21,8 @@ from continuum_grasp.scene.simulate import Scene
 Progress = Callable[[float], None]
 Given = Sequence[tuple[Data, Scene]]
 
-_HUBER = 1.345
-"""Deviations beyond which Huber's loss is linear [1]: 95 % efficient for normal noise (P. J. Huber, 1981)."""
 _ROUNDS = 25
-"""Most rounds of weights; standard deviations settle in two or three, robust weights linearly."""
+"""Most rounds of weights; standard deviations settle in two or three."""
 _HORIZONS = (0.1, 0.25, 0.5)
 """Parts of free paths that are fitted before the whole, so that a wrong start does not end in a wrong period."""
 _LEAST_ROWS = 4
@@ -49,8 +47,6 @@ class Solution(NamedTuple):
     jacobian: Array
     sigma: Array
     """Standard deviation (m,) of every entry, as known or found."""
-    inflation: float
-    """Factor on the covariance for a robust loss."""
     iterations: int
     evaluations: int
 
@@ -74,14 +70,14 @@ def with_sets(
 
 
 class Problem:
-    """Measurements of all sets and the model's predictions of them; the loss is ``squares`` or ``huber``.
+    """Measurements of all sets and the model's predictions of them.
 
     The first ``shared`` unknowns are those of all sets, the others of one set each; ``sought`` are as given. ``parts``
     are the entries of each set among all.
     """
 
-    def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown], loss: str) -> None:
-        self.blocks, self.sought, self.loss = list(blocks), tuple(unknowns), loss
+    def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown]) -> None:
+        self.blocks, self.sought = list(blocks), tuple(unknowns)
         shared, sets = [one for one in unknowns if not one.per_set], [(block.name, block.own) for block in blocks]
         self.shared, (self.unknowns, self._columns) = len(shared), with_sets(shared, unknowns, sets)
         self.entries = [entry for block in blocks for entry in block.entries]
@@ -160,7 +156,7 @@ class Problem:
         return np.vstack([jacobian, slopes]), np.append(residuals, missed)
 
     def solve(self, progress: Progress) -> Solution:
-        """Find the parameters; unknown standard deviations and robust weights are found by iteration.
+        """Find the parameters; unknown standard deviations are found by iteration.
 
         InputError if nothing is to be fitted, SolverError if the search does not converge.
         """
@@ -172,23 +168,20 @@ class Problem:
             if chosen.sum() >= _LEAST_ROWS * len(values):
                 values = self._search(values, chosen, 1.0 / sigma, self._sought, first=True).values
             progress(0.5 * share)
-        scale = np.ones(len(self.measured))
         for round_ in range(_ROUNDS):
-            minimum = self._search(values, self.fitted, scale / sigma, self._sought)
+            minimum = self._search(values, self.fitted, 1.0 / sigma, self._sought)
             predictions, jacobian = self.predict(minimum.values, self.fitted)
             # each group by its own residuals (iteratively reweighted): meters and radians weigh as they scatter
             new_sigma = self._new_sigma(predictions, jacobian, sigma)
-            new_scale = self._new_scale(predictions, new_sigma)
-            settled = np.allclose(new_sigma, sigma, rtol=1e-3, atol=0.0) and np.allclose(new_scale, scale, atol=1e-4)
-            values, sigma, scale = minimum.values, new_sigma, new_scale
+            settled = np.allclose(new_sigma, sigma, rtol=1e-3, atol=0.0)
+            values, sigma = minimum.values, new_sigma
             progress(0.5 + 0.5 * (round_ + 1) / _ROUNDS)
             # one weight for all does not move the minimum
-            if settled or (len(self.groups) == 1 and self.loss == "squares"):
+            if settled or len(self.groups) == 1:
                 break
-        inflation = self._inflation(predictions, sigma)
         values = self._of_holdouts(values, sigma)
         predictions, jacobian = self.predict(values)
-        return Solution(values, predictions, jacobian, sigma, inflation, self._iterations, self._evaluations)
+        return Solution(values, predictions, jacobian, sigma, self._iterations, self._evaluations)
 
     def _of_holdouts(self, values: Array, sigma: Array) -> Array:
         """The values with what sets that are not fitted have of their own, such as their start, sought in these sets.
@@ -278,34 +271,13 @@ class Problem:
             freedom = float(np.sum(1.0 - leverage[used]))
             if freedom > 0.5:
                 # exact data must not weigh infinitely
-                found[members] = np.maximum(self.spread(residuals[used], freedom), 1e-6 * first[members])
+                found[members] = np.maximum(spread(residuals[used], freedom), 1e-6 * first[members])
         return found
 
-    def spread(self, residuals: Array, freedom: float) -> float:
-        """Standard deviation: of all residuals, or from their median where outliers are expected."""
-        if self.loss == "huber" and residuals.size >= 5:
-            # 1.4826 makes the median of sizes the standard deviation of normal noise
-            return 1.4826 * float(np.median(np.abs(residuals))) * float(np.sqrt(residuals.size / freedom))
-        return float(np.sqrt(residuals @ residuals / freedom))
 
-    def _new_scale(self, predictions: Array, sigma: Array) -> Array:
-        """Roots of Huber's weights, which multiply the residuals."""
-        if self.loss == "squares":
-            return np.ones(len(sigma))
-        size = np.abs(predictions - self.measured) / sigma
-        return np.asarray(np.sqrt(np.minimum(1.0, _HUBER / np.maximum(size, 1e-300))))
-
-    def _inflation(self, predictions: Array, sigma: Array) -> float:
-        """Inflation of the covariance (P. J. Huber, Robust Statistics, 1981, section 7.6), relative to plain
-        squares.
-        """
-        if self.loss == "squares":
-            return 1.0
-        size = ((predictions - self.measured) / sigma)[self.fitted]
-        bounded, inside = np.clip(size, -_HUBER, _HUBER), float(np.mean(np.abs(size) <= _HUBER))
-        correction = 1.0 + len(self.unknowns) / len(size) * (1.0 - inside) / max(inside, 1e-3)
-        plain = float(size @ size)
-        return correction**2 * float(bounded @ bounded) / max(inside, 1e-3) ** 2 / max(plain, 1e-300)
+def spread(residuals: Array, freedom: float) -> float:
+    """Standard deviation of residuals with so many degrees of freedom."""
+    return float(np.sqrt(residuals @ residuals / freedom))
 
 
 Build = Callable[[Given, Sequence[Unknown]], Problem]

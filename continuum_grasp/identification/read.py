@@ -18,7 +18,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.control.log import COMMANDED
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification.damped_sine import fit_damped_sine
-from continuum_grasp.identification.data import KIND_OF, UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
+from continuum_grasp.identification.data import KIND_OF, OF_MODES, UNIT_OF, Data, Poses, Reading, TipPath
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import (
@@ -26,7 +26,6 @@ from continuum_grasp.scene.identify import (
     ColumnLike,
     Condition,
     DataSet,
-    FrequencyTable,
     IdentifyScene,
     Quantity,
     ReadingColumn,
@@ -148,7 +147,7 @@ def _files(paths: Sequence[Path], sets: Sequence[DataSet]) -> Iterator[Path]:
 
 def plain_scene(scene: Scene) -> Scene:
     """The scene without what is said of the data."""
-    own = {"estimate", "laws", "data", "excitation", "loss"}
+    own = {"estimate", "laws", "data", "excitation"}
     return Scene(**scene.model_dump(mode="json", exclude_unset=True, exclude=own))
 
 
@@ -181,13 +180,6 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list
             )
             for k, (have, rows) in enumerate(points.patterns(one.measured))
         ]
-    rows = len(table.rows)
-    if isinstance(one, FrequencyTable):
-        mode = np.full(rows, one.mode) if isinstance(one.mode, int) else table.numbers(one.mode)
-        decay = None if one.decay_rate is None else _column(table, one.decay_rate, "1/s")
-        chosen = _chosen(rows, fitted, one.holdout_rows, key)
-        conditions = _conditions(table, one.conditions, scene, key)
-        return [Frequencies(mode, _column(table, one.frequency, "Hz"), decay, conditions, chosen, scene, name)]
     t = _column(table, one.t, "s")
     inside = np.ones(t.size, dtype=bool) if one.window is None else (t >= one.window[0]) & (t <= one.window[1])
     if one.window is not None and not inside.any():
@@ -197,17 +189,13 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list
     if isinstance(one, RingDown):
         return [_ring_downs(one, table, t, inside, scene, name)]
     heading = as_column(one.t).column
-    long = any(isinstance(of.at, Column) for of in one.readings)
+    long = any(isinstance(of.at, Column) for of in one.measured)
     points = _Points(one, table, scene, key, table.groups(heading if long else None), heading)
     t, inside = t[points.first], inside[points.first]
     if one.conditions:
         given = _conditions(table, one.conditions, scene, key)
         scene = commanded(scene, t, {which: points.same(v, which) for which, v in given.items()}, table.file, key)
-    readings = [
-        reading
-        for k, of in enumerate(one.readings, len(one.measured) - len(one.readings))
-        for reading in points.readings(of, f"measured[{k}]" if k >= 0 else "xy"[k])
-    ]
+    readings = [reading for k, of in enumerate(one.measured) for reading in points.readings(of, f"measured[{k}]")]
     there = np.isfinite([np.asarray(reading.values) for reading in readings]).all(axis=0)
     if not (there & inside).any():
         raise InputError("at every instant a cell that is read is empty", file=table.file)
@@ -219,10 +207,10 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list
         return [
             TipPath(
                 t[inside],
+                found,
                 fitted=fitted,
                 scene=scene,
                 name=name,
-                measured=found,
                 start=one.start,
                 before=earlier,
                 start_sigma=known,
@@ -354,9 +342,7 @@ def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, 
         raise InputError(f"{error.message} ({error.key})" if error.key else error.message, file=file) from None
 
 
-def _ring_downs(
-    one: RingDown, table: Table, t: Array, inside: NDArray[np.bool_], scene: Scene, name: str
-) -> Frequencies:
+def _ring_downs(one: RingDown, table: Table, t: Array, inside: NDArray[np.bool_], scene: Scene, name: str) -> Poses:
     """One row per signal."""
     found = []
     for heading in one.signals:
@@ -366,9 +352,8 @@ def _ring_downs(
             found.append(fit_damped_sine(t[there], signal[there], heading))
         except InputError as error:
             raise InputError(f"{heading}: {error.message}", file=table.file) from None
-    fitted, modes = np.full(len(found), one.use == "fit"), np.full(len(found), one.mode)
-    frequency, decay = [sine.frequency for sine in found], [sine.decay_rate for sine in found]
-    return Frequencies(modes, frequency, decay, {}, fitted, scene, name)
+    rung = [Reading(which, [getattr(sine, which) for sine in found], of=one.mode) for which in OF_MODES]
+    return Poses(rung, {}, np.full(len(found), one.use == "fit"), scene, name)
 
 
 def _chosen(rows: int, fitted: bool, holdout: Sequence[int], key: str) -> NDArray[np.bool_]:
@@ -426,12 +411,17 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
         found = _SUFFIX.fullmatch(heading) if unit is None else None
         own = {"Nm": "N m"}.get(found[2], found[2]) if found else None
         columns[found[1] if found else heading] = Column(column=heading, unit=own)
+    if "mode" in columns:
+        message = (
+            "give each mode a column of its own, by data: in a configuration: {quantity: frequency, of: 2, column: ...}"
+        )
+        raise InputError(message, file=str(file), line=table.header_line)
     time = next((columns.pop(name) for name in _TIMES if name in columns), None)
     at = columns.pop("at", None)
     pose = columns.pop("pose", None)
     quantities: tuple[tuple[str, Quantity], ...] = (
         *(("x", "x"), ("tip_x", "x"), ("y", "y"), ("tip_y", "y")),
-        *(("angle", "angle"), ("bend", "bend")),
+        *(("angle", "angle"), ("bend", "bend"), ("frequency", "frequency"), ("decay_rate", "decay_rate")),
     )
     measured = tuple(
         ReadingColumn(quantity=quantity, at=at, **columns.pop(name).model_dump(exclude_unset=True))
@@ -444,22 +434,13 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
     entries = {one: column for one, column in (commands or columns).items() if one in known}
     conditions = tuple(Condition(name=one, **column.model_dump(exclude_unset=True)) for one, column in entries.items())
     one: DataSet | None = None
-    if "frequency" in columns:
-        mode, decay = columns.get("mode"), columns.get("decay_rate")
-        one = FrequencyTable(
-            kind="frequencies",
-            frequency=columns["frequency"],
-            mode=1 if mode is None else mode.column,
-            decay_rate=decay,
-            conditions=conditions,
-        )
-    elif measured and time is not None:
-        one = TipTrajectory(kind="trajectory", t=time, x=None, y=None, measured=measured, conditions=conditions)
+    if measured and time is not None:
+        one = TipTrajectory(kind="trajectory", t=time, measured=measured, conditions=conditions)
     elif measured:
         named = None if pose is None else pose.column
         one = StaticPoses(kind="static", measured=measured, pose=named, conditions=conditions)
     if one is None:
-        expected = "t, x, y, angle, bend, at, pose, frequency, mode, decay_rate, tension_1, load_1_y, ..."
+        expected = "t, x, y, angle, bend, at, pose, frequency, decay_rate, tension_1, load_1_y, ..."
         message = f"the headings do not say what was measured: expected some of {expected}, or data: in a configuration"
         raise InputError(message, file=str(file), line=table.header_line)
     return _read(one, table, plain_scene(scene), file.stem, "data")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.data import UNIT_OF, Data, Frequencies, Poses, Reading, TipPath
+from continuum_grasp.identification.data import UNIT_OF, Data, Reading, TipPath
 from continuum_grasp.identification.read import unit_of_entry
 from continuum_grasp.scene.loads import by_key
 from continuum_grasp.scene.simulate import Scene
@@ -33,8 +33,8 @@ _AXES: Mapping[str, Columns] = {
 """Columns of x and y, for all frames with axes along those of the world."""
 _GROUPS = {
     "positions": {"x": 1, "y": 1},
-    "times": {"t": 1, "frequency": -1, "decay rate": -1},
-    "frequencies": {"frequency": 1, "decay rate": 1},
+    "times": {"t": 1, "frequency": -1, "decay_rate": -1},
+    "frequencies": {"frequency": 1, "decay_rate": 1},
 }
 """Columns whose units are taken for others together, with the power of that unit; all others by their names."""
 
@@ -97,9 +97,7 @@ def _columns(data: Data, scene: Scene) -> dict[str, str]:
         found["t"] = "s"
     else:
         found |= dict.fromkeys(data.conditions, "")
-    if isinstance(data, Frequencies):
-        return {**found, "frequency": "Hz", "decay rate": "1/s"}
-    return found | {_column(one): UNIT_OF[one.quantity] for one in data.readings}
+    return found | {_column(one): UNIT_OF[one.quantity] for one in data.measured}
 
 
 def _column(reading: Reading) -> str:
@@ -131,18 +129,13 @@ def _undone_data(slip: Slip, data: Data) -> Data:
         for one in readings:
             quantity, _, of = slip.columns.get(_column(one), (_column(one), 1.0))[0].partition(" ")
             values = scaled(_column(one), one.values)
-            found.append(replace(one, quantity=quantity, of=int(of) if of else None, values=values))
+            found.append(replace(one, quantity=quantity, of=int(of) if of else one.of, values=values))
         return tuple(found)
 
     if isinstance(data, TipPath):
-        # x and y are readings as all others: of the same place and deviation
-        moved = replace(data, x=None, y=None, at=None, sigma=None, measured=read(data.readings))
-        return replace(moved, t=scaled("t", data.t), before=read(data.before))
+        return replace(data, t=scaled("t", data.t), measured=read(data.measured), before=read(data.before))
     given = {slip.columns.get(name, (name, 1.0))[0]: scaled(name, values) for name, values in data.conditions.items()}
-    if isinstance(data, Poses):
-        return replace(data, measured=read(data.measured), conditions=given)
-    decay = None if data.decay_rate is None else scaled("decay rate", data.decay_rate)
-    return replace(data, frequency=scaled("frequency", data.frequency), decay_rate=decay, conditions=given)
+    return replace(data, measured=read(data.measured), conditions=given)
 
 
 def _changes(slip: Slip, scene: Scene) -> Iterator[tuple[str, Any]]:

@@ -11,10 +11,12 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value
 
-Quantity = Literal["x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "current"]
-_OF_DRIVE = ("tension", "length", "motor_angle", "torque", "current")
+Quantity = Literal[
+    "x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "current", "frequency", "decay_rate"
+]
+_NUMBERED = ("tension", "length", "motor_angle", "torque", "current", "frequency", "decay_rate")
 Estimated = Annotated[float, Field(ge=-1e15, le=1e15), Unit("SI unit of the parameter")]
-_READ, _DRIVES = "data.measured", f"goes with {', '.join(_OF_DRIVE)}"
+_READ, _DRIVES = "data.measured", f"goes with {', '.join(_NUMBERED)}"
 _PRIOR = "goes with start: estimated"
 _MEASURED = beside("identify but shapes at rest", lambda one: True, "conditions.choices", "goes with propose", "data")
 _Window = Annotated[Interval, Unit("s")]
@@ -63,20 +65,20 @@ OF_BENDS = beside("identify but by a bend", lambda one: one.quantity != "bend", 
 
 
 class ReadingColumn(Column):
-    """A column with what was measured at a section, or at the drive of a tendon."""
+    """A column with what was measured at a section, at the drive of a tendon, or of a natural mode."""
 
     REFUSALS = (
         OF_BENDS,
-        beside("identify by sections", lambda one: one.quantity not in _OF_DRIVE, "of", _DRIVES, _READ),
-        beside("identify by drives", lambda one: one.quantity in _OF_DRIVE, "at offset", "goes with sections", _READ),
+        beside("identify by sections", lambda one: one.quantity not in _NUMBERED, "of", _DRIVES, _READ),
+        beside("identify by drives", lambda one: one.quantity in _NUMBERED, "at offset", "goes with sections", _READ),
     )
 
     quantity: Quantity
     """x, y: world position [m]; angle: of the section in the world [rad]; bend: between base and section [rad];
     tension: of a tendon at its drive [N]; length: cable that a winch has wound up [m]; motor_angle [rad], torque
-    [N m], current [A]: of a motor."""
+    [N m], current [A]: of a motor; frequency [Hz], decay_rate [1/s]: of a damped free vibration about rest."""
     of: Annotated[int, Field(ge=1, le=16)] | None = None
-    """Number of the tendon or of the drive, from 1; None: the first."""
+    """Number of the tendon, of the drive or of the natural mode, from 1; None: the first."""
     at: _Place | Column | None = None
     """Position along the finger [m], or the column that has it, in a table with a row per point; None: the tip."""
     offset: Annotated[Real, Unit("m")] | Column = 0.0
@@ -124,15 +126,8 @@ class _Data(Value):
             raise ValueError(f"axes: both are along {self.axes[0][-1]}: expected x and y, such as [x, -y]")
 
 
-class _Rows(_Data):
-    conditions: _Conditions = ()
-    """Columns with loads, inputs and parameters of each row."""
-    holdout_rows: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = ()
-    """Rows, counted from 1 among those read, that are predicted and not fitted."""
-
-
-class StaticPoses(_Rows):
-    """Shapes at rest: a row per load case."""
+class StaticPoses(_Data):
+    """Shapes at rest, and vibrations about them: a row per load case."""
 
     REFUSALS = (
         needs("identify", "conditions.choices", "propose", at="data"),
@@ -142,7 +137,11 @@ class StaticPoses(_Rows):
     )
 
     kind: Literal["static"]
-    """Shapes at rest."""
+    """Shapes at rest, and vibrations about them."""
+    conditions: _Conditions = ()
+    """Columns with loads, inputs and parameters of each row."""
+    holdout_rows: Annotated[tuple[Annotated[int, Field(ge=1)], ...], Field(strict=False)] = ()
+    """Rows, counted from 1 among those read, that are predicted and not fitted."""
     measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False, min_length=1)]
     """Columns with what was measured."""
     pose: str | None = None
@@ -154,11 +153,6 @@ class StaticPoses(_Rows):
     propose: Annotated[int, Field(ge=1, le=200)] | None = None
     """Number of rows that ``identify --design`` proposes to measure, of the ``choices`` of all conditions; None: none,
     these are measured."""
-
-    @property
-    def readings(self) -> tuple[ReadingColumn, ...]:
-        """All columns with what was measured."""
-        return self.measured
 
     def _check(self) -> None:
         self._check_axes()
@@ -174,7 +168,7 @@ class StartPrior(Value):
 
 
 class TipTrajectory(_Data):
-    """Path of a point of the finger in time, and of further ones along the same motion."""
+    """Readings along a motion, such as the path of the tip."""
 
     REFUSALS = (
         beside("identify of known starts", lambda one: one.start != "estimated", "start_prior", _PRIOR, "data"),
@@ -182,21 +176,18 @@ class TipTrajectory(_Data):
     )
 
     kind: Literal["trajectory"]
-    """Path of a point in time."""
+    """Readings along a motion."""
     t: ColumnLike = "t"
     """Column of the instants [s]."""
     conditions: _Conditions = ()
     """Columns with the commands of the drives at these instants, smooth between them, by their names in the model
     (tension_1, length_1, angle_1, ...); they replace ``actuation``."""
-    x: ColumnLike | None = "x"
-    """Column of the world position x [m]; None: not measured."""
-    y: ColumnLike | None = "y"
-    """Column of the world position y [m]; None: not measured."""
-    at: _Place | Column | None = None
-    """Position along the finger [m], or the column that has it, in a table with a row per point; None: the tip."""
-    measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False)] = ()
-    """Columns with what was measured at further sections at the same instants. Instants at which one of the cells is
-    empty are left out."""
+    measured: Annotated[tuple[ReadingColumn, ...], Field(strict=False, min_length=1)] = (
+        ReadingColumn(quantity="x", column="x"),
+        ReadingColumn(quantity="y", column="y"),
+    )
+    """Columns with what was measured; the path of the tip, in columns x and y, where not given. Instants at which one
+    of the cells is empty are left out."""
     start: Literal["scene", "estimated"] = "scene"
     """Start of the motion. scene: at time zero as ``initial`` says; estimated: at the first sample, in a shape and
     rates that are estimated with the parameters, from the smoothest ones through what is measured there on."""
@@ -205,24 +196,9 @@ class TipTrajectory(_Data):
     whatever its rates."""
     window: _Window | None = None
     """Instants from and to which samples are used [s]."""
-    sigma: Annotated[Positive, Unit("m")] | None = None
-    """Standard deviation of x and y [m], where known."""
-
-    @property
-    def readings(self) -> tuple[ReadingColumn, ...]:
-        """All columns that are read but instants and commands: x and y first."""
-        given: tuple[tuple[Quantity, ColumnLike | None], ...] = (("x", self.x), ("y", self.y))
-        own = ((axis, as_column(column)) for axis, column in given if column is not None)
-        point = (
-            ReadingColumn(quantity=axis, at=self.at, sigma=self.sigma, **one.model_dump(exclude_unset=True))
-            for axis, one in own
-        )
-        return (*point, *self.measured)
 
     def _check(self) -> None:
         self._check_axes()
-        if self.x is None and self.y is None and not self.measured:
-            raise ValueError("x and y are both null: give one of them at least, or measured")
 
 
 class RingDown(_Data):
@@ -240,22 +216,7 @@ class RingDown(_Data):
     """Natural mode that rings, from 1."""
 
 
-class FrequencyTable(_Rows):
-    """Frequencies of free vibration: a row per mode and configuration."""
-
-    REFUSALS = (_MEASURED,)
-
-    kind: Literal["frequencies"]
-    """Frequencies of free vibration."""
-    mode: str | Annotated[int, Field(ge=1)] = "mode"
-    """Heading of the column, or one mode for all rows, from 1."""
-    frequency: ColumnLike = "frequency"
-    """Column of the frequency of the damped vibration [Hz]."""
-    decay_rate: ColumnLike | None = None
-    """Column of the decay rate of its amplitude [1/s]; None: not measured."""
-
-
-DataSet = Annotated[StaticPoses | TipTrajectory | RingDown | FrequencyTable, Field(discriminator="kind")]
+DataSet = Annotated[StaticPoses | TipTrajectory | RingDown, Field(discriminator="kind")]
 
 
 class Estimate(Value):
@@ -317,7 +278,7 @@ _FIT = Consumer(
     refused={"object": "has no place here: measurements are of the finger alone, leave the object out"},
     unneeded={
         **LIMITS_OF_BENDING,
-        **dict.fromkeys(("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts"),
+        "finger.half_thickness": "of contacts",
         **LIMITS_OF_COMMANDS,
         "time": "rows have times of their own",
         "name": "of reports",
@@ -338,8 +299,6 @@ class IdentifyScene(Scene):
     """Formats of the files that are given beside this one."""
     excitation: Excitation = Excitation()
     """Commands that ``identify --design`` designs, where it is given and a set is a ``trajectory``."""
-    loss: Literal["squares", "huber"] = "squares"
-    """huber: residuals beyond 1.345 standard deviations count linearly, so that outliers pull less."""
 
     def _check(self) -> None:
         names = [one.name for one in self.estimate]

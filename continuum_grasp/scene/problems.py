@@ -38,6 +38,12 @@ _RENAMED = {
     "q_above_rest": "q",
     "second_moment": "thickness and width of finger.rod",
     "residual": "finger.tendons.friction, finger.damping.dry_friction or finger.softening",
+    "loss": "holdout_rows or window, by which outliers, that fits name, are left out",
+    "samples": "sections, each from one place to the next with values [from, to]",
+    **dict.fromkeys(
+        ("data.x", "data.y", "data.at", "data.sigma"), "measured: [{quantity: x, column: x}, {quantity: y, column: y}]"
+    ),
+    "kind: frequencies": "kind: static, measured: [{quantity: frequency, of: MODE, column: ...}]",
     "closing": "a scene of simulate with the object, or a mission",
 }
 """Keys that are said by another one, or by another scene."""
@@ -172,8 +178,9 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
             about = shape.description(path, data)
             return Problem(path, "missing" + (f"; expected {about}" if about else ""))
         case "extra_forbidden":
-            word = str(path[-1])
-            hint = f"; write {_RENAMED[word]!r}" if word in _RENAMED else nearest(word, shape.keys(path[:-1], data))
+            word, section = str(path[-1]), f"{path[0]}.{path[-1]}" if len(path) == 3 else ""
+            instead = _RENAMED.get(word, _RENAMED.get(section))
+            hint = f"; write {instead!r}" if instead else nearest(word, shape.keys(path[:-1], data))
             return Problem(path, f"unknown key{hint}", at_key=True)
         case "finite_number":
             return Problem(path, f"not finite: expected a finite number, got {_show(got)}")
@@ -187,7 +194,8 @@ def _problem(item: _Located, shape: Shape, data: Any) -> Problem:
             return Problem((*path, tag), "missing" + (f"; expected {words}" if words else ""))
         case "union_tag_invalid":
             tag = str(context["discriminator"]).strip("'")
-            hint = nearest(str(context["tag"]), shape.tags(path, data), say_all=False)
+            instead = _RENAMED.get(f"kind: {context['tag']}")
+            hint = f"; write {instead}" if instead else nearest(context["tag"], shape.tags(path, data), say_all=False)
             what = f"not one of the choices: expected {context['expected_tags']}, got {context['tag']!r}{hint}"
             return Problem((*path, tag), what)
         case "too_short":

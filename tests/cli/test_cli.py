@@ -15,7 +15,6 @@ from typer.testing import CliRunner
 
 import continuum_grasp
 from continuum_grasp.cli import app
-from continuum_grasp.cli.completion import complete_config
 from continuum_grasp.errors import NumericalError, SolverError
 from continuum_grasp.simulation.trajectory import Trajectory
 
@@ -48,16 +47,6 @@ def test_help_needs_nothing_heavy():
         f"{HEAVY[:-1]!r} if m in sys.modules))"
     )
     assert fresh(code).endswith("loaded:")
-
-
-def test_configurations_are_completed_up_to_three_folders_deep(tmp_path, monkeypatch):
-    folders = [Path(*"abcde"[:depth]) for depth in range(6)]
-    for folder in folders:
-        (tmp_path / folder).mkdir(exist_ok=True)
-        (tmp_path / folder / "rod.yaml").write_bytes(Path(RELEASE).read_bytes())
-    monkeypatch.chdir(tmp_path)
-    found = complete_config(SimpleNamespace(info_name="modes"), "")
-    assert found == [str(folder / "rod.yaml") for folder in folders[:4]]
 
 
 def test_linear_algebra_of_computations_takes_one_thread_unless_the_environment_says_otherwise():

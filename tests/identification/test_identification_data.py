@@ -83,12 +83,13 @@ def test_rows_are_chosen_and_columns_taken_off(tmp_path):
 def test_sets_have_scenes_of_their_own(tmp_path):
     for name in ("up.csv", "down.csv"):
         (tmp_path / name).write_text("t,x,y\n0.1,0.2,0.3\n0.2,0.3,0.4\n0.9,1,1\n")
-    up = {"kind": "trajectory", "file": "up.csv", "window": [0.0, 0.5], "set": ["finger.base.angle=0.0"], "x": None}
+    up = {"kind": "trajectory", "file": "up.csv", "window": [0.0, 0.5], "set": ["finger.base.angle=0.0"]}
+    up["measured"] = [{"quantity": "y", "column": "y"}]
     down = {"kind": "trajectory", "file": "down.csv", "use": "holdout"}
     first, second = read_data(scene(up, down), [tmp_path / "up.csv", tmp_path / "down.csv"])
     assert first.scene.finger.base.angle == 0.0
     assert second.scene.finger.base.angle == -math.pi / 2
-    assert (first.t.tolist(), [(one.quantity, one.values.tolist()) for one in first.readings]) == (
+    assert (first.t.tolist(), [(one.quantity, one.values.tolist()) for one in first.measured]) == (
         [0.1, 0.2],
         [("y", [0.3, 0.4])],
     )
@@ -105,15 +106,16 @@ def test_ring_downs_become_frequencies(tmp_path):
     (tmp_path / "ring.csv").write_text("\n".join(["t,one,two", *rows]) + "\n")
     wanted = {"kind": "ring_down", "signals": ["one", "two"], "window": [0.0, 4.0]}
     (data,) = read_data(scene(wanted), [tmp_path / "ring.csv"])
-    assert data.frequency == pytest.approx([2.0, 2.5], rel=1e-5)
-    assert data.decay_rate == pytest.approx([0.2, 0.2], rel=1e-4)
+    assert data.measured[0].values == pytest.approx([2.0, 2.5], rel=1e-5)
+    assert data.measured[1].values == pytest.approx([0.2, 0.2], rel=1e-4)
 
 
 @pytest.mark.deep
 def test_frequencies_are_read_by_mode(tmp_path):
-    rows = [f"{mode},{2.0 * math.pi * frequency(mode):.9f}" for mode in (1, 2)]
-    (tmp_path / "f.csv").write_text("\n".join(["mode,frequency [rad/s]", *rows]) + "\n")
-    wanted = scene({"kind": "frequencies"}, gravity=[0.0, 0.0], fidelity={"elements": 6})
+    values = ",".join(f"{2.0 * math.pi * frequency(mode):.9f}" for mode in (1, 2))
+    (tmp_path / "f.csv").write_text(f"first [rad/s],second [rad/s]\n{values}\n")
+    measured = [{"quantity": "frequency", "of": k + 1, "column": name} for k, name in enumerate(("first", "second"))]
+    wanted = scene({"kind": "static", "measured": measured}, gravity=[0.0, 0.0], fidelity={"elements": 6})
     fit = cg.identify(wanted, tmp_path / "f.csv")
     assert fit["bending_stiffness"] == pytest.approx(STIFFNESS, rel=3e-3)
 
@@ -210,7 +212,8 @@ def test_what_does_not_fit_is_named(tmp_path, data, words):
         ({"estimate": [{"name": "a", "min": 2.0, "max": 1.0}]}, "not below"),
         ({"data": [{**STATIC, "use": "holdout"}]}, "every set is a hold-out"),
         ({"data": [{"kind": "ring_down", "window": [2.0, 1.0]}]}, "window must increase"),
-        ({"data": [{"kind": "trajectory", "x": None, "y": None}]}, "both null"),
+        ({"data": [{"kind": "trajectory", "x": "x"}]}, "write 'measured: "),
+        ({"data": [{"kind": "trajectory", "measured": []}]}, "too short"),
         ({"data": [{"kind": "film"}]}, "not one of the choices"),
     ],
 )
@@ -290,7 +293,7 @@ def test_data_folder_is_found_by_its_variable(written, tmp_path, monkeypatch):
         (["--data", "nothing.csv"], 2, "no such file"),
         (["--set", "estimate[0].name=stiffness"], 2, "estimate[0].name: unknown parameter"),
         (["--set", "finger.rod.bending_stiffness=1e-9", "--set", "fidelity.elements=2"], 1, "plausible"),
-        (["--set", "loss=cauchy"], 2, "not one of the choices"),
+        (["--set", "loss=huber"], 2, "holdout_rows or window"),
     ],
 )
 def test_exit_codes(written, tmp_path, arguments, code, words):

@@ -44,7 +44,7 @@ def test_sets_that_differ_are_reported_by_the_analysis_of_variance(share, report
 
     by = brentq(lambda by: scipy.stats.f_oneway(*moved(by)).statistic - ratio, 0.5, 10.0)
     sets = moved(by)
-    problem = Problem([Level(one, f"set {k}") for k, one in enumerate(sets)], [ONE], "squares")
+    problem = Problem([Level(one, f"set {k}") for k, one in enumerate(sets)], [ONE])
     found = _sets(problem, np.concatenate(sets))
     assert len(found) == reported
     assert all(f"ratio of variances {ratio:.0f}" in one for one in found)
@@ -65,34 +65,14 @@ def test_outliers_are_found_among_many_and_not_in_normal_noise():
     rng = np.random.default_rng(11)
     for count, most in ((12, 4), (400, 4)):  # of 200: 1 % beside 2 in a thousand
         noises = rng.standard_normal((200, count))
-        assert sum(bool(_outliers(Problem([Level(one)], [ONE], "squares"), one)) for one in noises) <= most
+        assert sum(bool(_outliers(Problem([Level(one)], [ONE]), one, one.size)) for one in noises) <= most
     # A tenth of the readings far off must not hide each other, whatever the unit of the deviation.
     noise = 1e-3 * rng.standard_normal(400)
     noise[::10] += 8e-3 * rng.choice([-1.0, 1.0], 40)
     noise[70] = 0.1
-    (found,) = _outliers(Problem([Level(noise)], [ONE], "squares"), noise)
+    (found,) = _outliers(Problem([Level(noise)], [ONE]), noise, noise.size)
     assert int(found.split()[0]) >= 38
     assert found.endswith("worst: level 70")
-
-
-@pytest.mark.parametrize("freedom", [3, 30])
-def test_the_deviation_of_a_robust_fit_is_that_of_the_jackknife(freedom):
-    """Huber's location of a sample of Student's t, found anew without each of the numbers in turn."""
-    values = scipy.stats.t.rvs(freedom, size=400, random_state=np.random.default_rng(freedom))
-
-    def location(sample: np.ndarray) -> float:
-        return float(brentq(lambda at: np.sum(np.clip(sample - at, -1.345, 1.345)), -3.0, 3.0, xtol=1e-14))
-
-    without = np.array([location(np.delete(values, k)) for k in range(values.size)])
-    jackknife = np.sqrt((values.size - 1) * np.var(without))
-    problem = Problem([Level(values)], [ONE], "huber")
-    found = problem.solve(lambda share: None)
-    assert found.values[0] == pytest.approx(location(values), abs=2e-4)
-    residuals = found.predictions - values
-    deviation = infer([ONE], found.values, found.jacobian, residuals, found.inflation).deviations[0]
-    assert deviation == pytest.approx(jackknife, rel=0.02)
-    plain = infer([ONE], found.values, found.jacobian, residuals).deviations[0]
-    assert (plain > 1.2 * jackknife) == (freedom == 3)
 
 
 @pytest.mark.parametrize(("share", "warned"), [(0.999, False), (1.001, True)])
@@ -120,4 +100,4 @@ def test_correlation_along_a_path_is_judged_from_thirty_instants_on(instants, ju
     drift = np.linspace(-1.0, 1.0, instants)
     block = Level(drift)
     block.moves = True
-    assert bool(_series(Problem([block], [ONE], "squares"), drift)) == judged
+    assert bool(_series(Problem([block], [ONE]), drift)) == judged

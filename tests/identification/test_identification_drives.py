@@ -18,7 +18,7 @@ from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.segments import base_of, patterns_of
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.simulation.initial import initial_state
-from tests.identification_cases import coverage, slope_error
+from tests.identification_cases import at_tip, coverage, slope_error
 from tests.truth.tendon_motion import MovingFinger
 
 LENGTH, STIFFNESS, OFFSET = 0.18, 6.11e-3, 0.005
@@ -82,7 +82,7 @@ def test_derivatives_of_motions_with_friction_states(scene, names, readings):
     t = np.linspace(0.0, 0.25, 26)[1:]
     none = np.zeros(t.size)
     unknowns = read_unknowns(scene, names.split())
-    block = PathBlock(scene, TipPath(t, none, none, measured=read(*readings, count=t.size)), unknowns)
+    block = PathBlock(scene, TipPath(t, [*at_tip(none, none), *read(*readings, count=t.size)]), unknowns)
     at = np.array([0.01 if one.name == "drive_delay" else one.start for one in unknowns])
     errors = slope_error(block, at, np.array([one.typical for one in unknowns]))
     assert errors.max() < 2e-3
@@ -196,7 +196,7 @@ def loop(drive: dict, names: list[str], measured: list[dict], **keys) -> Identif
         gravity=(0.0, 0.0),
         fidelity={"family": "arc", "elements": 1},
         estimate=[{"name": name} for name in names],
-        data=[{"kind": "trajectory", "sigma": 3e-4, "measured": measured, **keys}],
+        data=[{"kind": "trajectory", "measured": measured, **keys}],
         excitation={"duration": 3.0, "sample": 0.015, "reach": 0.5},
     )
 
@@ -215,7 +215,8 @@ def test_the_other_winch_pays_out_what_its_tendon_needs(side):
 @pytest.mark.deep
 def test_commands_stay_within_limits_and_predict_what_a_fit_reports():
     """The deviations beforehand are those of a fit to readings with that noise, and hold for many repeats."""
-    measured = [{"quantity": "tension", "column": "T", "sigma": 0.1}]
+    measured = [{"quantity": one, "column": one, "sigma": 3e-4} for one in "xy"]
+    measured.append({"quantity": "tension", "column": "T", "sigma": 0.1})
     scene = loop(WINCHES, ["tendon_friction", "drive_time_constant"], measured)
     plan = design_experiments(scene)
     assert plan.rehearsal.tensions.max() < 40.0
@@ -228,7 +229,7 @@ def test_commands_stay_within_limits_and_predict_what_a_fit_reports():
         values + sigma * rng.standard_normal(values.size)
         for values, sigma in ((motion.tip[1:, 0], 3e-4), (motion.tip[1:, 1], 3e-4), (motion.tensions[1:, 0], 0.1))
     ]
-    path = TipPath(motion.t[1:], *noisy[:2], sigma=3e-4, measured=[Reading("tension", noisy[2], sigma=0.1, of=1)])
+    path = TipPath(motion.t[1:], [*at_tip(*noisy[:2], 3e-4), Reading("tension", noisy[2], sigma=0.1, of=1)])
     fit = cg.identify(plan.scene, path, parameters=list(plan.names))
     assert fit.deviations == pytest.approx(plan.deviations, rel=0.1)
     assert np.all(np.abs(fit.values - plan.values) < 4.0 * plan.deviations)
@@ -236,7 +237,7 @@ def test_commands_stay_within_limits_and_predict_what_a_fit_reports():
 
 def test_commands_say_what_they_cannot_show():
     measured = [{"quantity": "length", "column": "y", "sigma": 1e-5}]
-    plan = design_experiments(loop(WINCHES, ["tendon_friction", "drive_time_constant"], measured, x=None, y=None))
+    plan = design_experiments(loop(WINCHES, ["tendon_friction", "drive_time_constant"], measured))
     assert any("these experiments cannot see tendon_friction" in one for one in plan.warnings)
     assert math.isinf(plan.deviations[0])
     assert plan.shown_by[0] == "none"
@@ -270,7 +271,7 @@ def test_simulation_and_closed_loop_read_what_was_identified(tmp_path):
         time={"duration": 0.3, "step": 0.005},
     )
     true = cg.simulate(scene.changed({"actuation.tensions": [late, 1.0]}))
-    path = TipPath(true.t[1:], true.tip[1:, 0], true.tip[1:, 1])
+    path = TipPath(true.t[1:], at_tip(*true.tip[1:].T))
     fit = cg.identify(scene, path, parameters=[Estimate(name="drive_time_constant", start=0.02), "drive_delay"])
     assert fit["drive_delay"] == pytest.approx(0.02, abs=1e-4)
     file = fit.save(tmp_path) / "identified_finger.yaml"

@@ -12,9 +12,9 @@ from scipy.optimize import brentq
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification import Estimate, Frequencies, Poses, Reading
+from continuum_grasp.identification import Estimate, Poses, Reading
 from continuum_grasp.model import FingerModel
-from tests.identification_cases import bare_scene, frequency
+from tests.identification_cases import bare_scene, frequency, rung
 from tests.rods import rod_scene
 
 STEPPED = {
@@ -58,13 +58,13 @@ def poses(modulus):
 def test_density_of_a_stepped_rod_from_its_frequencies():
     """A rod that is lighter by a factor rings faster by its root."""
     scene = rod_scene(STEPPED, elements=6, gravity=(0.0, 0.0))
-    fit = cg.identify(scene, Frequencies([1, 2], FREQUENCIES / math.sqrt(1.3)), parameters=["linear_density"])
+    fit = cg.identify(scene, rung(*FREQUENCIES / math.sqrt(1.3)), parameters=["linear_density"])
     assert fit["linear_density"] == pytest.approx(1.3, rel=2e-3)
     assert fit.units == ("1",)
     heavier = fit.apply()
     assert heavier.finger.rod.factors.linear_density == fit["linear_density"]
     assert heavier.finger.rod.mass == pytest.approx(1.3 * (0.4 + 0.6 * 0.3), rel=2e-3)
-    again = cg.identify(heavier, Frequencies([1, 2], FREQUENCIES / math.sqrt(1.3)), parameters=["linear_density"])
+    again = cg.identify(heavier, rung(*FREQUENCIES / math.sqrt(1.3)), parameters=["linear_density"])
     assert again["linear_density"] == pytest.approx(1.0, abs=1e-6)
 
 
@@ -94,7 +94,7 @@ def test_changes_are_those_of_the_run_time_parameters():
 def test_friction_of_a_list_of_tendons_is_that_of_all():
     tendons = [{"offset": 0.004, "max_tension": 5.0}, {"offset": -0.004, "max_tension": 5.0, "to": 0.1}]
     scene = cone_scene(family="clothoid", finger={"tendons": tendons, "half_thickness": 0.005})
-    fit = cg.identify(bare_scene(), Frequencies([1], [frequency(1)]), parameters=["bending_stiffness"])
+    fit = cg.identify(bare_scene(), rung(frequency(1)), parameters=["bending_stiffness"])
     friction = {"targets": (("tendon_friction", 1.0, False),), "values": np.array([0.2]), "names": ("tendon_friction",)}
     changed = dataclasses.replace(fit, **friction).apply(scene)
     assert [tendon.friction for tendon in changed.finger.tendon_list] == [0.2, 0.2]
@@ -114,7 +114,7 @@ REFUSED = {
 def test_what_is_no_single_number_is_refused(name):
     rod, parameter, words = REFUSED[name]
     with pytest.raises(InputError, match=words):
-        cg.identify(rod_scene(rod), Frequencies([1], [1.0]), parameters=[parameter])
+        cg.identify(rod_scene(rod), rung(1.0), parameters=[parameter])
 
 
 def test_factors_are_for_graded_rods():

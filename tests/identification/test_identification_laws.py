@@ -16,7 +16,7 @@ from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Scene
-from tests.identification_cases import LENGTH, ROD, STIFFNESS, elastica, loaded_scene
+from tests.identification_cases import LENGTH, ROD, STIFFNESS, at_tip, elastica, loaded_scene
 from tests.marks import few
 from tests.rods import rod_scene
 
@@ -62,17 +62,17 @@ class Releases:
 
     def path(self, noise: float, seed: int = 0) -> TipPath:
         tip = self.tip + noise * np.random.default_rng(seed).standard_normal(self.tip.shape)
-        return TipPath(self.t, tip[:, 0], tip[:, 1])
+        return TipPath(self.t, at_tip(*tip.T))
 
     def build(self, given, unknowns) -> Problem:
         key = tuple(one.name for one in unknowns)
         if key not in self.built:
-            self.built[key] = Problem([PathBlock(given[0][1], given[0][0], unknowns)], unknowns, "squares")
+            self.built[key] = Problem([PathBlock(given[0][1], given[0][0], unknowns)], unknowns)
         return self.built[key]
 
     def doubts(self, noise: float, seed: int) -> list[str]:
         path = self.path(noise, seed)
-        self.problem.measured = np.stack([path.x, path.y], axis=1).ravel()
+        self.problem.measured = np.stack([one.values for one in path.measured], axis=1).ravel()
         solution = self.problem.solve(lambda share: None)
         return doubts_of_laws(self.problem, solution, [(path, self.scene)], self.build)
 
@@ -143,7 +143,7 @@ def test_rows_and_origins_of_shapes_at_rest(names, seeds):
     def build(given, unknowns) -> Problem:
         key = tuple(one.name for one in unknowns)
         if key not in built:
-            built[key] = Problem([PosesBlock(scene, poses, unknowns)], unknowns, "squares")
+            built[key] = Problem([PosesBlock(scene, poses, unknowns)], unknowns)
         return built[key]
 
     problem = build(None, read_unknowns(scene, names))
@@ -177,7 +177,7 @@ def test_a_law_matters_from_a_thousandth_of_the_motion_on(share, reported):
     problem, given = releases.problem, [(releases.path(0.0), SLENDER)]
     values = np.array([one.start for one in releases.unknowns])
     predictions, jacobian = problem.predict(values)
-    solution = Solution(values, predictions, jacobian, np.ones(predictions.size), 1.0, 0, 0)
+    solution = Solution(values, predictions, jacobian, np.ones(predictions.size), 0, 0)
     laws = ("quadratic_damping", "softening_ratio")
     slope, other = (_of_law(name, problem, solution, given, releases.build)[0][1] for name in laws)
     others = np.column_stack([jacobian, other])
@@ -220,7 +220,7 @@ def test_noise_alone_makes_no_law_of_shapes_at_rest_wrong(rows):
 
     def build(given, unknowns) -> Problem:
         if len(unknowns) not in built:
-            built[len(unknowns)] = Problem([PosesBlock(given[0][1], given[0][0], unknowns)], unknowns, "squares")
+            built[len(unknowns)] = Problem([PosesBlock(given[0][1], given[0][0], unknowns)], unknowns)
         return built[len(unknowns)]
 
     problem, found = build(given, read_unknowns(scene, KNOWN[:1])), 0
@@ -237,7 +237,7 @@ def test_the_direction_of_loading_is_judged_from_four_rows_each_way_on(back, jud
     scene = rod_scene(ROD, "arc", 1, gravity=(0.0, 0.0))
     poses = Poses([Reading("bend", bends)], {"tip_moment": 0.1 * bends})
     unknowns = read_unknowns(scene, KNOWN[:1])
-    problem = Problem([PosesBlock(scene, poses, unknowns)], unknowns, "squares")
+    problem = Problem([PosesBlock(scene, poses, unknowns)], unknowns)
     assert bool(_widths(problem, bends)) == judged
 
 

@@ -11,11 +11,11 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError, NumericalError
-from continuum_grasp.identification import Estimate, TipPath
+from continuum_grasp.identification import Estimate, Reading, TipPath
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Fidelity, Scene, Timing
-from tests.identification_cases import ROD, coverage, path_of, release, slope_error
+from tests.identification_cases import ROD, at_tip, coverage, path_of, release, slope_error
 from tests.rods import rod_scene
 
 CONFIGS = Path(__file__).parents[2] / "configs/simulate"
@@ -49,7 +49,7 @@ def test_derivatives_of_paths(instants):
     t = np.linspace(0.01, 0.3, 30) if instants == "even" else np.sort(np.random.default_rng(0).uniform(0.0, 0.3, 30))
     names = [*NAMES, "tip_mass", "rest_curvature", "linear_density"]
     unknowns = read_unknowns(scene, names)
-    block = PathBlock(scene, TipPath(t, x=0 * t, y=0 * t), unknowns)
+    block = PathBlock(scene, TipPath(t, at_tip(0 * t, 0 * t)), unknowns)
     values = np.array([55e9, 1.3e-4, 0.01, 0.018, 0.1, 0.021])
     assert slope_error(block, values, np.array([one.typical for one in unknowns])).max() < 1e-7
 
@@ -76,7 +76,7 @@ def test_driven_paths_are_those_of_a_simulation(family, input_, tendons, pose, n
     unknowns = read_unknowns(scene, names)
     true = cg.simulate(scene)
     t, tip = true.t[10::10], true.tip[10::10]
-    block = PathBlock(scene, TipPath(t, tip[:, 0], tip[:, 1]), unknowns)
+    block = PathBlock(scene, TipPath(t, at_tip(*tip.T)), unknowns)
     values = np.array([one.start for one in unknowns])
     assert np.abs(block.predict(values)[0].reshape(-1, 2) - tip).max() < 2e-5
     assert slope_error(block, values, np.array([one.typical for one in unknowns])).max() < 1e-7
@@ -88,7 +88,7 @@ def test_prediction_at_uneven_instants_is_the_simulated_path():
     t, tip = true.t[chosen] + 0.0, true.tip[chosen]
     t[0] += 1e-6  # no longer on a grid
     unknowns = read_unknowns(scene_of(20), NAMES)
-    block = PathBlock(scene_of(20), TipPath(t, tip[:, 0], tip[:, 1]), unknowns)
+    block = PathBlock(scene_of(20), TipPath(t, at_tip(*tip.T)), unknowns)
     predicted = block.predict(np.array([TRUTH["stiffer"], TRUTH["damping"], TRUTH["turned"]]))[0].reshape(-1, 2)
     assert np.abs(predicted - tip).max() < 2e-5
 
@@ -159,17 +159,18 @@ def test_a_motion_that_is_too_stiff_is_refused():
     stiff = ["youngs_modulus", Estimate(name="material_damping", start=10.0)]
     scene = scene_of(0, 3, "arc")
     with pytest.raises(NumericalError, match="steps are needed"):
-        cg.identify(scene, TipPath(data[0].t, data[0].x, data[0].y), parameters=stiff)
+        cg.identify(scene, TipPath(data[0].t, data[0].measured), parameters=stiff)
 
 
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: TipPath([0.1, 0.1], [0.0, 0.0]), "increase"),
-        (lambda: TipPath([-0.1, 0.1], [0.0, 0.0]), "increase from 0"),
-        (lambda: TipPath([0.1, 0.2]), "expected x, y, both, or measured"),
-        (lambda: TipPath([0.1, 0.2], [0.0, math.inf]), "finite"),
-        (lambda: TipPath([0.1, 0.2], [0.0]), "2 numbers"),
+        (lambda: TipPath([0.1, 0.1], at_tip(*2 * [[0.0, 0.0]])), "increase"),
+        (lambda: TipPath([-0.1, 0.1], at_tip(*2 * [[0.0, 0.0]])), "increase from 0"),
+        (lambda: TipPath([0.1, 0.2], []), "expected at least one reading"),
+        (lambda: TipPath([0.1, 0.2], [0.0, 0.0]), "such as Reading"),
+        (lambda: TipPath([0.1, 0.2], [Reading("x", [0.0, math.inf])]), "finite"),
+        (lambda: TipPath([0.1, 0.2], [Reading("x", [0.0])]), "2 numbers"),
     ],
 )
 def test_wrong_paths_are_named(make, words):

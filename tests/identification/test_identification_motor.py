@@ -8,6 +8,7 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.identification import Estimate, Fit, Reading, TipPath
 from tests.contact_cases import LENGTH, MOTOR, NOISE, OFFSET, STEP, STIFFNESS, TENDON, plant
+from tests.identification_cases import at_tip
 from tests.truth.servo import ServoedChain
 
 SAMPLE, DURATION = 0.02, 3.0
@@ -49,10 +50,11 @@ def fitted(seed: int) -> tuple[Fit, dict[str, float]]:
     )
     data = TipPath(
         t,
-        x,
-        y,
-        sigma=SCATTER,
-        measured=[Reading("motor_angle", angle, sigma=STEP), Reading("torque", torque, sigma=NOISE)],
+        [
+            *at_tip(x, y, SCATTER),
+            Reading("motor_angle", angle, sigma=STEP),
+            Reading("torque", torque, sigma=NOISE),
+        ],
     )
     asked = [Estimate(name=name) for name in ("bending_stiffness", "tendon_friction", "drive_coulomb_friction")]
     truth = {

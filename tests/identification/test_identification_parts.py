@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import scipy.stats
 
 from continuum_grasp.errors import NumericalError, SolverError
-from continuum_grasp.identification import Frequencies, Poses, Reading, fit_damped_sine
-from continuum_grasp.identification.blocks import PosesBlock, VibrationBlock
+from continuum_grasp.identification import Poses, Reading, fit_damped_sine
+from continuum_grasp.identification.blocks import PosesBlock
 from continuum_grasp.identification.inference import infer
 from continuum_grasp.identification.least_squares import least_squares
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.model import FingerModel
-from tests.identification_cases import DENSITY, ROD, STIFFNESS, loaded_scene, slope_error
+from tests.identification_cases import DENSITY, ROD, STIFFNESS, loaded_scene, rung, slope_error
 from tests.rods import rod_scene
 
 # -- the search ------------------------------------------------------------------------------------------------------
@@ -130,7 +131,9 @@ def test_derivatives_of_poses(family):
 def test_derivatives_of_vibrations(family):
     scene = loaded_scene(2, fidelity={"family": family})
     unknowns = read_unknowns(scene, [*NAMES, "material_damping"])
-    block = VibrationBlock(scene, Frequencies([1, 2], [2.0, 20.0], [0.1, 1.0], {"load_1_y": [-0.1, 0.1]}), unknowns)
+    both = rung([2.0, 2.0], [20.0, 20.0], decays=([0.1, 0.1], [1.0, 1.0]), conditions={"load_1_y": [-0.1, 0.1]})
+    data = replace(both, measured=[both.measured[0], Reading("x", [0.1, 0.2], 0.17), *both.measured[1:]])
+    block = PosesBlock(scene, data, unknowns)
     values = np.array([STIFFNESS, DENSITY, 0.004, 0.3, 0.02, 2e-4])
     assert slope_error(block, values, np.array([one.typical for one in unknowns])).max() < 1e-7
 

@@ -16,7 +16,7 @@ from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem
 from continuum_grasp.identification.read import read_data
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
-from tests.identification_cases import ROD
+from tests.identification_cases import ROD, at_tip
 from tests.rods import HANGING, rod_scene
 
 
@@ -44,7 +44,7 @@ def test_what_is_known_beforehand_weighs_as_bayes_says():
     a, y, sigma, known = rng.standard_normal((9, 3)), rng.standard_normal(9), 0.3, np.array([0.2, np.inf, 0.05])
     about = np.array([1.0, -2.0, 0.5])
     unknowns = [unknown(start, one) for start, one in zip(about, known, strict=True)]
-    problem = Problem([Linear(a, y, sigma)], unknowns, "squares")
+    problem = Problem([Linear(a, y, sigma)], unknowns)
     found = problem.solve(lambda share: None)
     precision = a.T @ a / sigma**2 + np.diag(1.0 / known**2)
     mean = np.linalg.solve(precision, a.T @ y / sigma**2 + about / known**2)
@@ -64,7 +64,7 @@ def test_the_start_of_a_hold_out_is_sought_with_what_is_known_of_it():
         Linear(np.ones((3, 1)), np.full(3, 4.0), 0.1),
         Linear(np.ones((2, 2)), np.full(2, 9.0), 0.1, own, False),
     )
-    problem = Problem([fitted, held], [unknown(0.0)], "squares")
+    problem = Problem([fitted, held], [unknown(0.0)])
     found = problem.solve(lambda share: None)
     # Two readings of 9 - 4 = 5, and 2 beforehand, of equal deviations.
     assert found.values == pytest.approx([4.0, (5.0 + 5.0 + 2.0) / 3.0])
@@ -100,9 +100,9 @@ def test_a_weighed_mass_stays_where_it_was_weighed():
 def test_deviations_of_a_start_are_checked(start_sigma):
     t = 0.01 * np.arange(20)
     with pytest.raises(InputError, match=r"expected|positive"):
-        TipPath(t, t, t, start="estimated", start_sigma=start_sigma)
+        TipPath(t, at_tip(t, t), start="estimated", start_sigma=start_sigma)
     with pytest.raises(InputError, match="estimated"):
-        TipPath(t, t, t, start_sigma=(0.1, 1.0))
+        TipPath(t, at_tip(t, t), start_sigma=(0.1, 1.0))
 
 
 # -- residuals that hang together ------------------------------------------------------------------------------------
@@ -166,7 +166,7 @@ def test_intervals_of_a_release_cover_the_truth_where_noise_hangs_together():
     scene = rod_scene(ROD, "arc", 1, finger={"damping": {"material": 5e-4}}, initial={"q": [0.6]})
     t, rng, repeats = 0.01 * np.arange(1, 151), np.random.default_rng(8), 60
     unknowns = read_unknowns(scene, ["bending_stiffness", "material_damping"])
-    problem = Problem([PathBlock(scene, TipPath(t, 0.0 * t, 0.0 * t), unknowns)], unknowns, "squares")
+    problem = Problem([PathBlock(scene, TipPath(t, at_tip(0.0 * t, 0.0 * t)), unknowns)], unknowns)
     truth = np.array([one.start for one in unknowns])
     clean, hits = problem.predict(truth)[0], {"series": np.zeros(2), "independent": np.zeros(2)}
     for _ in range(repeats):

@@ -237,7 +237,7 @@ def test_friction_and_stiffness_of_a_notched_wrist_from_awkward_starts(stiffness
         Estimate(name="bending_stiffness", start=stiffness),
         Estimate(name="tendon_friction", start=friction),
     ]
-    fit = cg.identify(scene, path, parameters=estimates, loss="huber")
+    fit = cg.identify(scene, path, parameters=estimates)
     assert fit["bending_stiffness"] == pytest.approx(1.026e-5, rel=0.01)
     assert fit.errors[0].rms == pytest.approx(0.0933, rel=0.01)
 

@@ -7,11 +7,11 @@ import pytest
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification import Estimate, Frequencies, Poses, Reading, TipPath
+from continuum_grasp.identification import Estimate, Poses, Reading, TipPath
 from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Scene
-from tests.identification_cases import LENGTH, ROD, STIFFNESS, elastica, loaded_scene, slope_error
+from tests.identification_cases import LENGTH, ROD, STIFFNESS, at_tip, elastica, loaded_scene, rung, slope_error
 from tests.rods import HANGING, rod_scene
 
 PLACES = (0.15, 0.28, LENGTH)
@@ -107,7 +107,7 @@ def pulled(family: str, late: float = 0.0, lag: float | None = 0.03, **keys) -> 
 def test_lag_and_delay_of_a_drive_from_one_pull(family):
     """The simulation lags by the model's own states; the delay is a shift of its command."""
     true = cg.simulate(pulled(family, late=0.012, time={"duration": 0.4, "step": 0.001, "method": "reference"}))
-    data = TipPath(true.t[5::5], true.tip[5::5, 0], true.tip[5::5, 1])
+    data = TipPath(true.t[5::5], at_tip(*true.tip[5::5].T))
     scene = pulled(family, lag=None)
     names = [Estimate(name="drive_time_constant", start=0.015), "drive_delay", "bending_stiffness"]
     unknowns = read_unknowns(scene, names)
@@ -124,7 +124,7 @@ def test_lag_and_delay_of_a_drive_from_one_pull(family):
 def test_a_delay_needs_commands_that_vary():
     scene = rod_scene(ROD, "clothoid", finger={"tendons": {"offset": 0.02, "max_tension": 9.0}})
     with pytest.raises(InputError, match="commands that vary"):
-        cg.identify(scene, TipPath([0.0, 0.1], [0.0, 0.0]), parameters=["drive_delay"])
+        cg.identify(scene, TipPath([0.0, 0.1], [Reading("x", [0.0, 0.0])]), parameters=["drive_delay"])
     with pytest.raises(InputError, match="needs a start value"):
         read_unknowns(scene, ["drive_time_constant"])
 
@@ -140,7 +140,7 @@ def test_the_body_at_the_tip_from_two_frequencies():
     frequencies = np.sort(1.0 / np.sqrt(np.linalg.eigvals(flexibility @ body))) / (2 * np.pi)
     finger = {"tip_body": {"mass": mass, "center_of_mass": [0.0, 0.01], "rotary_inertia": 1e-3}}
     scene = rod_scene(ROD | {"linear_density": 1e-5}, "clothoid", 1, gravity=(0.0, 0.0), finger=finger)
-    fit = cg.identify(scene, Frequencies([1, 2], frequencies), parameters=["tip_body_along", "tip_body_inertia"])
+    fit = cg.identify(scene, rung(*frequencies), parameters=["tip_body_along", "tip_body_inertia"])
     assert fit["tip_body_along"] == pytest.approx(arm, rel=1e-3)
     assert fit["tip_body_inertia"] == pytest.approx(inertia, rel=1e-2)
     applied = fit.apply().finger.tip_body

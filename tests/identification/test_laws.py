@@ -10,6 +10,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.identification import IdentifyScene, Poses, Reading, TipPath
 from continuum_grasp.identification.fitting import posed
 from continuum_grasp.identification.laws import choose_law
+from tests.identification_cases import at_tip
 
 LENGTH, STIFFNESS, SIGMA = 0.2, 0.005, 0.01
 SOFT = {
@@ -83,7 +84,7 @@ def test_what_cannot_be_chosen_is_refused():
     with pytest.raises(InputError, match="names of their own"):
         scene(PLAIN, PLAIN)
     t = np.linspace(0.01, 0.3, 30)
-    alone = TipPath(t, 0.01 * t, 0.2 + 0.0 * t)
+    alone = TipPath(t, at_tip(0.01 * t, 0.2 + 0.0 * t))
     with pytest.raises(InputError, match="hold rows or a set out"):
         cg.identify(scene(PLAIN, TURNED), alone)
     wrong = {"name": "wrong", "set": ["finger.softening.ratio=0.2"]}

@@ -10,14 +10,13 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 import pytest
 from grasp_scenes import CONFIGS, make_scene
-from identification_cases import bare_scene, frequency
+from identification_cases import bare_scene, frequency, rung
 from plan_cases import two_arcs
 
 import continuum_grasp as cg
 from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.core import Core, compiler
-from continuum_grasp.identification.data import Frequencies
 from continuum_grasp.scene.load import load
 from tests import control_cases
 from tests.marks import few
@@ -79,9 +78,7 @@ MAKERS = {
     "filtered": lambda: estimator().step(None, [0.0]),
     "closed loop": lambda: cg.run_closed_loop(control_cases.sensed_rod_scene(duration=0.05, plant=PLANT)),
     "plant": plant,
-    "fit": lambda: cg.identify(
-        bare_scene(2), Frequencies([1, 2], [frequency(1), frequency(2)]), parameters=["bending_stiffness"]
-    ),
+    "fit": lambda: cg.identify(bare_scene(2), rung(frequency(1), frequency(2)), parameters=["bending_stiffness"]),
     "error": error,
 }
 

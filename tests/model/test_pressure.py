@@ -19,6 +19,7 @@ from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.signals import Signals
 from tests.export_cases import needs, shared_library
+from tests.identification_cases import at_tip
 
 LENGTH, STIFFNESS = 0.12, 1.5e-3
 ROD = {"length": LENGTH, "bending_stiffness": STIFFNESS, "linear_density": 0.17}
@@ -175,7 +176,7 @@ def test_area_and_lag_are_found_from_a_motion():
 
     bend = solve_ivp(rate, (0.0, 0.6), [0.0] * 3, t_eval=t, rtol=1e-9, atol=1e-9, max_step=0.01).y[0][1:]
     x, y = -LENGTH * (1.0 - np.cos(bend)) / bend, LENGTH * np.sin(bend) / bend
-    found = cg.identify(made, TipPath(t[1:], x, y), parameters=["chamber_area", "drive_time_constant"])
+    found = cg.identify(made, TipPath(t[1:], at_tip(x, y)), parameters=["chamber_area", "drive_time_constant"])
     assert found.values == pytest.approx([1.3 * 4e-5, 1.4 * 0.05], rel=1e-4)
 
 

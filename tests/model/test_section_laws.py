@@ -10,6 +10,7 @@ from scipy.linalg import expm
 import continuum_grasp as cg
 from continuum_grasp.identification import TipPath
 from continuum_grasp.scene.finger import Softening, Stops
+from tests.identification_cases import at_tip
 from tests.marks import few
 
 LENGTH, STIFFNESS = 0.2, 8e-3
@@ -163,7 +164,7 @@ def test_identify_finds_what_relaxes_from_a_path_of_the_closed_form():
             "time": {"duration": 1.5, "step": 0.02},
         }
     )
-    data = [TipPath(t, x=noise[0] - LENGTH * across, y=noise[1] + LENGTH * along, sigma=1e-5)]
+    data = [TipPath(t, at_tip(noise[0] - LENGTH * across, noise[1] + LENGTH * along, 1e-5))]
     fit = cg.identify(scene, data, parameters=["relaxation_1_share", "relaxation_1_time"])
     assert fit.values == pytest.approx([true["share"], true["time"]], rel=5e-3)
     assert fit.apply().finger.damping.relaxation[0].time == fit["relaxation_1_time"]

@@ -179,7 +179,7 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
         # By the command, whose drive may turn the other way.
         paired = {name: (way.order[c], sign * way.signs[c]) for name, (c, sign) in cells.items()}
         block = BenchBlock(bench, log, way, paired)
-        problem = Problem([block], _started(block, camera), "squares")
+        problem = Problem([block], _started(block, camera))
         try:
             solution = problem.solve(lambda share: None)
         except (SolverError, NumericalError):
@@ -247,7 +247,7 @@ def _result(
     missed, way, block, problem, solution = alike[0]
     unknowns, values, predictions, weighted = _with_friction(block, problem, solution)
     numbers = {one.name: value for one, value in zip(unknowns, values.tolist(), strict=True)}
-    found = infer(unknowns, values, *weighted, solution.inflation, None, problem.series)
+    found = infer(unknowns, values, *weighted, None, problem.series)
     zeros = [numbers[f"{ZERO}_{k + 1}"] for k in range(len(bench.zeros))]
     shifts = np.sum([value * zero for value, zero in zip(zeros, bench.zeros, strict=True)], axis=0)
     drives = tuple(
