@@ -56,7 +56,7 @@ _OBJECT = {"shape": "circle", "diameter": 0.04, "mass": 0.3, "position": [0.1, 0
 _LAW = {"stiffness": 2e3, "friction": 0.5, "slip_speed": 0.01}
 _FIXED = {"object": _OBJECT, "contact_law": _LAW}
 _MOVING = {**_FIXED, "object_moves": True}
-_TAPER = {"to": 0.18, "bending_stiffness": [8e-3, 5e-3], "linear_density": [0.04, 0.03]}
+_SAMPLES = {"at": [0.0, 0.18], "bending_stiffness": [8e-3, 5e-3], "linear_density": [0.04, 0.03]}
 _STEP = {"bending_stiffness": 8e-3, "linear_density": 0.04, "to": 0.09}
 _FORCE = {"kind": "force", "at": 0.18, "force": [0.01, 0.0]}
 
@@ -102,7 +102,7 @@ FEATURES = (
     Feature("stops", {"finger.stops": {"curvature": 30.0, "stiffness_ratio": 30.0}}),
     Feature("softening", {"finger.softening": {"curvature": 5.0, "stiffness_ratio": 0.5}}),
     Feature("tendons that shorten the rod", {"finger.tendons.time_constant": None, "finger.gyration_radius": 1.5e-3}),
-    Feature("a tapered rod", {"finger.rod": {"length": 0.18, "sections": [_TAPER]}}),
+    Feature("a tapered rod", {"finger.rod": {"length": 0.18, "samples": _SAMPLES}}),
     Feature(
         "a stepped rod",
         {"finger.rod": {"length": 0.18, "sections": [_STEP, {**_STEP, "bending_stiffness": 5e-3, "to": 0.18}]}},

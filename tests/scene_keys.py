@@ -43,6 +43,14 @@ _SUPPORTS = {
     "point": {"type": "point", "position": [0.3, -0.3], "radius": 0.01},
     "groove": {"type": "v_groove", "apex": [0.0, -0.4], "opening_angle": 1.5, "axis_angle": 1.57},
 }
+_SPREAD = {
+    "at": [0.0, 0.05, 0.1],
+    "bending_stiffness": [0.02, 0.015, 0.01],
+    "linear_density": [0.2, 0.15, 0.1],
+    "rotary_inertia": [1e-6, 1e-6, 1e-6],
+    "rest_curvature": [0.1, 0.2, 0.1],
+    "thickness": [0.01, 0.009, 0.008],
+}
 _BENT = {"to": 0.05, "bending_stiffness": 0.02, "linear_density": 0.2, "rotary_inertia": 1e-6, "thickness": 0.01}
 _CUT = {"to": 0.1, "youngs_modulus": 1e9, "density": 1e3, "width": 0.01, "thickness": 0.005}
 _OWN_ROD: dict[str, Any] = {
@@ -95,6 +103,7 @@ _FOLDERS = {
     Design: "design",
 }
 _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
+    "samples": ("close_on_mug", {"finger.rod": {"length": 0.1, "samples": _SPREAD}, **_OWN_ROD}),
     "loads": ("three_tendons", {"loads": [_MOMENT, _FORCE], "actuation": {"tensions": [3.0, 4.0, 5.0]}}),
     "shape": (
         "close_on_mug",

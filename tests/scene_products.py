@@ -352,7 +352,7 @@ class Walk:
         return f"{self.consumer}: {self.make.__name__}"
 
 
-_OF_TOUCH = ("finger.half_thickness", "finger.tendons.max_tension")
+_OF_TOUCH = ("finger.half_thickness", "finger.rod.samples.thickness", "finger.tendons.max_tension")
 """Keys of contacts and commands, which a model without them has not."""
 WALKS = (
     Walk("export to mjcf", Scene, chain_of_hinges),

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.finger import TipBody as TipBody
     from continuum_grasp.scene.graded import PiecewiseCurvature as PiecewiseCurvature
     from continuum_grasp.scene.graded import RodFactors as RodFactors
+    from continuum_grasp.scene.graded import RodSamples as RodSamples
     from continuum_grasp.scene.graded import RodSection as RodSection
     from continuum_grasp.scene.graded import SpiRob as SpiRob
     from continuum_grasp.scene.grasp import GraspScene as GraspScene

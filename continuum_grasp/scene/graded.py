@@ -1,4 +1,4 @@
-"""Data that describe a graded rod: sections, or a straightened spiral."""
+"""Data that describe a graded rod: sections, samples, or a straightened spiral."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import Field
 
 from continuum_grasp.scene.consumer import Consumer, excludes
 from continuum_grasp.scene.units import Unit
-from continuum_grasp.scene.value import Extent, Increasing, Length, NonNegative, Positive, Real, Value
+from continuum_grasp.scene.value import Distance, Extent, Increasing, Length, NonNegative, Positive, Real, Value
 
 _Number = TypeVar("_Number")
 Varying: TypeAlias = _Number | Annotated[tuple[_Number, _Number], Field(strict=False)]
@@ -133,6 +133,33 @@ class RodSection(Section):
 
     def _check(self) -> None:
         self.check_shape()
+
+
+class RodSamples(Value):
+    """A rod by samples at positions along it, between which the values are smooth and monotone.
+
+    Interpolated by monotone cubics (PCHIP: Fritsch and Butland, doi:10.1137/0905021), those of stiffness and mass
+    through the logarithm, so that neither overshoots nor is negative anywhere.
+    """
+
+    at: Annotated[tuple[Distance, ...], Field(strict=False, min_length=2, max_length=1000), Increasing]
+    """Positions along the rod, increasing from 0 to the length [m]."""
+    bending_stiffness: Annotated[tuple[Stiffness, ...], Field(strict=False)]
+    """Bending stiffness E I at each [N m2]."""
+    linear_density: Annotated[tuple[LinearDensity, ...], Field(strict=False)]
+    """Mass per length rho A at each [kg/m]."""
+    rotary_inertia: Annotated[tuple[RotaryInertia, ...], Field(strict=False)] | None = None
+    """Rotary inertia per length rho I at each [kg m]; none where not given."""
+    rest_curvature: Annotated[tuple[Curvature, ...], Field(strict=False)] | None = None
+    """Curvature of the unloaded rod at each [1/m], positive towards -X."""
+    thickness: Annotated[tuple[Extent, ...], Field(strict=False)] | None = None
+    """Thickness at each [m]: how thick the finger is, and where the strain limit is reached."""
+
+    def _check(self) -> None:
+        if self.at[0] != 0.0:
+            raise ValueError(f"at[0] = {self.at[0]} m: the first sample must be at 0")
+        for key in ("bending_stiffness", "linear_density", "rotary_inertia", "rest_curvature", "thickness"):
+            self._check_count(key, getattr(self, key), len(self.at), "position")
 
 
 class SpiRob(Value):

@@ -39,7 +39,6 @@ _RENAMED = {
     "second_moment": "thickness and width of finger.rod",
     "residual": "finger.tendons.friction, finger.damping.dry_friction or finger.softening",
     "loss": "holdout_rows or window, by which outliers, that fits name, are left out",
-    "samples": "sections, each from one place to the next with values [from, to]",
     **dict.fromkeys(
         ("data.x", "data.y", "data.at", "data.sigma"), "measured: [{quantity: x, column: x}, {quantity: y, column: y}]"
     ),

@@ -8,15 +8,19 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.scene.graded import Along, RodFactors, RodSection, SpiRob, Varying, ends
+from continuum_grasp.scene.graded import Along, RodFactors, RodSamples, RodSection, SpiRob, Varying, ends
 from continuum_grasp.scene.value import SAME
+
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
 
 _JUMP = 1e-12
 """Jump per value from which on a curve jumps [1]: above the rounding of its pieces."""
@@ -53,6 +57,13 @@ class Curve:
         spans = zip(starts, (*starts[1:], length), coefficients, strict=True)
         pieces = [(start, own) for start, end, own in spans if end - start > SAME * length]
         return cls((*(start for start, _ in pieces), length), tuple(own for _, own in pieces))
+
+    @classmethod
+    def through(cls, spline: PPoly, *, exponential: bool = False) -> Curve:
+        """A piecewise polynomial of scipy, or its exponential."""
+        # scipy has the highest power first, one column per piece.
+        pieces = spline.c[::-1].T.tolist()
+        return cls(tuple(map(float, spline.x)), tuple(map(tuple, pieces)), exponential)
 
     def __call__(self, s: ArrayLike, *, tip_side: bool = False) -> Array:
         """Value at positions [m], beyond the ends that of the outer pieces continued; shape of ``s``."""
@@ -147,7 +158,7 @@ class Profile:
     half_thickness: Curve  # half the outer thickness [m], where contacts touch
     half_depth: Curve | None  # half the depth of the elastic section [m], which strains most there; None: not known
     graded: bool = False
-    """Whether it is given by sections or a spiral: stiffness and density as run-time arguments are then
+    """Whether it is given by sections, samples or a spiral: stiffness and density as run-time arguments are then
     factors (nominal 1), and lengths of elements are none."""
 
     def scaled(self, factors: RodFactors) -> Profile:
@@ -245,9 +256,7 @@ def touching(length: float, spiral: SpiRob) -> Curve:
     at, slope = np.asarray(spiral.edges(length)), (spiral.tip_thickness - spiral.base_thickness) / length
     thickness = spiral.base_thickness + slope * at
     values = np.log(-slope / (spiral.growth(length) * thickness))
-    # scipy has the highest power first, one column per piece
-    pieces = CubicHermiteSpline(at, values, -slope / thickness).c[::-1].T.tolist()
-    return Curve(tuple(map(float, at)), tuple(map(tuple, pieces)), exponential=True)
+    return Curve.through(CubicHermiteSpline(at, values, -slope / thickness), exponential=True)
 
 
 def of_sections(length: float, sections: Sequence[RodSection]) -> Profile:
@@ -276,6 +285,30 @@ def _of_section(one: RodSection, span: float) -> tuple[float | Polynomial, ...]:
         stiffness = modulus * second
         inertia = density * second if one.rotary_inertia is None else inertia
     return stiffness, mass, inertia, _line(one.rest_curvature or 0.0, span), thickness
+
+
+def of_samples(length: float, samples: RodSamples) -> Profile:
+    """A rod of samples."""
+    from scipy.interpolate import PchipInterpolator
+
+    at = np.array([*samples.at[:-1], length])
+
+    def smooth(values: Sequence[float] | None, *, exponential: bool = False) -> Curve:
+        if values is None:
+            return Curve.along(length, 0.0)
+        given = np.log(values) if exponential else np.asarray(values)
+        return Curve.through(PchipInterpolator(at, given), exponential=exponential)
+
+    thickness = smooth(samples.thickness).scaled(0.5)
+    return Profile(
+        length,
+        smooth(samples.bending_stiffness, exponential=True),
+        smooth(samples.linear_density, exponential=True),
+        smooth(samples.rotary_inertia),
+        smooth(samples.rest_curvature),
+        thickness,
+        None if samples.thickness is None else thickness,
+    )
 
 
 def _line(value: Varying[float], span: float) -> float | Polynomial:

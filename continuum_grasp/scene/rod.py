@@ -1,4 +1,4 @@
-"""The elastic rod: uniform, in sections, or a straightened spiral."""
+"""The elastic rod: uniform, in sections, by samples, or a straightened spiral."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from pydantic import Field
 
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.consumer import Consumer, beside, excludes, needs
-from continuum_grasp.scene.graded import RodFactors, RodSection, Section, SpiRob, ends, shapes
+from continuum_grasp.scene.graded import RodFactors, RodSamples, RodSection, Section, SpiRob, ends, shapes
 from continuum_grasp.scene.value import Length, check_shorter, doubt_outside
 
 if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Profile
 
 _ACROSS = "thickness width diameter linear_density bending_stiffness"
-_PARTS = ("sections", "spirob")
+_PARTS = ("sections", "samples", "spirob")
 _LEAST_GAP = 1e-6
-"""Least distance between jumps, per length [1]: a panel of quadrature of its own is between."""
+"""Least distance between jumps, and between samples, per length [1]: a panel of quadrature of its own is between."""
 _LEAST_THICKNESS = 1e-3
 """Least thickness per that of the base [1]: towards a tip that is a point the curvature has no bound."""
 _LEAST_STIFFNESS = 1e-12
@@ -45,7 +45,7 @@ def _stated_by_sections(key: str) -> Consumer:
 
 
 class Rod(Section):
-    """An inextensible, unshearable elastic rod: one section all along, or graded by ``sections`` or
+    """An inextensible, unshearable elastic rod: one section all along, or graded by ``sections``, ``samples`` or
     ``spirob``, or by values that change from base to tip.
 
     Examples
@@ -66,7 +66,9 @@ class Rod(Section):
         *shapes("rod", "finger.rod"),
         beside("rod that is uniform", lambda rod: not rod.graded, "factors", "is for a graded rod", "finger.rod"),
         beside("rod of parts", lambda rod: rod.parted, _ACROSS, "is of a rod of one section", "finger.rod"),
-        excludes("rod", "spirob", "sections", "sections are given: give one of both", "finger.rod"),
+        excludes("rod", "youngs_modulus density rotary_inertia", "samples", "samples have their own", "finger.rod"),
+        excludes("rod", "samples spirob", "sections", "sections are given: give one of both", "finger.rod"),
+        excludes("rod", "spirob", "samples", "samples are given: give one of both", "finger.rod"),
         needs("rod", "spirob", "youngs_modulus", _SPIRAL, "finger.rod"),
         needs("rod", "spirob", "density", _SPIRAL, "finger.rod"),
         *map(_stated_by_sections, ("youngs_modulus", "density", "rotary_inertia")),
@@ -77,6 +79,8 @@ class Rod(Section):
     sections: Annotated[tuple[RodSection, ...], Field(strict=False, min_length=1, max_length=1000)] | None = None
     """Sections from base to tip; values may change linearly inside a section and jump from one to the next. What a
     section does not state of ``youngs_modulus``, ``density`` and ``rotary_inertia`` is the rod's."""
+    samples: RodSamples | None = None
+    """Stiffness and mass at positions along the finger, interpolated between."""
     spirob: SpiRob | None = None
     """A logarithmic spiral, straightened; needs ``youngs_modulus`` and ``density``."""
 
@@ -88,6 +92,9 @@ class Rod(Section):
             self._check_section_keys(self.sections)
         elif self.spirob is not None:
             self.spirob.check(self.length)
+        elif self.samples is not None:
+            if not math.isclose(self.samples.at[-1], self.length, rel_tol=1e-9):
+                raise ValueError(f"samples.at: the last, {self.samples.at[-1]} m, must be the length, {self.length} m")
         else:
             self.check_shape()
             for key in ("youngs_modulus", "density"):
@@ -129,7 +136,7 @@ class Rod(Section):
             )
 
     def _check_values(self) -> None:
-        """Refuse what cannot be a rod, at ends of sections."""
+        """Refuse what cannot be a rod, at ends of sections and at samples."""
         places = [at for _, at, _ in self._ends]
         for a, b in pairwise(sorted(set(places))):
             if b - a < _LEAST_GAP * self.length:
@@ -158,7 +165,9 @@ class Rod(Section):
 
     @property
     def _ends(self) -> list[tuple[str, float, bool]]:
-        """Ends of sections [m] with their keys, and whether that is seen from the tip."""
+        """Ends of sections, or places of samples [m], with their keys, and whether that is seen from the tip."""
+        if self.samples is not None:
+            return [(f"samples.at[{k}]", at, False) for k, at in enumerate(self.samples.at)]
         keys = [f"sections[{k}]" for k in range(len(self.sections or ()))] or ["spirob" if self.spirob else "section"]
         spans = zip(keys, pairwise([0.0, *(one.to for one in self._all_sections)]), strict=True)
         return [(key, at, at == start) for key, (start, end) in spans for at in (start, end)]
@@ -184,7 +193,7 @@ class Rod(Section):
 
     @property
     def parted(self) -> bool:
-        """Whether it is given by sections or a spiral."""
+        """Whether it is given by sections, samples or a spiral."""
         return any(getattr(self, key) is not None for key in _PARTS)
 
     @property
@@ -200,12 +209,16 @@ class Rod(Section):
 
     @property
     def own_rest_curvature(self) -> bool:
-        """Whether its sections give a rest curvature."""
+        """Whether its sections or samples give a rest curvature."""
+        if self.samples is not None:
+            return self.samples.rest_curvature is not None
         return any(section.rest_curvature is not None for section in self.sections or ())
 
     @property
     def own_thickness(self) -> bool:
         """Whether its thickness is known: that of its section, where strain is greatest."""
+        if self.samples is not None:
+            return self.samples.thickness is not None
         return self._all_sections[0].thick is not None
 
     @property
@@ -231,10 +244,13 @@ class Rod(Section):
     @cached_property
     def profile(self) -> Profile:
         """Stiffness, mass, rest curvature and thickness along its length."""
-        from continuum_grasp.scene.profile import of_sections
+        from continuum_grasp.scene.profile import of_samples, of_sections
 
-        whole = (one.model_copy(update={k: getattr(self, k) for k in one.left_open}) for one in self._all_sections)
-        found = of_sections(self.length, [*whole])
+        if self.samples is not None:
+            found = of_samples(self.length, self.samples)
+        else:
+            whole = (one.model_copy(update={k: getattr(self, k) for k in one.left_open}) for one in self._all_sections)
+            found = of_sections(self.length, [*whole])
         if self.spirob is not None:
             stiffness = found.bending_stiffness.scaled(self.spirob.core**3)
             found = replace(

@@ -204,7 +204,9 @@ _STATICS = Consumer(
         "parameters": "they have their nominal values",
         **{f"initial.{key}": "an equilibrium is sought" for key in ("pose", "q", "qd")},
         "initial.held_by": "released at time zero",
-        "finger.half_thickness": "of contacts, and of the strain limit",
+        **dict.fromkeys(
+            ("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts, and of the strain limit"
+        ),
         "finger.damping.quadratic": "of rates alone, and smaller than small motions",
         "finger.damping.relaxation.time": "what is at rest has relaxed; of small motions all or nothing has",
         "finger.rod.spirob.units": "the taper is the same, however it is cut",

@@ -145,8 +145,8 @@ def test_the_share_of_plants_with_usual_errors_is_that_of_plants_of_another_hand
 
 @pytest.mark.deep
 def test_every_draw_has_an_answer_where_the_solver_finds_no_optimum():
-    """Of 100 friction states two balance where the solver is stopped, as it cycles around an optimum: the grasp was said
-    not to be robust, its image was.
+    """Of 100 friction states two balance where the solver is stopped, as it cycles around an optimum: the grasp was not
+    robust, its image was.
     """
     scene = load(CONFIGS / "mug_motor.yaml").changed(
         {"objective": "greatest_disturbance", "disturbances.wrenches": [[1.0, 0.0, 0.0], [0.0, -1.0, 0.02]]}

@@ -13,17 +13,14 @@ from tests.graded_rods import RODS, SPIRAL
 from tests.marks import few
 from tests.rods import force, rod_scene
 
-_KINKED = (
-    (0.2, (1.0, 1.2), (1.0, 0.8), (0.0, 1.0)),
-    (0.5, (1.2, 0.3), (0.8, 0.4), (1.0, -1.0)),
-    (1.0, (0.3, 0.2), (0.4, 0.5), (-1.0, 0.5)),
-)
-KINKED = {
+SAMPLES = {
     "length": 1.0,
-    "sections": [
-        {"to": to, "bending_stiffness": stiffness, "linear_density": mass, "rest_curvature": rest}
-        for to, stiffness, mass, rest in _KINKED
-    ],
+    "samples": {
+        "at": [0.0, 0.2, 0.5, 1.0],
+        "bending_stiffness": [1.0, 1.2, 0.3, 0.2],
+        "linear_density": [1.0, 0.8, 0.4, 0.5],
+        "rest_curvature": [0.0, 1.0, -1.0, 0.5],
+    },
 }
 CASES = {
     "two tendons on a cone": {
@@ -45,8 +42,8 @@ CASES = {
             force(0.7, (0.02, -0.05), True),
         ],
     },
-    "kinks": {
-        "rod": KINKED,
+    "samples": {
+        "rod": SAMPLES,
         "tip_mass": 0.1,
         "loads": [force(0.6, (0.1, 0.1))],
         "finger": {"tendons": {"offset": 0.01, "max_tension": 50.0}},
@@ -68,7 +65,7 @@ CASES = {
 FAMILIES = ("arc", "clothoid", "matched_clothoid")
 # A matched tip cannot carry a body that turns with it. Arcs at rest have the angles of the rest curvature: where it
 # changes along an element beside the stiffness, that is not where the energy of a constant curvature is least.
-REFUSED = {("kinks", "arc"), ("body at the tip", "matched_clothoid")}
+REFUSED = {("samples", "arc"), ("body at the tip", "matched_clothoid")}
 PROJECTED = [(case, family) for case in CASES for family in FAMILIES if (case, family) not in REFUSED]
 
 

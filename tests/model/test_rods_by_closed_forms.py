@@ -153,14 +153,14 @@ def test_cutting_a_rod_into_equal_pieces_changes_nothing(pieces):
     assert theirs == pytest.approx(ours, rel=1e-12)
 
 
-EVEN = [{"to": to, "bending_stiffness": 1.0, "linear_density": 1.0} for to in (0.3, 1.0)]
+SAMPLES = {"at": [0.0, 0.3, 1.0], "bending_stiffness": [1.0] * 3, "linear_density": [1.0] * 3}
 
 
 @pytest.mark.parametrize("family", few(["matched_clothoid", "clothoid", "arc"], 1))
-def test_a_rod_of_equal_sections_is_the_uniform_model(family):
+def test_a_rod_of_equal_samples_is_the_uniform_model(family):
     uniform, even = (
         FingerModel(rod_scene(rod, family, 3, **LOADED), input_rates=False)
-        for rod in (RODS["uniform"], {"length": 1.0, "sections": EVEN})
+        for rod in (RODS["uniform"], {"length": 1.0, "samples": SAMPLES})
     )
     rng = np.random.default_rng(5)
     for name in function_names(FingerModel):

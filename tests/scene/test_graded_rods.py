@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.interpolate import PchipInterpolator
 
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
@@ -78,6 +81,22 @@ def test_a_rod_of_one_section_may_be_a_rectangle_and_taper():
     assert (rod.graded, rod.parted, rod.profile) == (True, False, section.profile)
     strip = cg.Rod(**MATERIAL, thickness=0.001, width=0.02)
     assert (strip.graded, strip.stiffness) == (False, pytest.approx(MODULUS * 0.02 * 0.001**3 / 12, rel=1e-14))
+
+
+def test_samples_are_monotone_cubics_of_logarithms():
+    at, stiffness = [0.0, 0.05, 0.06, 0.2, LENGTH], [2e-3, 1e-3, 1e-6, 0.9e-6, 2e-5]
+    mass, rest, thick = [0.3, 0.2, 1e-3, 1e-3, 1e-2], [0.0, 5.0, -5.0, 0.0, 0.0], [0.02, 0.02, 0.01, 0.01, 0.012]
+    given = {"bending_stiffness": stiffness, "linear_density": mass, "rest_curvature": rest, "thickness": thick}
+    rod = cg.Rod(length=LENGTH, samples={"at": at, **given})
+    s, profile = np.linspace(0.0, LENGTH, 501), rod.profile
+    found = profile.bending_stiffness(s)
+    assert profile.bending_stiffness(at) == pytest.approx(stiffness, rel=1e-12)
+    assert found == pytest.approx(np.exp(PchipInterpolator(at, np.log(stiffness))(s)), rel=1e-12)
+    assert 0.9e-6 * (1 - 1e-12) <= found.min() <= found.max() <= 2e-3 * (1 + 1e-12)
+    assert profile.rest_curvature(s) == pytest.approx(PchipInterpolator(at, rest)(s), abs=1e-12)
+    assert profile.half_thickness(at) == pytest.approx(0.5 * np.array(thick), rel=1e-12)
+    pieces = (quad(lambda s: float(profile.linear_density(s)), a, b, epsabs=0)[0] for a, b in pairwise(at))
+    assert rod.mass == pytest.approx(sum(pieces), rel=1e-9)
 
 
 def test_a_spirob_is_a_straightened_spiral():
@@ -178,13 +197,33 @@ WRONG = {
         "diameter: 0.01\n    sections: [{to: 0.25, PLAIN}]",
         "6:15: finger.rod.diameter: is of a rod of one section",
     ),
-    "two kinds": (
-        "sections: [{to: 0.25, PLAIN}]\n    spirob: {base_thickness: 0.04, tip_thickness: 0.005, units: 24, core: 0.1}",
-        "7:13: finger.rod.spirob: sections are given: give one of both",
+    "samples that do not increase": (
+        "samples: {at: [0, 0.2, 0.1, 0.25], bending_stiffness: [1, 1, 1, 1], linear_density: [1, 1, 1, 1]}",
+        "finger.rod.samples.at: at must increase",
     ),
-    "samples, which are gone": (
-        "samples: {at: [0, 0.25], bending_stiffness: [1, 1], linear_density: [1, 1]}",
-        "finger.rod.samples: unknown key; write 'sections, each from one place to the next with values [from, to]'",
+    "one sample": (
+        "samples: {at: [0], bending_stiffness: [1], linear_density: [1]}",
+        "finger.rod.samples.at: too short: expected at least 2",
+    ),
+    "samples that begin late": (
+        "samples: {at: [0.1, 0.25], bending_stiffness: [1, 1], linear_density: [1, 1]}",
+        "6:20: finger.rod.samples.at[0]: at[0] = 0.1 m: the first sample must be at 0",
+    ),
+    "samples that end early": (
+        "samples: {at: [0, 0.2], bending_stiffness: [1, 1], linear_density: [1, 1]}",
+        "finger.rod.samples.at: the last, 0.2 m, must be the length",
+    ),
+    "samples that miss": (
+        "samples: {at: [0, 0.25], bending_stiffness: [1], linear_density: [1, 1]}",
+        "finger.rod.samples.bending_stiffness: bending_stiffness must have one entry per position (2), got 1",
+    ),
+    "a material beside samples": (
+        "density: 1e3\n    samples: {at: [0, 0.25], bending_stiffness: [1, 1], linear_density: [1, 1]}",
+        "finger.rod.density: samples have their own",
+    ),
+    "two kinds": (
+        "sections: [{to: 0.25, PLAIN}]\n    samples: {at: [0, 1], bending_stiffness: [1, 1], linear_density: [1, 1]}",
+        "7:14: finger.rod.samples: sections are given: give one of both",
     ),
     "a spiral of nothing": (
         "spirob: {base_thickness: 0.04, tip_thickness: 0.005, units: 24, core: 0.1}",
