@@ -24,7 +24,7 @@ from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes
+from continuum_grasp.simulation.spectrum import PARTIAL_STEP, TARGET_RADIUS, sample_shapes, stiff_method
 
 
 class Plant:
@@ -208,8 +208,6 @@ _EXPLICIT_UP_TO = 40
 """Sub-steps per control period up to which the explicit method is taken."""
 _LONGEST = 1.25e-3
 """Longest step of either method [s]; on fingers of a hand it follows a step of the input to 1e-6."""
-_CONTACT_STEP = 1e-4
-"""Step of ros2, which must resolve contacts [s]."""
 _GUIDED_STEP = 1e-3
 """Step of a chain of guides, which is implicit [s]."""
 _SHAPES = 4
@@ -228,7 +226,7 @@ class Method(NamedTuple):
 
 
 def choose_method(model: PlantModel, period: float) -> Method:
-    """Choose the cheaper of explicit and implicit steps, from the largest eigenvalue over some shapes."""
+    """Choose the cheapest stable steps, from the largest eigenvalue over some shapes at rest and from what is nonlinear."""
     system, w = model.system, model.forces(0.0)[0]
     radius = 0.0
     if isinstance(system, ChainSystem):
@@ -240,12 +238,13 @@ def choose_method(model: PlantModel, period: float) -> Method:
         # A shape at which the model's numbers are not finite says nothing about the rate.
         if np.all(np.isfinite(a)):
             radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
-    if system.surroundings is not None:
-        return Method("ros2", math.ceil(period / _CONTACT_STEP - 1e-9), radius)
+    if system.surroundings is not None or system.structure.has_law("damping"):
+        partial = stiff_method(system.structure) if system.structure.has_law("damping") else "ros2"
+        return Method(partial, math.ceil(period / PARTIAL_STEP - 1e-9), radius)
     wanted, least = math.ceil(radius * period / TARGET_RADIUS), math.ceil(period / _LONGEST - 1e-9)
     if wanted <= max(_EXPLICIT_UP_TO, least):
         return Method("rk4", max(wanted, least, 1), radius)
-    return Method("rodas", max(least, 1), radius)
+    return Method(stiff_method(system.structure), max(least, 1), radius)
 
 
 _PER_ELEMENT = 4

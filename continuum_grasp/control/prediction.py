@@ -26,7 +26,7 @@ from continuum_grasp.scene.loads import Actuation, ForceLoad, MomentLoad
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.spectrum import SLIDING, sample_shapes
+from continuum_grasp.simulation.spectrum import SLIDING, rates_sprung_back, sample_shapes
 
 _LAG = "drive_time_constant"
 """Parameter that is the time constant of the drive."""
@@ -222,8 +222,11 @@ class Prediction(Remade):
     @cached_property
     def dynamics(self) -> ca.Function:
         """Time derivative of x."""
-        own = [] if self._own_lag is None else self._moment[1:]
-        return self._function("dynamics", xd=ca.vertcat(self.system.forward_dynamics(*self.arguments), *own))
+        return self._function("dynamics", xd=self.rates(self.system.forward_dynamics(*self.arguments)))
+
+    def rates(self, of_system: ca.SX) -> ca.SX:
+        """Time derivative of x from that of the system's part of it."""
+        return ca.vertcat(of_system, *([] if self._own_lag is None else self._moment[1:]))
 
     @cached_property
     def tip(self) -> ca.Function:
@@ -320,8 +323,9 @@ class Prediction(Remade):
 
         With the nominal parameters, or others p (np).
 
-        Taken over shapes within half the bending range at rest, with all contacts closed where there is an object, and
-        with tendons that stick and that slide; ``NumericalError`` where the model's numbers are not finite.
+        Taken over shapes within half the bending range, at rest and, under quadratic damping, springing back, with all
+        contacts closed where there is an object, and with tendons that stick and that slide; ``NumericalError`` where
+        the model's numbers are not finite.
         """
         given = [self.x, self.u, self.p]
         law = None if self.system.surroundings is None else self.system.surroundings.contact_law
@@ -332,7 +336,8 @@ class Prediction(Remade):
             gap = self.system.touch(*self.arguments)[0]
             pressed = gap + (law.rounding + PRESSED / law.stiffness)
             jacobian = self.system.pressed_linearization(*self.arguments, pressed)
-        linearized = ca.Function("jacobian", given, [jacobian])
+        linearized, n = ca.Function("jacobian", given, [jacobian]), self.system.n
+        of_system = ca.Function("of_system", given, [*self._of_system])
         # The seed is fixed: the number of steps follows, and with it the generated C, which must repeat.
         rng = np.random.default_rng(0)
         found = [np.zeros(1) if self.scene.lag is None else np.array([-1.0 / self.scene.lag])]
@@ -348,6 +353,7 @@ class Prediction(Remade):
             for friction in (0.0, SLIDING) if cells else (0.0,):
                 # Winches are not where u leaves them, by which tendons would be far too tight in most of the shapes.
                 x = self.at_rest(shape, u, np.full(cells, friction), pulled=pull)
+                x[n : 2 * n] = rates_sprung_back(self.system, *(np.array(v).ravel() for v in of_system(x, u, parameters)))
                 a = np.array(linearized(x, u, parameters))
                 if not np.all(np.isfinite(a)):
                     raise NumericalError("the linearized motion is not finite", state=shape)
