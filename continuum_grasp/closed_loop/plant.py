@@ -226,7 +226,7 @@ class Method(NamedTuple):
 
 
 def choose_method(model: PlantModel, period: float) -> Method:
-    """Choose the cheapest stable steps, from the largest eigenvalue over some shapes at rest and from what is nonlinear."""
+    """Choose the cheapest stable steps, from the largest eigenvalue over some shapes at rest, contacts and damping."""
     system, w = model.system, model.forces(0.0)[0]
     radius = 0.0
     if isinstance(system, ChainSystem):

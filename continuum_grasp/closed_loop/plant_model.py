@@ -343,7 +343,7 @@ class PlantModel(Remade):
     @property
     def _exerted(self) -> ca.SX:
         own = [k for k, name in enumerate(self.system.touch_names) if name.startswith("finger.")]
-        return self._wrench(*(self.touch[name][:, own] for name in ("force", "point")), self.touch["lift"][own])
+        return self._wrench(self.touch["force"][:, own], self.touch["point"][:, own], self.touch["lift"][own])
 
     def _wrench(self, force: ca.SX, point: ca.SX, lift: ca.SX) -> ca.SX:
         """World force [N], moment about the object's center of mass [N m], and force out of the plane [N], of forces

@@ -92,7 +92,7 @@ class SharedModel:
         return self._common("forward_dynamics", functions, "xd")
 
     def implicit(self) -> ca.Function:
-        """``(x, u, w, p, part) -> k``, that of ``System.implicit`` for each finger; the object moves as it is pushed."""
+        """``(x, u, w, p, part) -> k``, that of ``System.implicit`` for each finger; the object moves as pushed."""
         lead, *others = self.plants
         return self._common("implicit", [lead.implicit(), *(plant.implicit(touching=True) for plant in others)], "k")
 

@@ -223,8 +223,8 @@ def rates_sprung_back(model: FingerModel | System, x: Array, u: Array, p: Array)
 def stiff_method(structure: Structure, *, sweeps: bool = False) -> str:
     """Name of the method for stiff motions; ``sweeps``: of many elements, whose Jacobian costs more with each of them.
 
-    A step of rodas from rest knows nothing of quadratic damping, whose slope vanishes there, and its later stages square
-    what the first one overshoots by; the overshoot of extrapolated_euler is bounded.
+    A step of rodas from rest knows nothing of quadratic damping, whose slope vanishes there, and its later stages
+    square what the first one overshoots by; the overshoot of extrapolated_euler is bounded.
     """
     return "extrapolated_euler" if sweeps or structure.has_law("damping") else "rodas"
 

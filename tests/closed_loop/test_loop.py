@@ -37,6 +37,7 @@ from continuum_grasp.scene import (
     VectorSamples,
 )
 from tests.declared import assert_declared
+from tests.marks import few
 
 FINGER = Finger(
     rod=Rod(length=0.18, linear_density=0.034, bending_stiffness=6.11e-3, diameter=0.0012),
@@ -98,6 +99,23 @@ def test_the_plant_moves_as_the_simulator_says():
     x = trajectory.x[-1]
     assert np.abs(x[:4]).max() > 1.0
     assert tried.x[moving] == pytest.approx(x[moving], rel=1e-8, abs=1e-8)
+
+
+@pytest.mark.parametrize("quadratic", [1e-5, 1e-3])
+def test_a_plant_of_quadratic_damping_that_is_thrown_from_rest_moves_as_by_cvodes(quadratic):
+    """Eigenvalues at rest know nothing of it; steps chosen by them alone lost all numbers in the first periods."""
+    finger = FINGER.replaced(damping=Damping(material=3e-5, quadratic=quadratic))
+    scene, thrown, back = make(finger=finger, gravity=(0.0, -9.81)), (40.0, 1.0), (1.0, 40.0)
+    tried = Plant(scene)
+    start, n = tried.x, tried.model.system.n
+    p, w = tried.model.p, tried.model.forces(0.0)[0]
+    x, u = ca.MX.sym("x", tried.model.nx), ca.MX.sym("u", tried.model.nu)
+    problem = {"x": x, "p": u, "ode": tried.model.forward_dynamics(x, u, w, p)}
+    exact = ca.integrator("exact", "cvodes", problem, 0.0, tried.period, {"abstol": 1e-10, "reltol": 1e-9})
+    for command in [thrown] * 5 + [back] * 5:
+        start = np.array(exact(x0=start, p=command)["xf"]).ravel()
+        tried.advance(command)
+        assert tried.x[:n] == pytest.approx(start[:n], abs=1e-3)  # of up to 1.6 rad
 
 
 def test_the_plant_differs_as_stated():
@@ -486,6 +504,28 @@ def test_angles_and_forces_are_missed_too_and_defaults_are_no_aims(name, setpoin
     given = Reference(bending=(0.0,), tip_angle=2.0, contact_force=(setpoint,)) if stated else Reference()
     found = missed_setpoints((name,), r + error, r, t, given, 0.18)
     assert ["off a setpoint that stood" in text for text in found] == [True] * missed
+
+
+def slack_scene(tip, arrangement):
+    drive = {"kind": "length", "time_constant": 0.02, "arrangement": arrangement, "slack": 1e-3}
+    tendons = {"offset": 0.005, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 3.3e4, "drive": drive}
+    cost = {"tip": {"running": 2e4, "terminal": 2e3}, "speed": 0.02, "effort": 100.0, "input_rate": 1e4}
+    controller = {**CONTROLLER, "cost": cost, "input": {"lengths": (-0.012, 0.012), "rate_max": 0.1}}
+    plant = {"fidelity": ARCS}
+    return make(
+        finger=FINGER.replaced(tendons=tendons), controller=controller, plant=plant, reference=tip, duration=1.2
+    )
+
+
+@pytest.mark.parametrize("arrangement", few(["per_tendon", "one_pulley"], 1))
+def test_slack_is_wound_up_on_either_side(arrangement):
+    """Of tendons that are 1 mm slack and have no pretension, commands have no effect until it is wound up."""
+    x, y = ON_CURVE
+    sides = {"times": (0.0, 0.6), "values": ((x, y), (-x, y)), "interpolation": "hold"}
+    found = run_closed_loop(slack_scene(Reference(tip=sides), arrangement))
+    # The horizon of 0.1 s sees the second setpoint before it is there.
+    for end, side in ((np.searchsorted(found.t, 0.5), 1.0), (-1, -1.0)):
+        assert found.tracked[end, :2] == pytest.approx((side * x, y), abs=1e-3)
 
 
 # -- pictures ---------------------------------------------------------------------------------------------------------
