@@ -528,6 +528,16 @@ def test_slack_is_wound_up_on_either_side(arrangement):
         assert found.tracked[end, :2] == pytest.approx((side * x, y), abs=1e-3)
 
 
+@pytest.mark.parametrize(("rate", "moves"), [(0.0, False), (0.2, False), (1.0, True), (2.0, True)])
+def test_what_still_nears_its_setpoint_is_on_its_way(rate, moves):
+    """An error of 2 exp(-k t) rad: in a tenth of the second it shrinks to exp(-k / 10), below 95 % from k = 0.51 on."""
+    t = np.linspace(0.0, 1.0, 101)
+    error, r = 2.0 * np.exp(-rate * t)[:, None], np.ones((101, 1))
+    (found,) = missed_setpoints(("tip_angle [rad]",), r + error, r, t, Reference(tip_angle=1.0), 0.18) or ("",)
+    assert ("still on its way" in found) == moves
+    assert ("no posture" in found) != moves
+
+
 # -- pictures ---------------------------------------------------------------------------------------------------------
 
 
