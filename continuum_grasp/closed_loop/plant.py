@@ -304,7 +304,7 @@ def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:
     parts = [np.linspace(a, b, _PER_ELEMENT + 1)[1:] for a, b in pairwise(edges)]
     at = tuple(float(s) for s in np.minimum(np.concatenate(parts), length))
     angles = _angles(prediction, at)
-    own = plant.named_states | _friction_states(plant, prediction)
+    own = plant.named_states | _friction_states(plant, prediction) | _section_states(plant, prediction)
     others = [own[name] for name in prediction.x_names[2 * n :]]
     # With zero coordinates: the base's angle, and what a tip moment alone bends where the tip's curvature matches it.
     offset, rate = angles(ca.vertcat(ca.SX(2 * n, 1), *others))
@@ -338,4 +338,20 @@ def _angles(model: Prediction, at: tuple[float, ...]) -> ca.Function:
     x = ca.SX.sym("x", model.nx)
     values = full.call([x, ca.SX(ca.DM.zeros(model.nu)), ca.SX(ca.DM(model.p_nominal))])
     found: ca.Function = ca.Function("angles", [x], values)
+    return found
+
+
+def _section_states(plant: PlantModel, prediction: Prediction) -> dict[str, ca.SX]:
+    """States of laws of the sections of a controller by name: the mean of the plant's over the same part."""
+    found: dict[str, ca.SX] = {}
+    laws = zip(*(model.system.finger_model.structure.laws for model in (prediction, plant)), strict=False)
+    for own, other in laws:
+        if not own.names(1):
+            continue
+        edges, known = (np.cumsum([0.0, *(float(port.measure) for port in law.ports)]) for law in (own, other))
+        states = [[plant.named_states[name] for name in other.names(k + 1)] for k in range(len(other.ports))]
+        for k, (start, end) in enumerate(pairwise(edges.tolist()), start=1):
+            shares = np.clip(np.minimum(known[1:], end) - np.maximum(known[:-1], start), 0.0, None) / (end - start)
+            for name, every in zip(own.names(k), zip(*states, strict=True), strict=True):
+                found[name] = ca.dot(ca.DM(shares), ca.vertcat(*every))
     return found

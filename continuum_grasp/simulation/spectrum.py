@@ -231,7 +231,7 @@ def stiff_method(structure: Structure, *, sweeps: bool = False) -> str:
 
 PARTIAL_STEP = 1e-4
 """Step of methods that are implicit in elasticity and damping alone, where it is not adapted [s]: it resolves contacts,
-drives, and the quadratic damping of a finger that 40 N throw from rest, to 1e-4 of its length."""
+drives, and the quadratic damping of a finger that 40 N accelerate from rest, to 1e-4 of its length."""
 
 
 def sample_shapes(model: FingerModel, start: Array) -> Array:

@@ -102,20 +102,38 @@ def test_the_plant_moves_as_the_simulator_says():
 
 
 @pytest.mark.parametrize("quadratic", [1e-5, 1e-3])
-def test_a_plant_of_quadratic_damping_that_is_thrown_from_rest_moves_as_by_cvodes(quadratic):
+def test_a_plant_of_quadratic_damping_pulled_from_rest_moves_as_by_cvodes(quadratic):
     """Eigenvalues at rest know nothing of it; steps chosen by them alone lost all numbers in the first periods."""
     finger = FINGER.replaced(damping=Damping(material=3e-5, quadratic=quadratic))
-    scene, thrown, back = make(finger=finger, gravity=(0.0, -9.81)), (40.0, 1.0), (1.0, 40.0)
+    scene, forth, back = make(finger=finger, gravity=(0.0, -9.81)), (40.0, 1.0), (1.0, 40.0)
     tried = Plant(scene)
     start, n = tried.x, tried.model.system.n
     p, w = tried.model.p, tried.model.forces(0.0)[0]
     x, u = ca.MX.sym("x", tried.model.nx), ca.MX.sym("u", tried.model.nu)
     problem = {"x": x, "p": u, "ode": tried.model.forward_dynamics(x, u, w, p)}
     exact = ca.integrator("exact", "cvodes", problem, 0.0, tried.period, {"abstol": 1e-10, "reltol": 1e-9})
-    for command in [thrown] * 5 + [back] * 5:
+    for command in [forth] * 5 + [back] * 5:
         start = np.array(exact(x0=start, p=command)["xf"]).ravel()
         tried.advance(command)
         assert tried.x[:n] == pytest.approx(start[:n], abs=1e-3)  # of up to 1.6 rad
+
+
+@pytest.mark.parametrize("law", ["relaxation", "dry_friction"])
+@pytest.mark.parametrize("elements", [1, 3])
+def test_a_controller_without_estimator_is_given_states_of_sections_where_they_are(law, elements):
+    """Of states that grow along the finger, those in the middle of each of its own four cells, by whatever cells."""
+    branch = {"share": 0.3, "time": 0.1} if law == "relaxation" else {"stiffness": 2e-3, "moment": 0.01}
+    finger, given = FINGER.replaced(damping={law: [branch]}), {"family": "clothoid", "elements": elements}
+    scene = make(finger=finger, fidelity={"family": "clothoid", "elements": 2}, plant={"fidelity": given})
+    tried, name = Plant(scene), "relaxing" if law == "relaxation" else "friction"
+    cells = [k for k, each in enumerate(tried.model.x_names) if name in each]
+    x, count = tried.model.start.copy(), len(cells)
+    x[cells] = (np.arange(count) + 0.5) / count
+    read = tried.sensors.value(x, tried.model.rest_input, tried.model.forces(0.0)[0])
+    found = np.array(read).ravel()[[k for k, each in enumerate(tried.sensors.names) if name in each]]
+    shares = np.clip(np.arange(1, 5)[:, None] / 4 - np.arange(count) / count, 0.0, 1 / count)
+    expected = 4.0 * np.diff(shares @ x[cells], prepend=0.0)
+    assert found == pytest.approx(expected, rel=1e-12)
 
 
 def test_the_plant_differs_as_stated():
