@@ -24,7 +24,7 @@ from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes
+from continuum_grasp.simulation.spectrum import PARTIAL_STEP, TARGET_RADIUS, sample_shapes, stiff_method
 
 
 class Plant:
@@ -208,8 +208,6 @@ _EXPLICIT_UP_TO = 40
 """Sub-steps per control period up to which the explicit method is taken."""
 _LONGEST = 1.25e-3
 """Longest step of either method [s]; on fingers of a hand it follows a step of the input to 1e-6."""
-_CONTACT_STEP = 1e-4
-"""Step of ros2, which must resolve contacts [s]."""
 _GUIDED_STEP = 1e-3
 """Step of a chain of guides, which is implicit [s]."""
 _SHAPES = 4
@@ -228,7 +226,7 @@ class Method(NamedTuple):
 
 
 def choose_method(model: PlantModel, period: float) -> Method:
-    """Choose the cheaper of explicit and implicit steps, from the largest eigenvalue over some shapes."""
+    """Choose the cheapest stable steps, from the largest eigenvalue over some shapes at rest, contacts and damping."""
     system, w = model.system, model.forces(0.0)[0]
     radius = 0.0
     if isinstance(system, ChainSystem):
@@ -240,12 +238,13 @@ def choose_method(model: PlantModel, period: float) -> Method:
         # A shape at which the model's numbers are not finite says nothing about the rate.
         if np.all(np.isfinite(a)):
             radius = max(radius, float(np.abs(np.linalg.eigvals(a)).max()))
-    if system.surroundings is not None:
-        return Method("ros2", math.ceil(period / _CONTACT_STEP - 1e-9), radius)
+    if system.surroundings is not None or system.structure.has_law("damping"):
+        partial = stiff_method(system.structure) if system.structure.has_law("damping") else "ros2"
+        return Method(partial, math.ceil(period / PARTIAL_STEP - 1e-9), radius)
     wanted, least = math.ceil(radius * period / TARGET_RADIUS), math.ceil(period / _LONGEST - 1e-9)
     if wanted <= max(_EXPLICIT_UP_TO, least):
         return Method("rk4", max(wanted, least, 1), radius)
-    return Method("rodas", max(least, 1), radius)
+    return Method(stiff_method(system.structure), max(least, 1), radius)
 
 
 _PER_ELEMENT = 4
@@ -305,7 +304,7 @@ def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:
     parts = [np.linspace(a, b, _PER_ELEMENT + 1)[1:] for a, b in pairwise(edges)]
     at = tuple(float(s) for s in np.minimum(np.concatenate(parts), length))
     angles = _angles(prediction, at)
-    own = plant.named_states | _friction_states(plant, prediction)
+    own = plant.named_states | _friction_states(plant, prediction) | _section_states(plant, prediction)
     others = [own[name] for name in prediction.x_names[2 * n :]]
     # With zero coordinates: the base's angle, and what a tip moment alone bends where the tip's curvature matches it.
     offset, rate = angles(ca.vertcat(ca.SX(2 * n, 1), *others))
@@ -339,4 +338,20 @@ def _angles(model: Prediction, at: tuple[float, ...]) -> ca.Function:
     x = ca.SX.sym("x", model.nx)
     values = full.call([x, ca.SX(ca.DM.zeros(model.nu)), ca.SX(ca.DM(model.p_nominal))])
     found: ca.Function = ca.Function("angles", [x], values)
+    return found
+
+
+def _section_states(plant: PlantModel, prediction: Prediction) -> dict[str, ca.SX]:
+    """States of laws of the sections of a controller by name: the mean of the plant's over the same part."""
+    found: dict[str, ca.SX] = {}
+    laws = zip(*(model.system.finger_model.structure.laws for model in (prediction, plant)), strict=False)
+    for own, other in laws:
+        if not own.names(1):
+            continue
+        edges, known = (np.cumsum([0.0, *(float(port.measure) for port in law.ports)]) for law in (own, other))
+        states = [[plant.named_states[name] for name in other.names(k + 1)] for k in range(len(other.ports))]
+        for k, (start, end) in enumerate(pairwise(edges.tolist()), start=1):
+            shares = np.clip(np.minimum(known[1:], end) - np.maximum(known[:-1], start), 0.0, None) / (end - start)
+            for name, every in zip(own.names(k), zip(*states, strict=True), strict=True):
+                found[name] = ca.dot(ca.DM(shares), ca.vertcat(*every))
     return found

@@ -328,9 +328,22 @@ class PlantModel(Remade):
     @cached_property
     def touching_dynamics(self) -> ca.Function:
         """State derivative, and what the finger exerts on the object."""
+        return self._of_all("touching_dynamics", xd=self._rate, exerted=self._exerted)
+
+    def implicit(self, touching: bool = False) -> ca.Function:
+        """``(x, u, w, p, part) -> k``, that of ``System.implicit`` with the drive's own rates; of what is ``touching``
+        also what the finger exerts on the object.
+        """
+        (x, u, p), part = self._of_system, ca.SX.sym("part")
+        rates = ca.vertcat(self.elements.implicit()(x, u, self._loads, p, part), self._drive_rates)
+        values = {"k": rates, **({"exerted": self._exerted} if touching else {})}
+        names = ["x", "u", "w", "p", "part"]
+        return ca.Function("implicit", [*self.symbols, part], ca.cse([*values.values()]), names, [*values])
+
+    @property
+    def _exerted(self) -> ca.SX:
         own = [k for k, name in enumerate(self.system.touch_names) if name.startswith("finger.")]
-        force, point, lift = self.touch["force"][:, own], self.touch["point"][:, own], self.touch["lift"][own]
-        return self._of_all("touching_dynamics", xd=self._rate, exerted=self._wrench(force, point, lift))
+        return self._wrench(self.touch["force"][:, own], self.touch["point"][:, own], self.touch["lift"][own])
 
     def _wrench(self, force: ca.SX, point: ca.SX, lift: ca.SX) -> ca.SX:
         """World force [N], moment about the object's center of mass [N m], and force out of the plane [N], of forces

@@ -89,10 +89,17 @@ class SharedModel:
         """(x, u, w, p) -> rates of the common state."""
         lead, *others = self.plants
         functions = [lead.forward_dynamics, *(plant.touching_dynamics for plant in others)]
+        return self._common("forward_dynamics", functions, "xd")
+
+    def implicit(self) -> ca.Function:
+        """``(x, u, w, p, part) -> k``, that of ``System.implicit`` for each finger; the object moves as pushed."""
+        lead, *others = self.plants
+        return self._common("implicit", [lead.implicit(), *(plant.implicit(touching=True) for plant in others)], "k")
+
+    def _common(self, name: str, functions: Sequence[ca.Function], output: str) -> ca.Function:
         given, parts = self._arguments(functions)
         rate, _ = self._rates(functions, parts, [place.tolist() for place in self._at], "x")
-        value = ca.cse([ca.densify(rate)])
-        return ca.Function("forward_dynamics", [*given.values()], value, [*given], ["xd"])
+        return ca.Function(name, [*given.values()], ca.cse([ca.densify(rate)]), [*given], [output])
 
     @cached_property
     def internal(self) -> ca.Function:
@@ -156,6 +163,9 @@ class SharedModel:
             if name in states:
                 given[name] = ca.SX.sym(name, _size(states[name]))
                 own = [given[name][places] for places in states[name]]
+            elif name == "part":  # one step for all
+                given[name] = ca.SX.sym(name)
+                own = [given[name]] * len(functions)
             else:  # side by side or one below the other
                 axis = int(name == "places")
                 ends = np.cumsum([0, *(size[axis] for size in sizes)]).tolist()

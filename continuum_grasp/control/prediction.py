@@ -26,13 +26,18 @@ from continuum_grasp.scene.loads import Actuation, ForceLoad, MomentLoad
 from continuum_grasp.scene.simulate import Fidelity, Initial, Scene
 from continuum_grasp.scene.surroundings import Surroundings
 from continuum_grasp.simulation.initial import initial_state
-from continuum_grasp.simulation.spectrum import SLIDING, sample_shapes
+from continuum_grasp.simulation.spectrum import SLIDING, rates_sprung_back, sample_shapes
 
 _LAG = "drive_time_constant"
 """Parameter that is the time constant of the drive."""
 PRESSED = 10.0
 """Normal force at which the stiffness of closed contacts is taken [N]: twice that of configs/mission/mug.yaml, 5.4 N;
 the damping of a contact, which sets the fastest rate, grows with it."""
+
+SLACK_STIFFNESS = 3e-3
+"""Share of their stiffness that tendons of drives with slack keep while they are slack [1]. Without any, no derivative
+says that winding up bends the finger, and it stays where it is; with a third, 1 mm of slack takes 0.4 s in place of
+0.2 s. A cable of 20 N/mm that is 1 mm slack seems to push by 0.06 N."""
 
 
 @runtime_checkable
@@ -123,6 +128,7 @@ class Prediction(Remade):
             elements=fidelity.elements,
             bending_range=fidelity.bending_range,
             accuracy=fidelity.accuracy,
+            slack_stiffness=SLACK_STIFFNESS * any(drive.slack > 0.0 for drive in finger.winches),
             # The lag of a tip moment is not in the system.
             parameters=[name for name in scene.model_parameters if self._own_lag is None or name != _LAG],
             loads=[MomentLoad(at=finger.rod.length, moment=0.0)] if self._couple else [],
@@ -222,8 +228,11 @@ class Prediction(Remade):
     @cached_property
     def dynamics(self) -> ca.Function:
         """Time derivative of x."""
-        own = [] if self._own_lag is None else self._moment[1:]
-        return self._function("dynamics", xd=ca.vertcat(self.system.forward_dynamics(*self.arguments), *own))
+        return self._function("dynamics", xd=self.rates(self.system.forward_dynamics(*self.arguments)))
+
+    def rates(self, of_system: ca.SX) -> ca.SX:
+        """Time derivative of x from that of the system's part of it."""
+        return ca.vertcat(of_system, *([] if self._own_lag is None else self._moment[1:]))
 
     @cached_property
     def tip(self) -> ca.Function:
@@ -320,8 +329,9 @@ class Prediction(Remade):
 
         With the nominal parameters, or others p (np).
 
-        Taken over shapes within half the bending range at rest, with all contacts closed where there is an object, and
-        with tendons that stick and that slide; ``NumericalError`` where the model's numbers are not finite.
+        Taken over shapes within half the bending range, at rest and, under quadratic damping, springing back, with all
+        contacts closed where there is an object, and with tendons that stick and that slide; ``NumericalError`` where
+        the model's numbers are not finite.
         """
         given = [self.x, self.u, self.p]
         law = None if self.system.surroundings is None else self.system.surroundings.contact_law
@@ -332,7 +342,8 @@ class Prediction(Remade):
             gap = self.system.touch(*self.arguments)[0]
             pressed = gap + (law.rounding + PRESSED / law.stiffness)
             jacobian = self.system.pressed_linearization(*self.arguments, pressed)
-        linearized = ca.Function("jacobian", given, [jacobian])
+        linearized, n = ca.Function("jacobian", given, [jacobian]), self.system.n
+        of_system = ca.Function("of_system", given, [*self._of_system])
         # The seed is fixed: the number of steps follows, and with it the generated C, which must repeat.
         rng = np.random.default_rng(0)
         found = [np.zeros(1) if self.scene.lag is None else np.array([-1.0 / self.scene.lag])]
@@ -348,6 +359,9 @@ class Prediction(Remade):
             for friction in (0.0, SLIDING) if cells else (0.0,):
                 # Winches are not where u leaves them, by which tendons would be far too tight in most of the shapes.
                 x = self.at_rest(shape, u, np.full(cells, friction), pulled=pull)
+                x[n : 2 * n] = rates_sprung_back(
+                    self.system, *(np.array(v).ravel() for v in of_system(x, u, parameters))
+                )
                 a = np.array(linearized(x, u, parameters))
                 if not np.all(np.isfinite(a)):
                     raise NumericalError("the linearized motion is not finite", state=shape)

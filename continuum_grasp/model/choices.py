@@ -30,6 +30,7 @@ class ModelOptions(TypedDict, total=False):
     loads: Sequence[ForceLoad | MomentLoad] | None
     tip_force: bool | None
     input_rates: bool | None
+    slack_stiffness: float | None
 
 
 _IN_SCENE = {

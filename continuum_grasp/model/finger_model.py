@@ -65,6 +65,9 @@ class FingerModel(Functions):
         taken to be constant throughout the motion: ``Core.rollout`` refuses one that varies, and no function can notice
         it from one call to the next. Dropping the rates of a ramp of 0.05 N m in 0.2 s costs 8.9 mm r.m.s. on a rod of
         0.6 m, where two elements with rates have 0.14 mm and free clothoids 0.09 mm.
+    slack_stiffness : float, optional
+        Share of their stiffness [1] that tendons of drives keep while they are slack, by default none: for solvers that
+        go by derivatives alone, in which a slack tendon has no effect.
 
     Attributes
     ----------

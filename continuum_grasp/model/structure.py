@@ -97,7 +97,8 @@ class Structure:
         self.sources = self._sources()
         self.mesh = self._mesh()
         self.family = family_class(self.family_name)(self.mesh, self.accuracy)
-        self.winches = winches_of(self.finger.tendon_list, self.length, self.parameters)
+        slack = choices["slack_stiffness"] or 0.0
+        self.winches = winches_of(self.finger.tendon_list, self.length, self.parameters, slack)
         self.own_tendons = {source.tendon: source for source in self.sources if source.tendon is not None}
         self.tendon_sets = self._tendon_sets()
         self.laws = laws_of(self.finger, self.family, self.parameters)

@@ -55,6 +55,8 @@ class Winch(ABC):
     """Tension per length wound up, of a tendon without friction [N/m]."""
     parameters: Parameters | None = None
     """Parameters, of which some may be run-time arguments; None: all numbers are those of the drive."""
+    slack_stiffness: float = 0.0
+    """Share of the stiffness that its tendons have while they are slack [1]."""
 
     def _own(self, key: str) -> Scalar:
         """A number of the drive, which may be a run-time argument."""
@@ -406,7 +408,10 @@ class Cables:
 
     def tensions(self, slacks: Sequence[Scalar]) -> list[Scalar]:
         """Tensions for cable wound up beyond its straight length [N]."""
-        return [soft(slack) / c for slack, c in zip(slacks, self.compliances, strict=True)]
+        pulled, share = [soft(slack) for slack in slacks], self.winch.slack_stiffness
+        if share:
+            pulled = [(1.0 - share) * pull + share * slack for pull, slack in zip(pulled, slacks, strict=True)]
+        return [pull / c for pull, c in zip(pulled, self.compliances, strict=True)]
 
     def slopes(self, slacks: Sequence[Scalar]) -> list[Scalar]:
         """Torque of each tendon per angle of the drum [N m/rad]."""
@@ -495,7 +500,9 @@ def soft_integral(length: Scalar) -> Scalar:
     return inside + beyond * (SOFT + 0.5 * beyond)
 
 
-def winches_of(tendons: Sequence[Tendon], length: float, parameters: Parameters | None = None) -> tuple[Winch, ...]:
+def winches_of(
+    tendons: Sequence[Tendon], length: float, parameters: Parameters | None = None, slack_stiffness: float = 0.0
+) -> tuple[Winch, ...]:
     """The drives of tendons on a finger of a length [m]; none where tensions are commanded."""
     found: list[Winch] = []
     for k, tendon in enumerate(tendons):
@@ -506,9 +513,9 @@ def winches_of(tendons: Sequence[Tendon], length: float, parameters: Parameters 
         given = compliance(tendon, length, parameters)
         start = _number(drive, "pretension", parameters) * given - _number(drive, "slack", parameters)
         if isinstance(drive, MotorDrive):
-            found.append(Motor(drive, own, start, 1.0 / given, parameters))
+            found.append(Motor(drive, own, start, 1.0 / given, parameters, slack_stiffness))
         else:
-            found.append(LengthServo(drive, own, start, 1.0 / given, parameters))
+            found.append(LengthServo(drive, own, start, 1.0 / given, parameters, slack_stiffness))
     return tuple(found)
 
 

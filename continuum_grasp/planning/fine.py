@@ -17,7 +17,9 @@ from continuum_grasp.errors import NumericalError
 from continuum_grasp.planning.guess import Path, first_state_of_plan
 from continuum_grasp.planning.motion import Motion, parameters_over_time
 from continuum_grasp.planning.result import Deviation, Plan, PlanStatus
+from continuum_grasp.scene.integrators import INTEGRATORS
 from continuum_grasp.scene.plan import PlanScene
+from continuum_grasp.simulation.spectrum import PARTIAL_STEP, stiff_method
 
 PARTS = 4
 """Parts of an interval at which bounds are looked at."""
@@ -51,7 +53,9 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
     method, substeps = "rk4", max(2, math.ceil(rate * h / _RADIUS))
     if substeps > _EXPLICIT_UP_TO:
         # Stiff contacts: an L-stable method may step over what has died out long before.
-        method, substeps = "rodas", max(4, math.ceil(h / _IMPLICIT_STEP))
+        method = stiff_method(model.system.structure)
+        step = PARTIAL_STEP if INTEGRATORS[method].partial else _IMPLICIT_STEP
+        substeps = max(4, math.ceil(h / step))
     run = _rollout(model, method, intervals * parts * substeps)
     times = np.linspace(0.0, path.duration, 2 * intervals * parts + 1) if scene.load_varies else [0.0]
     p = parameters_over_time(scene, model, times)
@@ -79,12 +83,16 @@ def _rollout(model: Prediction, method: str, steps: int) -> Rollouts:
     """Rollouts in which parameters take the place of forces, since they may vary over time."""
     none = ca.SX.sym("none", 0)
     inputs, names = [model.x, model.u, model.p, none], ["x", "u", "w", "p"]
-    rate = model.dynamics(model.x, model.u, model.p)
+    rate, part = model.dynamics(model.x, model.u, model.p), ca.SX.sym("part")
     dynamics = ca.Function("forward_dynamics", inputs, [rate], names, ["xd"])
     functions = SimpleNamespace(forward_dynamics=dynamics)
     if method == "rodas":
         slopes = [ca.densify(ca.jacobian(rate, v)) for v in (model.x, model.u)]
         functions.linearization = ca.Function("linearization", inputs, slopes, names, ["A", "B"])
+    elif INTEGRATORS[method].partial:
+        slowed = model.rates(model.system.implicit()(*model.arguments, part))
+        implicit = ca.Function("implicit", [*inputs, part], [ca.cse(slowed)], [*names, "part"], ["k"])
+        functions.implicit = lambda: implicit
     # Four evaluations per step of rk4.
     return Rollouts.of(step_function(functions, method), 4 * dynamics.n_instructions() * steps > _COMPILE_FROM)
 

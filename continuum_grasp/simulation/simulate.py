@@ -28,15 +28,15 @@ from continuum_grasp.simulation.spectrum import (
     representative_states,
     sample_shapes,
     spectral_radius,
+    stiff_method,
 )
 from continuum_grasp.simulation.stepping import Motion, Plan, Stepper, Stop
 from continuum_grasp.simulation.trajectory import LOST, Trajectory, limit_warnings
 
 Progress = Callable[[float], None]
 
-_FAST, _STIFF, _STIFF_SWEPT = "rk4", "rodas", "extrapolated_euler"
-"""Methods that ``time.method: auto`` chooses between; the last for models of many elements, whose Jacobian costs more
-with every element than the steps that it saves."""
+_FAST = "rk4"
+"""Method that ``time.method: auto`` chooses between and ``stiff_method``."""
 _IMPLICIT_FROM = 40
 """Sub-steps per output step from which on the implicit method is chosen."""
 _MOST_SUBSTEPS = 10_000
@@ -53,7 +53,7 @@ _LONG_RADIUS = 2.0
 """Product of step and spectral radius up to which longer steps are compared with; they are stable up to 2.7."""
 _MARGIN = 1.25
 """Factor on the number of sub-steps that is foreseen."""
-_MOST_WORK = {_FAST: 4_000_000, _STIFF: 400_000, _STIFF_SWEPT: 400_000}
+_MOST_WORK = {_FAST: 4_000_000, "rodas": 400_000, "extrapolated_euler": 400_000}
 """Sub-steps of a motion up to which the tolerance is pursued: some 10 s of compiled code for fingers with contacts."""
 
 
@@ -167,10 +167,7 @@ class _Run:
     @property
     def _stiff(self) -> str:
         """The method for stiff motions."""
-        # A step of rodas from rest knows nothing of quadratic damping, whose slope vanishes there, and its later stages
-        # square what the first one overshoots by; the overshoot of extrapolated_euler is bounded.
-        linear = not self._model.structure.has_law("damping")
-        return _STIFF if linear and not self._core.model.sweeps else _STIFF_SWEPT
+        return stiff_method(self._model.structure, sweeps=self._core.model.sweeps)
 
     def _judged(self, plan: Plan, motion: Motion) -> tuple[Plan | None, Stop | None]:
         """A finer plan where the steps turned out to be too long, and what is wrong if there is none."""

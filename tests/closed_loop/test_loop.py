@@ -37,6 +37,7 @@ from continuum_grasp.scene import (
     VectorSamples,
 )
 from tests.declared import assert_declared
+from tests.marks import few
 
 FINGER = Finger(
     rod=Rod(length=0.18, linear_density=0.034, bending_stiffness=6.11e-3, diameter=0.0012),
@@ -98,6 +99,41 @@ def test_the_plant_moves_as_the_simulator_says():
     x = trajectory.x[-1]
     assert np.abs(x[:4]).max() > 1.0
     assert tried.x[moving] == pytest.approx(x[moving], rel=1e-8, abs=1e-8)
+
+
+@pytest.mark.parametrize("quadratic", [1e-5, 1e-3])
+def test_a_plant_of_quadratic_damping_pulled_from_rest_moves_as_by_cvodes(quadratic):
+    """Eigenvalues at rest know nothing of it; steps chosen by them alone lost all numbers in the first periods."""
+    finger = FINGER.replaced(damping=Damping(material=3e-5, quadratic=quadratic))
+    scene, forth, back = make(finger=finger, gravity=(0.0, -9.81)), (40.0, 1.0), (1.0, 40.0)
+    tried = Plant(scene)
+    start, n = tried.x, tried.model.system.n
+    p, w = tried.model.p, tried.model.forces(0.0)[0]
+    x, u = ca.MX.sym("x", tried.model.nx), ca.MX.sym("u", tried.model.nu)
+    problem = {"x": x, "p": u, "ode": tried.model.forward_dynamics(x, u, w, p)}
+    exact = ca.integrator("exact", "cvodes", problem, 0.0, tried.period, {"abstol": 1e-10, "reltol": 1e-9})
+    for command in [forth] * 5 + [back] * 5:
+        start = np.array(exact(x0=start, p=command)["xf"]).ravel()
+        tried.advance(command)
+        assert tried.x[:n] == pytest.approx(start[:n], abs=1e-3)  # of up to 1.6 rad
+
+
+@pytest.mark.parametrize("law", ["relaxation", "dry_friction"])
+@pytest.mark.parametrize("elements", [1, 3])
+def test_a_controller_without_estimator_is_given_states_of_sections_where_they_are(law, elements):
+    """Of states that grow along the finger, those in the middle of each of its own four cells, by whatever cells."""
+    branch = {"share": 0.3, "time": 0.1} if law == "relaxation" else {"stiffness": 2e-3, "moment": 0.01}
+    finger, given = FINGER.replaced(damping={law: [branch]}), {"family": "clothoid", "elements": elements}
+    scene = make(finger=finger, fidelity={"family": "clothoid", "elements": 2}, plant={"fidelity": given})
+    tried, name = Plant(scene), "relaxing" if law == "relaxation" else "friction"
+    cells = [k for k, each in enumerate(tried.model.x_names) if name in each]
+    x, count = tried.model.start.copy(), len(cells)
+    x[cells] = (np.arange(count) + 0.5) / count
+    read = tried.sensors.value(x, tried.model.rest_input, tried.model.forces(0.0)[0])
+    found = np.array(read).ravel()[[k for k, each in enumerate(tried.sensors.names) if name in each]]
+    shares = np.clip(np.arange(1, 5)[:, None] / 4 - np.arange(count) / count, 0.0, 1 / count)
+    expected = 4.0 * np.diff(shares @ x[cells], prepend=0.0)
+    assert found == pytest.approx(expected, rel=1e-12)
 
 
 def test_the_plant_differs_as_stated():
@@ -486,6 +522,38 @@ def test_angles_and_forces_are_missed_too_and_defaults_are_no_aims(name, setpoin
     given = Reference(bending=(0.0,), tip_angle=2.0, contact_force=(setpoint,)) if stated else Reference()
     found = missed_setpoints((name,), r + error, r, t, given, 0.18)
     assert ["off a setpoint that stood" in text for text in found] == [True] * missed
+
+
+def slack_scene(tip, arrangement):
+    drive = {"kind": "length", "time_constant": 0.02, "arrangement": arrangement, "slack": 1e-3}
+    tendons = {"offset": 0.005, "max_tension": 60.0, "axial_stiffness": 1e4, "series_stiffness": 3.3e4, "drive": drive}
+    cost = {"tip": {"running": 2e4, "terminal": 2e3}, "speed": 0.02, "effort": 100.0, "input_rate": 1e4}
+    controller = {**CONTROLLER, "cost": cost, "input": {"lengths": (-0.012, 0.012), "rate_max": 0.1}}
+    plant = {"fidelity": ARCS}
+    return make(
+        finger=FINGER.replaced(tendons=tendons), controller=controller, plant=plant, reference=tip, duration=1.2
+    )
+
+
+@pytest.mark.parametrize("arrangement", few(["per_tendon", "one_pulley"], 1))
+def test_slack_is_wound_up_on_either_side(arrangement):
+    """Of tendons that are 1 mm slack and have no pretension, commands have no effect until it is wound up."""
+    x, y = ON_CURVE
+    sides = {"times": (0.0, 0.6), "values": ((x, y), (-x, y)), "interpolation": "hold"}
+    found = run_closed_loop(slack_scene(Reference(tip=sides), arrangement))
+    # The horizon of 0.1 s sees the second setpoint before it is there.
+    for end, side in ((np.searchsorted(found.t, 0.5), 1.0), (-1, -1.0)):
+        assert found.tracked[end, :2] == pytest.approx((side * x, y), abs=1e-3)
+
+
+@pytest.mark.parametrize(("rate", "moves"), [(0.0, False), (0.2, False), (1.0, True), (2.0, True)])
+def test_what_still_nears_its_setpoint_is_on_its_way(rate, moves):
+    """An error of 2 exp(-k t) rad: in a tenth of the second it shrinks to exp(-k / 10), below 95 % from k = 0.51 on."""
+    t = np.linspace(0.0, 1.0, 101)
+    error, r = 2.0 * np.exp(-rate * t)[:, None], np.ones((101, 1))
+    (found,) = missed_setpoints(("tip_angle [rad]",), r + error, r, t, Reference(tip_angle=1.0), 0.18) or ("",)
+    assert ("still on its way" in found) == moves
+    assert ("no posture" in found) != moves
 
 
 # -- pictures ---------------------------------------------------------------------------------------------------------

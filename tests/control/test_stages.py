@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -167,3 +168,23 @@ def test_what_follows_the_input_at_once_ends_under_the_input_before():
     steps = 1e-6 * np.eye(z.size)
     difference = [(end(z + d)[0] - end(z - d)[0]).item() / 2e-6 for d in steps]
     assert end(z)[1].ravel() == pytest.approx(np.array(difference), abs=1e-7)
+
+
+@pytest.mark.parametrize("quadratic", [1e-3, 1e-2])
+def test_fastest_rate_bounds_that_of_a_finger_springing_back_against_quadratic_damping(quadratic):
+    """From half the bending range, by CVODES."""
+    damped = ROD.replaced(damping=ROD.damping.replaced(quadratic=quadratic))
+    given = {"family": "arc", "elements": 1, "input": {**MOMENT, "time_constant": 0.1}}
+    made = scene(damped, **given).replaced(gravity=(0.0, 0.0))
+    model, limits = Prediction(made), np.array(made.input_limits)
+    found, at_rest = model.fastest_rate(*limits), Prediction(scene(ROD, **given)).fastest_rate(*limits)
+    slope = ca.jacobian(model.dynamics(model.x, model.u, model.p), model.x)
+    slope = ca.Function("slope", [model.x, model.u, model.p], [slope])
+    given = {"x": model.x, "p": model.u, "ode": model.dynamics(model.x, model.u, model.p_nominal)}
+    exact, rest = ca.integrator("exact", "cvodes", given, 0.0, 0.02), np.array(made.rest_input)
+    x, fastest = model.at_rest(0.5 * np.array(model.system.structure.coordinate_limits()), rest), 0.0
+    for _ in range(25):
+        x = np.array(exact(x0=x, p=rest)["xf"]).ravel()
+        fastest = max(fastest, np.abs(np.linalg.eigvals(np.array(slope(x, rest, model.p_nominal)))).max())
+    assert 2.0 * at_rest < fastest
+    assert 0.7 * fastest < found < 5.0 * fastest

@@ -116,6 +116,19 @@ def test_a_common_state_is_taken_apart_and_put_together(models):
     )
 
 
+def test_implicit_rates_are_those_of_each_finger_alone_and_of_the_motion_in_the_limit(models):
+    shared, x = random_state(models, 4)
+    u, w = np.ones(shared.nu), shared.forces(0.0)[0]
+    implicit, exact = shared.implicit(), np.array(shared.forward_dynamics(x, u, w, shared.p)).ravel()
+    assert np.array(implicit(x, u, w, shared.p, 0.0)).ravel() == pytest.approx(exact, rel=1e-9, abs=1e-9)
+    found = np.array(implicit(x, u, w, shared.p, 1e-3)).ravel()
+    for model, part, rate in zip(models, shared.parts(x), shared.parts(found), strict=True):
+        n, own = model.system.n, model.implicit()
+        alone = np.array(own(part, np.ones(model.nu), model.forces(0.0)[0], model.p, 1e-3)).ravel()
+        assert rate[: 2 * n] == pytest.approx(alone[: 2 * n], rel=1e-9)
+        assert not np.allclose(rate[n : 2 * n], shared.parts(exact)[models.index(model)][n : 2 * n], rtol=0.1)
+
+
 @pytest.fixture(scope="module")
 def guided(grasp):
     """The same plants as chains of guides, and what integrates both together."""

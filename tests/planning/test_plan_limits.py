@@ -169,7 +169,8 @@ def test_stiffness_chooses_method_and_steps_of_the_fine_simulation(monkeypatch, 
         return np.zeros((1, parts + 1, 1)), [parts]
 
     monkeypatch.setattr(fine, "parameters_over_time", lambda *_: np.zeros((1, 0)))
-    model = SimpleNamespace(fastest_rate=lambda *_: rate, nu=1, np=0)
+    system = SimpleNamespace(structure=SimpleNamespace(has_law=lambda kind: False))
+    model = SimpleNamespace(fastest_rate=lambda *_: rate, nu=1, np=0, system=system)
     scene = SimpleNamespace(input_limits=((0.0,), (1.0,)), load_varies=False, input=SimpleNamespace(form="held"))
     path = Path(np.zeros((3, 1)), np.zeros((3, 1)), 2 * interval)
     assert len(fine.simulated(scene, model, path, np.zeros(1))) == 9

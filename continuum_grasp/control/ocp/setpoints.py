@@ -33,6 +33,9 @@ _STOOD = 0.5
 _OFF = 0.05
 """Error at the end from which on a setpoint is missed, per length of the finger [1]; of angles twice that [rad], which
 moves the tip as far; of forces twice that share of them, or of a newton, as of weighted goals of plans."""
+_NEARING = 0.95
+"""Share of its distance a tenth of the time before up to which what is off is still on its way [1]: noise of a tip that
+stays moves means over a tenth by less."""
 
 
 class _Rows(NamedTuple):
@@ -244,11 +247,14 @@ def missed_setpoints(
         limit = {"m": _OFF * length, "rad": 2.0 * _OFF, "N": 2.0 * _OFF * force}[group.unit]
         # Instants are sums of rounded periods.
         if aim and off > limit and stood >= max(_STOOD, FINAL * t[-1]) * (1.0 - 1e-9):
-            found.append(
-                f"{group.label}: {amount(off, group.unit)} off a setpoint that stood; likely cause: no posture that "
-                "inputs within their bounds hold is there, something is in the way, or tendons are slack, so that "
-                "commands have no effect (give drive.pretension)"
+            earlier = tracking_of(group, (tracked - r[-1])[: -max(1, round(FINAL * len(r)))]).final
+            cause = (
+                "it is still on its way, and needs more time or less damping"
+                if off < _NEARING * earlier
+                else "no posture that inputs within their bounds hold is there, something is in the way, or tendons "
+                "are slack, so that commands have no effect (give drive.pretension)"
             )
+            found.append(f"{group.label}: {amount(off, group.unit)} off a setpoint that stood; likely cause: {cause}")
     return tuple(found)
 
 

@@ -104,7 +104,8 @@ class Bench:
             for k in range(len(self.zeros))
         ]
         method = choose_method(self.model, period)
-        stable = max(1, math.ceil(method.radius * period / TARGET_RADIUS)) if method.name == "rk4" else 1
+        explicit = max(1, math.ceil(method.radius * period / TARGET_RADIUS))
+        stable = {"rk4": explicit, "rodas": 1}.get(method.name, method.substeps)
         self.step = period / max(stable, math.ceil(period / _LONGEST))
         self._stored = max(1, math.floor(_LONGEST / self.step + 1e-9))
         self._integration = Integration(self.model, method.name)
