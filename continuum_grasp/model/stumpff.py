@@ -85,7 +85,7 @@ def stumpff(theta: Scalar, angle_range: float, accuracy: float = ROUNDING, top: 
     x = theta * theta
     c: list[Scalar] = [0.0] * (top + 1)
     for k in (top, top - 1):
-        # All else waits for these two: two chains take 1 to 9 % off the dynamics of arcs (benchmarks/bench_series.py).
+        # All else waits for these two: two chains take 1 to 9 % off the dynamics of arcs.
         c[k] = _two_chains(x, k, horner_degree(angle_range, accuracy, k))
     # Downward: upward would divide by x, which cancels all digits near the straight finger.
     for k in range(top - 2, -1, -1):
