@@ -128,6 +128,10 @@ def test_the_search_decides_otherwise_on_either_side_of_a_limit(limit, decides):
     assert not decides((1.0 + 1e-6) * limit)
 
 
+def test_directions_are_known_but_for_whole_turns():
+    assert branch_of(start(angle=np.pi)) == branch_of(start(angle=-np.pi))
+
+
 def test_a_basin_far_from_balance_is_tried_first_alone():
     search, starts = searching()
     for count in (1, 2):
