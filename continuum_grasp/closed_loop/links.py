@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import eigh
+from scipy.linalg import eigh, eigvalsh
+from scipy.optimize import brentq
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
@@ -19,8 +20,6 @@ _SAME = 1e-9
 """Distance per length up to which two positions are the same [1]: above the rounding of sums of lengths."""
 _GRID = 4097
 """Places of the table from which the elements' ends are taken: four times as many as the most hinges."""
-_HALVINGS = 20
-"""Bisections for the longest step [1]: to 1e-6 of it."""
 
 
 @dataclass(frozen=True)
@@ -79,16 +78,13 @@ class Links:
         if springs is None or not springs.any():
             return longest
         # No modes of the damping any more: the same condition, of the matrices.
-        mass, stiffness, least = 4.0 * self.mass_matrix, np.diag(ratio * self.stiffness) + springs, 0.0
-        for _ in range(_HALVINGS):
-            step = 0.5 * (least + longest)
-            try:
-                np.linalg.cholesky(mass + np.diag(2.0 * step * self.damping) - step**2 * stiffness)
-            except np.linalg.LinAlgError:
-                longest = step
-            else:
-                least = step
-        return least
+        mass, stiffness = 4.0 * self.mass_matrix, np.diag(ratio * self.stiffness) + springs
+
+        def spare(step: float) -> float:
+            rest = mass + np.diag(2.0 * step * self.damping) - step**2 * stiffness
+            return float(eigvalsh(rest, subset_by_index=(0, 0))[0])
+
+        return float(brentq(spare, 0.0, 1.01 * longest, xtol=1e-6 * longest))
 
 
 def lump(

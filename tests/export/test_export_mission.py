@@ -244,8 +244,9 @@ def test_slip_is_answered_as_in_python(tmp_path, monkeypatch):
         assert asked.grip() == (k >= 140)
         sinks.height(-0.01 * (k >= 140))
         sinks.step(finger.Measurement(*y))
-        assert sinks.grip() == (2 if k > 140 else k == 140)
-        assert sinks.phase() >= number["LOWER"] if k > 140 else sinks.phase() < number["LOWER"]
+        # One height alone might be a glitch.
+        assert sinks.grip() == (k > 140) + (k > 142)
+        assert sinks.phase() >= number["LOWER"] if k > 142 else sinks.phase() < number["LOWER"]
     (program,) = compile_programs("cc", package, tmp_path, "main", *STRICT, "-O1")
     assert re.search(r"^mission_step +0 of +\d+ cases failed", run(program), re.MULTILINE)
     (unit,) = export_fmu(mission, tmp_path, binary=False, fmi=["3"])
