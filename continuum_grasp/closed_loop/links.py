@@ -59,12 +59,25 @@ class Links:
         return np.sqrt(squares), decay
 
     @property
+    def bars(self) -> Array:
+        """Lengths of the links from hinge to hinge, of the last one to the tip (N,) [m]."""
+        return np.asarray(self.ends - self.at)
+
+    @property
+    def turning(self) -> tuple[Array, Array]:
+        """Weights (N, N) [kg m2] of products of the links' turning, and first moments (N,) [kg m] of their weight."""
+        lever = self.center - self.at
+        beyond = np.append(np.cumsum(self.mass[::-1])[::-1], 0.0)[1:]
+        carried = self.mass * lever + self.bars * beyond
+        own = self.inertia + self.mass * (lever**2 + self.across**2) + self.bars**2 * beyond
+        above = np.triu(np.outer(self.bars, carried), 1)
+        return np.diag(own) + above + above.T, carried
+
+    @property
     def mass_matrix(self) -> Array:
-        """Mass matrix of the straight chain (N, N) [kg m2]."""
-        on = np.arange(len(self.at))[:, None] >= np.arange(len(self.at))[None, :]
-        lever = np.where(on, self.center[:, None] - self.at[None, :], 0.0)
-        turning = (self.inertia + self.mass * self.across**2)[:, None] * on
-        return np.asarray(lever.T @ (self.mass[:, None] * lever) + on.T @ turning)
+        """Mass matrix of the straight chain (N, N) [kg m2]: its links turn by the sum of the bends before them."""
+        on = np.tri(len(self.at))
+        return np.asarray(on.T @ self.turning[0] @ on)
 
     def longest_step(self, ratio: float = 1.0, springs: Array | None = None) -> float:
         """Longest stable step [s] of semi-implicit Euler steps with implicit damping, for the straight chain.

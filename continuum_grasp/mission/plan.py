@@ -134,7 +134,7 @@ def _share(share: float, certified: Array) -> Array:
 def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> Settings:
     """Members of ``mission_settings`` about an object that slips."""
     watches, asked = int(of.mission.slip is not None), of.mission.slip or Slip()
-    # Page's test sums log-likelihood ratios of twice the limit against none; limits far within the noise would take long.
+    # Page's test sums log-likelihood ratios of twice the limit against none; limits far within noise would take long.
     std, step = max(asked.height or 0.0, 0.1 * asked.sunk), of.control.controller.step
     sunk = max(asked.sunk, 0.5 * std)
     limits = np.array([sunk, _AGAIN * sunk, asked.down])
