@@ -45,8 +45,12 @@ COLUMNS += ["force off [%]", "slip margin", "while pulled", "fallbacks", "before
 
 
 WATCHED = "slip={height: 0.1 mm}"
-SLIPS = (("mug", 0.3, 100), ("mug", 0.5, 30), ("mug_servo", 0.3, 30), ("pinch", 0.3, 30))
+SLIPS = (("mug", 0.3, 100), ("mug", 0.5, 20), ("mug_servo", 0.3, 12), ("pinch", 0.3, 12))
 """Missions whose friction falls, by which share, and on how many plants."""
+PLANNED = 6
+"""Plants that are held as planned, the first ones of each."""
+SLIP_SEED = 20281
+"""Seed of their draws: no constant of the answer was chosen on these."""
 HOLDS = ("as it is", "squeezed", "neither")
 """By which normal forces the certificate holds a plant with the friction that is left, pulls included."""
 OUTCOMES = ("held", "squeezed and held", "set down", "fell while set down", "dropped")
@@ -161,14 +165,17 @@ def slip_table(name: str, fall: float, found: dict[bool, Sequence[Outcome]]) -> 
 
 def slips() -> None:
     """Carry missions out whose friction falls, and write the report."""
-    report = Report("mission_slip", 0)
+    report = Report("mission_slip", SLIP_SEED)
     for name, fall, count in SLIPS:
-        changes = [f"trials.count={count}", f"trials.friction_fall={fall}"]
-        file = Path("configs/mission") / f"{name}.yaml"
-        found = {watched: run_trials(load(file, changes + [WATCHED] * watched)) for watched in (False, True)}
+        changes = [f"trials.seed={SLIP_SEED}", f"trials.friction_fall={fall}"]
+        file, found = Path("configs/mission") / f"{name}.yaml", dict[bool, Sequence[Outcome]]()
+        for watched, plants in ((False, min(count, PLANNED)), (True, count)):
+            own = [*changes, f"trials.count={plants}", *[WATCHED] * watched]
+            found[watched] = run_trials(load(file, own))
         report.tables.append(slip_table(name, fall, found))
         lost = sum(outcome(one) == "dropped" for one in found[True])
         report.claim(f"{name}, friction {100 * fall:.0f} % less, slip answered: dropped", lost, "<=", 0)
+        print(*report.tables[-1].rows, sep="\n", flush=True)
     for file in report.write():
         print(file)
 

@@ -208,7 +208,7 @@ class ChainSystem(HingeChain, Functions):
         position = ca.SX(ca.DM(base.position)) + start * ca.DM([-np.sin(base.angle), np.cos(base.angle)])
         velocity = ca.SX(2, 1)
         for i in range(bar + 1):
-            length = float(self.bars[i]) if i < bar else along
+            length = float(self.links.bars[i]) if i < bar else along
             way = length * ca.vertcat(-ca.sin(angle[i]), ca.cos(angle[i]))
             position += way
             velocity += spin[i] * ca.vertcat(-way[1], way[0])

@@ -77,22 +77,6 @@ class HingeChain:
         bar = self.links.link_of(at + 1e-9 * self.pitch)
         return bar, at - (self.links.at[bar] if bar >= 0 else 0.0)
 
-    @cached_property
-    def bars(self) -> Array:
-        """Lengths of the bars after each hinge (N) [m]."""
-        return self.links.ends - self.links.at
-
-    @cached_property
-    def inertia(self) -> tuple[Array, Array]:
-        """Weights (N, N) [kg m2] of the products of the bars' turning, and first moments (N) [kg m] of their weight."""
-        n, links, lever = self.hinges, self.links, self.links.center - self.links.at
-        beyond = np.append(np.cumsum(links.mass[::-1])[::-1], 0.0)[1:]
-        carried = links.mass * lever + self.bars * beyond
-        weights = np.diag(links.inertia + links.mass * lever**2 + self.bars**2 * beyond)
-        for i in range(n):
-            weights[i, i + 1 :] = weights[i + 1 :, i] = self.bars[i] * carried[i + 1 :]
-        return weights, carried
-
     def _guided(self, tendon: Tendon, axial_stiffness: float | None, gear: tuple[float, float]) -> Guided:
         to = tendon.end(self.length)
         at = self.links.at[self.links.at < to]
@@ -107,7 +91,7 @@ class HingeChain:
     def numbers(self, gravity: tuple[float, float], places: Sequence[float], factors: Mapping[str, float]) -> Array:
         """All that the C of the motion needs to know of it: ``factors`` on what ``OF_FINGER`` names."""
         links = self.links
-        weights, carried = self.inertia
+        weights, carried = links.turning
         base, points = self.finger.base, [self.place(at) for at in places]
         parts: list[ArrayLike] = [
             [*base.position, base.angle, links.at[0], *gravity],
@@ -117,7 +101,7 @@ class HingeChain:
             # Material damping follows from the stiffness of the section as it is described.
             factors.get("material_damping", 1.0) * links.damping,
             carried,
-            self.bars,
+            links.bars,
             [bar for bar, _ in points],
             [along for _, along in points],
         ]

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import eigh
+from scipy.linalg import eigh, eigvalsh
+from scipy.optimize import brentq
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
@@ -19,8 +20,6 @@ _SAME = 1e-9
 """Distance per length up to which two positions are the same [1]: above the rounding of sums of lengths."""
 _GRID = 4097
 """Places of the table from which the elements' ends are taken: four times as many as the most hinges."""
-_HALVINGS = 20
-"""Bisections for the longest step [1]: to 1e-6 of it."""
 
 
 @dataclass(frozen=True)
@@ -60,12 +59,25 @@ class Links:
         return np.sqrt(squares), decay
 
     @property
+    def bars(self) -> Array:
+        """Lengths of the links from hinge to hinge, of the last one to the tip (N,) [m]."""
+        return np.asarray(self.ends - self.at)
+
+    @property
+    def turning(self) -> tuple[Array, Array]:
+        """Weights (N, N) [kg m2] of products of the links' turning, and first moments (N,) [kg m] of their weight."""
+        lever = self.center - self.at
+        beyond = np.append(np.cumsum(self.mass[::-1])[::-1], 0.0)[1:]
+        carried = self.mass * lever + self.bars * beyond
+        own = self.inertia + self.mass * (lever**2 + self.across**2) + self.bars**2 * beyond
+        above = np.triu(np.outer(self.bars, carried), 1)
+        return np.diag(own) + above + above.T, carried
+
+    @property
     def mass_matrix(self) -> Array:
-        """Mass matrix of the straight chain (N, N) [kg m2]."""
-        on = np.arange(len(self.at))[:, None] >= np.arange(len(self.at))[None, :]
-        lever = np.where(on, self.center[:, None] - self.at[None, :], 0.0)
-        turning = (self.inertia + self.mass * self.across**2)[:, None] * on
-        return np.asarray(lever.T @ (self.mass[:, None] * lever) + on.T @ turning)
+        """Mass matrix of the straight chain (N, N) [kg m2]: its links turn by the sum of the bends before them."""
+        on = np.tri(len(self.at))
+        return np.asarray(on.T @ self.turning[0] @ on)
 
     def longest_step(self, ratio: float = 1.0, springs: Array | None = None) -> float:
         """Longest stable step [s] of semi-implicit Euler steps with implicit damping, for the straight chain.
@@ -79,16 +91,13 @@ class Links:
         if springs is None or not springs.any():
             return longest
         # No modes of the damping any more: the same condition, of the matrices.
-        mass, stiffness, least = 4.0 * self.mass_matrix, np.diag(ratio * self.stiffness) + springs, 0.0
-        for _ in range(_HALVINGS):
-            step = 0.5 * (least + longest)
-            try:
-                np.linalg.cholesky(mass + np.diag(2.0 * step * self.damping) - step**2 * stiffness)
-            except np.linalg.LinAlgError:
-                longest = step
-            else:
-                least = step
-        return least
+        mass, stiffness = 4.0 * self.mass_matrix, np.diag(ratio * self.stiffness) + springs
+
+        def spare(step: float) -> float:
+            rest = mass + np.diag(2.0 * step * self.damping) - step**2 * stiffness
+            return float(eigvalsh(rest, subset_by_index=(0, 0))[0])
+
+        return float(brentq(spare, 0.0, 1.01 * longest, xtol=1e-6 * longest))
 
 
 def lump(

@@ -16,7 +16,6 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.resistance import plane_gravity
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp_drive import DriveLaw
 from continuum_grasp.scene.mission import MissionScene
@@ -155,7 +154,7 @@ def lowered_by_pulls(assignments: Sequence[Assignment], variation: Variation) ->
     For small motions. Controllers that follow a force give way further than drives that keep their tension.
     """
     of, fingers = assignments[0], [one.control.finger for one in assignments]
-    grasp, down = of.grasp, np.array(plane_gravity(of.grasp))
+    grasp, down = of.grasp, np.array(of.mission.plane_gravity)
     if of.mission.gravity:
         return ()
     more = (plant_mass(of.mission, variation) - grasp.scene.object.mass) * np.array([*down, 0.0])

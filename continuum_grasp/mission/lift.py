@@ -180,7 +180,7 @@ class LiftCheck:
     def schedule(self, finger: int, stages: Stages) -> Plan:
         """The phases of a finger, by number, which ask before the lift."""
         certified, leads = certified_forces(self._of, self._of[finger]), finger == 0
-        reported, waits = self._others if leads else self._decision, partial(self._waited, finger)
+        reported, waits = self._others if leads else lambda: self._plans[0].decision, partial(self._waited, finger)
         plan = Plan(
             self._tables[finger], stages, certified, leads=leads, reported=reported, waits=waits, grips=self._firmest
         )
@@ -198,9 +198,6 @@ class LiftCheck:
             for table in self._tables:
                 table.set_down(t)
         return plan.grip
-
-    def _decision(self) -> int:
-        return self._plans[0].decision
 
     def _others(self) -> int:
         """Report of the others to the first finger, which decides for all: what they estimated a period before."""

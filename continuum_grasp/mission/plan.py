@@ -111,8 +111,19 @@ jumps is none."""
 _STAYS = 0.1
 """Time for which a contact that parted may do so under a firm grip until the object is set down [s]: twice as long as
 drives of 400 N/s take to squeeze."""
-_SIGMAS = 6.0
-"""Standard deviations of the smoothed height lost, within ``slip.sunk`` [1]: noise exceeds it once in 1e9 calls."""
+_FALSE = 1e-9
+"""Probability per call that noise passes for slip [1]: as the bound on the test of Page has it for an object that
+loses no height at all."""
+_SMOOTHED = 0.15
+"""Time constant in which the height from which losses count is smoothed [s]: half of a shipped mission's lift, so that
+it has what contacts give way under the weight, and 0.18 standard deviations of a height."""
+_SETTLES = 3.0
+"""Time in which a firm grip settles, in these time constants [1]: 5 % of the height lost meanwhile count afterwards."""
+_AGAIN = 3.0
+"""Height that a firm grip, or one that takes over the weight, may lose, as a multiple of ``slip.sunk`` [1]: the mugs
+that it held lost 0.15 mm further at most while they were pulled, those that fell 0.2 mm in the pull before."""
+_GLITCH = 0.5
+"""Most doubt of one height [1]: a single one that is far off is no slip."""
 
 
 def _share(share: float, certified: Array) -> Array:
@@ -123,19 +134,23 @@ def _share(share: float, certified: Array) -> Array:
 def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> Settings:
     """Members of ``mission_settings`` about an object that slips."""
     watches, asked = int(of.mission.slip is not None), of.mission.slip or Slip()
-    # Both the height and that before the lift are smoothed: by as much as leaves them few standard deviations apart.
-    spread = _SIGMAS * math.sqrt(2.0) * (asked.height or 0.0) / asked.sunk
+    # Page's test sums log-likelihood ratios of twice the limit against none; limits far within noise would take long.
+    std, step = max(asked.height or 0.0, 0.1 * asked.sunk), of.control.controller.step
+    sunk = max(asked.sunk, 0.5 * std)
+    limits = np.array([sunk, _AGAIN * sunk, asked.down])
     firm, more = dict.fromkeys(names, 0.0), firmer(of)
     part = more / of.reserve if of.reserve else 0.0
     firm |= dict(zip((one.label for one in of.control.finger.inputs), part * (of.tight - of.held), strict=True))
     firm |= {f"contact_force_{name} [N]": more * force for name, force in of.forces.items()}
     return {
         "watches": watches,
-        "sunk": asked.sunk,
-        "down": asked.down,
-        "fresh": 2.0 / (1.0 + max(1.0, spread**2)),
+        "sunk": limits,
+        "weight": 2.0 * limits / (std**2 * -math.log(_FALSE)),
+        "glitch": _GLITCH,
+        "fresh": min(1.0, step / _SMOOTHED),
+        "settles": math.ceil(_SETTLES * _SMOOTHED / step),
         "parts": _PARTS_IN,
-        "stays": _PARTS_IN + math.ceil(_STAYS / of.control.controller.step),
+        "stays": _PARTS_IN + math.ceil(_STAYS / step),
         "lost": _share(asked.parted, certified),
         "firm": [firm[name] for name in names],
     }

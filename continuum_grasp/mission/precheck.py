@@ -19,7 +19,7 @@ from continuum_grasp.mission.budget import lowered_by_pulls, plant_friction, pla
 from continuum_grasp.mission.drop import FALLEN
 from continuum_grasp.mission.on_pads import check_pads
 from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.resistance import ROUNDING, held_resistance, plane_gravity
+from continuum_grasp.mission.resistance import ROUNDING, held_resistance
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene
 
@@ -175,7 +175,7 @@ class _OnPlant:
         shared out at will; in the plane until one slips or parts. Zero where one is beyond its cone without it.
         """
         if not self.gravity:
-            down = [[*plane_gravity(self.of.grasp), 0.0]]
+            down = [[*self.mission.plane_gravity, 0.0]]
             (more,) = held_resistance(self.of.grasp, friction, self.certified_mass, wrenches=down).factors
             # Beyond a cone at the certified weight nothing is resisted, although less weight might be carried.
             return self.certified_mass + float(more) if more > 0.0 else 0.0

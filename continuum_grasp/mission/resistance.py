@@ -16,12 +16,6 @@ ROUNDING = 1e-6
 """Excess, as a part of a number, that is none: the certificate itself holds to this."""
 
 
-def plane_gravity(grasp: GraspResult) -> tuple[float, float]:
-    """Gravity in the plane [m/s2]; zero where it acts out of it."""
-    gravity = grasp.scene.gravity
-    return gravity.vector if isinstance(gravity, PlanarGravity) else (0.0, 0.0)
-
-
 def promised(grasp: GraspResult) -> Resistance:
     """Multiples of the scene's disturbances that a mission may count on, whose drives hold.
 
@@ -66,6 +60,7 @@ def held_resistance(
     response = GraspResponse(scene, {**arrays, "contact_forces": forces})
     response.contacts.friction = friction
     # Weight in the plane beyond that of the grasp is one more wrench, to which all contacts respond.
-    more = (mass - scene.object.mass) * np.array([*plane_gravity(grasp), 0.0])
+    down = scene.gravity.vector if isinstance(scene.gravity, PlanarGravity) else (0.0, 0.0)
+    more = (mass - scene.object.mass) * np.array([*down, 0.0])
     response.contacts.forces[:, :2] += response.to_wrenches("locked").forces @ more
     return resistance(response, tendons="locked", wrenches=wrenches)

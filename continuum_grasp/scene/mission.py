@@ -150,10 +150,11 @@ class Slip(Value):
     height: Annotated[Extent, Field(examples=[1e-4, "0.1 mm"])] | None = None
     """Standard deviation of the object's measured height in the hand [m]; None: not measured, and what sinks is not
     noticed."""
-    sunk: Annotated[Extent, Field(examples=[5e-4, "0.5 mm"])] = 5e-4
-    """Height lost since the lift that is answered [m]."""
+    sunk: Annotated[Extent, Field(examples=[6e-5, "0.06 mm"])] = 6e-5
+    """Height lost since the lift that is answered once it stands out of the noise; half of ``height`` at least [m]. In
+    a firm grip that has settled three times as much sets the object down."""
     down: Annotated[Extent, Field(examples=[2.5e-3, "2.5 mm"])] = 2.5e-3
-    """Height lost since the lift, though it is held firmly, from which on the object is set down [m]."""
+    """Height lost since the lift, while the grip becomes firm, from which on the object is set down [m]."""
     parted: Annotated[float, Field(ge=0.0, le=1.0, examples=[0.1, "10 %"]), Unit("1")] = 0.1
     """Share of its normal force in the certificate below which a contact counts as parted, by the estimate [1]; 0:
     never."""

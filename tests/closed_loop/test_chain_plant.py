@@ -154,7 +154,7 @@ def test_a_tapered_chain_has_the_integrals_of_its_rod():
     per_length, rotary = density * np.pi / 4.0 * diameter**2, density * np.pi / 64.0 * diameter**4
     integrals = ((per_length * lever**2 + rotary).integ(), (per_length * lever).integ())
     turning, weight = (one(length) - one(chain.links.at[0]) for one in integrals)
-    products, moments = chain.inertia
+    products, moments = chain.links.turning
     assert np.sum(products) == pytest.approx(turning, rel=1e-10)
     assert np.sum(moments) == pytest.approx(weight, rel=1e-10)
 

@@ -237,15 +237,16 @@ def test_slip_is_answered_as_in_python(tmp_path, monkeypatch):
         usual.height(heights[k])
         found = usual.step(finger.Measurement(*y))
         assert np.abs(np.array([found.tension_1, found.tension_2]) - done.u[k]).max() < 1e-6
-        assert usual.grip() == (done.t[k] > noticed.time - 1e-9)
+        assert usual.grip() == sum(done.t[k] > at - 1e-9 for at in (noticed.time, noticed.down))
         if k == 140:
             asked.squeeze()
         asked.step(finger.Measurement(*y))
         assert asked.grip() == (k >= 140)
         sinks.height(-0.01 * (k >= 140))
         sinks.step(finger.Measurement(*y))
-        assert sinks.grip() == (2 if k > 140 else k == 140)
-        assert sinks.phase() >= number["LOWER"] if k > 140 else sinks.phase() < number["LOWER"]
+        # One height alone might be a glitch.
+        assert sinks.grip() == (k > 140) + (k > 142)
+        assert sinks.phase() >= number["LOWER"] if k > 142 else sinks.phase() < number["LOWER"]
     (program,) = compile_programs("cc", package, tmp_path, "main", *STRICT, "-O1")
     assert re.search(r"^mission_step +0 of +\d+ cases failed", run(program), re.MULTILINE)
     (unit,) = export_fmu(mission, tmp_path, binary=False, fmi=["3"])

@@ -91,7 +91,15 @@ void mission_see(mission_state *state, const mission_settings *o, real height)
   if (!cg_finite(&height, 1)) return;
   state->height = state->seen ? state->height + o->fresh * (height - state->height) : height;
   state->seen = 1;
-  if (!mission_holds(state, o)) state->base = state->height;
+  if (state->grip == MISSION_FIRM && state->settled <= o->settles) ++state->settled;
+  /* Contacts give way a little under the weight that the lift puts on them, and until they are squeezed. */
+  const int usual = state->grip == MISSION_USUAL, lifting = state->phase <= o->confirm + 1;
+  if (usual ? lifting : state->settled == o->settles) state->base = state->height;
+  const int test = usual ? lifting : state->settled < o->settles ? 2 : 1;
+  state->lost = state->base - height;
+  real more = o->weight[test] * (state->lost - o->sunk[test]);
+  if (more > o->glitch) more = o->glitch;
+  state->doubt = mission_holds(state, o) && state->doubt + more > 0 ? state->doubt + more : 0;
 }
 
 void mission_squeeze(mission_state *state, const mission_settings *o, int noticed)
@@ -99,20 +107,21 @@ void mission_squeeze(mission_state *state, const mission_settings *o, int notice
   if (state->grip != MISSION_USUAL || !mission_holds(state, o)) return;
   state->grip = MISSION_FIRM;
   state->noticed = noticed;
+  state->doubt = 0;
 }
 
 /* Squeeze where the object slips, and set it down where it goes on slipping. */
 static void mission_watch(mission_state *state, const mission_settings *o, real t, const real *forces, const real *u)
 {
-  const real lost = state->seen ? state->base - state->height : 0;
+  const int sinks = state->doubt >= 1;
   int open = 0;
   for (int c = 0; c < MISSION_NC; ++c) open |= !state->blind && forces[c] < o->lost[c];
   state->open = open ? state->open + 1 : 0;
-  if (state->grip != MISSION_USUAL && (lost > o->down || state->open >= o->stays)) {
+  if (state->grip != MISSION_USUAL && (sinks || state->open >= o->stays)) {
     state->grip = MISSION_SETS_DOWN;
     mission_release(state, o, t, u, 0);
-  } else if (lost > o->sunk || state->open >= o->parts)
-    mission_squeeze(state, o, lost > o->sunk ? MISSION_SINKS : MISSION_PARTS);
+  } else if (sinks || state->open >= o->parts)
+    mission_squeeze(state, o, sinks ? MISSION_SINKS : MISSION_PARTS);
 }
 
 int mission_asks(const mission_state *state, const mission_settings *o)

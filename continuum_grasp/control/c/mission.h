@@ -41,8 +41,13 @@ typedef struct {
   real patience;                /* longest wait for forces [s] */
   real needed[MISSION_SIZE(MISSION_NC)];        /* least normal force at each contact [N] */
   int watches;                  /* whether slip is answered */
-  real sunk, down;              /* heights lost since the lift for which it is held firmly, and set down [m] */
+  /* Page's test of lost height, doi:10.1093/biomet/41.1-2.100: while it is held; while it is lifted, or firmly held; while
+   * the grip becomes firm. */
+  real sunk[3];                 /* loss beyond which doubt grows: since the lift; of late, or since the grip was firm; since the lift [m] */
+  real weight[3];               /* of each meter beyond, per height; doubt of 1 is answered */
+  real glitch;                  /* most doubt of one height */
   real fresh;                   /* share of a new height in the smoothed one */
+  int settles;                  /* heights until a firm grip counts as such */
   int parts, stays;             /* calls in a row in which a contact bears less than `lost` [N], for the same */
   real lost[MISSION_SIZE(MISSION_NC)];
   real firm[MISSION_SIZE(MISSION_NR)];          /* further setpoints of a firm grip */
@@ -66,7 +71,9 @@ typedef struct {
   real left_at;
   int grip, noticed;            /* how it is held, and what made it firm; 0: nothing */
   int seen, open;               /* whether a height is known, and for how many calls a contact has borne hardly anything */
-  real height, base;            /* smoothed height of the object in the hand, and that before it sank [m] */
+  real height, base, lost;      /* smoothed height in the hand, that from which losses count, the last loss [m] */
+  real doubt;                   /* that it is held; 0: none, from 1 on: enough for an answer */
+  int settled;                  /* heights seen under a firm grip */
 } mission_state;
 
 void mission_enter(mission_state *state, const mission_settings *settings, int phase, real t, const real *u);

@@ -13,9 +13,8 @@ static void cg_state(const cg_object *o, double *out)
 {
   const int numbers[] = {o->state.phase, o->state.changed, o->state.decision, o->state.bears, o->state.grip, o->state.noticed,
                          mission_asks(&o->state, &o->settings)};
-  const real lost = o->state.base - o->state.height;
   out = cg_write_ints(out, numbers, 7);
-  out = cg_write(out, &lost, 1);
+  out = cg_write(out, &o->state.lost, 1);
   out = cg_write(out, o->settings.weights[o->state.follows], MISSION_NR);
   out = cg_write(out, o->state.u_min, MISSION_NU);
   cg_write(out, o->state.u_max, MISSION_NU);
