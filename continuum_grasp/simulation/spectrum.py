@@ -116,7 +116,8 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Arra
     """
     model = core.model
     if qd is None:
-        moving = np.array([rates_sprung_back(model, model.state(shape, u=u), u, p) for shape in np.atleast_2d(q)])
+        rest = (_states(model, shape, np.zeros(model.n), u)[0] for shape in np.atleast_2d(q))
+        moving = np.array([rates_sprung_back(model, x, u, p) for x in rest])
     else:
         moving = np.atleast_2d(qd)
     if model.structure.own_tendons or model.friction_names:
