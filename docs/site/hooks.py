@@ -150,6 +150,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
         markdown = re.sub(
             r"\| ([<>])= (\S+) \|", lambda m: f"| {'≤' if m[1] == '<' else '≥'}\N{NO-BREAK SPACE}{m[2]} |", markdown
         )
+        markdown = markdown.replace("][", "]\\[")  # of code in tables, which refers to no page
         markdown = with_charts(markdown, data) if data.is_file() else markdown
         markdown = re.sub(r"\A# .*", f"# {page.title}", markdown)
         markdown = MACHINE.sub(lambda part: '??? note "Machine"\n' + indent(part[0], "    "), markdown, count=1)
@@ -165,7 +166,7 @@ def addressed(tag: str, page: Any, files: Files) -> str:
 
     def address(match: re.Match[str]) -> str:
         link = match[2]
-        if not link or link.startswith(("#", "mailto:")) or "://" in link:
+        if not link or link.startswith(("#", "mailto:", "data:")) or "://" in link:
             return match[0]
         path, anchor = pages.target(page.file.src_uri, link)
         file = files.get_file_from_path(path)

@@ -56,3 +56,15 @@ def test_the_table_has_every_verb():
     assert set(rows) - {"new", "schema", "validate", "doctor"} <= set(
         re.findall(r"`([a-z-]+)`", home.partition("\n## ")[0])
     )
+
+
+PAGES = [ROOT / "README.md", ROOT / "benchmarks/README.md", *(ROOT / "docs").glob("*.md")]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_every_command_on_a_page_is_one(page):
+    """Verbs, options and arguments; files need not be there."""
+    commands = get_command(app).commands
+    for line in re.findall(r"^(?: {4})?continuum-grasp (?!-)(.+)$", page.read_text(encoding="utf-8"), re.MULTILINE):
+        verb, *arguments = shlex.split(line, comments=True)
+        commands[verb].make_context(verb, arguments).close()
