@@ -77,7 +77,7 @@ class Reading:
 
     @property
     def of_mode(self) -> bool:
-        """Whether it is of a natural mode."""
+        """Whether this reading is the frequency or the decay rate of a natural mode."""
         return self.quantity in OF_MODES
 
     @property
