@@ -16,7 +16,6 @@ from continuum_grasp.plotting.drawing import axes, bodies
 from continuum_grasp.plotting.drawing.film import Film
 from continuum_grasp.plotting.drawing.forces import Force, draw_forces, explain, force_scale
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE, Z
-from continuum_grasp.scene.plan import PlanScene
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -87,7 +86,8 @@ def motion_frames(trajectory: Trajectory | Plan, indices: NDArray[Any], width: i
     unique, back = np.unique(indices, return_inverse=True)
     shapes = np.asarray(trajectory.backbone(unique, points=bodies.backbone_points(scene.finger)))
     outlines = bodies.outlines_at(trajectory, unique)
-    zones = scene.bounds.keep_out if isinstance(scene, PlanScene) else {}
+    bounds = getattr(scene, "bounds", None)  # plans alone have them; simulations do not load their class
+    zones = bounds.keep_out if bounds is not None else {}
     points = [shapes, *_thickness(scene.finger, shapes), np.asarray(trajectory.tip), *bodies.zone_points(zones)]
     forces, scale, box = _forces_and_box(trajectory, unique, points, outlines)
     film = Film(box, width)

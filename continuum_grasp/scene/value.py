@@ -50,7 +50,7 @@ class Value(BaseModel):
     REFUSALS: ClassVar[tuple[Consumer, ...]] = ()
     """Keys that have no place beside others, or in such a scene at all."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, strict=True, defer_build=True)
 
     def __init__(self, /, **data: Any) -> None:
         try:

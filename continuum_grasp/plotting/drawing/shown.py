@@ -32,12 +32,24 @@ class ShownFigure(Figure):
         """Axes that are shown, too."""
         return super().add_axes(*arguments, **{"axes_class": ShownAxes, **named})
 
-    def savefig(self, *arguments: Any, **named: Any) -> None:
-        """Save; one pass of the layout measures axes of equal scales before they shrink, and would cut their title."""
-        engine = self.get_layout_engine()
-        if engine is not None and any(ax.get_aspect() != "auto" for ax in self.axes):
-            engine.execute(self)
-        super().savefig(*arguments, **named)
+    def savefig(self, *arguments: Any, dpi: float | str | None = None, **named: Any) -> None:
+        """Save, laid out before: matplotlib would draw the whole figure once more for its layout.
+
+        Axes of equal scales take two passes: one measures them before they shrink, and would cut their title.
+        """
+        engine, own_dpi = self.get_layout_engine(), self.dpi
+        if engine is None:
+            super().savefig(*arguments, dpi=dpi, **named)
+            return
+        try:
+            self.set_dpi(own_dpi if dpi in (None, "figure") else dpi)
+            for _ in range(1 + any(ax.get_aspect() != "auto" for ax in self.axes)):
+                engine.execute(self)
+            self.set_layout_engine("none")
+            super().savefig(*arguments, dpi=self.dpi, **named)
+        finally:
+            self.set_dpi(own_dpi)
+            self.set_layout_engine(engine)
 
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         buffer = io.BytesIO()
