@@ -42,7 +42,7 @@ class ShownFigure(Figure):
             super().savefig(*arguments, dpi=dpi, **named)
             return
         try:
-            self.set_dpi(own_dpi if dpi in (None, "figure") else dpi)
+            self.set_dpi(dpi if isinstance(dpi, float | int) else own_dpi)
             for _ in range(1 + any(ax.get_aspect() != "auto" for ax in self.axes)):
                 engine.execute(self)
             self.set_layout_engine("none")
