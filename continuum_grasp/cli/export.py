@@ -89,7 +89,7 @@ def export(
     if "fmi" in given:
         given["fmi"] = _VERSIONS[given["fmi"]]
     output = replace(output, out=output.out or Path("runs/export") / to / f"{output.config.stem}{SUFFIXES[to]}")
-    more = {"web": (ControlScene,), "mjcf": ()}.get(to, (ControlScene, MissionScene))
+    more = () if to == "mjcf" else (ControlScene, MissionScene)
     scene = resolved_scene(output, *more)[0]
     if to == "fmu":
         from continuum_grasp.export.fmu.write import identifier_of

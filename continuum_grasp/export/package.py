@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from continuum_grasp import __version__, interrupt
 from continuum_grasp.arguments import check_arguments, positive, whole
+from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.rti_solver import RtiSolver
 from continuum_grasp.export.accuracy import OutputError, check_errors, error_bounds
 from continuum_grasp.export.bindings import python_binding, wasm_files
-from continuum_grasp.export.control.loop import Loop
+from continuum_grasp.export.control.loop import Loop, Phases
 from continuum_grasp.export.control.replay import stateful_vectors
 from continuum_grasp.export.control.source import SIZES, UNKNOWN
 from continuum_grasp.export.fields import REALS, Real
@@ -241,12 +242,14 @@ def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[d
     return files, values
 
 
-def controller_of(scene: ControlScene) -> tuple[Contents, Loop]:
-    """The controller of a closed loop alone, in double precision, without what tests and describes it."""
-    kind = REALS["double"]
-    loop = Loop.of(scene, kind, ["mpc"])
+def controller_of(scene: ControlScene, phases: Callable[[Stages], Phases] | None = None) -> tuple[Contents, Loop]:
+    """The controller of a closed loop, with the ``phases`` of a mission where it has one, in double precision, without
+    what tests and describes it.
+    """
+    kind, names = REALS["double"], ["mpc", *(["mission"] if phases is not None else [])]
+    loop = Loop.of(scene, kind, names, phases)
     subject = Subject("finger", kind, loop=loop)
-    return _contents(subject, [PARTS["mpc"](subject)], names_of(scene)[0]), loop
+    return _contents(subject, [PARTS[name](subject) for name in names], names_of(scene)[0]), loop
 
 
 _SOLVERS = Consumer(

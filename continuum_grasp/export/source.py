@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from continuum_grasp.accuracy.choose import resolve_fidelity
@@ -146,29 +147,35 @@ _REPORTED = {
 _ONE_FINGER = Consumer("export to c of one finger", {"finger": "is for a mission of several fingers"})
 
 
-def _of_mission(given: MissionScene | MissionRun, real: Real, finger: str | None) -> Source:
-    """The controller of a finger with the phases of its mission, whose grasp is optimized where that has not run."""
+def assigned(given: MissionScene | MissionRun) -> tuple[Assignment, ...]:
+    """Tasks of the fingers of a mission, whose grasp is optimized where that has not run."""
     if isinstance(given, MissionRun):
-        assignments: Sequence[Assignment] = given.assignments
-    else:
-        assignments = assign(given)
-        admit(assignments, [one.text for one in exceeded(assignments, Variation())])
+        return given.assignments
+    assignments = assign(given)
+    admit(assignments, [one.text for one in exceeded(assignments, Variation())])
+    return assignments
+
+
+def _of_mission(given: MissionScene | MissionRun, real: Real, finger: str | None) -> Source:
+    """The controller of a finger with the phases of its mission."""
+    assignments = assigned(given)
     by_name = {one.name: one for one in assignments}
     if finger not in by_name and (finger is not None or len(by_name) > 1):
         expected = f"one of {', '.join(by_name)}, which have a package each"
         raise InputError(f"expected {expected}, got {finger!r:.60}", key="finger")
     of = assignments[0] if finger is None else by_name[finger]
-    leads = of is assignments[0]
-    reported = () if len(by_name) == 1 else _REPORTED[leads]
+    known = of.mission.model_dump(mode="json")
+    return replace(_of_loop(of.control, real), configuration=known, phases=partial(phases_of, assignments, of))
 
-    def phases(stages: Stages) -> Phases:
-        table = Timetable(of)
-        certified, holds_on = certified_forces(assignments, of), of.mission.phases.hold_until_release
-        sizes, settings = mission_settings(table, stages, certified, leads=leads, holds_on=holds_on)
-        spans = table.phases()
-        return Phases(sizes, settings, tuple(span.name for span in spans), spans[-1].start, reported)
 
-    return replace(_of_loop(of.control, real), configuration=of.mission.model_dump(mode="json"), phases=phases)
+def phases_of(assignments: Sequence[Assignment], of: Assignment, stages: Stages) -> Phases:
+    """Phases of the finger ``of``, one of those that are assigned, by the problem of its controller."""
+    table, leads = Timetable(of), of is assignments[0]
+    certified, holds_on = certified_forces(assignments, of), of.mission.phases.hold_until_release
+    sizes, settings = mission_settings(table, stages, certified, leads=leads, holds_on=holds_on)
+    reported = () if len(assignments) == 1 else _REPORTED[leads]
+    spans = table.phases()
+    return Phases(sizes, settings, tuple(span.name for span in spans), spans[-1].start, reported)
 
 
 def names_of(given: Scene | ControlScene | MissionScene | MissionRun) -> tuple[str, str]:

@@ -195,12 +195,13 @@ class MissionRun(MotionResult):
         """Pose of the object (K + 1, 4): x, y [m], angle [rad], height [m]."""
         return present(self.runs[0].object_pose)
 
-    def _page_from(self, live_from: float | None) -> Any:
+    @cached_property
+    def _page(self) -> Any:
         if self.run is None:
             raise InputError(f"a page has one finger, and this mission {len(self.runs)}: take animate")
         if self.variation.friction_fall:
             raise InputError("on a page friction does not change, and here it falls in the hold: take animate")
-        return maker_of(self.page)(self.run, self.controller_changes, live_from=live_from)
+        return maker_of(self.page)(self.run, self.controller_changes)
 
     def controller_changes(self, stages: Stages) -> list[dict[str, Any]]:
         """Changes by phases to the controller of the only finger, whose problem is given: from instants ``t`` [s] on

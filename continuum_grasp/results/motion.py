@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import InputError
 from continuum_grasp.results.declared import maker_of
 from continuum_grasp.results.result import Result
@@ -53,17 +52,11 @@ class MotionResult(Result):
         columns = self.system.object_states
         return self.x[:, columns] if columns.stop > columns.start else np.tile(self.scene.object.pose, (len(self.t), 1))
 
-    @check_arguments
-    def show(self, live_from: float | None = None) -> Any:
+    def show(self) -> Any:
         """Show the run as a page that plays it back, and goes on by its own computation from where one takes over.
 
         Drag the object, the target or the finger, or move a slider, to take over: from the state of that instant the
         page computes what follows, with the plant, the estimator and the controller of the scene as WebAssembly.
-
-        Parameters
-        ----------
-        live_from : float, optional
-            Instant [s] at which the page takes over by itself; setpoints, loads and limits stay those of that instant.
 
         Returns
         -------
@@ -85,20 +78,14 @@ class MotionResult(Result):
         """
         if len(self.t) < 2:
             raise InputError("this run has one instant only: there is nothing to show")
-        if live_from is not None and not self.t[1] <= live_from <= self.t[-1]:
-            raise InputError(f"expected an instant from {self.t[1]:g} to {self.t[-1]:g} s", key="live_from")
-        return self._page if live_from is None else self._page_from(live_from)
+        return self._page
 
     @cached_property
     def _page(self) -> Any:
         """Page that `show` gives, made once."""
-        return self._page_from(None)
-
-    def _page_from(self, live_from: float | None) -> Any:
-        """Page that takes over at an instant [s], if any."""
         if not self.page:
             raise InputError(f"there is no page of a {type(self).__name__}: take animate")
-        return maker_of(self.page)(self, live_from=live_from)
+        return maker_of(self.page)(self)
 
     def animate(
         self, path: str | os.PathLike[str], fps: float | None = None, *, speed: float = 1.0, width: int = 640

@@ -252,18 +252,6 @@ def test_a_page_is_made_once(monkeypatch):
     assert record_of(other)["record"]["t"][-1] == pytest.approx(0.2)
 
 
-def test_a_page_takes_over_by_itself_where_it_is_asked_to():
-    run = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.1"]))
-    record = record_of(run.show(live_from=0.05))["record"]
-    assert record["live"] is True
-    assert 0.05 - 1.0 / 60.0 <= record["t"][-1] <= 0.05
-    assert len(record["x"]) == len(record["t"])
-    assert record_of(run.show())["record"]["live"] is False
-    for wrong in (-1.0, 0.2):
-        with pytest.raises(InputError, match="live_from"):
-            run.show(live_from=wrong)
-
-
 def test_what_no_page_plays_back_says_why():
     run = cg.simulate(cg.load("configs/simulate/hanging.yaml", ["time.duration=0.01", "time.step=0.01"]))
     with pytest.raises(InputError, match="there is no page of a Other"):
@@ -276,8 +264,9 @@ def test_what_no_page_plays_back_says_why():
 @pytest.mark.parametrize(
     ("config", "changes", "message"),
     [
-        ("grasp/mug", [], "expected a Scene or a ControlScene"),
+        ("grasp/mug", [], "expected a Scene, a ControlScene or a MissionScene"),
         ("mpc/steady_tip", ["plant.guides=12"], "plant.guides"),
+        ("mission/pinch", [], "a page has one finger, and this mission 2"),
     ],
 )
 def test_scenes_that_no_page_shows_are_refused(config, changes, message, tmp_path):

@@ -235,6 +235,48 @@ def test_wind_out_of_reach_and_limits_are_said(opened):
     assert "millimeters from the target" in page.get_attribute("#world", "aria-label")
 
 
+@pytest.mark.deep
+def test_a_mission_is_carried_out_and_answers_slip(opened, files):
+    """The shipped mission: held by friction alone, squeezed when friction falls, lowered before it is let go."""
+    changes = ["slip={height: 1e-4}", "phases.hold_until_release=true", "plant.fidelity.elements=3", "pull_share=0"]
+    changes += ["drive_tension=90"]  # of which the grasp takes 50, the rest is for a firm grip
+    cg.export_web(cg.load("configs/mission/mug.yaml", changes), files / "mission.html")
+    page = stopped(opened("mission"))
+    page.evaluate("let seed = 1; Math.random = () => (seed = (16807 * seed) % 2147483647) / 2147483647; page.reset()")
+    weight = 0.30 * cg.load("configs/mission/mug.yaml").gravity
+
+    def on(seconds):
+        page.evaluate(f"page.advance({round(4000 * seconds)})")
+        names, forces = page.evaluate("[page.plant.touches, [...page.memory.normal_force]]")
+        return dict(zip(names, forces, strict=True)), page.evaluate("page.controller.mission.phases[page.world.phase]")
+
+    forces, phase = on(0.4)
+    assert (phase, forces["finger.tip"]) == ("approach", 0.0)
+    assert forces["table"] == pytest.approx(weight, rel=0.05)
+    # As planned, but for the check of forces before the lift, which takes a call.
+    begin = dict(zip(*page.evaluate("[page.controller.mission.phases, page.controller.mission.begin]"), strict=True))
+    held, phase = on(begin["hold"] + 0.3 - 0.4)
+    assert phase == "hold"
+    assert held["table"] == 0.0
+    assert min(held["finger.1"], held["finger.tip"], held["palm"]) > 1.0
+    assert page.evaluate("page.world.since") == pytest.approx(begin["hold"] + 0.01, abs=0.015)
+    assert sum(page.evaluate("[...page.memory.lift]")) == pytest.approx(weight, rel=0.05)
+    later, phase = on(5.0)
+    assert phase == page.evaluate("page.controller.mission.phases.at(-4)")  # waits for the word, before it is lowered
+    assert later["finger.tip"] == pytest.approx(held["finger.tip"], rel=0.3)
+    page.fill("input[name=friction]", "0.15")
+    firm, _ = on(0.3)
+    assert firm["finger.1"] > 1.2 * later["finger.1"]
+    page.click("#lower")
+    lowered, phase = on(begin["release"] - begin["lower"] + 0.02)
+    assert phase == "release"
+    assert lowered["table"] > 0.0
+    left, phase = on(2.0)
+    assert phase == "end"
+    assert left["finger.1"] == left["finger.tip"] == 0.0
+    assert left["table"] == pytest.approx(weight, rel=0.05)
+
+
 def test_forces_stay_in_cones_of_the_friction_that_is_set(opened):
     page = stopped(opened("close_on_mug"))
     page.evaluate("page.advance(4800)")

@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,21 +25,26 @@ from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.core.compiler import check_tools
+from continuum_grasp.errors import InputError
 from continuum_grasp.export.bindings import wasm_exports, wasm_files
 from continuum_grasp.export.control.loop import Loop, identifiers
 from continuum_grasp.export.destination import check_file
 from continuum_grasp.export.layer import library_files
 from continuum_grasp.export.package import controller_of
 from continuum_grasp.export.ranges import input_fields, parameter_fields
+from continuum_grasp.export.source import assigned, phases_of
 from continuum_grasp.export.template import fill
 from continuum_grasp.export.web.plant import FRICTION, PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.export.web.record import Record, loop_record, rounded, trajectory_record
 from continuum_grasp.export.web.wasm import add_sizes, compiled
+from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.plant import Timetable, mission_plant_model
 from continuum_grasp.results.atomic import write_text
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.graded import ends
 from continuum_grasp.scene.load import scene_of
+from continuum_grasp.scene.mission import MissionScene
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.tendons import Tendon
 from continuum_grasp.simulation.trajectory import Trajectory
@@ -97,16 +103,19 @@ class Page:
 
 @interrupt.computing()
 @check_arguments
-def export_web(given: Scene | ControlScene | str | os.PathLike[str], file: str | os.PathLike[str]) -> Page:
+def export_web(
+    given: Scene | ControlScene | MissionScene | str | os.PathLike[str], file: str | os.PathLike[str]
+) -> Page:
     """Write a scene as a page, one file that needs no network, in which its own C runs as WebAssembly.
 
     A scene of ``simulate`` becomes a finger whose inputs and run-time parameters have sliders; until one is moved,
-    inputs follow the scene. A closed loop has its plant, its estimator and its controller, whose target is dragged.
+    inputs follow the scene. A closed loop has its plant, its estimator and its controller, whose target is dragged. A
+    mission has its phases too, and may be ended before its time; its grasp is optimized first.
     Fingers and objects are pushed with the mouse or a finger.
 
     Parameters
     ----------
-    given : Scene, ControlScene or path of a configuration
+    given : Scene, ControlScene, MissionScene or path of a configuration
     file : path-like
         Page to write; an earlier one is replaced, a file that no export wrote is not.
 
@@ -118,9 +127,9 @@ def export_web(given: Scene | ControlScene | str | os.PathLike[str], file: str |
     ------
     InputError
         If the file cannot be written, or is there and of no export, the scene is of another kind, its plant is a chain
-        of guides, or clang or wasm-ld is missing.
+        of guides, its mission has several fingers, or clang or wasm-ld is missing.
     SolverError
-        If no start is found, or the compiler failed.
+        If no start or grasp is found, or the compiler failed.
 
     Examples
     --------
@@ -131,31 +140,33 @@ def export_web(given: Scene | ControlScene | str | os.PathLike[str], file: str |
     ...     assert list(page.modules) == ["plant"]
     """
     check_file(Path(file))
-    return page_of(scene_of(given, (Scene, ControlScene))).save(file)
+    scene = scene_of(given, (Scene, ControlScene, MissionScene))
+    return (page_of_mission(scene) if isinstance(scene, MissionScene) else page_of(scene)).save(file)
 
 
 def page_of(
     scene: Scene | ControlScene,
     record: Callable[[WebPlant, Loop | None], Record] | None = None,
     plant_model: PlantModel | None = None,
+    mission: Assignment | None = None,
 ) -> Page:
     """The page of a scene, which plays back a record before anything else, where there is one.
 
-    ``plant_model`` is the plant of a closed loop where it is not the scene's.
+    ``plant_model`` is the plant of a closed loop where it is not the scene's, ``mission`` what the controller does.
     """
     check_tools(("clang", "wasm-ld"), "a page needs {} to make WebAssembly", "clang, lld")
     modules: dict[str, Future[bytes]] = {}
     loop, controller, wrapper = None, None, ""
     with ThreadPoolExecutor() as pool:
         if isinstance(scene, ControlScene):
-            package, loop = controller_of(scene)
+            package, loop = controller_of(scene, None if mission is None else partial(phases_of, [mission], mission))
             files = {Path(name).name: text for name, text in library_files(package).items() if name != _TESTED}
             # Compiled while the plant is written.
             modules["controller"] = pool.submit(compiled, files, ["__heap_base", *wasm_exports(package)])
             plan = add_sizes(package, files)
             wrapper = wasm_files(package)["wasm/finger.mjs"]
             plant, sensors = plant_of_loop(scene, plant_model)
-            controller = _controller(scene, loop, sensors) | {"plan": plan}
+            controller = _controller(scene, loop, sensors) | {"plan": plan, "mission": _mission(loop, mission, plant)}
         else:
             plant = plant_of_scene(scene)
         modules["plant"] = pool.submit(compiled, {"plant.c": plant.source}, plant_exports(plant))
@@ -169,10 +180,12 @@ def page_of(
         }
         if played is not None:
             known["plant"]["table"] = played.table()
+        if mission is not None:
+            known["plant"]["table"] = _planned_table(Timetable(mission), plant)
         binaries = {name: module.result() for name, module in modules.items()}
     words = {
         "title": html.escape(scene.name or "a continuum finger"),
-        "about": html.escape(_about(plant, scene, played)),
+        "about": html.escape(_about(plant, scene, played, mission)),
         "version": __version__,
         "known": _script(json.dumps(known)),
         "modules": json.dumps({name: _packed(binary) for name, binary in binaries.items()}),
@@ -183,18 +196,24 @@ def page_of(
     return Page(fill("web/page.html", words), {name: len(binary) for name, binary in binaries.items()})
 
 
-def page_of_motion(run: Trajectory, *, live_from: float | None = None) -> Page:
+def page_of_mission(scene: MissionScene) -> Page:
+    """The page of a mission of one finger, which is carried out as one looks."""
+    if (count := len(scene.grasp.setups)) > 1:
+        raise InputError(f"a page has one finger, and this mission {count}: take run_mission and animate", key="grasp")
+    (own,) = assigned(scene)
+    return page_of(own.control, plant_model=mission_plant_model(own), mission=own)
+
+
+def page_of_motion(run: Trajectory) -> Page:
     """The page of a motion, see ``MotionResult.show``."""
-    return page_of(run.scene, lambda plant, _: trajectory_record(run, plant).until(live_from))
+    return page_of(run.scene, lambda plant, _: trajectory_record(run, plant))
 
 
-def page_of_loop(
-    run: ControlRun, changes: Callable[[Stages], Sequence[Any]] = lambda _: (), *, live_from: float | None = None
-) -> Page:
+def page_of_loop(run: ControlRun, changes: Callable[[Stages], Sequence[Any]] = lambda _: ()) -> Page:
     """The page of a closed loop, and what changed of its controller."""
 
     def record(plant: WebPlant, loop: Loop | None) -> Record:
-        return loop_record(run, plant, () if loop is None else changes(loop.stages)).until(live_from)
+        return loop_record(run, plant, () if loop is None else changes(loop.stages))
 
     return page_of(run.scene, record, run.readings.plant)
 
@@ -233,6 +252,30 @@ def _controller(scene: ControlScene, loop: Loop, sensors: Sensors) -> dict[str, 
         "high": loop.stages.u_max.tolist(),
         "delay": sensors.delay,
     }
+
+
+def _mission(loop: Loop, mission: Assignment | None, plant: WebPlant) -> dict[str, Any] | None:
+    """Data of a mission for the page: when each phase is planned to begin [s], and the height in the hand that is
+    measured, by numbers of the state and what they count.
+    """
+    if mission is None or loop.phases is None:
+        return None
+    slip, down = mission.mission.slip, np.array(mission.mission.plane_gravity)
+    at, size = plant.system.object_states.start, float(np.hypot(*down))
+    up = {at + 3: 1.0} if size == 0.0 else {at + k: -float(down[k]) / size for k in range(2)}
+    return {
+        "phases": list(loop.phases.names),
+        "begin": np.ravel(loop.phases.members["begin"]).tolist(),
+        "height": None if slip is None or slip.height is None else {"of": up, "std": slip.height},
+    }
+
+
+def _planned_table(timetable: Timetable, plant: WebPlant) -> dict[str, Any]:
+    """What moves and pulls outside of the finger, by instants of the plan."""
+    outside = timetable.outside()
+    t = np.arange(0.0, timetable.duration + _TABLE, _TABLE)
+    columns = [outside[name](t) if name in outside else 0.0 * t for name in plant.system.w_names]
+    return {"dt": _TABLE, "u": [], "w": rounded(np.array(columns).T)}
 
 
 def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
@@ -335,7 +378,9 @@ def _slider(field: Any, value: float) -> dict[str, Any]:
     return {"name": field.name, "unit": field.unit, "low": low, "high": high, "value": float(value)}
 
 
-def _about(plant: WebPlant, scene: Scene | ControlScene, played: Record | None) -> str:
+def _about(
+    plant: WebPlant, scene: Scene | ControlScene, played: Record | None, mission: Assignment | None = None
+) -> str:
     """Computed quantities, in a sentence or two."""
     model = plant.system.finger_model
     words: dict[str, object] = {
@@ -347,6 +392,7 @@ def _about(plant: WebPlant, scene: Scene | ControlScene, played: Record | None) 
         "step": f"{1e3 * plant.step:g}",
         "touches": ", ".join(plant.system.touch_names),
         "driven": isinstance(scene, ControlScene),
+        "mission": mission is not None,
         "pushed": ", ".join(f"{share:g}" for share in PUSHED),
     }
     if isinstance(scene, ControlScene):

@@ -42,8 +42,6 @@ class Record:
         Setpoints, in rows that are ``dt`` [s] apart.
     dt : float
         Time between rows of setpoints, and of the inputs and forces that go on from where one takes over [s].
-    live : bool
-        Whether the page takes over at the end by itself.
     """
 
     t: list[float]
@@ -55,22 +53,10 @@ class Record:
     changes: Sequence[Any] = ()
     reference: list[Any] | None = None
     dt: float = 0.0
-    live: bool = False
-
-    def until(self, end: float | None) -> Record:
-        """The record up to an instant [s], from which a page goes on by itself; the whole where none is given."""
-        if end is None:
-            return self
-        count = max(2, sum(t <= end + 1e-9 for t in self.t))
-        rows = {name: getattr(self, name) for name in ("t", "x", "u", "w", "z", "known")}
-        cut: dict[str, Any] = {name: None if of is None else of[:count] for name, of in rows.items()}
-        reference = None if self.reference is None else self.reference[: max(1, round(end / self.dt))]
-        changes = [one for one in self.changes if one["t"] <= end]
-        return replace(self, **cut, reference=reference, changes=changes, live=True)
 
     def frames(self) -> dict[str, Any]:
         """Frames that are played back."""
-        return {name: getattr(self, name) for name in ("t", "x", "u", "w", "z", "known", "changes", "live")}
+        return {name: getattr(self, name) for name in ("t", "x", "u", "w", "z", "known", "changes")}
 
     def table(self) -> dict[str, Any]:
         """Inputs and forces in rows of even steps."""

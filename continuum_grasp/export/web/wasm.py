@@ -49,14 +49,15 @@ def compiled(files: Mapping[str, str], exports: Sequence[str]) -> bytes:
 def add_sizes(contents: Contents, files: Mapping[str, str]) -> tuple[int, int]:
     """Add the bytes of a package's memory to its words; ``files`` are its headers by their names.
 
-    Returns the place of the plan within the controller [bytes] and the number of its nodes.
+    Returns the place of the plan within the controller, or within its mission, [bytes] and the number of its nodes.
     """
     prefix = contents.subject.prefix
     owned = [name for function in contents.stateful for name in function.types]
     sizes = ", ".join(f"sizeof({prefix}_{name})" for name in owned)
     with tempfile.TemporaryDirectory() as folder:
-        plan, states = "memory.state.plan.x", f"(({prefix}_controller *)0)->memory.state.plan.x"
-        sizes += f", __builtin_offsetof({prefix}_controller, {plan}), sizeof {states} / sizeof {states}[0]"
+        owner, plan = ("mission", "controller.") if "mission" in owned else ("controller", "")
+        plan, states = f"{plan}memory.state.plan.x", f"(({prefix}_controller *)0)->memory.state.plan.x"
+        sizes += f", __builtin_offsetof({prefix}_{owner}, {plan}), sizeof {states} / sizeof {states}[0]"
         source = f'#include "{prefix}.h"\nconst unsigned int sizes[] = {{{sizes}}};\n'
         write_files(Path(folder), {**files, "sizes.c": source})
         assembly = _run(Path(folder), *_FLAGS, "-I.", "-S", "sizes.c", "-o", "-")

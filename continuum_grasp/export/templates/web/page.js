@@ -1,5 +1,5 @@
 const KNOWN = JSON.parse(document.getElementById("known").textContent);
-const PLANT = KNOWN.plant, LOOP = KNOWN.controller, RECORD = KNOWN.record;
+const PLANT = KNOWN.plant, LOOP = KNOWN.controller, RECORD = KNOWN.record, MISSION = LOOP?.mission ?? null;
 const element = (id) => document.getElementById(id);
 
 async function module(name) {
@@ -34,11 +34,12 @@ async function reset() {
   memory.w.set(PLANT.table.w[0] ?? []);
   Object.assign(world, { time: 0, steps: 0, next: 0, code: 0, past: [], push: [0, 0, 0], free: false, took: 0, calls: 0 });
   Object.assign(world, { led: false, played: RECORD ? 0 : -1, wind: [0, 0], trails: { tip: [], target: [] }, lost: 0 });
+  Object.assign(world, { phase: 0, since: 0, opened: null });
   if (LOOP) {
     const finger = await load(await module("controller"));
-    controller = finger.new_controller();
+    controller = MISSION ? finger.new_mission() : finger.new_controller();
     io = controller.direct();
-    fields = { measurement: finger.layout("measurement"), reference: finger.layout("reference") };
+    fields = { measurement: finger.layout("measurement"), reference: MISSION ? null : finger.layout("reference") };
     changes = [...(RECORD?.changes ?? [])];
     LOOP.start = Object.keys(finger.layout(LOOP.starts));
   }
@@ -112,12 +113,30 @@ function control() {
   const late = world.past[0][1];
   const array = io.measurement;
   LOOP.names.forEach((name, k) => { array[fields.measurement[name].at] = late[k] + LOOP.std[k] * gauss(); });
-  aim();
+  if (MISSION?.height) {
+    const { of, std } = MISSION.height;
+    controller.height(Object.entries(of).reduce((sum, [k, share]) => sum + share * memory.x[k], std * gauss()));
+  }
+  if (!MISSION) aim();
   const before = performance.now();
   world.code = io.call();
   world.took += performance.now() - before;
   ++world.calls;
   if (world.code >= 0) memory.u.set(io.command);
+  if (MISSION && controller.phase() !== world.phase) Object.assign(world, { phase: controller.phase(), since: world.time });
+}
+
+// Instant by which the scene moves: in a mission that of its plan, in which nothing is waited for.
+function planned() {
+  if (!MISSION) return world.time;
+  const begin = MISSION.begin[world.phase], end = MISSION.begin[world.phase + 1] ?? Infinity;
+  return world.opened ?? Math.min(end, begin + world.time - world.since);
+}
+
+// Let the object go, lowered first where it was lifted, or at once: then what is below it stays where it is.
+function letGo(atOnce) {
+  if (atOnce) world.opened = planned();
+  atOnce ? controller.abort() : controller.release();
 }
 
 // Setpoints of the scene over the horizon, but of the tip where a target was dragged.
@@ -125,9 +144,7 @@ function aim() {
   const { stage } = LOOP.reference, array = io.reference;
   for (const [k, name] of LOOP.reference.names.entries()) {
     const { at, count } = fields.reference[name], to = world.led ? "xy".indexOf(name.replace("tip_", "")) : -1;
-    // The grip that is asked for keeps its share of the friction cone.
-    const grip = ROUGH && name.startsWith("contact_force") ? Math.min(1.5, 1 / memory.p[ROUGH.parameter]) : 1;
-    for (let n = 0; n < count; ++n) array[at + n] = to < 0 ? grip * setpoint(k, world.time + n * stage) : world.target[to];
+    for (let n = 0; n < count; ++n) array[at + n] = to < 0 ? setpoint(k, world.time + n * stage) : world.target[to];
   }
 }
 
@@ -146,7 +163,7 @@ function wish() {
 // Inputs and loads of the scene over time, until a slider is moved.
 function follow() {
   const { dt, u, w } = PLANT.table;
-  const at = Math.min(world.time / dt, w.length - 1), k = Math.floor(at), share = at - k;
+  const at = Math.min(planned() / dt, w.length - 1), k = Math.floor(at), share = at - k;
   const between = (rows, i) => rows[k][i] + share * ((rows[k + 1] ?? rows[k])[i] - rows[k][i]);
   for (let i = 0; i < memory.w.length; ++i) memory.w[i] = between(w, i);
   for (let k = 0; k < PLANT.pushes.sections.length; ++k) {
@@ -815,6 +832,10 @@ element("pause").addEventListener("click", pause);
 element("slow").addEventListener("click", () => { slow = !slow; press("slow", slow); });
 element("reset").addEventListener("click", () => { world.pace = 1; reset(); });
 element("take").addEventListener("click", takeOver);
+for (const [id, atOnce] of [["lower", false], ["open", true]]) {
+  element(id).hidden = !MISSION;
+  element(id).addEventListener("click", () => letGo(atOnce));
+}
 
 // What depends on whether a record plays, and where it is.
 function show() {
@@ -892,6 +913,7 @@ function help() {
   element("call").textContent = aims ? "Drag the target." : moves ? `Drag the ${thing}.` : "Push the finger.";
   element("help").textContent = [
     RECORD ? "The recorded run plays; whatever is moved takes over from there, Reset plays it again." : "",
+    MISSION ? `The mission begins by itself, and anew by Reset. Let go lowers the ${thing} first, Open now does not.` : "",
     aims ? "Drag the target, or click where the tip should go." : "",
     moves ? `Drag the ${thing}.` : "",
     "Push the finger, drag the wind in its circle, move the sliders.",
@@ -939,7 +961,6 @@ function frame(now) {
 
 // Go on by a time, by the record or by computation.
 function move(seconds, computing) {
-  if (world.played >= 0 && RECORD.live && world.time >= RECORD.t[RECORD.t.length - 1]) takeOver();
   if (world.played >= 0) play(world.time + seconds);
   else computing();
 }
@@ -977,6 +998,7 @@ function compute(passed, pace) {
 
 function tell() {
   const parts = [`${world.time.toFixed(2)} s`];
+  if (MISSION) parts.push(words(MISSION.phases[world.phase]));
   if (world.played >= 0) parts.push(world.played < RECORD.t.length - 1 ? "recorded" : "end of the recorded run");
   if (world.target) parts.push(`tip ${(1000 * near(section(memory.section_x.length - 1), ...world.target)).toFixed(1)} mm from the target`);
   if (world.push[2]) parts.push(`hand ${world.push[2].toPrecision(2)} N`);
