@@ -50,7 +50,7 @@ def main() -> None:
 
 
 def picture() -> Path:
-    """Draw what a visitor does: the mug is pulled, the wind blows, the friction falls."""
+    """Draw what a visitor does: the mug is pulled, then friction falls until the mission sets it down."""
     from PIL import Image
     from playwright.sync_api import sync_playwright
 
@@ -61,9 +61,9 @@ def picture() -> Path:
         page.goto((FOLDER / f"{DEMO}.html").as_uri())
         page.wait_for_function("window.page !== undefined && page.world.origin !== undefined", timeout=60000)
         page.evaluate("document.body.classList.add('embedded')")
-        page.evaluate("page.reset()")
         page.click("#world", position={"x": 30, "y": 300})
         page.keyboard.press(" ")
+        page.evaluate("page.world.real = 1; page.reset()")
 
         def on(seconds: float, act: str = "") -> None:
             for _ in range(round(seconds / FRAME)):
@@ -82,10 +82,10 @@ def picture() -> Path:
         on(0.4)
         page.mouse.up()
         on(0.8)
-        for friction in (0.45, 0.4, 0.35, 0.3, 0.25, 0.2, 0.15, 0.1):
+        for friction in (0.4, 0.3, 0.2, 0.165, 0.16):
             page.fill("input[name=friction]", str(friction))
-            on(0.3)
-        on(0.6)
+            on(0.5)
+        on(1.0)
         browser.close()
     target = FOLDER.parent / "pictures" / "demo.webp"
     first, *others = frames
