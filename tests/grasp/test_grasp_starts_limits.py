@@ -103,9 +103,9 @@ def test_beyond_two_parts_in_a_hundred_imbalance_ranks_less():
     assert doubt(left[2]) == pytest.approx(doubt(left[3]))
 
 
-def test_twelve_basins_at_most_the_best_first():
+def test_basins_come_the_best_first():
     score = np.arange(20.0)[::-1]
-    assert basins.minima(score, np.eye(20, dtype=bool)).tolist() == [*range(19, 7, -1)]
+    assert basins.minima(score, np.eye(20, dtype=bool)).tolist() == [*range(19, -1, -1)]
 
 
 @pytest.mark.parametrize("part", ["left", "wrong", "above"])

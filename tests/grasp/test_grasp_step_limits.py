@@ -282,10 +282,16 @@ def starts_per_limit(agreeing):
     return sorted(set(asked))
 
 
-def iterations_of_a_start():
+def ends_of_a_start(*found):
+    """What ends a run with a limit relaxed: iterations, and how many in vain, where some reasons are known."""
     asked = []
-    run = lambda *_, iterations, **__: asked.append(iterations) or Some(x=np.full(1, np.nan), violations=[])  # noqa: E731
-    Repairs(SCENE, searching(solver=lambda start: Some(run=run))).relax((TENSION,), Some())
+    run = lambda *_, iterations, patience, **__: (  # noqa: E731
+        asked.append((iterations, patience)) or Some(x=np.full(1, np.nan), violations=[])
+    )
+    repairs = Repairs(SCENE, searching(solver=lambda start: Some(run=run)))
+    repairs.found = dict.fromkeys(found)
+    for begin in (Some(), Repair({TENSION: 1.0}, {}, Some(start=None, x=None))):
+        repairs.relax((TENSION,), begin)
     return asked
 
 
@@ -325,6 +331,28 @@ def seeds_of(*totals):
     seen, repairs = [], Repairs(SCENE, searching())
     repairs.numbered = repairs.bounding = (TENSION,)
     repairs.starts, repairs.relax = Some(together=lambda limits: totals), lambda limits, start: Some(total=start)
+    repairs._few = lambda seed: seen.append(seed.total)
+    repairs._together()
+    return seen
+
+
+def equal_starts():
+    """Starts from which a limit is relaxed, alone twice from two, and as one of many, of some that are equal."""
+    asked, repairs = [], Repairs(SCENE, searching())
+    repairs.attempt = repairs.relax = lambda limits, start: asked.append((len(limits), start))
+    repairs.totals[TENSION,] = []
+    for _ in range(2):
+        repairs._from(TENSION, [0, 0, 1, 2, 3], 2)
+        repairs._all_from(RELAXATIONS[:2], [0, 0, 1])
+    return [start for many, start in asked if many == 1], [start for many, start in asked if many == 2]
+
+
+def further_limits(total):
+    """Points made sparse where more limits, relaxed from there, leave so much of a sum of two."""
+    seen, repairs = [], Repairs(SCENE, searching())
+    repairs.numbered, repairs.bounding = (TENSION,), RELAXATIONS[1:3]
+    repairs.starts = Some(together=lambda limits: [2.0])
+    repairs.relax = lambda limits, start: Some(total=2.0 if limits == (TENSION,) else total)
     repairs._few = lambda seed: seen.append(seed.total)
     repairs._together()
     return seen
@@ -485,11 +513,15 @@ COUNTS = [
     ("starts of a limit that gives as much", [0, 1, 2], lambda: starts_per_limit(True)),
     ("starts of a limit that gives less", [*range(10)], lambda: starts_per_limit(False)),
     ("starts that are not scanned", ([0, 1], [0, 1]), rough_starts),
-    ("iterations of each", [80], iterations_of_a_start),
+    ("iterations of each", [(80, None), (80, None)], ends_of_a_start),
+    ("iterations in vain of each but the first", [(80, 7), (80, None)], lambda: ends_of_a_start((TENSION,))),
     ("starts of all limits", ([1.0, 2.9], 3, 6), starts_together),
     ("weight of a limit in place of which others are relaxed", {10.0}, weight_in_place),
     ("weights of parts", [0.1 / 0.6] * 2, lambda: weights_of(0.5)),
     ("points made sparse", [1.0, 2.0, 3.0], lambda: seeds_of(3.0, 1.0, 5.0, 2.0, 1.0 + 1e-5, 4.0)),
+    ("equal starts", ([0, 1, 2, 3], [0, 1]), equal_starts),
+    ("points that further limits do not change", [2.0], lambda: further_limits(2.0)),
+    ("points that further limits change", [2.0, 1.0], lambda: further_limits(1.0)),
     ("steps of repairs for all states", (None, [0.01, 0.04, 0.16, 0.64]), lambda: further(1.0)),
     ("halvings of such a step", [0.01, 0.04, 0.16, 0.1, 0.13], lambda: pytest.approx(further(0.12)[1])),
     ("amounts that agree", (False, True), lambda: (settled([1.0, 1.0]), settled([1.0, 1.0, 1.0]))),

@@ -16,12 +16,12 @@ from collections.abc import Iterable, Sequence
 from continuum_grasp.grasp.bound import cannot_balance
 from continuum_grasp.grasp.problem.relaxations import NONE, RELAXATIONS, Relaxation
 from continuum_grasp.grasp.problem.solver_run import MODEST
-from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, settled
+from continuum_grasp.grasp.reasons.elastic import Elastic, Limits, Repair, same, settled
 from continuum_grasp.grasp.reasons.starts import LARGER, Starts, eased
 from continuum_grasp.grasp.reasons.words import in_words, is_clear, is_rare, ordered, part_of
 from continuum_grasp.grasp.search import FIRST_CAP, HELD, Search
 from continuum_grasp.grasp.starts.values import Start
-from continuum_grasp.grasp.values import SAME, Reason
+from continuum_grasp.grasp.values import Reason
 from continuum_grasp.scene.grasp import GraspScene
 
 FIRST, MORE = 2, 8
@@ -42,7 +42,7 @@ class Repairs(Elastic):
         self.numbered = tuple(limit for limit in self.limits if limit.limit is not None)
         self.bounding = tuple(limit for limit in self.limits if limit.limit is not None or not limit.bounds_shape)
         self.starts = Starts(scene, search)
-        self._tried: dict[tuple[Limits, int], tuple[Start, Repair | None]] = {}  # by limits and start
+        self._tried: dict[Limits, list[tuple[Start, Repair | None]]] = {}
 
     def look(self) -> None:
         """Relax each limit alone that scenes without it show starts for; where no usual amount of one is enough, all at
@@ -135,10 +135,15 @@ class Repairs(Elastic):
 
     def _from(self, limit: Relaxation, starts: Iterable[Start], most: int) -> None:
         """Relax a limit as little as possible, from so many new starts until several agree."""
-        new = [start for start in starts if ((limit,), id(start)) not in self._tried]
-        for start in new[:most]:
-            if not settled(self.totals[limit,]):
-                self._tried[(limit,), id(start)] = start, self.attempt((limit,), start)
+        begun = len(self._tried.setdefault((limit,), []))
+        for start in starts:
+            enough = len(self._tried[limit,]) - begun >= most or settled(self.totals[limit,])
+            if not enough and self._is_new((limit,), start):
+                self._tried[limit,].append((start, self.attempt((limit,), start)))
+
+    def _is_new(self, limits: Limits, start: Start) -> bool:
+        """Whether limits were not relaxed from an equal start yet, as relaxed scenes have in common."""
+        return all(start != other for other, _ in self._tried[limits])
 
     # -- several limits ----------------------------------------------------------------------------------------
 
@@ -150,8 +155,10 @@ class Repairs(Elastic):
         for every in dict.fromkeys((self.numbered, self.bounding)):
             if self.explained:
                 return
-            points = [self.relax(every, seed) for seed in seeds]
-            seeds = _least(points or self._all_from(every, self.starts.together(every)))[:HELD]
+            # What the further limits do not change leads to the same few again.
+            known = [seed.total for seed in seeds]
+            points = [self.relax(every, seed) for seed in seeds] or self._all_from(every, self.starts.together(every))
+            seeds = [point for point in _least(points)[:HELD] if not any(same(point.total, total) for total in known)]
             for limits, point in filter(None, map(self._few, seeds)):
                 # Each alone from there, too: of several limits none may be enough without the others.
                 last = self.attempt(limits, point) or point
@@ -160,10 +167,11 @@ class Repairs(Elastic):
 
     def _all_from(self, limits: Limits, starts: Iterable[Start]) -> list[Repair | None]:
         """Points with many limits relaxed from starts."""
+        tried = self._tried.setdefault(limits, [])
         for start in starts:
-            if (limits, id(start)) not in self._tried:
-                self._tried[limits, id(start)] = start, self.relax(limits, start)
-        return [point for (tried, _), (_, point) in self._tried.items() if tried == limits]
+            if self._is_new(limits, start):
+                tried.append((start, self.relax(limits, start)))
+        return [point for _, point in tried]
 
     def _few(self, point: Repair) -> tuple[Limits, Repair] | None:
         """Few limits that are relaxed at a point next to one with many, and that point."""
@@ -191,6 +199,6 @@ def _least(points: Iterable[Repair | None]) -> list[Repair]:
     """Points with different sums of parts, the least first."""
     least: list[Repair] = []
     for point in sorted((one for one in points if one is not None), key=lambda one: one.total):
-        if not (least and math.isclose(point.total, least[-1].total, rel_tol=SAME)):
+        if not (least and same(point.total, least[-1].total)):
             least.append(point)
     return least

@@ -16,7 +16,7 @@ from continuum_grasp.grasp.certificate.certificate import certify_reached
 from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
 from continuum_grasp.grasp.problem.solver_run import Attempt
 from continuum_grasp.grasp.problem.values import contact_features
-from continuum_grasp.grasp.search import FIRST_CAP, STANDSTILL, Search
+from continuum_grasp.grasp.search import FIRST_CAP, PATIENCE, STANDSTILL, Search
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.values import SAME
 from continuum_grasp.scene.grasp import GraspScene
@@ -78,12 +78,14 @@ class Elastic:
         if search.budget.over:
             return None
         if isinstance(begin, Repair):
-            start, parts, x0, rung = begin.attempt.start, begin.parts, begin.attempt.x, 1
+            start, parts, x0, rung, patience = begin.attempt.start, begin.parts, begin.attempt.x, 1, None
         else:
+            # Where something repairs the scene already, further repairs are not worth what the first one is.
+            patience = PATIENCE if self.found else None
             start, parts, x0, rung = begin, dict.fromkeys(limits, 1.0), None, 2
         solver, usual = search.solver(start), {limit: limit.start(scene) for limit in limits}
         relaxed = [(limit, most * parts.get(limit, 0.0)) for limit, most in usual.items()]
-        ends = {"iterations": FIRST_CAP, "standstill": STANDSTILL}
+        ends = {"iterations": FIRST_CAP, "standstill": STANDSTILL, "patience": patience}
         options: dict[str, Any] = {"rung": rung, "relaxed": relaxed, "x0": x0, "weights": weights, **ends}
         attempt = solver.run(scene, start, search.budget, smoothed=x0 is None, **options)
         if attempt.violations and attempt.features != contact_features(scene, start.contacts):
@@ -166,5 +168,10 @@ class Elastic:
 def settled(totals: list[float]) -> bool:
     """Whether several sums are the least, or so many came after it that are not less."""
     least = min(totals, default=math.inf)
-    same = [math.isclose(total, least, rel_tol=SAME) for total in totals]
-    return least < math.inf and (sum(same) >= AGREEING or len(same) - same.index(True) > AGREEING)
+    alike = [same(total, least) for total in totals]
+    return least < math.inf and (sum(alike) >= AGREEING or len(alike) - alike.index(True) > AGREEING)
+
+
+def same(one: float, other: float) -> bool:
+    """Whether two sums of parts are the same."""
+    return math.isclose(one, other, rel_tol=SAME)

@@ -127,7 +127,7 @@ def spread(starts: list[Start]) -> list[Start]:
     """A start of each branch first, then the second of each, and so on."""
     branches: dict[tuple[Any, ...], list[Start]] = {}
     for start in starts:
-        branches.setdefault((frozenset(start.contacts), *branch_of(start)), []).append(start)
+        branches.setdefault(branch_of(start), []).append(start)
     return interleaved(list(branches.values()))
 
 

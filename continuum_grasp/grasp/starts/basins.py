@@ -34,8 +34,6 @@ _PER_DEPTH, _PER_EXCESS = 100.0, 10.0
 _BALANCED, _PER_IMBALANCE = 2e-4, 100.0
 """Relative imbalance that the weight of the tensions leaves, and score of what is left beyond: lower, and postures that
 cannot hold would come first."""
-MOST = 12
-"""Basins of a set of contacts at most; of 13 hard scenes and 200 random ones none had more than 8."""
 _NEIGHBORS = 1.6
 """Spacings of a scan up to which postures are neighbors; of two arcs, of both bends in sum."""
 _JOINT, _CURVATURE, _NORMAL = 0.08, 2.5, 0.5
@@ -229,13 +227,13 @@ def _alike_normals(branch: Branch, one: Array, two: Array) -> Array:
 
 
 def minima(score: Array, linked: Array) -> Array:
-    """Indices of the least (P,) of each neighborhood (P, P), at most so many, the best first."""
+    """Indices of the least (P,) of each neighborhood (P, P), the best first."""
     # Of equal ones the first.
     order = np.argsort(score, kind="stable")
     rank = np.empty(len(order), int)
     rank[order] = np.arange(len(order))
     least = np.where(linked, rank[None, :], len(order)).min(axis=1)
-    return np.asarray(order[least[order] >= rank[order]][:MOST])
+    return np.asarray(order[least[order] >= rank[order]])
 
 
 def best_of(score: Array, rows: Array, count: int) -> Array:

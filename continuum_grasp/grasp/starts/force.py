@@ -16,7 +16,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.candidates import Candidates
-from continuum_grasp.grasp.starts.scan.curves import curvature_at, sample
+from continuum_grasp.grasp.starts.scan.curves import curvature_at, gauss_legendre, sample
 from continuum_grasp.grasp.starts.scan.kernel import boxed
 from continuum_grasp.grasp.starts.scan.task import FINE
 from continuum_grasp.grasp.starts.values import ContactStart
@@ -26,9 +26,7 @@ from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity, PlanarGravity
 from continuum_grasp.scene.objects.body import Pose
 
-_X, _W = np.polynomial.legendre.leggauss(4)
-_NODES, _WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
-"""Gauss-Legendre rule of 4 nodes on [0, 1]."""
+_NODES, _WEIGHTS = gauss_legendre(4)
 _TENSION_WEIGHT = 5e-5
 """Weight of the tensions (per their limits) beside the squared imbalance."""
 

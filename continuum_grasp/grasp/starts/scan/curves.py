@@ -16,13 +16,17 @@ from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.model.surfaces.outline import Outline
 
-_X, _W = np.polynomial.legendre.leggauss(12)
-NODES, WEIGHTS = 0.5 * (_X + 1.0), 0.5 * _W
-"""Gauss-Legendre rule of 12 nodes on [0, 1]: one interval may bend by more than a turn."""
-_TWO = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
-"""Gauss-Legendre rule of 2 nodes on [0, 1], between samples that lie close to each other."""
-
 Equations = Callable[[Array, Array], tuple[list[Array], list[list[Array]]]]
+
+
+def gauss_legendre(count: int) -> tuple[Array, Array]:
+    """Nodes and weights (count,) of the Gauss-Legendre rule on [0, 1]."""
+    nodes, weights = np.polynomial.legendre.leggauss(count)
+    return 0.5 * (nodes + 1.0), 0.5 * weights
+
+
+NODES, WEIGHTS = gauss_legendre(12)
+"""Rule on an interval, which may bend by more than a turn."""
 EXACT = 1e-12
 """Residual, in lengths of the finger or sizes of the object and rad, at which something touches: rounding after a few
 operations."""
@@ -90,7 +94,8 @@ def sample(knots: Array, curvatures: Array, at: Array) -> Array:
     if kernel.library():
         return kernel.called("sample", np.empty(at.shape, complex), *knots.shape, at.shape[1], knots, curvatures, at)
     step = np.diff(at, axis=1)
-    inner = at[:, :-1, None] + step[..., None] * _TWO
+    # Samples lie close to each other.
+    inner = at[:, :-1, None] + step[..., None] * gauss_legendre(2)[0]
     angle = turning(knots, curvatures, inner.reshape(len(inner), 2 * step.shape[1])).reshape(inner.shape)
     move = np.empty(step.shape, complex)
     # Real functions: numpy's complex exponential takes longer.
