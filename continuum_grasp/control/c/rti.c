@@ -225,9 +225,11 @@ static real rti_optimality(rti_work *o, const rti_settings *s, real unit)
  * loops, but may cycle from a bad start; the interior point converges from anywhere, but slowly near the solution. So the
  * interior point takes over where the active set fails, and hands back its estimate as soon as that suffices. All of
  * them together take s->iterations factorizations at most. */
-static int rti_solve(rti_work *o, const rti_plan *plan, const rti_settings *s, const real *x0, rti_report *report)
+static int rti_solve(rti_work *o, const rti_plan *plan, const rti_settings *s, rti_report *report)
 {
   rti_stiffnesses(o);
+  memcpy(o->saved, o->z, sizeof o->z);
+  o->is_free = 0;
   memset(o->a, 0, sizeof o->a);
   const int how = rti_previous_set(o, plan) || rti_plan_set(o, s) ? RTI_RETAINED : RTI_ESTIMATED;
   const int found = rti_active_set(o, s, how, rti_lesser(RTI_ROUNDS, s->iterations), report);
@@ -235,7 +237,7 @@ static int rti_solve(rti_work *o, const rti_plan *plan, const rti_settings *s, c
   /* the last of its points is closer than a first one of the interior point */
   if (report->iterations >= s->iterations) return RTI_ITERATION_LIMIT;
   rti_sides(o, s);
-  rti_free_trajectory(o, x0);
+  memcpy(o->z, o->saved, sizeof o->z);  /* the trajectory without bounds */
   rti_inner_trajectory(o, s);
   if (o->sides == 0) return RTI_ITERATION_LIMIT;
   rti_center(o, RTI_CENTER * rti_first_product(o, s));
@@ -260,9 +262,10 @@ int rti_feedback(rti_work *o, rti_plan *plan, const rti_settings *settings, cons
   memset(report, 0, sizeof *report);
   if (!o->ready) return report->status = RTI_NOT_PREPARED;
   if (!rti_settings_valid(settings) || !rti_finite(x0, RTI_NX)) return report->status = RTI_BAD_INPUT;
+  if (!o->is_free) rti_solve_free(o);   /* bounds were active for another state */
   rti_free_trajectory(o, x0);
   memset(&o->next, 0, sizeof o->next);
-  const int status = rti_feasible(o, settings) ? RTI_SOLVED : rti_solve(o, plan, settings, x0, report);
+  const int status = rti_feasible(o, settings) ? RTI_SOLVED : rti_solve(o, plan, settings, report);
   const int violated = rti_evaluate(o, settings, report);
   for (int k = 0; k < RTI_NODES; ++k)
     for (int i = 0; i < RTI_NX; ++i) o->next.x[k][i] = o->x[k][i] + o->z[k][i];

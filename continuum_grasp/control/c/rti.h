@@ -92,7 +92,7 @@ typedef struct {
 } rti_side;
 
 typedef struct {
-  int ready;
+  int ready, is_free;         /* whether there is a QP; whether the factors are those without bounds */
   /* of a rollout whose derivatives are in M: its substeps, 0: there is none; stage, parameters */
   int driven;
   real stage, p[RTI_SIZE(RTI_NP)];
@@ -106,16 +106,16 @@ typedef struct {
   real defect[RTI_STAGES][RTI_NX];
   real l[RTI_NODES], g[RTI_NODES][RTI_W], H[RTI_NODES][RTI_NZ][RTI_W];
   real c[RTI_NODES][RTI_SIZE(RTI_NC)], C[RTI_NODES][RTI_SIZE(RTI_NC)][RTI_NZ];
-  /* its solution without bounds as affine feedback; compliance: inverse Hessian of an input */
-  real gain[RTI_STAGES][RTI_NU][RTI_W], offset[RTI_STAGES][RTI_NU], compliance[RTI_STAGES][RTI_NU];
+  /* affine feedback, at first of the solution without bounds; inverse: that of the Hessian of an input */
+  real K[RTI_STAGES][RTI_NU][RTI_W], inverse[RTI_STAGES][RTI_NU], constant[RTI_STAGES][RTI_NU];
   /* the solution: change of the plan, bounded quantities */
   real z[RTI_NODES][RTI_W], dz[RTI_NODES][RTI_W], saved[RTI_NODES][RTI_W];
   real y[RTI_ROWS][RTI_LENGTH], dy[RTI_ROWS][RTI_LENGTH];
   real stiffness[RTI_ROWS][RTI_LENGTH];       /* second derivative of the cost along a bounded quantity */
-  /* a Newton step: of bounded quantities weight (diagonal), multiplier (force) and constant part (push); factors,
-   * gradients */
+  /* a Newton step: of bounded quantities weight (diagonal), multiplier (force) and constant part (push); weights of the
+   * factors, Hessians of the cost to go (lower triangles); gradients */
   real weight[RTI_ROWS][RTI_LENGTH], force[RTI_ROWS][RTI_LENGTH], push[RTI_ROWS][RTI_LENGTH];
-  real K[RTI_STAGES][RTI_NU][RTI_W], inverse[RTI_STAGES][RTI_NU], constant[RTI_STAGES][RTI_NU];
+  real factored[RTI_ROWS][RTI_LENGTH], P[RTI_NODES][RTI_NX][RTI_W];
   real residual[RTI_STAGES][RTI_NU], gradient_size[RTI_NU];
   /* sides of bounds: slack t, its multiplier m, violation s, its multiplier n, and their changes */
   int sides;
