@@ -45,10 +45,11 @@ void rti_shift(rti_plan *plan, const rti_settings *settings, real stages)
   }
 }
 
-/* Integrate from a node on; the derivatives of the stages to the workspace, if there is one. */
-static int rti_drive(rti_plan *plan, rti_work *o, const rti_settings *settings, int from, const real *p)
+int rti_rollout(rti_plan *plan, rti_work *o, const rti_settings *settings, const real *x0, const real *p)
 {
-  if (!rti_settings_valid(settings) || from < 0 || !rti_finite(p, RTI_NP)) return RTI_BAD_INPUT;
+  o->driven = 0;
+  if (!rti_settings_valid(settings) || !rti_finite(x0, RTI_NX) || !rti_finite(p, RTI_NP)) return RTI_BAD_INPUT;
+  memset(o->M, 0, sizeof o->M);
   const real h = settings->stage / (real)settings->substeps;
   rti_wide wp[RTI_SIZE(RTI_NP)], wh[1], x[RTI_NX], u[RTI_NU], M[RTI_NZ][RTI_NX];
   rti_broadcast(p, RTI_NP, wp);
@@ -60,31 +61,16 @@ static int rti_drive(rti_plan *plan, rti_work *o, const rti_settings *settings, 
     rti_parameters(settings, b, p, own);
     rti_broadcast(own, RTI_NP, wp);
 #endif
-    for (int k = from; k < RTI_N; ++k) {
+    memcpy(nodes[0], x0, sizeof nodes[0]);
+    for (int k = 0; k < RTI_N; ++k) {
       rti_broadcast(nodes[k], RTI_NX, x);
       rti_broadcast(plan->u[b * RTI_N + k], RTI_NU, u);
       rti_stage(settings->substeps, x, u, wp, wh, M);
       for (int i = 0; i < RTI_NX; ++i) nodes[k + 1][i] = RTI_AT(x[i], 0);
       if (!rti_finite(nodes[k + 1], RTI_NX)) return RTI_BAD_LINEARIZATION;
-      if (o) rti_store_step(o, b * RTI_N + k, 0, M);
+      rti_store_step(o, b * RTI_N + k, 0, M);
     }
   }
-  return RTI_SOLVED;
-}
-
-int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const real *p)
-{
-  return rti_drive(plan, 0, settings, from, p);
-}
-
-int rti_rollout(rti_plan *plan, rti_work *o, const rti_settings *settings, const real *x0, const real *p)
-{
-  o->driven = 0;
-  if (!rti_finite(x0, RTI_NX)) return RTI_BAD_INPUT;
-  for (int b = 0; b < RTI_SCENARIOS; ++b) memcpy(plan->x[b * (RTI_N + 1)], x0, sizeof plan->x[0]);
-  memset(o->M, 0, sizeof o->M);
-  const int status = rti_drive(plan, o, settings, 0, p);
-  if (status < 0) return status;
   /* what the derivatives are of: a preparation at the same plan takes them */
   memcpy(o->x, plan->x, sizeof o->x);
   memcpy(o->u, plan->u, sizeof o->u);
@@ -93,7 +79,7 @@ int rti_rollout(rti_plan *plan, rti_work *o, const rti_settings *settings, const
 #endif
   o->stage = settings->stage;
   o->driven = settings->substeps;
-  return status;
+  return RTI_SOLVED;
 }
 
 static int rti_equal(const real *a, const real *b, size_t count)

@@ -135,8 +135,6 @@ void rti_start(rti_plan *plan, const real *x0, const real *u0);
 /* Integrate the inputs of a plan from x0, with the derivatives of the stages, which the next preparation takes; the plan is
  * not usable if the result is negative. */
 int rti_rollout(rti_plan *plan, rti_work *work, const rti_settings *settings, const real *x0, const real *p);
-/* The same from a node on, whose state stays. */
-int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const real *p);
 /* Linearize at the plan; refs has RTI_N + 1 rows of RTI_NR. */
 int rti_prepare(rti_work *work, const rti_plan *plan, const rti_settings *settings, const real *p, const real *refs);
 /* Solve for the state x0. If the result is 0 or more, the plan is replaced and its first input is to be applied. */
