@@ -312,20 +312,20 @@ def row_products(stages: Stages) -> str:
     used = [[b for b in range(blocks) if row[b * _BLOCK : (b + 1) * _BLOCK].any()] for row in reached]
     taken = "*(const block *)({} + {})".format
     # Of the lower triangle; behind it sums of whole rows go on.
-    kept = {(j, b) for j, column in enumerate(reached.T) for b in range(j // _BLOCK + 1) if column.any()}
+    lower = {(j, b) for j, column in enumerate(reached.T) for b in range(j // _BLOCK + 1) if column.any()}
     size = f"vector_size({_BLOCK} * sizeof(real)), aligned(sizeof(real)), may_alias"
     lines = [f"  typedef real block __attribute__(({size}));"]
-    lines += [f"  block g{j}_{b} = {taken(f'H[{j}]', b * _BLOCK)};" for j, b in sorted(kept)]
+    lines += [f"  block g{j}_{b} = {taken(f'H[{j}]', b * _BLOCK)};" for j, b in sorted(lower)]
     for i in range(nx):
         lines.append("  {")
         for b in range(blocks):
             own = [q for q in range(nx) if b in used[q]]
             terms = [f"P[{max(i, q)}][{min(i, q)}] * {taken(f'M[{q}]', b * _BLOCK)}" for q in own]
             lines.append(f"    const block m{b} = {' + '.join(terms) or '{0}'};")
-        lines += [f"    g{j}_{b} += M[{i}][{j}] * m{b};" for j, b in sorted(kept) if reached[i, j]]
+        lines += [f"    g{j}_{b} += M[{i}][{j}] * m{b};" for j, b in sorted(lower) if reached[i, j]]
         lines.append("  }")
     for j, b in product(range(reached.shape[1]), range(blocks)):
-        value = f"g{j}_{b}" if (j, b) in kept else taken(f"H[{j}]", b * _BLOCK)
+        value = f"g{j}_{b}" if (j, b) in lower else taken(f"H[{j}]", b * _BLOCK)
         lines.append(f"  *(block *)(G[{j}] + {b * _BLOCK}) = {value};")
     return _function("RTI_UNROLLED_CONGRUENCE", _CONGRUENCE, "", lines)
 
