@@ -9,7 +9,7 @@
  * functions, which skip the zeros of C:
  *   rti_row_values(c, C, z, y)    y = c + C z
  *   rti_row_gradient(C, w, q)     q += C' w
- *   rti_row_hessian(C, W, G)      G += C' diag(W) C
+ *   rti_row_hessian(C, W, G)      G += C' diag(W) C, its lower triangle
  * and products with the matrices of a stage from three more:
  *   rti_add_hessian(q, H, z)      q += H z
  *   rti_add_transposed(q, M, p)   q += M' p
@@ -39,9 +39,9 @@ static inline void rti_congruence(real (*G)[RTI_W], real (*H)[RTI_W], real (*P)[
 }
 #endif
 
-/* Minimize over the inputs one by one, last first: u_j = K_j [x, u_0 .. u_j-1]; what remains in the lower triangle is the
- * Hessian of the state. An input whose pivot is rounding (8 eps of its diagonal) has no effect and stays; dividing by it would blow
- * up. */
+/* Minimize over the inputs one by one, last first: u_j = K_j [x, u_0 .. u_j-1]; what remains in the lower triangle is
+ * the Hessian of the state. An input whose pivot is rounding (8 eps of its diagonal) has no effect and stays; dividing by
+ * it would blow up. */
 static inline void rti_eliminate(real (*G)[RTI_W], real (*K)[RTI_W], real inverse[RTI_NU])
 {
   real least[RTI_NU];
