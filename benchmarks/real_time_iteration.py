@@ -324,26 +324,20 @@ class RealTimeIteration:
         violated = tuple(name for name, excess in names if excess > 0.0)
         return Report(record.status, record.iterations, record.kkt, record.violation, record.cost, violated)
 
-    def shift(self, stages: float = 1.0, *, rollout: bool = False) -> None:
+    def shift(self, stages: float = 1.0) -> None:
         """Shift the plan by a number of stages, whole or not.
 
         States are interpolated between the nodes and inputs averaged over the new stages; beyond the horizon the last
-        ones are repeated, or with ``rollout`` the states integrated with the last input and parameters.
+        ones are repeated.
 
         Raises
         ------
         InputError
             If the number is negative or not finite.
-        SolverError
-            If the integration leaves the finite numbers.
         """
         if not 0.0 <= stages < float("inf"):
             raise InputError(f"stages: expected a finite number, 0 or more, got {stages!r:.60}", key="stages")
         self._library.rti_shift(self._plan_at, self._settings_at, self._number(stages))
-        if rollout:
-            # The last node whose state was within the horizon before.
-            last = max(0, int(self.stages.stages - stages))
-            self._must(self._library.rti_extend(self._plan_at, self._settings_at, last, self._p_at))
 
     def qp(self) -> dict[str, Array]:
         """Copy the QP of the last preparation; ``control/c/rti.h`` defines it.

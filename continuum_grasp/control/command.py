@@ -153,7 +153,8 @@ class Command(Summarized):
 
         Examples
         --------
-        >>>         >>> import continuum_grasp as cg
+        >>> import casadi as ca
+        >>> import continuum_grasp as cg
         >>> angle, torque = ca.SX.sym("angle [rad]"), ca.SX.sym("torque")
         >>> problem = cg.ControlProblem(
         ...     states=angle,

@@ -304,7 +304,8 @@ def _supervised(scene: ControlScene, stages: Stages, estimation: Estimation | No
     devices = estimation.sensor_names if estimation is not None else ()
     sensor = [devices.index(estimation.device(name)) for name in names] if estimation is not None else [0] * len(names)
     free = estimation is not None and not touches
-    checks_frozen = scene.estimator is not None and scene.estimator.frozen
+    # Of what has no noise the reading of a finger at rest repeats itself.
+    checks_frozen = scene.estimator is not None and scene.estimator.frozen and scene.plant.noise > 0.0
     rate = np.minimum(asked.input.rate_max or math.inf, (stages.u_max - stages.u_min) / _CROSSING)
     return {
         "window": _window(scene) if asked.supervisor else 0,

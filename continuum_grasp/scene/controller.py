@@ -329,7 +329,7 @@ class Plant(_Differs):
     object_friction: Annotated[Positive, Unit("1")] = 1.0
     """All friction coefficients of an object that moves, per those that the controller knows [1]."""
     noise: Ratio = 1.0
-    """Measurement noise per that of ``estimator.measured`` [1]."""
+    """Measurement noise per that of ``estimator.measured`` [1]. Without any, no reading at rest counts as frozen."""
     delay: Annotated[NonNegative, Unit("s")] | None = None
     """Age of measurements when they arrive [s]; None: ``estimator.delay``."""
     seed: Annotated[int, Field(ge=0)] = 0

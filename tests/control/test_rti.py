@@ -394,18 +394,6 @@ def test_a_shifted_plan_stays_on_its_line(stages):
     np.testing.assert_allclose(rti.plan[1][:, 0], np.minimum(nodes[:-1] + stages, s.stages - 1.0), atol=1e-12)
 
 
-def test_a_shifted_plan_can_be_integrated_beyond_the_horizon():
-    s, rti = pendulum(), shared()
-    converged(rti, START, REFS)
-    last_x, last_u = rti.plan[0][-1].copy(), rti.plan[1][-1].copy()
-    rti.shift(1.0, rollout=True)
-    state = last_x
-    for _ in range(s.substeps):
-        state = np.array(s.step(state, last_u, 1.0, s.stage / s.substeps)[0]).ravel()
-    np.testing.assert_allclose(rti.plan[0][-2], last_x, rtol=1e-13)
-    np.testing.assert_allclose(rti.plan[0][-1], state, rtol=1e-12, atol=1e-13)
-
-
 @pytest.mark.parametrize("stages", [-0.1, np.nan, np.inf])
 def test_a_shift_back_is_refused(stages):
     with pytest.raises(InputError, match="stages"):
@@ -486,7 +474,7 @@ def test_the_c_has_no_warning_no_memory_of_its_own_and_no_allocation(stages, rea
         assert {name for kind, name in symbols if kind == "U"} <= {"memcpy", "memset", "sincos", *mathematics}
         exported = {name for kind, name in symbols if kind == "T"}
         assert exported == {
-            f"rti_{n}" for n in ("start", "rollout", "extend", "prepare", "feedback", "begin", "continue", "shift")
+            f"rti_{n}" for n in ("start", "rollout", "prepare", "feedback", "begin", "continue", "shift")
         }
 
 

@@ -337,6 +337,16 @@ def test_a_finger_that_rests_without_noise_is_not_frozen():
 
 
 @pytest.mark.deep
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+@pytest.mark.parametrize("name", ["pulse", "saturation", "three_tendons"])
+def test_readings_that_rest_until_the_command_moves_are_not_frozen(name, noise):
+    """A knock on a finger at rest, whose tensions answer late; its tip along it, which a push across does not move."""
+    found = run_closed_loop(load(f"configs/mpc/{name}.yaml", (f"plant.noise={noise}", "duration=2.5")))
+    assert "frozen" not in found.health
+    assert not found.tripped
+
+
+@pytest.mark.deep
 def test_without_a_supervisor_nothing_trips():
     found = run("controller.supervisor=false", sensors=swapped((0, 1)))
     assert set(found.health) == {"ok"}

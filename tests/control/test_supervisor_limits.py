@@ -244,28 +244,43 @@ def test_a_disturbance_at_its_limit_trips():
 @pytest.mark.parametrize(
     ("moved", "path", "expected"),
     [
-        (0.999 * STILL, 0.0201, W),
-        (-0.999 * STILL, 0.0201, W),
+        (0.999 * STILL, 0.0201, W + DELAY),
+        (-0.999 * STILL, 0.0201, W + DELAY),
         (1.001 * STILL, 0.0201, 401),
         (-1.001 * STILL, 0.0201, 401),
-        (STILL, 0.0201, W),
-        (-STILL, 0.0201, W),
+        (STILL, 0.0201, W + DELAY),
+        (-STILL, 0.0201, W + DELAY),
         (0.0, 0.01998, 401),
         (0.0, 0.02, 401),
-        (0.0, 0.02002, W),
+        (0.0, 0.02002, W + DELAY),
     ],
 )
 def test_a_reading_at_rest_is_frozen_once_the_command_has_moved(moved, path, expected):
-    watch, y = Watch(), 1.0
-    watch.judge(y=(y, 0.0))
-    calls = 0
-    report = None
-    while calls < 401 and (report is None or report.entry < 0):
+    """A reading that goes to and fro; a command that has been away for as long."""
+    assert _frozen_after(Watch(), [1.0 + moved * (k % 2) for k in range(402)], path) == expected
+
+
+def test_a_reading_that_creeps_moves():
+    """Steps that are each as of a reading at rest, of a noiseless camera that shows a finger settle."""
+    assert _frozen_after(Watch(), [1.0 + 0.4 * STILL * k for k in range(402)], 1.0) == 401
+
+
+def test_a_reading_that_rested_before_the_command_moved_has_time_to_answer():
+    watch = Watch()
+    assert _frozen_after(watch, [1.0] * 402, 0.0) == 401  # at rest as well
+    assert _frozen_after(watch, [1.0] * 402, 1.0) == W + DELAY
+
+
+def _frozen_after(watch, readings, path) -> int:
+    """Calls until the first reading is frozen, 401 if it never is, of a command that moves by so much in each."""
+    watch.judge(y=(readings[0], 0.0))
+    for calls, y in enumerate(readings[1:], start=1):
         watch.put(path=(path, 0.0))
-        y, calls = y + moved, calls + 1
         report = watch.judge(y=(y, 0.0))
         assert report.health == (Health.FROZEN if report.entry == 0 else Health.OK)
-    assert calls == expected
+        if report.entry == 0:
+            return calls
+    return 401
 
 
 def test_which_readings_are_compared():
@@ -277,7 +292,7 @@ def test_which_readings_are_compared():
         watch = Watch(path=(1.0, 1.0))
         watch.settings.still = TWO(still, still)
         reports = []
-        for _ in range(W + 1):
+        for _ in range(W + DELAY + 1):
             watch.put(path=(1.0, 1.0))
             reports.append(watch.judge(y=(1.0, 1.0)))
         assert reports[-1].entry == entry

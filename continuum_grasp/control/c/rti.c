@@ -45,10 +45,11 @@ void rti_shift(rti_plan *plan, const rti_settings *settings, real stages)
   }
 }
 
-/* Integrate from a node on; the derivatives of the stages to the workspace, if there is one. */
-static int rti_drive(rti_plan *plan, rti_work *o, const rti_settings *settings, int from, const real *p)
+int rti_rollout(rti_plan *plan, rti_work *o, const rti_settings *settings, const real *x0, const real *p)
 {
-  if (!rti_settings_valid(settings) || from < 0 || !rti_finite(p, RTI_NP)) return RTI_BAD_INPUT;
+  o->driven = 0;
+  if (!rti_settings_valid(settings) || !rti_finite(x0, RTI_NX) || !rti_finite(p, RTI_NP)) return RTI_BAD_INPUT;
+  memset(o->M, 0, sizeof o->M);
   const real h = settings->stage / (real)settings->substeps;
   rti_wide wp[RTI_SIZE(RTI_NP)], wh[1], x[RTI_NX], u[RTI_NU], M[RTI_NZ][RTI_NX];
   rti_broadcast(p, RTI_NP, wp);
@@ -60,31 +61,16 @@ static int rti_drive(rti_plan *plan, rti_work *o, const rti_settings *settings, 
     rti_parameters(settings, b, p, own);
     rti_broadcast(own, RTI_NP, wp);
 #endif
-    for (int k = from; k < RTI_N; ++k) {
+    memcpy(nodes[0], x0, sizeof nodes[0]);
+    for (int k = 0; k < RTI_N; ++k) {
       rti_broadcast(nodes[k], RTI_NX, x);
       rti_broadcast(plan->u[b * RTI_N + k], RTI_NU, u);
       rti_stage(settings->substeps, x, u, wp, wh, M);
       for (int i = 0; i < RTI_NX; ++i) nodes[k + 1][i] = RTI_AT(x[i], 0);
       if (!rti_finite(nodes[k + 1], RTI_NX)) return RTI_BAD_LINEARIZATION;
-      if (o) rti_store_step(o, b * RTI_N + k, 0, M);
+      rti_store_step(o, b * RTI_N + k, 0, M);
     }
   }
-  return RTI_SOLVED;
-}
-
-int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const real *p)
-{
-  return rti_drive(plan, 0, settings, from, p);
-}
-
-int rti_rollout(rti_plan *plan, rti_work *o, const rti_settings *settings, const real *x0, const real *p)
-{
-  o->driven = 0;
-  if (!rti_finite(x0, RTI_NX)) return RTI_BAD_INPUT;
-  for (int b = 0; b < RTI_SCENARIOS; ++b) memcpy(plan->x[b * (RTI_N + 1)], x0, sizeof plan->x[0]);
-  memset(o->M, 0, sizeof o->M);
-  const int status = rti_drive(plan, o, settings, 0, p);
-  if (status < 0) return status;
   /* what the derivatives are of: a preparation at the same plan takes them */
   memcpy(o->x, plan->x, sizeof o->x);
   memcpy(o->u, plan->u, sizeof o->u);
@@ -93,7 +79,7 @@ int rti_rollout(rti_plan *plan, rti_work *o, const rti_settings *settings, const
 #endif
   o->stage = settings->stage;
   o->driven = settings->substeps;
-  return status;
+  return RTI_SOLVED;
 }
 
 static int rti_equal(const real *a, const real *b, size_t count)
@@ -225,9 +211,11 @@ static real rti_optimality(rti_work *o, const rti_settings *s, real unit)
  * loops, but may cycle from a bad start; the interior point converges from anywhere, but slowly near the solution. So the
  * interior point takes over where the active set fails, and hands back its estimate as soon as that suffices. All of
  * them together take s->iterations factorizations at most. */
-static int rti_solve(rti_work *o, const rti_plan *plan, const rti_settings *s, const real *x0, rti_report *report)
+static int rti_solve(rti_work *o, const rti_plan *plan, const rti_settings *s, rti_report *report)
 {
   rti_stiffnesses(o);
+  memcpy(o->saved, o->z, sizeof o->z);
+  o->is_free = 0;
   memset(o->a, 0, sizeof o->a);
   const int how = rti_previous_set(o, plan) || rti_plan_set(o, s) ? RTI_RETAINED : RTI_ESTIMATED;
   const int found = rti_active_set(o, s, how, rti_lesser(RTI_ROUNDS, s->iterations), report);
@@ -235,7 +223,7 @@ static int rti_solve(rti_work *o, const rti_plan *plan, const rti_settings *s, c
   /* the last of its points is closer than a first one of the interior point */
   if (report->iterations >= s->iterations) return RTI_ITERATION_LIMIT;
   rti_sides(o, s);
-  rti_free_trajectory(o, x0);
+  memcpy(o->z, o->saved, sizeof o->z);  /* the trajectory without bounds */
   rti_inner_trajectory(o, s);
   if (o->sides == 0) return RTI_ITERATION_LIMIT;
   rti_center(o, RTI_CENTER * rti_first_product(o, s));
@@ -260,9 +248,10 @@ int rti_feedback(rti_work *o, rti_plan *plan, const rti_settings *settings, cons
   memset(report, 0, sizeof *report);
   if (!o->ready) return report->status = RTI_NOT_PREPARED;
   if (!rti_settings_valid(settings) || !rti_finite(x0, RTI_NX)) return report->status = RTI_BAD_INPUT;
+  if (!o->is_free) rti_solve_free(o);   /* bounds were active for another state */
   rti_free_trajectory(o, x0);
   memset(&o->next, 0, sizeof o->next);
-  const int status = rti_feasible(o, settings) ? RTI_SOLVED : rti_solve(o, plan, settings, x0, report);
+  const int status = rti_feasible(o, settings) ? RTI_SOLVED : rti_solve(o, plan, settings, report);
   const int violated = rti_evaluate(o, settings, report);
   for (int k = 0; k < RTI_NODES; ++k)
     for (int i = 0; i < RTI_NX; ++i) o->next.x[k][i] = o->x[k][i] + o->z[k][i];

@@ -92,7 +92,7 @@ typedef struct {
 } rti_side;
 
 typedef struct {
-  int ready;
+  int ready, is_free;         /* whether there is a QP; whether the factors are those without bounds */
   /* of a rollout whose derivatives are in M: its substeps, 0: there is none; stage, parameters */
   int driven;
   real stage, p[RTI_SIZE(RTI_NP)];
@@ -106,16 +106,16 @@ typedef struct {
   real defect[RTI_STAGES][RTI_NX];
   real l[RTI_NODES], g[RTI_NODES][RTI_W], H[RTI_NODES][RTI_NZ][RTI_W];
   real c[RTI_NODES][RTI_SIZE(RTI_NC)], C[RTI_NODES][RTI_SIZE(RTI_NC)][RTI_NZ];
-  /* its solution without bounds as affine feedback; compliance: inverse Hessian of an input */
-  real gain[RTI_STAGES][RTI_NU][RTI_W], offset[RTI_STAGES][RTI_NU], compliance[RTI_STAGES][RTI_NU];
+  /* affine feedback, at first of the solution without bounds; inverse: that of the Hessian of an input */
+  real K[RTI_STAGES][RTI_NU][RTI_W], inverse[RTI_STAGES][RTI_NU], constant[RTI_STAGES][RTI_NU];
   /* the solution: change of the plan, bounded quantities */
   real z[RTI_NODES][RTI_W], dz[RTI_NODES][RTI_W], saved[RTI_NODES][RTI_W];
   real y[RTI_ROWS][RTI_LENGTH], dy[RTI_ROWS][RTI_LENGTH];
   real stiffness[RTI_ROWS][RTI_LENGTH];       /* second derivative of the cost along a bounded quantity */
-  /* a Newton step: of bounded quantities weight (diagonal), multiplier (force) and constant part (push); factors,
-   * gradients */
+  /* a Newton step: of bounded quantities weight (diagonal), multiplier (force) and constant part (push); weights of the
+   * factors, Hessians of the cost to go (lower triangles); gradients */
   real weight[RTI_ROWS][RTI_LENGTH], force[RTI_ROWS][RTI_LENGTH], push[RTI_ROWS][RTI_LENGTH];
-  real K[RTI_STAGES][RTI_NU][RTI_W], inverse[RTI_STAGES][RTI_NU], constant[RTI_STAGES][RTI_NU];
+  real factored[RTI_ROWS][RTI_LENGTH], P[RTI_NODES][RTI_NX][RTI_W];
   real residual[RTI_STAGES][RTI_NU], gradient_size[RTI_NU];
   /* sides of bounds: slack t, its multiplier m, violation s, its multiplier n, and their changes */
   int sides;
@@ -135,8 +135,6 @@ void rti_start(rti_plan *plan, const real *x0, const real *u0);
 /* Integrate the inputs of a plan from x0, with the derivatives of the stages, which the next preparation takes; the plan is
  * not usable if the result is negative. */
 int rti_rollout(rti_plan *plan, rti_work *work, const rti_settings *settings, const real *x0, const real *p);
-/* The same from a node on, whose state stays. */
-int rti_extend(rti_plan *plan, const rti_settings *settings, int from, const real *p);
 /* Linearize at the plan; refs has RTI_N + 1 rows of RTI_NR. */
 int rti_prepare(rti_work *work, const rti_plan *plan, const rti_settings *settings, const real *p, const real *refs);
 /* Solve for the state x0. If the result is 0 or more, the plan is replaced and its first input is to be applied. */

@@ -94,6 +94,12 @@ static int rti_update_set(rti_work *o, const rti_settings *s, int how, real *gap
     real worst = 0;
     for (int k = 0; k < RTI_STAGES; ++k) {
       const real y = o->y[row][k], c = o->stiffness[row][k], residual = input ? o->residual[k][rti_lesser(row, RTI_NU - 1)] : 0;
+      /* most are free and stay so */
+      if (how == RTI_EXCHANGED && o->active[row][k] == RTI_FREE && y <= bound.high + bound.slack
+          && y >= bound.low - bound.slack && !(input && rti_fixed(s, row))) {
+        wrong = 0;
+        continue;
+      }
       const real a = input ? -residual : o->a[row][k];  /* an input's gradient is balanced by its bound alone */
       const int first = !wrong || (RTI_SCENARIOS > 1 && k % RTI_N == 0);
       wrong = !input && how == RTI_EXCHANGED && rti_wrong_sign(o, row, k);
@@ -156,8 +162,8 @@ static int rti_active_set(rti_work *o, const rti_settings *s, int how, int limit
     if (round > 0) before = changes;
     last = round > 0 && changes == 0 ? report->kkt : 0;
     ++report->iterations;
-    if (round > 0 && changes == 0) rti_resolve(o);      /* same set, same weights, same factors */
-    else rti_factor(o);
+    rti_factor(o, 0);
+    rti_resolve(o, 0);
     if (!rti_advance(o)) return 0;
     rti_move(o, 1);
     for (int i = RTI_NU; i < RTI_ROWS; ++i)

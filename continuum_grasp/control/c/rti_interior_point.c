@@ -255,7 +255,8 @@ static int rti_interior_point(rti_work *o, const rti_settings *s, real small, in
     rti_gradient(o);
     rti_weights(o, s);
     rti_newton_constants(o, 0, 0);      /* predictor: products of zero */
-    rti_factor(o);
+    rti_factor(o, 0);
+    rti_resolve(o, 0);
     if (!rti_advance(o)) return 0;
     rti_direction change = rti_directions(o, 0, 0);
     real length = change.ratio > 1 ? 1 / change.ratio : 1;
@@ -263,7 +264,7 @@ static int rti_interior_point(rti_work *o, const rti_settings *s, real small, in
     const real target = rest * rest * rest * mean;      /* Mehrotra: the cube of what the predictor leaves */
     const real second = length;     /* the full second-order term can make the iteration cycle where the predictor was short */
     rti_newton_constants(o, target, second);
-    rti_resolve(o);     /* the corrector has the predictor's factors */
+    rti_resolve(o, 0);  /* the corrector has the predictor's factors */
     if (!rti_advance(o)) return 0;
     change = rti_directions(o, target, second);
     /* 0.995 of the way to the boundary, as usual: closer, the next products are badly centered. */

@@ -9,7 +9,7 @@
  * functions, which skip the zeros of C:
  *   rti_row_values(c, C, z, y)    y = c + C z
  *   rti_row_gradient(C, w, q)     q += C' w
- *   rti_row_hessian(C, W, G)      G += C' diag(W) C
+ *   rti_row_hessian(C, W, G)      G += C' diag(W) C, its lower triangle
  * and products with the matrices of a stage from three more:
  *   rti_add_hessian(q, H, z)      q += H z
  *   rti_add_transposed(q, M, p)   q += M' p
@@ -17,20 +17,21 @@
  */
 
 #ifndef RTI_UNROLLED_CONGRUENCE /* else written out for the sparsity of the problem */
-/* G += M' P M */
-static inline void rti_add_congruence(real (*G)[RTI_W], real (*P)[RTI_W], real (*M)[RTI_W])
+/* G = H + M' P M, of the symmetric ones their lower triangles */
+static inline void rti_congruence(real (*G)[RTI_W], real (*H)[RTI_W], real (*P)[RTI_W], real (*M)[RTI_W])
 {
   real PM[RTI_NX][RTI_W];
   for (int i = 0; i < RTI_NX; ++i) {
-    real row[RTI_W];
-    for (int l = 0; l < RTI_W; ++l) row[l] = P[i][0] * M[0][l];
-    for (int q = 1; q < RTI_NX; ++q)
-      for (int l = 0; l < RTI_W; ++l) row[l] += P[i][q] * M[q][l];
+    real row[RTI_W] = {0};
+    for (int q = 0; q < RTI_NX; ++q) {
+      const real p = i < q ? P[q][i] : P[i][q];
+      for (int l = 0; l < RTI_W; ++l) row[l] += p * M[q][l];
+    }
     memcpy(PM[i], row, sizeof row);
   }
   for (int j = 0; j < RTI_NZ; ++j) {
     real row[RTI_W];
-    memcpy(row, G[j], sizeof row);
+    memcpy(row, H[j], sizeof row);
     for (int i = 0; i < RTI_NX; ++i)
       for (int l = 0; l < RTI_W; ++l) row[l] += M[i][j] * PM[i][l];
     memcpy(G[j], row, sizeof row);
@@ -38,9 +39,9 @@ static inline void rti_add_congruence(real (*G)[RTI_W], real (*P)[RTI_W], real (
 }
 #endif
 
-/* Minimize over the inputs one by one, last first: u_j = K_j [x, u_0 .. u_j-1]; what remains is the Hessian of the
- * state. An input whose pivot is rounding (8 eps of its diagonal) has no effect and stays; dividing by it would blow
- * up. */
+/* Minimize over the inputs one by one, last first: u_j = K_j [x, u_0 .. u_j-1]; what remains in the lower triangle is
+ * the Hessian of the state. An input whose pivot is rounding (8 eps of its diagonal) has no effect and stays; dividing by
+ * it would blow up. */
 static inline void rti_eliminate(real (*G)[RTI_W], real (*K)[RTI_W], real inverse[RTI_NU])
 {
   real least[RTI_NU];
@@ -49,11 +50,8 @@ static inline void rti_eliminate(real (*G)[RTI_W], real (*K)[RTI_W], real invers
     const int v = RTI_NX + j;
     inverse[j] = G[v][v] > least[j] ? 1 / G[v][v] : 0;
     for (int l = 0; l < RTI_W; ++l) K[j][l] = l < v ? -G[v][l] * inverse[j] : 0;
-    for (int i = 0; i < v; ++i) /* the lower triangle; the upper one is written anew below */
-      rti_add_row(G[i], G[v][i], K[j], i + 1);
+    for (int i = 0; i < v; ++i) rti_add_row(G[i], G[v][i], K[j], i + 1);
   }
-  for (int i = 0; i < RTI_NX; ++i) /* mirrored: exactly symmetric, whatever is rounded */
-    for (int l = 0; l < i; ++l) G[l][i] = G[i][l];
 }
 
 /* The same for the gradient, which gives the constant part of the inputs. */
@@ -97,61 +95,24 @@ static void rti_share(rti_work *o, const rti_settings *s)
 }
 
 /* Add what the scenarios before have left at the first node; whether that is the sum of all. */
-static inline int rti_add_scenario(int b, real (*G)[RTI_W], real q[RTI_W], real (*sum)[RTI_W], real rest[RTI_W])
+static inline int rti_add_scenario(int b, real (*G)[RTI_W], real (*sum)[RTI_W])
 {
-  for (int i = 0; i < RTI_NZ && b > 0; ++i) {
-    rti_add_row(G[i], 1, sum[i], RTI_NZ);
-    q[i] += rest[i];
-  }
+  for (int i = 0; i < RTI_NZ && b > 0; ++i) rti_add_row(G[i], 1, sum[i], i + 1);
   memcpy(sum, G, RTI_NZ * sizeof *sum);
-  memcpy(rest, q, RTI_W * sizeof *rest);
   return b == RTI_SCENARIOS - 1;
 }
 
 /* Copy the feedback of the common inputs from the last scenario, which has the sum, to the others. */
-static void rti_copy_feedback(real (*K)[RTI_NU][RTI_W], real (*inverse)[RTI_NU], real (*constant)[RTI_NU])
+static void rti_copy_feedback(rti_work *o)
 {
   const int last = (RTI_SCENARIOS - 1) * RTI_N;
   for (int b = 0; b < RTI_SCENARIOS - 1; ++b) {
-    memcpy(K[b * RTI_N], K[last], sizeof *K);
-    memcpy(inverse[b * RTI_N], inverse[last], sizeof *inverse);
-    memcpy(constant[b * RTI_N], constant[last], sizeof *constant);
+    memcpy(o->K[b * RTI_N], o->K[last], sizeof *o->K);
+    memcpy(o->inverse[b * RTI_N], o->inverse[last], sizeof *o->inverse);
+    memcpy(o->constant[b * RTI_N], o->constant[last], sizeof *o->constant);
   }
 }
 #endif
-
-/* The affine feedback that solves the QP without bounds. */
-static void rti_solve_free(rti_work *o)
-{
-#ifdef RTI_ROBUST
-  real sum[RTI_NZ][RTI_W], rest[RTI_W];
-#endif
-  for (int b = 0; b < RTI_SCENARIOS; ++b) {
-    real G[RTI_NZ][RTI_W], P[RTI_NZ][RTI_W], q[RTI_W], p[RTI_NX];
-    const int end = b * (RTI_N + 1) + RTI_N;
-    memcpy(P, o->H[end], sizeof P);
-    memcpy(p, o->g[end], sizeof p);
-    for (int k = RTI_N - 1; k >= 0; --k) {
-      const int at = b * RTI_N + k, node = rti_node(at);
-      memcpy(G, o->H[node], sizeof G);
-      memcpy(q, o->g[node], sizeof q);
-      rti_add_congruence(G, P, o->M[at]);
-      for (int i = 0; i < RTI_NX; ++i)
-        for (int l = 0; l < RTI_NX; ++l) p[i] += P[i][l] * o->defect[at][l];
-      rti_add_transposed(q, o->M[at], p);
-#ifdef RTI_ROBUST
-      if (k == 0 && !rti_add_scenario(b, G, q, sum, rest)) break;
-#endif
-      rti_eliminate(G, o->gain[at], o->compliance[at]);
-      rti_eliminate_gradient(q, o->gain[at], o->compliance[at], o->offset[at]);
-      memcpy(P, G, sizeof P);
-      memcpy(p, q, sizeof p);
-    }
-  }
-#ifdef RTI_ROBUST
-  rti_copy_feedback(o->gain, o->compliance, o->offset);
-#endif
-}
 
 /* Entries of the rows at a node of scenario b. */
 static inline void rti_row_entries(real (*from)[RTI_LENGTH], int b, int node, real to[RTI_SIZE(RTI_NC)])
@@ -160,6 +121,108 @@ static inline void rti_row_entries(real (*from)[RTI_LENGTH], int b, int node, re
     const int k = i < RTI_NS ? node - 1 : node;
     to[i] = k >= 0 && k < RTI_N ? from[RTI_NU + i][b * RTI_N + k] : 0;
   }
+}
+
+/* The last node of a scenario whose weights differ from those of the factors at hand, which are taken over; -1: none. */
+static int rti_changed(rti_work *o, int b)
+{
+  int last = -1;
+  for (int row = 0; row < RTI_ROWS; ++row) {
+    const int later = row >= RTI_NU && row - RTI_NU < RTI_NS;
+    const real *now = o->weight[row] + b * RTI_N;
+    real *factored = o->factored[row] + b * RTI_N;
+    for (int k = RTI_N - 1; k >= 0; --k)
+      if (now[k] < factored[k] || now[k] > factored[k]) {
+        if (k + later > last) last = k + later;
+        factored[k] = now[k];
+      }
+  }
+  return last;
+}
+
+/* Factorize with the current weights. The recursion goes from the last node to the first: behind the last change of a
+ * weight the factors stay. Of the QP without bounds (all weights zero, which is what `is_free` asks for) all are new. */
+static void rti_factor(rti_work *o, int is_free)
+{
+#ifdef RTI_ROBUST
+  real sum[RTI_NZ][RTI_W];
+#endif
+  for (int b = 0; b < RTI_SCENARIOS; ++b) {
+    real G[RTI_NZ][RTI_W], w[RTI_SIZE(RTI_NC)];
+    const int end = b * (RTI_N + 1) + RTI_N;
+    int last = is_free ? RTI_N : rti_changed(o, b);
+    if (RTI_SCENARIOS > 1 && last < 0) last = 0;        /* the sum of the scenarios is of the others too */
+    if (last == RTI_N) {
+      memcpy(G, o->H[end], sizeof G);
+      rti_row_entries(o->weight, b, RTI_N, w);
+      rti_row_hessian(o->C[end], w, G);
+      memcpy(o->P[end], G, sizeof o->P[end]);
+    }
+    for (int k = rti_lesser(last, RTI_N - 1); k >= 0; --k) {
+      const int at = b * RTI_N + k, node = rti_node(at);
+      rti_congruence(G, o->H[node], o->P[node + 1], o->M[at]);
+      if (!is_free) {
+        rti_row_entries(o->weight, b, k, w);
+        rti_row_hessian(o->C[node], w, G);
+        for (int j = 0; j < RTI_NU; ++j) G[RTI_NX + j][RTI_NX + j] += o->weight[j][at];
+      }
+#ifdef RTI_ROBUST
+      if (k == 0 && !rti_add_scenario(b, G, sum)) break;
+#endif
+      rti_eliminate(G, o->K[at], o->inverse[at]);
+      memcpy(o->P[node], G, sizeof o->P[node]);
+    }
+  }
+}
+
+/* Constant parts of the inputs with the current factors, O(nz^2) per stage instead of O(nz^3): of the QP without bounds, or
+ * of the step with the current residual and push. */
+static void rti_resolve(rti_work *o, int is_free)
+{
+#ifdef RTI_ROBUST
+  real rest[RTI_NU] = {0};
+#endif
+  for (int b = 0; b < RTI_SCENARIOS; ++b) {
+    const int end = b * (RTI_N + 1) + RTI_N;
+    real p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
+    if (is_free) memcpy(p, o->g[end], sizeof p);
+    else {
+      rti_row_entries(o->push, b, RTI_N, w);
+      rti_row_gradient(o->C[end], w, p);
+    }
+    for (int k = RTI_N - 1; k >= 0; --k) {
+      const int at = b * RTI_N + k, node = rti_node(at);
+      real q[RTI_W] = {0};
+      if (is_free) {
+        memcpy(q, o->g[node], sizeof q);
+        for (int i = 0; i < RTI_NX; ++i)
+          for (int l = 0; l < RTI_NX; ++l) p[i] += o->P[node + 1][i < l ? l : i][i < l ? i : l] * o->defect[at][l];
+      } else {
+        rti_row_entries(o->push, b, k, w);
+        rti_row_gradient(o->C[node], w, q);
+        for (int j = 0; j < RTI_NU; ++j) q[RTI_NX + j] += o->push[j][at] + o->residual[at][j];
+      }
+      rti_add_transposed(q, o->M[at], p);
+#ifdef RTI_ROBUST
+      for (int j = 0; j < RTI_NU && k == 0; ++j) q[RTI_NX + j] = rest[j] += q[RTI_NX + j];
+#endif
+      rti_eliminate_gradient(q, o->K[at], o->inverse[at], o->constant[at]);
+      memcpy(p, q, sizeof p);
+    }
+  }
+#ifdef RTI_ROBUST
+  rti_copy_feedback(o);
+#endif
+}
+
+/* The affine feedback that solves the QP without bounds. */
+static void rti_solve_free(rti_work *o)
+{
+  memset(o->weight, 0, sizeof o->weight);
+  memset(o->factored, 0, sizeof o->factored);
+  rti_factor(o, 1);
+  rti_resolve(o, 1);
+  o->is_free = 1;
 }
 
 /* Bounded quantities along z; with_constant adds their values at the plan. */
@@ -191,7 +254,7 @@ static void rti_free_trajectory(rti_work *o, const real *x0)
     for (int i = 0; i < RTI_NX; ++i) z[0][i] = x0[i] - o->x[0][i];
     for (int k = 0; k < RTI_N; ++k) {
       const int at = b * RTI_N + k;
-      rti_inputs(z[k], o->gain[at], o->offset[at]);
+      rti_inputs(z[k], o->K[at], o->constant[at]);
       memset(z[k + 1], 0, sizeof z[k + 1]);
       memcpy(z[k + 1], o->defect[at], sizeof o->defect[at]);
       rti_following(z[k + 1], o->M[at], z[k]);
@@ -213,11 +276,11 @@ static void rti_stiffnesses(rti_work *o)
       memcpy(Z, S, sizeof S);
       for (int j = 0; j < RTI_NU && k < RTI_N; ++j) {
         const int v = RTI_NX + j;
-        for (int l = 0; l < v; ++l) rti_add_row(Z[v], o->gain[stage][j][l], Z[l], v);
-        real own = o->compliance[stage][j];
+        for (int l = 0; l < v; ++l) rti_add_row(Z[v], o->K[stage][j][l], Z[l], v);
+        real own = o->inverse[stage][j];
         for (int l = 0; l < v; ++l) {
           Z[l][v] = Z[v][l];
-          own += o->gain[stage][j][l] * Z[v][l];
+          own += o->K[stage][j][l] * Z[v][l];
         }
         Z[v][v] = own;
         o->stiffness[j][stage] = own > 0 ? 1 / own : 0;
@@ -238,6 +301,12 @@ static void rti_stiffnesses(rti_work *o)
       }
       if (k == RTI_N) break;
       memset(S, 0, sizeof S);
+#ifdef RTI_VECTOR
+      /* whole rows, which registers take at once: M S by those of M' */
+      real transposed[RTI_NZ][RTI_W] = {{0}};
+      for (int i = 0; i < RTI_NX; ++i)
+        for (int m = 0; m < RTI_NZ; ++m) transposed[m][i] = o->M[stage][i][m];
+#endif
       for (int i = 0; i < RTI_NX; ++i) {
         real row[RTI_W] = {0};
         for (int m = 0; m < RTI_NZ; ++m) {
@@ -245,8 +314,11 @@ static void rti_stiffnesses(rti_work *o)
           /* many are zero, and a row in vector registers costs less than to ask */
           if (RTI_WIDE > 1 || a > 0 || a < 0) rti_add_row(row, a, Z[m], RTI_NZ);
         }
+#ifdef RTI_VECTOR
+        for (int m = 0; m < RTI_NZ; ++m) rti_add_row(S[i], row[m], transposed[m], RTI_NX);
+#else
         rti_following(S[i], o->M[stage], row);
-        for (int l = 0; l < i; ++l) S[l][i] = S[i][l];
+#endif
       }
     }
   }
@@ -292,77 +364,6 @@ static void rti_gradient(rti_work *o)
   }
 #ifdef RTI_ROBUST
   memcpy(o->residual[0], total, sizeof total);
-#endif
-}
-
-/* Factorize with the current weights, and solve for the step with the current residual and push. */
-static void rti_factor(rti_work *o)
-{
-#ifdef RTI_ROBUST
-  real sum[RTI_NZ][RTI_W], rest[RTI_W];
-#endif
-  for (int b = 0; b < RTI_SCENARIOS; ++b) {
-    real P[RTI_NZ][RTI_W], p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
-    const int end = b * (RTI_N + 1) + RTI_N;
-    memcpy(P, o->H[end], sizeof P);
-    rti_row_entries(o->weight, b, RTI_N, w);
-    rti_row_hessian(o->C[end], w, P);
-    rti_row_entries(o->push, b, RTI_N, w);
-    rti_row_gradient(o->C[end], w, p);
-    for (int k = RTI_N - 1; k >= 0; --k) {
-      const int at = b * RTI_N + k, node = rti_node(at);
-      real G[RTI_NZ][RTI_W], q[RTI_W] = {0};
-      memcpy(G, o->H[node], sizeof G);
-      rti_row_entries(o->weight, b, k, w);
-      rti_row_hessian(o->C[node], w, G);
-      rti_row_entries(o->push, b, k, w);
-      rti_row_gradient(o->C[node], w, q);
-      for (int j = 0; j < RTI_NU; ++j) {
-        G[RTI_NX + j][RTI_NX + j] += o->weight[j][at];
-        q[RTI_NX + j] += o->push[j][at] + o->residual[at][j];
-      }
-      rti_add_congruence(G, P, o->M[at]);
-      rti_add_transposed(q, o->M[at], p);
-#ifdef RTI_ROBUST
-      if (k == 0 && !rti_add_scenario(b, G, q, sum, rest)) break;
-#endif
-      rti_eliminate(G, o->K[at], o->inverse[at]);
-      rti_eliminate_gradient(q, o->K[at], o->inverse[at], o->constant[at]);
-      memcpy(P, G, sizeof P);
-      memcpy(p, q, sizeof p);
-    }
-  }
-#ifdef RTI_ROBUST
-  rti_copy_feedback(o->K, o->inverse, o->constant);
-#endif
-}
-
-/* Solve for the step with the current factors: O(nz^2) per stage instead of O(nz^3). */
-static void rti_resolve(rti_work *o)
-{
-#ifdef RTI_ROBUST
-  real rest[RTI_NU] = {0};
-#endif
-  for (int b = 0; b < RTI_SCENARIOS; ++b) {
-    real p[RTI_W] = {0}, w[RTI_SIZE(RTI_NC)];
-    rti_row_entries(o->push, b, RTI_N, w);
-    rti_row_gradient(o->C[b * (RTI_N + 1) + RTI_N], w, p);
-    for (int k = RTI_N - 1; k >= 0; --k) {
-      const int at = b * RTI_N + k;
-      real q[RTI_W] = {0};
-      rti_row_entries(o->push, b, k, w);
-      rti_row_gradient(o->C[rti_node(at)], w, q);
-      for (int j = 0; j < RTI_NU; ++j) q[RTI_NX + j] += o->push[j][at] + o->residual[at][j];
-      rti_add_transposed(q, o->M[at], p);
-#ifdef RTI_ROBUST
-      for (int j = 0; j < RTI_NU && k == 0; ++j) q[RTI_NX + j] = rest[j] += q[RTI_NX + j];
-#endif
-      rti_eliminate_gradient(q, o->K[at], o->inverse[at], o->constant[at]);
-      memcpy(p, q, sizeof p);
-    }
-  }
-#ifdef RTI_ROBUST
-  rti_copy_feedback(o->K, o->inverse, o->constant);
 #endif
 }
 

@@ -48,9 +48,13 @@ void supervisor_screen(supervisor_state *state, const supervisor_settings *o, re
     if (o->still[j] < 0 || !cg_finite(&y[j], 1)) continue;
     const real moved = y[j] - state->last[j];
     const int same = state->calls > 0 && moved <= o->still[j] && moved >= -o->still[j];
-    state->last[j] = y[j];
-    if (!same) state->path[j] = 0;
-    if (!supervisor_lasted(&state->still[j], same, o->window) || state->path[j] <= (real)SUPERVISOR_PATH) continue;
+    if (!same) {
+      state->last[j] = y[j]; /* from where it rests: many small steps are a motion */
+      state->path[j] = 0;
+    }
+    /* from the command's motion on, to which the reading of a finger at rest answers late */
+    const int unmoved = same && state->path[j] > (real)SUPERVISOR_PATH;
+    if (!supervisor_lasted(&state->still[j], unmoved, o->window + o->delay)) continue;
     y[j] = cg_nan();
     if (report->entry < 0) report->entry = j;
   }

@@ -12,7 +12,7 @@
  *  1 SUPERVISOR_MISMATCH       a sensor contradicts the model: mismatch > 2.5
  *  2 SUPERVISOR_DETUNED        the weight of the command's rate is raised, for a lasting mismatch with an active command
  *                              or for a drive that follows its command late
- *  3 SUPERVISOR_FROZEN         a reading has not moved for a window while the command did: missing until it moves
+ *  3 SUPERVISOR_FROZEN         a reading has not moved for a window and the delay while the command did: missing until it moves
  *  4 SUPERVISOR_TRIPPED        the command goes to the safe input and stays there
  *
  * reason of a trip             when
@@ -64,8 +64,8 @@ typedef struct {
 } supervisor_settings;
 
 typedef struct {
-  real last[SUPERVISOR_SIZE(CONTROLLER_NM)];
-  int still[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* calls for which a reading has not moved */
+  real last[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* readings that rest, or of the last call */
+  int still[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* calls for which a reading has not moved although the command has */
   real path[SUPERVISOR_SIZE(CONTROLLER_NM)];    /* of the command in the meantime, in `change` */
   real mismatch[CONTROLLER_NS + 1], activity;
   real echo[SUPERVISOR_SIZE(CONTROLLER_NS)];    /* of drives, over five windows */

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Iterable
 from importlib.resources import files
+from itertools import product
 from typing import NamedTuple
 
 import casadi as ca
@@ -216,7 +217,7 @@ def _row_functions(stages: Stages) -> str:
     for i, row in enumerate(entries):
         for j in row:
             hessian.append(f"  {{ const real a = C[{i}][{j}] * w[{i}];")
-            hessian += [f"    G[{j}][{k}] += a * C[{i}][{k}];" for k in row]
+            hessian += [f"    G[{j}][{k}] += a * C[{i}][{k}];" for k in row if k <= j]
             hessian.append("  }")
     rows = max(stages.nc, 1)
     functions = (
@@ -285,13 +286,15 @@ _MOST = 1500
 
 
 def jacobian_products(stages: Stages) -> str:
-    """Write ``rti_chain_rule`` and ``rti_add_congruence`` where they are short; otherwise the templates have loops.
+    """Write ``rti_chain_rule`` and ``rti_congruence`` where they are short; otherwise the templates have loops.
 
     Not for vector lanes, where loops over whole rows are faster.
     """
     rate, driven = (_nonzeros(stages.step, output) for output in (1, 2))
     reached = _reached(stages)
-    return _chain(rate, driven, reached) + _carry(reached)
+    hessian, inputs = _nonzeros(stages.cost, 2), range(stages.nx, stages.nx + stages.nu)
+    hessian[inputs, inputs] = True  # by the regularization
+    return _chain(rate, driven, reached) + _carry(reached, hessian)
 
 
 _BLOCK = 4
@@ -299,7 +302,7 @@ _BLOCK = 4
 
 
 def row_products(stages: Stages) -> str:
-    """Write ``rti_add_congruence`` for vector lanes: by blocks of rows, without those that are structurally zero.
+    """Write ``rti_congruence`` for vector lanes: by blocks of rows, without those that are structurally zero.
 
     Loops over whole rows, which the template has, take four times as long where a row has 16 numbers (gcc 12 unrolls
     them before it vectorizes), and twice as long for drives, whose states follow from few others.
@@ -307,19 +310,29 @@ def row_products(stages: Stages) -> str:
     nx = stages.nx
     reached, blocks = _reached(stages), -(-(nx + stages.nu) // _BLOCK)
     used = [[b for b in range(blocks) if row[b * _BLOCK : (b + 1) * _BLOCK].any()] for row in reached]
-    lines = ["  real PM[RTI_NX][RTI_W];", "  for (int i = 0; i < RTI_NX; ++i) {"]
-    for b in range(blocks):
-        terms = [f"P[i][{q}] * M[{q}][{b * _BLOCK} + l]" for q in range(nx) if b in used[q]]
-        lines.append(f"    for (int l = 0; l < {_BLOCK}; ++l) PM[i][{b * _BLOCK} + l] = {' + '.join(terms) or '0'};")
-    lines.append("  }")
-    for j, column in enumerate(reached.T):
-        # The lower triangle is all that is read.
-        for b in range(j // _BLOCK + 1):
-            terms = [f"M[{i}][{j}] * PM[{i}][{b * _BLOCK} + l]" for i in np.flatnonzero(column)]
-            if terms:
-                lines.append(f"  for (int l = 0; l < {_BLOCK}; ++l) G[{j}][{b * _BLOCK} + l] += {' + '.join(terms)};")
-    head = "static inline void rti_add_congruence(real (*G)[RTI_W], real (*P)[RTI_W], real (*M)[RTI_W])"
-    return _function("RTI_UNROLLED_CONGRUENCE", head, "", lines)
+    taken = "*(const block *)({} + {})".format
+    # Of the lower triangle; behind it sums of whole rows go on.
+    lower = {(j, b) for j, column in enumerate(reached.T) for b in range(j // _BLOCK + 1) if column.any()}
+    size = f"vector_size({_BLOCK} * sizeof(real)), aligned(sizeof(real)), may_alias"
+    lines = [f"  typedef real block __attribute__(({size}));"]
+    lines += [f"  block g{j}_{b} = {taken(f'H[{j}]', b * _BLOCK)};" for j, b in sorted(lower)]
+    for i in range(nx):
+        lines.append("  {")
+        for b in range(blocks):
+            own = [q for q in range(nx) if b in used[q]]
+            terms = [f"P[{max(i, q)}][{min(i, q)}] * {taken(f'M[{q}]', b * _BLOCK)}" for q in own]
+            lines.append(f"    const block m{b} = {' + '.join(terms) or '{0}'};")
+        lines += [f"    g{j}_{b} += M[{i}][{j}] * m{b};" for j, b in sorted(lower) if reached[i, j]]
+        lines.append("  }")
+    for j, b in product(range(reached.shape[1]), range(blocks)):
+        value = f"g{j}_{b}" if (j, b) in lower else taken(f"H[{j}]", b * _BLOCK)
+        lines.append(f"  *(block *)(G[{j}] + {b * _BLOCK}) = {value};")
+    return _function("RTI_UNROLLED_CONGRUENCE", _CONGRUENCE, "", lines)
+
+
+_CONGRUENCE = (
+    "static inline void rti_congruence(real (*G)[RTI_W], real (*H)[RTI_W], real (*P)[RTI_W], real (*M)[RTI_W])"
+)
 
 
 def _reached(stages: Stages) -> Pattern:
@@ -351,24 +364,22 @@ def _chain(rate: Pattern, driven: Pattern, reached: Pattern) -> str:
     return _function("RTI_UNROLLED_CHAIN_RULE", head, "AB", lines) if count <= _MOST else ""
 
 
-def _carry(reached: Pattern) -> str:
-    """G += M' P M, its lower triangle."""
+def _carry(reached: Pattern, hessian: Pattern) -> str:
+    """G = H + M' P M, its lower triangle."""
     lines: list[str] = []
     count, rows = 0, [np.flatnonzero(column) for column in reached.T]
     for j, own in enumerate(rows):
-        if not len(own):
-            continue
-        needed = sorted({i for row in rows[: j + 1] for i in row})
+        needed = sorted({i for row in rows[: j + 1] for i in row}) if len(own) else []
         lines.append("  {")
         for i in needed:
-            lines.append(f"    const real v{i} = {' + '.join(f'P[{i}][{q}] * M[{q}][{j}]' for q in own)};")
+            terms = [f"P[{max(i, q)}][{min(i, q)}] * M[{q}][{j}]" for q in own]
+            lines.append(f"    const real v{i} = {' + '.join(terms)};")
         for k, row in enumerate(rows[: j + 1]):
-            if len(row):
-                lines.append(f"    G[{j}][{k}] += {' + '.join(f'M[{i}][{k}] * v{i}' for i in row)};")
+            terms = [f"H[{j}][{k}]"] * bool(hessian[j, k]) + [f"M[{i}][{k}] * v{i}" for i in row] * bool(needed)
+            lines.append(f"    G[{j}][{k}] = {' + '.join(terms) or '0'};")
         lines.append("  }")
-        count += len(needed) * len(own) + sum(len(row) for row in rows[: j + 1])
-    head = "static inline void rti_add_congruence(real (*G)[RTI_W], real (*P)[RTI_W], real (*M)[RTI_W])"
-    return _function("RTI_UNROLLED_CONGRUENCE", head, "", lines) if count <= _MOST else ""
+        count += len(needed) * len(own) + sum(len(row) for row in rows[: j + 1]) * bool(needed)
+    return _function("RTI_UNROLLED_CONGRUENCE", _CONGRUENCE, "", lines) if count <= _MOST else ""
 
 
 def _function(flag: str, head: str, unused: Iterable[str], lines: list[str]) -> str:
