@@ -178,8 +178,6 @@ def commands(folder: Path) -> Iterator[tuple[str, list[str | Path]]]:
             if kind == "identify":
                 job += ["--data", data / DATA[config.stem] if config.stem in DATA else folder]
             yield f"{kind}/{config.stem}", job
-            if config.stem == "pulse":
-                yield "control/pulse compared", [*job, "--compare"]
             if kind == "mission":
                 yield f"mission/{config.stem} trials", [*job, "--trials", "3", "--jobs", "1"]
             if kind == "simulate":

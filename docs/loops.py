@@ -1,4 +1,4 @@
-"""Figures and picture of mpc.md: ``python docs/loops.py`` in the root of the repository; slower with ``--compare``."""
+"""Figures and picture of mpc.md: ``python docs/loops.py`` in the root of the repository."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 import continuum_grasp as cg
-from continuum_grasp.closed_loop.converged import compared
 from continuum_grasp.closed_loop.result import ControlRun
 from continuum_grasp.closed_loop.run import run_closed_loop
 from continuum_grasp.plotting.control import plot_control_path, plot_inputs
@@ -37,7 +36,6 @@ def figures(name: str, run: ControlRun) -> str:
 def main() -> None:
     """Run, print, draw."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--compare", action="store_true", help="also the controller that converges: minutes")
     parser.add_argument("--scenes", nargs="*", default=sorted(path.stem for path in FOLDER.glob("*.yaml")))
     asked = parser.parse_args()
     runs = {}
@@ -54,9 +52,6 @@ def main() -> None:
                         figures(" ".join(changes), run_closed_loop(cg.load(FOLDER / f"{name}.yaml", changes))),
                         flush=True,
                     )
-        if asked.compare:
-            exact = compared(cg.load(FOLDER / f"{name}.yaml"))
-            print(name, {key: run.metrics().cost for key, run in exact.items()}, flush=True)
     if set(DRAWN) <= set(runs):
         figure = new_figure(12.0, 8.4)
         for k, name in enumerate(DRAWN):

@@ -134,7 +134,6 @@ DRIVES = {
     "winches": (_WINCH, {"lengths": (-0.012, 0.012)}),
     "pulley": ({**_WINCH, "arrangement": "one_pulley"}, {"lengths": (-0.012, 0.012)}),
     "torques": (_MOTOR, {}),
-    "currents": ({**_MOTOR, "torque_constant": 0.02}, {}),
     "servos": ({**_MOTOR, **_SERVO}, {"angles": (-1.0, 1.5)}),
     "servo": ({**_MOTOR, **_SERVO, "arrangement": "one_pulley"}, {"angles": (-1.5, 1.5)}),
     "geared": ({**_MOTOR, "arrangement": "one_pulley", "backlash": 0.02, "gear_stiffness": 20.0}, {}),
@@ -147,8 +146,7 @@ def driven_scene(name, *, tendons=None, controller=None, **changes) -> ControlSc
     drive, limits = DRIVES[name]
     asked = {
         "horizon": {"stages": 20, "stage": 0.01},
-        # A current weighs what its torque does.
-        "cost": {"tip": 2e4, "speed": 0.02, "input_rate": drive.get("torque_constant", 1.0) ** 2},
+        "cost": {"tip": 2e4, "speed": 0.02, "input_rate": 1.0},
         "input": limits,
     }
     given = {

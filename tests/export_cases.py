@@ -40,9 +40,8 @@ PULLEY = {
     "finger.tendons.drive.gear_stiffness": 8.0,
     "finger.tendons.drive.position_gain": None,
     "finger.tendons.drive.rate_gain": 0.0,
-    "finger.tendons.drive.torque_constant": 0.02,
     "parameters": ["tendon_offset", "tip_mass"],
-    "actuation": {"currents": [0.0]},
+    "actuation": {"torques": [0.0]},
 }
 """Winches whose speed is limited, and a motor with dry friction and a gear with play on one pulley."""
 SUBSTEPS = {"friction": 12, "winches": 16, "motor": 16}

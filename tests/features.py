@@ -292,7 +292,6 @@ VERBS = (
         products.moved,
         {"plant": {"guides": 12, "axial_stiffness": 1e4}},
     ),
-    _verb("mpc --compare", ControlScene, products.converged, "mpc --compare, NMPC to convergence"),
     _verb("environments", ControlScene, products.lanes, "environments"),
     _verb("plan", PlanScene, _sought),
     _verb("grasp, sweep, design", GraspScene, _problem),

@@ -196,18 +196,14 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
             "actuation": {"angles": [0.1]},
         },
     ),
-    **{
-        f"motor, {key}": (
-            "motor_pulley",
-            {
-                "finger.tendons.drive.position_gain": None,
-                "finger.tendons.drive.rate_gain": 0.0,
-                "finger.tendons.drive.torque_constant": constant,
-                "actuation": {key: [0.01]},
-            },
-        )
-        for key, constant in (("torques", None), ("currents", 0.02))
-    },
+    "motor, torques": (
+        "motor_pulley",
+        {
+            "finger.tendons.drive.position_gain": None,
+            "finger.tendons.drive.rate_gain": 0.0,
+            "actuation": {"torques": [0.01]},
+        },
+    ),
 }
 _MOUNTING = {
     "camera": {"position": (0.008, -0.005), "angle": 0.1, "scale": 1.05, "mirrored": True},
@@ -279,21 +275,17 @@ _LOOPS: dict[str, tuple[str, dict[str, Any]]] = {
             "estimator.spread.object_position": 0.003,
         },
     ),
-    **{
-        f"motor, {key}": (
-            "motor_servo",
-            {
-                "finger.tendons.drive.position_gain": None,
-                "finger.tendons.drive.rate_gain": 0.0,
-                "finger.tendons.drive.torque_constant": constant,
-                f"controller.input.{key}": [-0.2, 0.2],
-                "loads": [],
-                "controller.input.angles": None,
-                f"estimator.measured.{key.removesuffix('s')}": 0.001,
-            },
-        )
-        for key, constant in (("torques", None), ("currents", 0.02))
-    },
+    "motor, torques": (
+        "motor_servo",
+        {
+            "finger.tendons.drive.position_gain": None,
+            "finger.tendons.drive.rate_gain": 0.0,
+            "controller.input.torques": [-0.2, 0.2],
+            "loads": [],
+            "controller.input.angles": None,
+            "estimator.measured.torque": 0.001,
+        },
+    ),
 }
 _TRACKED = {"tip": [0.0, 0.15]}
 _MOTOR = {
@@ -350,7 +342,6 @@ _PLANS: dict[str, tuple[str, dict[str, Any]]] = {
         for key, own in (
             ("angles", {"position_gain": 2.0, "rate_gain": 0.02}),
             ("torques", {}),
-            ("currents", {"torque_constant": 0.02}),
         )
     },
 }

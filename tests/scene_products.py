@@ -20,9 +20,7 @@ from continuum_grasp.accuracy.truth import load_cases
 from continuum_grasp.closed_loop.chain_system import ChainSystem
 from continuum_grasp.closed_loop.plant import Sensors
 from continuum_grasp.closed_loop.plant_model import PlantModel
-from continuum_grasp.control.ocp.cost_terms import Outputs
-from continuum_grasp.control.ocp.scene_problem import stages_of
-from continuum_grasp.control.ocp.setpoints import Setpoints, setpoints
+from continuum_grasp.control.ocp.setpoints import Setpoints
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.environments import sensing
 from continuum_grasp.environments.plants import plants_of
@@ -186,15 +184,6 @@ def run(scene: ControlScene) -> Iterator[object]:
     """What mpc runs."""
     yield from loop(scene)
     yield from moved(scene)
-
-
-def converged(scene: ControlScene) -> Iterator[object]:
-    """The problem that NMPC solves to convergence, given the state, and what it moves."""
-    known = scene.model_copy(update={"estimator": None})
-    model = Prediction(known)
-    yield stages_of(known, model)
-    yield setpoints(Outputs.of(known.controller.cost, model), known.reference)
-    yield from moved(known)
 
 
 def units_of_loop(scene: ControlScene) -> Iterator[object]:
@@ -375,7 +364,6 @@ WALKS = (
     Walk("environments", ControlScene, lanes),
     Walk("export to c of closed loops", ControlScene, loop),
     Walk("mpc", ControlScene, run),
-    Walk("mpc --compare, NMPC to convergence", ControlScene, converged),
     Walk("export to fmu", ControlScene, units_of_loop),
     Walk("export to web", ControlScene, page_of_loop),
     # Plans touch fixed objects alone, and a fixed object has neither.

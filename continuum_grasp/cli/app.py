@@ -25,6 +25,12 @@ _UsageError: Any = typer.BadParameter.__bases__[0]
 """Class of click, of which typer has a copy."""
 
 
+_GONE = {
+    "--compare": "give --set fidelity.family=arc, or --set controller.sqp_iterations=20, and compare two runs",
+}
+"""Options that verbs had once, and what to write instead."""
+
+
 @contextmanager
 def _one_line() -> Iterator[None]:
     """Print what is wrong with options like all other errors."""
@@ -34,6 +40,7 @@ def _one_line() -> Iterator[None]:
         if type(error).__name__ == "NoArgsIsHelpError":
             raise
         text = error.format_message().rstrip(".")
+        text += "".join(f": {instead}" for gone, instead in _GONE.items() if gone == getattr(error, "option_name", ""))
         where = "" if error.ctx is None else f"; see {error.ctx.command_path} --help"
         typer.echo(f"error: {text[0].lower()}{text[1:]}{where}", err=True)
         raise typer.Exit(BAD_INPUT) from None

@@ -45,7 +45,6 @@ def identify(
 
     Exit status 1 where the data cannot be those of this finger, or no experiment shows one of the unknowns.
     """
-    from continuum_grasp.cli.alone import DESIGN
     from continuum_grasp.scene.identify import IdentifyScene
     from continuum_grasp.scene.load import load
 
@@ -54,9 +53,9 @@ def identify(
         raise InputError(
             "expected a scene with parameters to estimate: [{name: ...}] and data", file=str(output.config)
         )
-    if design:
-        DESIGN.check(scene, of={"--apply": bool(apply)})
-    elif not scene.estimate:
+    if design and apply:
+        raise InputError("has no effect on --design", key="--apply")
+    if not design and not scene.estimate:
         compared(scene, data, replace(output, verb="compare"))
         return
     targets = _targets(apply or ())

@@ -12,7 +12,6 @@ from continuum_grasp.cli.output import FAILED, Output
 from continuum_grasp.errors import InputError, Interrupted
 
 if TYPE_CHECKING:
-    from continuum_grasp.closed_loop.result import ControlRun
     from continuum_grasp.grasp.result import GraspResult
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.mission import MissionScene
@@ -24,9 +23,6 @@ _SHOWN = 10
 @verb("config", "out", "changes", "animation", "pictures", "as_json", "quiet", "verbose")
 def mpc(
     output: Output,
-    compare: bool = option(
-        "Run the same with the paper's two arcs, and with NMPC solved to convergence.", default=False
-    ),
     seed: int | None = option("Seed of the noise (default: as in the configuration).", metavar="N"),
     trials: str | None = option(
         "Carry a mission out on N plants that differ at random (all: as many as it says).", metavar="N|all"
@@ -38,7 +34,6 @@ def mpc(
     Exit status 1 if the supervisor tripped, or a setpoint that stood was missed. A mission (its configuration has a
     grasp) takes an object from approach to release; exit status 1 if it is dropped, or not let go in the end.
     """
-    from continuum_grasp.cli.alone import LOOPS, MISSIONS, TRIALS
     from continuum_grasp.scene.control import ControlScene
     from continuum_grasp.scene.load import load, other_kind
     from continuum_grasp.scene.mission import MissionScene
@@ -50,30 +45,25 @@ def mpc(
         raise InputError("a closed loop needs a duration [s]", file=str(output.config), key="duration")
     output.check_folder()
     if isinstance(scene, MissionScene):
-        MISSIONS.check(scene, of={"--compare": compare})
         if trials is None:
             _carry_out(scene, output)
         else:
-            TRIALS.check(scene, of={"--animate": bool(output.animation)})
+            if output.animation is not None:
+                raise InputError("is for one mission, not for --trials", key="--animate")
             _try_out(scene, jobs, output)
         return
-    LOOPS.check(scene, of={"--trials": trials is not None})
-    _control(scene, compare, output)
+    if trials is not None:
+        raise InputError("is for missions", key="--trials")
+    _control(scene, output)
 
 
-def _control(scene: ControlScene, compare: bool, output: Output) -> None:
+def _control(scene: ControlScene, output: Output) -> None:
     """Run a closed loop: saves it, prints how well it went, draws it; exit status 1 if it ended badly."""
     from continuum_grasp.closed_loop.run import run_closed_loop
 
     with output.computing("controlling") as report:
         run = run_closed_loop(scene, progress=report)
     files = output.save(run)
-    others: dict[str, ControlRun] = {}
-    if compare:
-        from continuum_grasp.closed_loop.converged import compared
-
-        with output.busy("comparing") as report:
-            others = compared(scene, progress=report)
     found = run.metrics()
     output.warn(run.warnings)
     output.pairs({"status": run.outcome, "time": f"{run.t[-1]:g} s in {len(run.u)} periods of {1e3 * run.period:g} ms"})
@@ -81,13 +71,8 @@ def _control(scene: ControlScene, compare: bool, output: Output) -> None:
     output.table(*found.rows())
     output.say("")
     output.pairs(found.pairs())
-    if others:
-        output.say("")
-        output.table(*_comparison({"this controller": run, **others}))
     output.pairs(output.saved_in(files))
-    metrics = {name: asdict(other.metrics()) for name, other in others.items()}
-    values = {"duration": run.t[-1], "metrics": asdict(found), "compared": metrics}
-    output.conclude(run, files, status=run.outcome, **values)
+    output.conclude(run, files, status=run.outcome, duration=run.t[-1], metrics=asdict(found))
     if run.outcome != "finished":
         raise typer.Exit(FAILED)
 
@@ -102,21 +87,6 @@ def _settings(seed: int | None, trials: str | None) -> list[str]:
             raise InputError(f"expected a number or all, got {trials!r}", key="--trials")
         found.append(f"trials.count={trials}")
     return found
-
-
-def _comparison(runs: dict[str, ControlRun]) -> list[tuple[str, ...]]:
-    """A heading, and one line per controller."""
-    rows: list[tuple[str, ...]] = []
-    for name, run in runs.items():
-        found = run.metrics()
-        first = found.tracking[0]
-        total = 1e6 * float(run.phase_times.sum(axis=1).mean()) if run.phase_times.size else 0.0
-        if not rows:
-            rows.append(("controller", "cost", *(f"{of} [1e-3 {first.unit}]" for of in ("r.m.s.", "final"))))
-            rows[0] += ("mean time [us]",)
-        values = (f"{found.cost:.5g}", f"{1e3 * first.rms:.3g}", f"{1e3 * first.final:.3g}", f"{total:.4g}")
-        rows.append((name, *values))
-    return rows
 
 
 def _carry_out(scene: MissionScene, output: Output) -> None:

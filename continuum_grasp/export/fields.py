@@ -75,8 +75,8 @@ REALS = {
 }
 
 
-_LINE = 115
-"""Characters of a comment's line in the header, which is as wide as the sources of this package."""
+LINE = 118
+"""Characters of a line in the header, which is as wide as the sources of this package."""
 
 
 REACH = 1e3
@@ -157,7 +157,7 @@ class Struct:
         rows = [(f"  {prefix}_real {f.name}{''.join(f'[{n}]' for n in f.shape)};", _comment(f)) for f in self.fields]
         width = max(len(code) for code, _ in rows)
         lines = "\n".join(f"{code:<{width}}  {comment}" for code, comment in rows)
-        text = "\n".join(textwrap.wrap(self.text, _LINE, initial_indent="/* ", subsequent_indent="   "))
+        text = "\n".join(textwrap.wrap(self.text, LINE - 3, initial_indent="/* ", subsequent_indent="   "))
         return f"{text} */\ntypedef struct {{\n{lines}\n}} {prefix}_{self.name};\n"
 
     @property

@@ -10,15 +10,12 @@ from functools import cached_property
 
 from continuum_grasp import __version__
 from continuum_grasp.core.source import filled
-from continuum_grasp.export.fields import Struct, each_once
+from continuum_grasp.export.fields import LINE, Struct, each_once
 from continuum_grasp.export.kernel import Kernel
 from continuum_grasp.export.part import Call, Code, Part, Stateful
 from continuum_grasp.export.strict_math import c_source
 from continuum_grasp.export.subject import Subject
 from continuum_grasp.export.template import fill
-
-_LINE = 118
-"""Characters of a line in the header, which is as wide as the sources of this package."""
 
 _OF_EVERY_FUNCTION = (
     Code.OK,
@@ -96,7 +93,7 @@ def _prototype(call: Call, prefix: str) -> str:
     mark = len(f"{prefix.upper()}_API ")
     for k, declared in enumerate(arguments):
         text = declared + (", " if k < len(arguments) - 1 else ")")
-        if mark + len(head) + len(lines[-1]) + len(text) > _LINE:
+        if mark + len(head) + len(lines[-1]) + len(text) > LINE:
             lines.append("")
         lines[-1] += text
     return head + f"\n{' ' * (mark + len(head))}".join(line.rstrip() for line in lines)
@@ -155,7 +152,7 @@ def _begun(contents: Contents) -> list[Struct]:
 def _documented(call: Call, prefix: str) -> str:
     said = [f"{prefix.upper()}_{code.name}" for code in call.codes]
     own = f" Beyond the codes of every function: {', '.join(said)}." if said else ""
-    text = "\n".join(textwrap.wrap(call.text + own, _LINE - 6, initial_indent="/* ", subsequent_indent="   "))
+    text = "\n".join(textwrap.wrap(call.text + own, LINE - 6, initial_indent="/* ", subsequent_indent="   "))
     return f"{text} */\n{prefix.upper()}_API {_prototype(call, prefix)};\n"
 
 

@@ -98,7 +98,7 @@ def _object_fields(labels: Sequence[str], reach: float) -> tuple[Field, ...]:
 
 
 def _usual_drive(model: FingerModel, name: str) -> float | None:
-    """Size of usual tensions, pressures, lengths, angles, torques and currents; None of something else."""
+    """Size of usual tensions, pressures, lengths, angles and torques; None of something else."""
     match = re.fullmatch(_DRIVE, name)
     if match is None:
         return None
@@ -108,7 +108,7 @@ def _usual_drive(model: FingerModel, name: str) -> float | None:
         usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
         return min(max(-least, most), usual_moment / abs(channel.gain * arm))
     winch = model.structure.winches[number]
-    if kind in ("torque", "current"):
+    if kind == "torque":
         return winch.drive.limit if math.isfinite(winch.drive.limit) else None
     tendon = model.finger.tendon_list[winch.tendons[0]]
     bend = tendon.greatest_offset * sum(model.ranges)
@@ -116,7 +116,7 @@ def _usual_drive(model: FingerModel, name: str) -> float | None:
 
 
 def input_fields(model: FingerModel) -> tuple[Field, ...]:
-    """Entries of the input: tensions from zero on, up to the greatest; pressures, torques and currents in theirs."""
+    """Entries of the input: tensions from zero on, up to the greatest; pressures and torques in theirs."""
     usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
     found = []
     for field in _fields(model, model.u_names):
@@ -301,7 +301,7 @@ def _of_curvature(
     return use, text, {"state" if at < count else "input": note for at in acting}, {}
 
 
-_DRIVE = r"(tension|pressure|length|motor_angle|torque|current|angle)_(\d+)"
+_DRIVE = r"(tension|pressure|length|motor_angle|torque|angle)_(\d+)"
 
 
 def _pulled(model: FingerModel, drive: re.Match[str]) -> Pull:

@@ -130,7 +130,6 @@ def _drives(result: GraspResult, finger: str) -> list[str]:
         else:
             text += f"at {drive.position:.4f} rad, holds {1e3 * drive.torque:.4g} mN m, reached with "
             text += f"{1e3 * drive.torque_to_reach:.4g} mN m"
-            text += "" if np.isnan(drive.current) else f", {drive.current:.4g} A"
         own = [side for side in drive.tendons if side in slack]
         lines.append(text + (f"; {' and '.join(own)} slack" if own else ""))
     held = result.arrays.get(f"held.{finger}.tensions")
@@ -300,8 +299,7 @@ def _drive(drive: DriveState) -> dict[str, Any]:
     if np.isnan(drive.torque):
         return {**found, "wound_up_m": drive.position}
     found |= {"motor_angle_rad": drive.position, "torque_N_m": drive.torque}
-    found["torque_to_reach_N_m"] = drive.torque_to_reach
-    return found if np.isnan(drive.current) else {**found, "current_A": drive.current}
+    return {**found, "torque_to_reach_N_m": drive.torque_to_reach}
 
 
 def _contact(contact: Contact) -> dict[str, Any]:

@@ -23,7 +23,6 @@ UNIT_OF = {
     "length": "m",
     "motor_angle": "rad",
     "torque": "N m",
-    "current": "A",
     "frequency": "Hz",
     "decay_rate": "1/s",
 }
@@ -45,9 +44,9 @@ class Reading:
 
     Attributes
     ----------
-    quantity : {"x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "current", ...}
+    quantity : {"x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", ...}
         World position [m], angle of the section in the world [rad], angle between base and section [rad]; tension at
-        the drive [N]; cable wound up [m]; angle [rad], torque [N m] and current [A] of a motor; "frequency" [Hz] and
+        the drive [N]; cable wound up [m]; angle [rad] and torque [N m] of a motor; "frequency" [Hz] and
         "decay_rate" [1/s] of the amplitude of a free vibration that is damped.
     values : (R,) array_like
     at : float, optional

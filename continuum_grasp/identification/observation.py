@@ -80,11 +80,8 @@ def _along(model: FingerModel, one: Reading, q: ca.SX, u: ca.SX, p: ca.SX, offse
     return model.orientation(q, u, s, p) - base
 
 
-_MOTORS = " ".join(f"data.measured.quantity={name}" for name in ("motor_angle", "torque", "current"))
-_OF_MOTORS = (
-    needs("identify", _MOTORS, "kind=motor", "is that of a motor: this drive has another kind"),
-    needs("identify", "data.measured.quantity=current", "torque_constant", "needs drive.torque_constant, or a torque"),
-)
+_MOTORS = " ".join(f"data.measured.quantity={name}" for name in ("motor_angle", "torque"))
+_OF_MOTORS = needs("identify", _MOTORS, "kind=motor", "is that of a motor: this drive has another kind")
 
 
 def _at_drive(model: FingerModel, one: Reading, u: ca.SX, tensions: ca.SX, states: ca.SX) -> ca.SX:
@@ -99,13 +96,10 @@ def _at_drive(model: FingerModel, one: Reading, u: ca.SX, tensions: ca.SX, state
     winch, own = winches[number], states[start : start + winches[number].states]
     if one.quantity == "length":
         return winch.radius * own[0]
-    for each in _OF_MOTORS:
-        each.check(winch.drive, of={f"data.measured.quantity={one.quantity}": "measured"})
+    _OF_MOTORS.check(winch.drive, of={f"data.measured.quantity={one.quantity}": "measured"})
     if one.quantity == "motor_angle":
         return own[0]
-    motor = cast(Motor, winch)
-    torque = ca.SX(motor.torque(u[number], own[0], own[1]))
-    return torque if one.quantity == "torque" else torque / cast(float, motor.drive.torque_constant)
+    return ca.SX(cast(Motor, winch).torque(u[number], own[0], own[1]))
 
 
 def check_tensions(model: FingerModel, readings: Sequence[Reading], name: str) -> None:

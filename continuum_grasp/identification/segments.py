@@ -95,10 +95,10 @@ def base_of(scene: Scene) -> Array:
     base = np.zeros(len(finger.input_keys))
     if key == "tensions":
         base[: len(tendons)] = [max(one.min_tension, _BASE * one.max_tension) for one in tendons]
-    if key in ("torques", "currents") and finger.winches[0].arrangement == "per_tendon":
+    if key == "torques" and finger.winches[0].arrangement == "per_tendon":
         for k, drive in enumerate(finger.winches):
             if isinstance(drive, MotorDrive):
-                base[k] = _BASE * tendons[k].max_tension * drive.winch_radius / (drive.torque_constant or 1.0)
+                base[k] = _BASE * tendons[k].max_tension * drive.winch_radius
     return base
 
 
@@ -136,7 +136,7 @@ def _patterns_of_drives(scene: Scene) -> list[Pattern]:
         return [Pattern(name, np.array([way]), cable) for name, way in directions.items()]
     # Those on the other side pay out what their path takes: they stay as taut as they are.
     bent = finger.rod.stiffness / (finger.rod.length * offset)
-    paid = 0.0 if key in ("torques", "currents") else offset / (offset + bent / float(winches[0].stiffness))
+    paid = 0.0 if key == "torques" else offset / (offset + bent / float(winches[0].stiffness))
     return _of_sides(sides, directions, paid, cable)
 
 

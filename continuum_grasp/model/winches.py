@@ -264,7 +264,7 @@ class Motor(Winch):
         if drive.position_gain is not None:
             wanted = drive.position_gain * (command - angle) - drive.rate_gain * rate
         else:
-            wanted = command if drive.torque_constant is None else drive.torque_constant * command
+            wanted = command
         return ca.fmin(ca.fmax(wanted, -drive.torque_max), drive.torque_max)
 
     def balance(
@@ -307,8 +307,7 @@ class Motor(Winch):
         if least > most * (1.0 + _ROUNDING) or greatest < -most * (1.0 + _ROUNDING):
             return math.nan, math.nan
         if drive.position_gain is None:
-            scale = drive.torque_constant or 1.0
-            return max(least, -most) / scale, min(greatest, most) / scale
+            return max(least, -most), min(greatest, most)
         angle = float(states[0])
         return (
             angle + least / drive.position_gain if least > -most else -math.inf,

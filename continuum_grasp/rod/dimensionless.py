@@ -188,7 +188,7 @@ def _tendons(
     return found
 
 
-_SERVOS = "the exact rod knows torques and currents of motors, one per tendon: give family and elements"
+_SERVOS = "the exact rod knows torques of motors, one per tendon: give family and elements"
 _MOTORS = beside(
     "accuracy of motors",
     lambda s: any(d.kind == "motor" and (d.arrangement == "one_pulley" or d.position_gain) for d in s.finger.winches),
@@ -205,8 +205,7 @@ def _wound(scene: Scene, commands: Sequence[float]) -> tuple[list[float] | None,
     motors = [drive for drive in drives if isinstance(drive, MotorDrive)]
     if motors:
         _MOTORS.check(scene)
-        torques = [value * (drive.torque_constant or 1.0) for value, drive in zip(commands, motors, strict=True)]
-        return [max(torque / drive.winch_radius, 0.0) for torque, drive in zip(torques, motors, strict=True)], None
+        return [max(torque / drive.winch_radius, 0.0) for torque, drive in zip(commands, motors, strict=True)], None
     starts = []
     for tendon, drive in zip(tendons, [drives[0]] * 2 if pulley else drives, strict=True):
         length = finger.rod.length if tendon.to is None else tendon.to

@@ -38,7 +38,7 @@ _OF_SCENARIOS = {
 def _late(scene: ControlScene) -> bool:
     """Whether commanded torques stand in for measured ones, and are not as old as the angles of the motors."""
     of = scene.estimator
-    return bool(of and of.measured.angle and of.delay and not (of.measured.torque or of.measured.current))
+    return bool(of and of.measured.angle and of.delay and not of.measured.torque)
 
 
 def _blurred(scene: ControlScene) -> bool:
@@ -84,7 +84,7 @@ _TENSION = "estimator.measured.tension"
 _SHARE, _STIFFNESS = "estimator.disturbances.contact_friction", "estimator.adapt.bending_stiffness"
 _TOUCHING = f"controller.cost.contact_force controller.cost.gap {_POSITION} {_SHARE}"
 _POSE = "controller.cost.object_position controller.cost.object_angle estimator.measured.object"
-_OF_MOTORS = "estimator.measured.angle estimator.measured.torque estimator.measured.current"
+_OF_MOTORS = "estimator.measured.angle estimator.measured.torque"
 _EXACT = "needs an estimator: the controller is given the exact state at once"
 _COMMAND = "needs a lag; without one the tension is the command itself"
 _SET, _COMMANDED = "has no effect where the tension is commanded", "is that of commanded tensions"
@@ -99,7 +99,7 @@ _HIDDEN = "sees nothing through a gear with backlash, whose drum is not measured
 _PLACED = "needs estimator.measured.length or estimator.measured.angle of drives, whose tension a contact changes"
 _PULLED = "needs estimator.measured.tension of winches"
 _BLURRED = "needs tendon_friction: 0 where tendons have different coefficients"
-_OLD = "needs estimator.measured.torque or current with a delay: a commanded torque is not as old as the angle"
+_OLD = "needs estimator.measured.torque with a delay: a commanded torque is not as old as the angle"
 _PRESSURE, _BY_TENDONS = "estimator.measured.pressure", "plant.drive_order estimator.measured.tension"
 _CHAMBERS = "is of tendons: pressures follow by a lag of first order, and estimator.measured.pressure sees them"
 _COMMANDED_PRESSURE = "needs finger.pressure with a time_constant: a pressure without one is the command itself"
@@ -134,7 +134,6 @@ _LOOPS = (
     needs("mpc", _SHARE, "contact_law.friction"),
     needs("mpc", "estimator.measured.length", f"{_DRIVE}.kind=length"),
     needs("mpc", _OF_MOTORS, f"{_DRIVE}.kind=motor"),
-    needs("mpc", "estimator.measured.current", f"{_DRIVE}.torque_constant"),
     needs("mpc", _scenarios(*_SLIDING), "finger.tendons.friction", _STATELESS),
     excludes("mpc", "plant.time_constant", _DRIVE, _COMMANDED),
     excludes("mpc", "plant.presliding plant.fidelity", "plant.guides", "a chain of guides has no use for it"),

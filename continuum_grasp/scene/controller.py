@@ -122,8 +122,6 @@ class InputLimits(Value):
     torques: Annotated[Interval, Field(examples=[[-0.01, 0.2]]), Unit("N m")] | None = None
     """Least and greatest commanded torque of every motor [N m]; None: torque_max of its drive both ways. A motor with
     one tendon needs no more against it than its dry friction."""
-    currents: Annotated[Interval, Field(examples=[[-0.5, 5.0]]), Unit("A")] | None = None
-    """Limits of the torques as currents, of motors with a torque_constant [A]."""
     rate_max: Annotated[Positive, Field(examples=[600.0]), Unit("unit of the input per second")] | None = None
     """Greatest change of the input per time [unit of the input per second], such as N/s of tensions."""
     time_constant: TimeConstant | None = None
@@ -131,7 +129,7 @@ class InputLimits(Value):
 
 
 _OF_MOMENTS = ("moment_max", "time_constant")
-_RANGES = ("lengths", "angles", "torques", "currents")
+_RANGES = ("lengths", "angles", "torques")
 _BARE = "is for a finger without tendons and chambers"
 _CONTINUOUS = "needs a continuous tip moment: give input or finger.tendons a time_constant, or use clothoid or arc"
 

@@ -22,15 +22,13 @@ COMMANDS = {
     "tensions": ("tension", "N"),
     "lengths": ("length", "m"),
     "torques": ("torque", "N m"),
-    "currents": ("current", "A"),
     "angles": ("angle", "rad"),
     "pressures": ("pressure", "Pa"),
 }
 """Name and unit of what a finger takes, by its key in ``actuation``."""
 _TAKES = (
     "is not what this finger takes: tip_moment without tendons and chambers, pressures of chambers, tensions of "
-    "tendons without drive, lengths with drive.kind: length; of motors angles with a position_gain, else currents with "
-    "a torque_constant, else torques"
+    "tendons without drive, lengths with drive.kind: length; of motors angles with a position_gain, else torques"
 )
 
 
@@ -79,7 +77,6 @@ def of_drives(whose: str, at: Sequence[str], *keys: str) -> tuple[Consumer, ...]
 
 
 _AT = "finger.tendons.drive"
-_SERVO = "has no effect: under position_gain the input is an angle"
 _ONE_FLANK = "has no effect per_tendon: a tendon loads one flank alone; see slack"
 
 
@@ -130,7 +127,6 @@ class MotorDrive(_Winch):
 
     REFUSALS = (
         needs("drives", "presliding_angle", "coulomb_friction", at=_AT),
-        excludes("drives", "torque_constant", "position_gain", _SERVO, _AT),
         needs("drives", "rate_gain", "position_gain", at=_AT),
         needs("drives", "backlash", "gear_stiffness", at=_AT),
         needs("drives", "gear_stiffness", "backlash", at=_AT),
@@ -138,7 +134,7 @@ class MotorDrive(_Winch):
     )
 
     kind: Literal["motor"]
-    """A motor under a commanded torque, current or angle."""
+    """A motor under a commanded torque or angle."""
     winch_radius: Annotated[Extent, Field(examples=[0.008, "8 mm"])]
     """Cable wound up per angle [m]."""
     inertia: Annotated[Positive, Field(examples=[2e-6]), Unit("kg m2")]
@@ -153,9 +149,6 @@ class MotorDrive(_Winch):
     without current, as worm gears do. None: friction by the velocity alone, under which a load creeps."""
     torque_max: Annotated[Positive, Field(examples=[0.2]), Unit("N m")]
     """Greatest magnitude of the torque at the drum [N m]."""
-    torque_constant: Annotated[Positive, Field(examples=[0.02]), Unit("N m/A")] | None = None
-    """Torque at the drum per current [N m/A]: the input is then a current. None: the input is the torque."""
-
     position_gain: Annotated[Positive, Field(examples=[2.0]), Unit("N m/rad")] | None = None
     """Torque per angle short of the commanded one [N m/rad], of a position servo: the input is then an angle. None: no
     servo."""
@@ -169,20 +162,18 @@ class MotorDrive(_Winch):
     @property
     def key(self) -> str:
         """Key of its commands in ``actuation``."""
-        if self.position_gain is not None:
-            return "angles"
-        return "torques" if self.torque_constant is None else "currents"
+        return "torques" if self.position_gain is None else "angles"
 
     @property
     def at_pretension(self) -> float:
         """Command under which the straight finger has its pretension; on one pulley no torque holds it."""
         torque = 0.0 if self.arrangement == "one_pulley" else self.winch_radius * self.pretension
-        return torque / (self.position_gain or self.torque_constant or 1.0)
+        return torque / (self.position_gain or 1.0)
 
     @property
     def limit(self) -> float:
         """Greatest magnitude of a command; infinite where it is not limited."""
-        return math.inf if self.position_gain is not None else self.torque_max / (self.torque_constant or 1.0)
+        return self.torque_max if self.position_gain is None else math.inf
 
 
 WinchDrive = Annotated[LengthDrive | MotorDrive, Field(discriminator="kind")]

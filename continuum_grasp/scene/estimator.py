@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from continuum_grasp.scene.consumer import excludes, needs
+from continuum_grasp.scene.consumer import needs
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import (
     Duration,
@@ -39,13 +39,8 @@ class ObjectSensor(Value):
     """Standard deviation of the measured angle [rad]."""
 
 
-_TORQUE = "is torque_constant times the current: give one of both"
-
-
 class Measured(Value):
     """Measured quantities, each with the standard deviation of its noise."""
-
-    REFUSALS = (excludes("estimator.measured", "torque", "current", _TORQUE, "estimator.measured"),)
 
     tip: Annotated[Positive, Field(examples=[3e-4, "0.3 mm"]), Unit("m")] | None = None
     """Noise of each coordinate of the tip's world position, by a camera [m]."""
@@ -65,8 +60,6 @@ class Measured(Value):
     """Noise of the angle of each drum, with ``drive.kind: motor`` [rad]; of an encoder, a step over the root of 12."""
     torque: Annotated[Positive, Field(examples=[1e-4]), Unit("N m")] | None = None
     """Noise of the torque of each motor at its drum [N m]."""
-    current: Annotated[Positive, Field(examples=[5e-3]), Unit("A")] | None = None
-    """Noise of the current of each motor with a ``torque_constant`` [A]."""
 
     def _check(self) -> None:
         shows = ("tip", "bending", "length", "angle")

@@ -11,10 +11,8 @@ from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.units import Unit
 from continuum_grasp.scene.value import Duration, Interval, Length, Positive, Real, Value
 
-Quantity = Literal[
-    "x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "current", "frequency", "decay_rate"
-]
-_NUMBERED = ("tension", "length", "motor_angle", "torque", "current", "frequency", "decay_rate")
+Quantity = Literal["x", "y", "angle", "bend", "tension", "length", "motor_angle", "torque", "frequency", "decay_rate"]
+_NUMBERED = ("tension", "length", "motor_angle", "torque", "frequency", "decay_rate")
 Estimated = Annotated[float, Field(ge=-1e15, le=1e15), Unit("SI unit of the parameter")]
 _READ, _DRIVES = "data.measured", f"goes with {', '.join(_NUMBERED)}"
 _PRIOR = "goes with start: estimated"
@@ -76,7 +74,7 @@ class ReadingColumn(Column):
     quantity: Quantity
     """x, y: world position [m]; angle: of the section in the world [rad]; bend: between base and section [rad];
     tension: of a tendon at its drive [N]; length: cable that a winch has wound up [m]; motor_angle [rad], torque
-    [N m], current [A]: of a motor; frequency [Hz], decay_rate [1/s]: of a damped free vibration about rest."""
+    [N m]: of a motor; frequency [Hz], decay_rate [1/s]: of a damped free vibration about rest."""
     of: Annotated[int, Field(ge=1, le=16)] | None = None
     """Number of the tendon, of the drive or of the natural mode, from 1; None: the first."""
     at: _Place | Column | None = None

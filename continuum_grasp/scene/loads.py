@@ -94,8 +94,6 @@ class Actuation(Value):
     """Cable that each winch winds up [m], for tendons with ``drive.kind: length``."""
     torques: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("N m")] | None = None
     """Torque of each motor at the drum [N m], for tendons with ``drive.kind: motor``."""
-    currents: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("A")] | None = None
-    """Current of each motor [A], where its drive has a ``torque_constant``."""
     angles: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("rad")] | None = None
     """Angle of each drum [rad], where its drive has a ``position_gain``."""
     pressures: Annotated[tuple[Real | Samples, ...], Field(strict=False, min_length=1), Unit("Pa")] | None = None

@@ -43,6 +43,9 @@ _RENAMED = {
         ("data.x", "data.y", "data.at", "data.sigma"), "measured: [{quantity: x, column: x}, {quantity: y, column: y}]"
     ),
     "kind: frequencies": "kind: static, measured: [{quantity: frequency, of: MODE, column: ...}]",
+    "torque_constant": "torques, which are currents times it",
+    "currents": "torques: [current * torque constant]",
+    "current": "torque, that of the current times the torque constant",
     "closing": "a scene of simulate with the object, or a mission",
 }
 """Keys that are said by another one, or by another scene."""

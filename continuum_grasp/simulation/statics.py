@@ -313,7 +313,7 @@ def _locked(drive: Any) -> Any:
         return following(drive)
     # A servo and a gear of twice the stiffness each yield together what the gear does.
     stiffness = 2.0 * drive.gear_stiffness
-    servo = {"position_gain": stiffness, "rate_gain": 0.0, "torque_constant": None, "torque_max": _BOUNDLESS}
+    servo = {"position_gain": stiffness, "rate_gain": 0.0, "torque_max": _BOUNDLESS}
     return drive.replaced(gear_stiffness=stiffness, **servo)
 
 

@@ -179,8 +179,8 @@ def test_what_is_found_late_is_placed_too(tmp_path):
         result = run(command, str(file), "--set", "initial.pose=equilibrium")
         assert result.exit_code == 2
         assert f"{file}:{line}:1: {missing}" in result.stderr
-    result = run("mpc", str(ROOT / "configs/mission/mug.yaml"), "--compare", "--out", str(tmp_path))
-    assert result.stderr == "error: --compare: is not for missions\n"
+    result = run("mpc", str(ROOT / "configs/mpc/steady_tip.yaml"), "--trials", "all", "--out", str(tmp_path))
+    assert result.stderr == "error: --trials: is for missions\n"
 
 
 def test_schema_prints_and_writes(tmp_path):

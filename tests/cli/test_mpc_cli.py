@@ -96,13 +96,10 @@ def test_a_table_is_printed(config, tmp_path):
     assert not list(tmp_path.glob("*.png"))
 
 
-@pytest.mark.deep
-def test_other_controllers_are_compared(config, tmp_path):
-    result = run(config, "--out", tmp_path, "--no-pictures", "--set", "duration=0.05", "--compare", "--json")
-    assert result.exit_code == 0, result.output
-    compared = json.loads(result.stdout)["compared"]
-    assert set(compared) == {"two arcs", "with the state", "converged"}
-    assert compared["with the state"]["cost"] == pytest.approx(compared["converged"]["cost"], rel=0.02)
+def test_an_option_that_is_gone_says_what_to_write(config):
+    result = run(config, "--compare")
+    assert result.exit_code == 2
+    assert "controller.sqp_iterations=20" in result.stderr
 
 
 @pytest.mark.parametrize(("outcome", "code"), [("finished", 0), ("missed", 1), ("tripped", 1)])

@@ -14,7 +14,6 @@ from continuum_grasp.errors import InputError
 from tests.contact_cases import (
     EXACT,
     LENGTH,
-    MOTOR,
     NOISE,
     OFFSET,
     RADIUS,
@@ -231,20 +230,17 @@ def test_a_history_without_lengths_is_that_of_the_start():
     assert own.model.lengths == pytest.approx([0.0], abs=1e-5)  # of a straight finger
 
 
-def test_torque_current_and_servo_agree():
+def test_torque_and_servo_agree():
     torque = ContactDetector(scene(measured={"angle": STEP, "torque": NOISE}))
-    constant = {**MOTOR, "torque_constant": 0.02}
-    del constant["position_gain"], constant["rate_gain"]
-    current = ContactDetector(scene(measured={"angle": STEP, "current": NOISE / 0.02}, drive=constant, input_limits={}))
     servo = ContactDetector(scene(measured={"angle": STEP}))
-    for each in (torque, current, servo):
+    for each in (torque, servo):
         each.reset([0.0], reached_by="pulling")
     angle, command = 0.0, 0.0
     for k in range(60):
         before, angle, command = angle, 0.01 * k, 0.01 * k + 0.03
         wanted = 0.8 * (command - angle) - 2.5e-3 * (angle - before) / 0.005
-        feels = [torque.step([angle, wanted]), current.step([angle, wanted / 0.02]), servo.step([angle], [command])]
-    assert [each.residual[0] for each in feels] == pytest.approx([feels[0].residual[0]] * 3, abs=1e-9)
+        feels = [torque.step([angle, wanted]), servo.step([angle], [command])]
+    assert [each.residual[0] for each in feels] == pytest.approx([feels[0].residual[0]] * 2, abs=1e-9)
 
 
 def test_single_precision_detects_as_double_does():
@@ -288,8 +284,7 @@ def test_a_controller_reports_it_as_the_detector_does():
             {"measured": {"angle": 1e-3, "length": 1e-5}},
             "estimator.measured.length: needs finger.tendons.drive.kind: length",
         ),
-        ({"measured": {"angle": 1e-3, "current": 1e-3}}, "needs finger.tendons.drive.torque_constant"),
-        ({"measured": {"angle": 1e-3}, "delay": 0.005}, "needs estimator.measured.torque or current"),
+        ({"measured": {"angle": 1e-3}, "delay": 0.005}, "needs estimator.measured.torque"),
         ({"detection": {"places": (0.3,)}}, "beyond the finger"),
     ],
 )

@@ -111,10 +111,10 @@ def test_lengths_and_tensions_alone_show_the_angle_of_the_tip(guides):
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("name", ["servos", "currents", "pulley"])
+@pytest.mark.parametrize("name", ["servos", "torques", "pulley"])
 def test_plants_measure_what_estimators_compare(name):
     key = "length" if name == "pulley" else "angle"
-    effort = {"servos": {"torque": 1e-3}, "currents": {"current": 0.01}}.get(name, {})
+    effort = {} if name == "pulley" else {"torque": 1e-3}
     asked = {"measured": {"tip": 3e-4, "tension": 0.05, key: 1e-5, **effort}, "delay": 0.0}
     scene = driven_scene(name, estimator=asked)
     assert Plant(scene).sensors.names == Estimator(scene).measurement_names

@@ -11,8 +11,8 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.simulation import initial_state
 from tests.control_cases import DRIVES, HAND, driven_scene
 
-UNITS = {"length": "m", "torque": "N m", "current": "A", "angle": "rad"}
-EACH = ("winches", "torques", "currents", "servos")
+UNITS = {"length": "m", "torque": "N m", "angle": "rad"}
+EACH = ("winches", "torques", "servos")
 
 
 @pytest.mark.parametrize("name", DRIVES)
@@ -44,7 +44,6 @@ def test_rest_input_holds_the_straight_finger_at_its_pretension(name):
 
 def test_commands_of_motors_are_limited_by_their_torque():
     assert driven_scene("torques").input_limits == ((-0.25, -0.25), (0.25, 0.25))
-    assert driven_scene("currents").input_limits == ((-12.5, -12.5), (12.5, 12.5))
     assert driven_scene("servo").input_limits == ((-1.5,), (1.5,))
 
 

@@ -210,7 +210,7 @@ def test_the_controller_is_that_of_python(name, real, libraries):
 
 @pytest.mark.deep
 @needs("cc")
-@pytest.mark.parametrize("name", few(["servo", "winches", "currents"], 1))
+@pytest.mark.parametrize("name", few(["servo", "winches", "torques"], 1))
 def test_a_controller_of_drives_is_that_of_python(name, tmp_path):
     """In closed loop on a finger whose tendons have friction, from rest to a bend and back."""
     given = driven_scene(name, controller={"horizon": {"stages": 6, "stage": 0.01}})

@@ -31,9 +31,7 @@ SERIES, AXIAL = 1.0 / 3e-5, 1e4
 """Stiffnesses of the cable before the finger [N/m] and along it [N]."""
 CABLE = {"axial_stiffness": AXIAL, "series_stiffness": SERIES}
 LENGTH_DRIVE = LengthDrive(kind="length", time_constant=0.02)
-MOTOR = MotorDrive(
-    kind="motor", winch_radius=0.008, inertia=2e-6, coulomb_friction=2e-3, torque_max=0.5, torque_constant=0.02
-)
+MOTOR = MotorDrive(kind="motor", winch_radius=0.008, inertia=2e-6, coulomb_friction=2e-3, torque_max=0.5)
 PULLEY = {"arrangement": "one_pulley", "pretension": 2.0}
 L, EI, OFFSET = 0.18, 6.11e-3, 0.005
 PALMS = {
@@ -147,14 +145,13 @@ STATES = [
     (LENGTH_DRIVE.replaced(slack=1e-3), LEFT, (PATH + COMPLIANCE * 20.0 + 1e-3, -PATH + 1e-3), None),
     (LENGTH_DRIVE.replaced(pretension=5.0), (20.0, 4.0),
      (PATH + COMPLIANCE * 15.0, -PATH + COMPLIANCE * (4.0 - 5.0)), None),
-    (MOTOR, LEFT, (PATH + COMPLIANCE * 20.0, -PATH), lambda angle, torque: torque / 0.02),
-    (MOTOR.replaced(torque_constant=None), LEFT, (PATH + COMPLIANCE * 20.0, -PATH), lambda angle, torque: torque),
-    (MOTOR.replaced(torque_constant=None, position_gain=0.5), LEFT, (PATH + COMPLIANCE * 20.0, -PATH),
+    (MOTOR, LEFT, (PATH + COMPLIANCE * 20.0, -PATH), lambda angle, torque: torque),
+    (MOTOR.replaced(position_gain=0.5), LEFT, (PATH + COMPLIANCE * 20.0, -PATH),
      lambda angle, torque: angle + torque / 0.5),
-    (MOTOR.replaced(**PULLEY), (20.0, 4.0), (PATH + COMPLIANCE * 18.0,), lambda angle, torque: torque / 0.02),
-    (MOTOR.replaced(**PULLEY), (4.0, 20.0), (PATH - COMPLIANCE * 18.0,), lambda angle, torque: torque / 0.02),
-    (MOTOR.replaced(**PULLEY, **GEAR), (20.0, 4.0), (PATH + COMPLIANCE * 18.0,), lambda angle, torque: torque / 0.02),
-    (MOTOR.replaced(**PULLEY, **GEAR), (4.0, 20.0), (PATH - COMPLIANCE * 18.0,), lambda angle, torque: torque / 0.02),
+    (MOTOR.replaced(**PULLEY), (20.0, 4.0), (PATH + COMPLIANCE * 18.0,), lambda angle, torque: torque),
+    (MOTOR.replaced(**PULLEY), (4.0, 20.0), (PATH - COMPLIANCE * 18.0,), lambda angle, torque: torque),
+    (MOTOR.replaced(**PULLEY, **GEAR), (20.0, 4.0), (PATH + COMPLIANCE * 18.0,), lambda angle, torque: torque),
+    (MOTOR.replaced(**PULLEY, **GEAR), (4.0, 20.0), (PATH - COMPLIANCE * 18.0,), lambda angle, torque: torque),
 ]  # fmt: skip
 
 
@@ -170,7 +167,6 @@ def test_drives_are_at_what_bend_and_tensions_ask_for(drive, tensions, cable, co
         angle = own / RADIUS + (torque / 5.0 + math.copysign(0.01, torque) if drive.backlash else 0.0)
         reached = (state.position, state.torque, state.torque_to_reach, state.command)
         assert reached == pytest.approx((angle, torque, abs(torque) + 2e-3, command(angle, torque)), rel=1e-9)
-        assert state.current == pytest.approx(torque / (drive.torque_constant or np.nan), nan_ok=True)
 
 
 def test_the_path_of_a_tendon_follows_stiffness_that_changes():
@@ -227,9 +223,9 @@ def critical_weight(spring):
         (LENGTH_DRIVE, (5.0, 5.0), lambda c: 2.0 / c),
         (LENGTH_DRIVE.replaced(**PULLEY), (2.0, 2.0), lambda c: 2.0 / c),
         # In series with the servo: the one yields by r^2 / gain per tension, on a pulley by that of the difference.
-        (MOTOR.replaced(torque_constant=None, position_gain=0.5), (5.0, 5.0), lambda c: 2.0 / (c + 0.008**2 / 0.5)),
+        (MOTOR.replaced(position_gain=0.5), (5.0, 5.0), lambda c: 2.0 / (c + 0.008**2 / 0.5)),
         (
-            MOTOR.replaced(torque_constant=None, position_gain=0.5, **PULLEY),
+            MOTOR.replaced(position_gain=0.5, **PULLEY),
             (2.0, 2.0),
             lambda c: 1.0 / (0.5 * c + 0.008**2 / 0.5),
         ),
@@ -306,7 +302,7 @@ def test_a_motor_for_each_tendon_holds_as_tensions_do_and_says_where_it_is():
     assert left.position == pytest.approx(wound / 0.008, rel=1e-6)
     assert right.position == pytest.approx(-OFFSET * turned / 0.008, rel=1e-6)
     assert left.torque == pytest.approx(0.008 * tension)
-    assert left.current == left.command == pytest.approx(left.torque / 0.02)
+    assert left.command == pytest.approx(left.torque)
     assert left.torque_to_reach == pytest.approx(left.torque + 2e-3)
 
 
@@ -348,7 +344,7 @@ def test_tendons_of_one_pulley_go_together(pretension):
         pytest.param(MOTOR, marks=pytest.mark.deep),
         pytest.param(MOTOR.replaced(**PULLEY), marks=pytest.mark.deep),
         pytest.param(LENGTH_DRIVE.replaced(**PULLEY), marks=pytest.mark.deep),
-        MOTOR.replaced(torque_constant=None, position_gain=2.0),
+        MOTOR.replaced(position_gain=2.0),
     ],
 )
 def test_a_grasp_holds_whatever_the_friction_states(drive):
@@ -384,7 +380,7 @@ def test_tendons_that_slid_back_may_bend_a_finger_far():
     [
         (LENGTH_DRIVE, 0.1),
         (MOTOR.replaced(**PULLEY), 0.0),
-        (MOTOR.replaced(torque_constant=None, position_gain=2.0), 0.1),
+        (MOTOR.replaced(position_gain=2.0), 0.1),
     ],
 )
 def test_sensitivities_of_grasps_with_drives_are_those_of_grasps_solved_anew(drive, friction):

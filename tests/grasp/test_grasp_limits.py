@@ -460,10 +460,8 @@ CLEARANCE = [(check, None, of_case(build)) for check, build in (
 
 CABLE = {"axial_stiffness": 1e4, "series_stiffness": 1.0 / 3e-5}
 WINCH = LengthDrive(kind="length", time_constant=0.02)
-MOTOR = MotorDrive(
-    kind="motor", winch_radius=0.008, inertia=2e-6, coulomb_friction=2e-3, torque_max=0.4, torque_constant=0.02
-)
-SERVO = MOTOR.replaced(torque_constant=None, position_gain=2.0)
+MOTOR = MotorDrive(kind="motor", winch_radius=0.008, inertia=2e-6, coulomb_friction=2e-3, torque_max=0.4)
+SERVO = MOTOR.replaced(position_gain=2.0)
 ONE = {"arrangement": "one_pulley", "pretension": 40.0}
 MOST = (0.4 - 2e-3) / 0.008  # tension that the motor pulls up against its friction [N]
 

@@ -601,7 +601,7 @@ def test_without_a_grasp_there_is_no_mission(grasp, assignment):
 
 @pytest.mark.parametrize(
     "arguments",
-    [("--compare",), ("--trials", "few"), ("--trials", "2", "--animate", "gif"), ("--trials", "0")],
+    [("--trials", "few"), ("--trials", "2", "--animate", "gif"), ("--trials", "0")],
 )
 def test_options_that_do_not_fit_exit_with_2(arguments, tmp_path):
     assert CliRunner().invoke(app, ["mpc", str(MUG), "--out", str(tmp_path), *arguments]).exit_code == 2

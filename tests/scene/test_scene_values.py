@@ -81,7 +81,7 @@ WRONG = {
     ),
     "actuation": (
         lambda: cg.Actuation(),
-        "Actuation: give exactly one of tip_moment, tensions, lengths, torques, currents, angles and pressures",
+        "Actuation: give exactly one of tip_moment, tensions, lengths, torques, angles and pressures",
     ),
     "object": (lambda: Circle(shape="circle", diameter=0.0, mass=1, position=(0, 0)), "Circle: diameter: out of range"),
     "contacts": (

@@ -29,9 +29,7 @@ def test_an_equilibrium_says_which_limits_its_tensions_exceed(limit):
     assert "tendon 2 is slack: nothing pulls there" in found.warnings
 
 
-@pytest.mark.parametrize(
-    ("drive", "scale"), [({}, 1.0), ({"torque_constant": 0.02}, 0.02), ({"position_gain": 0.4}, 0.4)]
-)
+@pytest.mark.parametrize(("drive", "scale"), [({}, 1.0), ({"position_gain": 0.4}, 0.4)])
 def test_dry_friction_of_a_motor_holds_within_an_interval(drive, scale):
     """The tension is that of the bend, e T = EI bend / L; dry friction holds r T, more or less its own."""
     made = model({**HOLDING, **drive})
@@ -88,9 +86,7 @@ GEAR = {"backlash": 0.1, "gear_stiffness": 20.0}
 
 
 @pytest.mark.parametrize("arrangement", [{}, {"pretension": 0.0, "slack": 2e-3}, {"arrangement": "per_tendon"}])
-@pytest.mark.parametrize(
-    "drive", [{}, {"torque_constant": 2.0}, {"position_gain": 0.4}, GEAR, GEAR | {"position_gain": 0.4}]
-)
+@pytest.mark.parametrize("drive", [{}, {"position_gain": 0.4}, GEAR, GEAR | {"position_gain": 0.4}])
 def test_a_motor_that_statics_calls_at_rest_stays(drive, arrangement):
     """Also where a tendon comes to be slack, about 4 N of the other one, and under more than its greatest torque."""
     if "arrangement" in arrangement and "backlash" in drive:
@@ -99,7 +95,7 @@ def test_a_motor_that_statics_calls_at_rest_stays(drive, arrangement):
     servo, count = "position_gain" in drive, made.nu
     pulls = [-30.0, *np.linspace(-4.6, -3.4, 5), -0.3, 0.0, 0.05, *np.linspace(3.4, 4.6, 7), 30.0]
     for pull in [p for p in pulls if count == 1 or p >= 0.0]:
-        first = RADIUS * pull / drive.get("torque_constant", 1.0) * (16.0 if servo else 1.0)
+        first = RADIUS * pull * (16.0 if servo else 1.0)
         u = [first, *[0.25 * first] * (count - 1)]
         found = equilibrium_under(made, u, np.zeros(made.nw))
         drives = made.drives_at(found.q, u)

@@ -649,7 +649,7 @@ def test_one_unknown_is_enough(family):
     assert found.x[:, 0] == pytest.approx(1e-4 * np.cos(math.sqrt(stiffness / mass) * found.t), abs=1e-9)
 
 
-COSTLY = [path for path in CONFIGS if path.stem in ("hold_mug", "spirob", "swing_against_disc")]
+COSTLY = [path for path in CONFIGS if path.stem in ("hold_mug", "spirob", "spirob_units", "swing_against_disc")]
 
 
 @pytest.mark.parametrize("config", but(COSTLY, CONFIGS), ids=lambda path: path.stem)

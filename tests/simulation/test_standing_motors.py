@@ -23,7 +23,6 @@ def standing(drive, at, how=None, *, friction=0.0, **commands):
     ("drive", "commands", "scale"),
     [
         ({}, {"torques": [0.0]}, 1.0),
-        ({"torque_constant": 0.02}, {"currents": [0.0]}, 0.02),
         ({"position_gain": 0.4}, {"angles": [0.0]}, 0.4),
     ],
 )

@@ -194,14 +194,6 @@ def test_dry_friction_with_a_memory_holds_a_load_without_current():
     assert crept[1] > 1e-3
 
 
-def test_a_current_is_a_torque_by_its_constant():
-    found = [
-        np.array(made.forward_dynamics(np.full(made.nx, 0.1), [value], [0.0, 0.0], []))
-        for made, value in ((model(MOTOR), 0.05), (model({**MOTOR, "torque_constant": 0.02}), 2.5))
-    ]
-    assert found[0] == pytest.approx(found[1], rel=1e-12)
-
-
 @pytest.mark.parametrize(
     "drive", [SERVO, {**SERVO, "rate_max": 0.1}, MOTOR, {**MOTOR, "arrangement": "per_tendon"}, HOLDING]
 )
@@ -224,7 +216,10 @@ REFUSED = {
     "least tension": ({"min_tension": 1.0}, "min_tension: must be zero"),
     "lag of tensions": ({"time_constant": 0.02}, "time_constant: is that of commanded tensions"),
     "rate of a motor": ({"drive": {**MOTOR, "rate_max": 0.1}}, "rate_max"),
-    "no torque per current": ({"drive": {**MOTOR, "torque_constant": 0.0}}, "torque_constant"),
+    "torque by a current": (
+        {"drive": {**MOTOR, "torque_constant": 0.02}},
+        "unknown key; write 'torques, which are cur",
+    ),
     "taut and slack": ({"drive": {**SERVO, "slack": 1e-3, "pretension": 1.0}}, "exclude each other"),
     "no drive": ({"drive": None}, "give a drive"),
     "tensions by a drive": ({"drive": {"kind": "tension", "time_constant": 0.02}}, "time_constant of the tendons"),

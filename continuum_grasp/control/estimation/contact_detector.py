@@ -134,7 +134,7 @@ def detected_contact(parts: Mapping[str, Array], places: Sequence[float]) -> Det
 
 
 class ContactDetector(Remade, Summarized):
-    """Detection of contact by what the drives feel: positions of winches, and torques, currents or tensions.
+    """Detection of contact by what the drives feel: positions of winches, and torques or tensions.
 
     Parameters
     ----------

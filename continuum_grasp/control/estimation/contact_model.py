@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.estimation.free_finger import FreeFinger, steps_per_period
-from continuum_grasp.control.estimation.model import torque_name, torque_per_reading
+from continuum_grasp.control.estimation.model import torque_name
 from continuum_grasp.control.estimation.noise import measurement_range
 from continuum_grasp.control.prediction import Prediction, first_state
 from continuum_grasp.core.calls import straight_function
@@ -156,8 +156,8 @@ def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) 
     names = [winch.names(k + 1)[0] for k, winch in enumerate(winches)]
     if not isinstance(winches[0], Motor):
         names += [f"tension_{k + 1} [N]" for k in range(len(scene.finger.tendon_list))]
-    elif asked.torque is not None or asked.current is not None:
-        names += [torque_name(asked, k + 1)[1] for k in range(count)]
+    elif asked.torque is not None:
+        names += [torque_name(k + 1) for k in range(count)]
     sizes = {"y": len(names), "u": count, "before": count, "h": 1}
     given = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
     y, u = given["y"], given["u"]
@@ -170,7 +170,7 @@ def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) 
             )
             continue
         if len(names) > count:
-            torque: Scalar = torque_per_reading(asked, winch) * y[count + k]
+            torque: Scalar = y[count + k]
         else:
             torque = winch.torque(u[k], y[k], (lengths[k] - given["before"][k]) / (given["h"] * winch.radius))
         pulls.append(torque / winch.radius)
@@ -227,8 +227,8 @@ def _friction(measured: Measured, winch: Winch, period: float, blend: float) -> 
     weights -= viscous / (2.0 * period) * np.array([1.0, 0.0, -1.0])
     if motor is None:
         pulled = (measured.tension or 0.0) * math.sqrt(len(winch.tendons))
-    elif measured.torque is not None or measured.current is not None:
-        pulled = (measured.torque or measured.current or 0.0) * torque_per_reading(measured, winch) / radius
+    elif measured.torque is not None:
+        pulled = measured.torque / radius
     else:
         pulled = 0.0  # of commands, which are known
     variance = (noisy * _filtered(weights, blend)) ** 2 + (pulled * _filtered(np.array([0.25, 0.5, 0.25]), blend)) ** 2

@@ -18,9 +18,8 @@ from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.core.calls import call, straight_function
 from continuum_grasp.core.integrators import differentiated_step
 from continuum_grasp.errors import InputError
-from continuum_grasp.model.winches import Motor, Winch
+from continuum_grasp.model.winches import Motor
 from continuum_grasp.scene.control import ControlScene
-from continuum_grasp.scene.drives import MotorDrive
 from continuum_grasp.scene.estimator import Estimator, Measured
 from continuum_grasp.scene.integrators import INTEGRATORS
 
@@ -311,12 +310,10 @@ def sensed(
 
     read_states("length", "length_")
     read_states("angle", "motor_angle_")
-    if asked.torque is not None or asked.current is not None:
+    if asked.torque is not None:
         for k, motor in enumerate(motors):
             position, rate = (states[name] for name in motor.names(k + 1)[:2])
-            sensor, name = torque_name(asked, k + 1)
-            torque = ca.SX(motor.torque(u[k], position, rate)) / torque_per_reading(asked, motor)
-            found.setdefault(sensor, {})[name] = torque
+            found.setdefault("torque", {})[torque_name(k + 1)] = ca.SX(motor.torque(u[k], position, rate))
     read_states("pressure", "pressure_")
     if asked.bending is not None:
         angles = ca.vertsplit(ca.vec(shape.sections(asked.bending.at)[1]))
@@ -326,14 +323,6 @@ def sensed(
     return found
 
 
-def torque_name(asked: Measured, number: int) -> tuple[str, str]:
-    """Key, and name and unit, of a measured torque or current of a motor."""
-    if asked.current is not None:
-        return "current", f"motor_current_{number} [A]"
-    return "torque", f"motor_torque_{number} [N m]"
-
-
-def torque_per_reading(asked: Measured, winch: Winch) -> float:
-    """Torque at the drum [N m] per unit of its sensor."""
-    drive = winch.drive
-    return (drive.torque_constant or 1.0) if asked.current is not None and isinstance(drive, MotorDrive) else 1.0
+def torque_name(number: int) -> str:
+    """Name and unit of the measured torque of a motor."""
+    return f"motor_torque_{number} [N m]"

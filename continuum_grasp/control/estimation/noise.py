@@ -45,7 +45,6 @@ _KNOWN = 10.0
 
 _SENSORS = {"tip_x": "tip", "tip_y": "tip", "length_": "length", "motor_angle_": "angle"} | {
     "motor_torque_": "torque",
-    "motor_current_": "current",
     "pressure_": "pressure",
 }
 """Key in ``estimator.measured`` by how a name of a measurement begins; others are tensions and moments."""
@@ -213,8 +212,6 @@ def _of_drive(model: Prediction, finger: Finger, name: str) -> tuple[float, floa
     else:
         drive = finger.winches[number]
         most = 2.0 * drive.torque_max if isinstance(drive, MotorDrive) else math.inf
-        if name.startswith("motor_current_") and isinstance(drive, MotorDrive):
-            most /= drive.torque_constant or 1.0
     return (-most, most)
 
 

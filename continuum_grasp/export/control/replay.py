@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
+from continuum_grasp.control.ocp.cost_terms import UNLIMITED
 from continuum_grasp.core.compiler import find_compiler, why_no_compiler
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.accuracy import OutputError
@@ -35,8 +36,6 @@ _EPISODES = 3
 """Each with harder knocks than the one before; from the second on, commands that were applied differ too."""
 _HELD = 20
 """Calls for which setpoints stay."""
-_FREE = 1e6
-"""Greatest number where any will do [SI]."""
 
 
 class _Host:
@@ -152,7 +151,7 @@ def _spoilt(loop: Loop, y: Array, episode: int, k: int, rng: np.random.Generator
     if episode and k % 19 == 13:
         at = rng.integers(len(y))
         # An outlier: in its range, far from what the filter expects.
-        y[at] += 0.4 * (min(loop.measurement.bounded[at][1], _FREE) - y[at])
+        y[at] += 0.4 * (min(loop.measurement.bounded[at][1], UNLIMITED) - y[at])
     # Blind for longer than a plan lasts, late enough for something to be known before.
     start = _EPISODE - 2 * patience - 4 if 2 * patience + 4 < _EPISODE else _EPISODE - 4
     if episode and start <= k < start + patience + 3:
@@ -203,6 +202,7 @@ def _controller_vectors(contents: Contents, loop: Loop, host: _Host, function: S
     rng, real = np.random.default_rng(0), contents.subject.real
     nu = loop.command.size
     record = _Record(host, function, nu + loop.start.size + 5 + _felt(loop), real.dtype)
+    limits = np.clip((loop.stages.u_min, loop.stages.u_max), -UNLIMITED, UNLIMITED)
     for episode in range(_EPISODES):
         finger, u, planned = Finger(loop, rng), loop.before.copy(), False
         later = _target(loop, rng)
@@ -212,9 +212,9 @@ def _controller_vectors(contents: Contents, loop: Loop, host: _Host, function: S
             if k % 25 == 15:
                 finger.kick(1.0 + episode)
             wanted = np.where(np.arange(len(now)) == k % len(now), np.nan, now) if k % 29 == 21 else now
-            given = rng.uniform(*np.clip((loop.stages.u_min, loop.stages.u_max), -_FREE, _FREE)) if k % 27 == 5 else u
+            given = rng.uniform(*limits) if k % 27 == 5 else u
             if episode and k % 27 == 5:  # off, or beyond what can be commanded
-                given = np.clip([pair[k % 2] for pair in loop.applied.bounded], -_FREE, _FREE) * (k % 4 > 1)
+                given = np.clip([pair[k % 2] for pair in loop.applied.bounded], -UNLIMITED, UNLIMITED) * (k % 4 > 1)
             # Kind of the call as in tests/check.h: usual, without a plan before, or hard.
             kind = 1 if not planned else 2 if episode else 0
             settings = _settings(loop, episode, k)

@@ -39,6 +39,7 @@ from continuum_grasp.export.web.record import Record, loop_record, rounded, traj
 from continuum_grasp.export.web.wasm import add_sizes, compiled
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.plant import Timetable, mission_plant_model
+from continuum_grasp.model.system import System
 from continuum_grasp.results.atomic import write_text
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.finger import Finger
@@ -281,8 +282,7 @@ def _planned_table(timetable: Timetable, plant: WebPlant) -> dict[str, Any]:
 def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
     """Data of the plant for the page."""
     system, finger = plant.system, plant.system.finger_model.finger
-    own, body = system.finger_model, system.surroundings
-    length = finger.rod.length
+    own, length = system.finger_model, finger.rod.length
     timed = scene.duration if isinstance(scene, ControlScene) else scene.time and scene.time.duration
     # The last row holds for good, as samples do.
     instants = np.zeros(1) if plant.signals.constant else np.arange(0.0, (timed or 0.0) + _TABLE, _TABLE)
@@ -292,7 +292,7 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
     rows = plant.signals.w(instants)
     forces[:, : rows.shape[1]] = rows
     fields = parameter_fields(own, {})
-    found: dict[str, Any] = {
+    return {
         "arrays": plant.arrays,
         "step": plant.step,
         "start": {"x": plant.start.tolist(), "u": plant.rest.tolist(), "p": plant.p.tolist()},
@@ -315,39 +315,54 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
         "discs": _discs(finger),
         "masses": [[mass.at / length, mass.mass] for mass in finger.masses],
         "touches": system.touch_names,
+        **_touched(system),
+        **(_zones(scene) if isinstance(scene, ControlScene) else {}),
     }
-    if body is not None and body.object is not None and body.contact_law is not None:
-        of_object = system.object_parameters
-        moves = system.object_states.stop > system.object_states.start
-        found["object"] = {
+
+
+def _touched(system: System) -> dict[str, Any]:
+    """Data of the object, of friction and of the supports; none where nothing is touched."""
+    own, body = system.finger_model, system.surroundings
+    if body is None or body.object is None or body.contact_law is None:
+        return {}
+    of_object = list(system.object_parameters)
+    first = system.object_states.start
+    moves = system.object_states.stop > first
+    supports = {wall.name: wall.friction for wall in body.walls} | {peg.name: peg.friction for peg in body.pegs}
+    law = body.contact_law.friction
+    limits = [supports.get(name.partition(".")[0]) for name in system.touch_names]
+    farthest = 10.0 * own.finger.rod.length
+    return {
+        "object": {
             "parts": [np.round(np.array(part.outline(96)), _DIGITS).tolist() for part in body.object.parts],
             "pose": [float(v) for v in body.object.pose],
-            "state": system.object_states.start if moves else None,
+            "state": first if moves else None,
             "wrench": own.nw if moves else None,
-            "parameter": own.np + list(of_object).index("object_x") if "object_x" in of_object else None,
+            "parameter": own.np + of_object.index("object_x") if "object_x" in of_object else None,
             "mass": body.object.mass,
-            "height": system.object_states.start + 3 if moves and body.out_of_plane_gravity else None,
+            "height": first + 3 if moves and body.out_of_plane_gravity else None,
             "most": 10.0 * max(body.object.mass, 0.02),
-        }
-        supports = {wall.name: wall.friction for wall in body.walls} | {peg.name: peg.friction for peg in body.pegs}
-        law = body.contact_law.friction
-        limits = [supports.get(name.partition(".")[0]) for name in system.touch_names]
-        found["friction"] = {
-            "parameter": own.np + list(of_object).index(FRICTION),
+        },
+        "friction": {
+            "parameter": own.np + of_object.index(FRICTION),
             "law": law,
             "of": [law if one is None else one for one in limits],
-        }
-        found["walls"] = [[*wall.point, *wall.normal, min(wall.half_length, 10.0 * length)] for wall in body.walls]
-        found["pegs"] = [[*peg.position, peg.radius] for peg in body.pegs]
-    if isinstance(scene, ControlScene):
-        zones = scene.controller.bounds.keep_out or {}
-        found["zones"] = [
-            {"center": list(z.center), "radius": z.radius}
-            if z.type == "disc"
-            else {"point": list(z.point), "normal": [math.cos(z.normal_angle), math.sin(z.normal_angle)]}
-            for z in zones.values()
-        ]
-    return found
+        },
+        "walls": [[*wall.point, *wall.normal, min(wall.half_length, farthest)] for wall in body.walls],
+        "pegs": [[*peg.position, peg.radius] for peg in body.pegs],
+    }
+
+
+def _zones(scene: ControlScene) -> dict[str, Any]:
+    """Data of what the controller keeps the finger out of."""
+    zones = scene.controller.bounds.keep_out or {}
+    drawn = [
+        {"center": list(z.center), "radius": z.radius}
+        if z.type == "disc"
+        else {"point": list(z.point), "normal": [math.cos(z.normal_angle), math.sin(z.normal_angle)]}
+        for z in zones.values()
+    ]
+    return {"zones": drawn}
 
 
 def _tendon(tendon: Tendon, at: Array, length: float) -> dict[str, Any]:

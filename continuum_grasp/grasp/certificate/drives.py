@@ -39,17 +39,14 @@ class DriveState:
         That holds the tensions without friction of the motor [N m]; NaN for winches that follow a length.
     torque_to_reach : float
         Greatest magnitude while the grasp is reached, the motor's dry friction included [N m].
-    current : float
-        By the torque constant [A]; NaN where there is none.
     command : float
-        What the drive takes [m, rad, N m or A].
+        What the drive takes [m, rad or N m].
     """
 
     tendons: tuple[str, ...]
     position: float
     torque: float
     torque_to_reach: float
-    current: float
     command: float
 
 
@@ -160,15 +157,12 @@ class WoundTendons:
     def _state(self, tendons: tuple[str, ...], wound: float, pull: float) -> DriveState:
         law, drive = self.law, self.law.drive
         if not isinstance(drive, MotorDrive):
-            return DriveState(tendons, wound, np.nan, np.nan, np.nan, wound)
+            return DriveState(tendons, wound, np.nan, np.nan, wound)
         position, torque = wound / law.radius, pull * law.radius
         if drive.gear_stiffness is not None:  # the motor is ahead of the drum by the twist of the gear and its play
             position += torque / drive.gear_stiffness + 0.5 * drive.backlash * float(np.sign(torque))
-        current = np.nan if drive.torque_constant is None else torque / drive.torque_constant
-        command = torque if drive.torque_constant is None else current
-        if drive.position_gain is not None:
-            command = position + torque / drive.position_gain
-        return DriveState(tendons, position, torque, abs(torque) + drive.coulomb_friction, current, command)
+        command = torque if drive.position_gain is None else position + torque / drive.position_gain
+        return DriveState(tendons, position, torque, abs(torque) + drive.coulomb_friction, command)
 
 
 class StoredFinger:

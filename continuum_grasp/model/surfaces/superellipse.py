@@ -16,11 +16,9 @@ import numpy as np
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.model.planar import Scalar, Vec, rotated
 from continuum_grasp.model.surfaces.outline import Frame, Outline, Walk, picked
-from continuum_grasp.model.surfaces.surface import Feature, Nearest, Surface, SurfacePoint, length
+from continuum_grasp.model.surfaces.surface import TINY, Feature, Nearest, Surface, SurfacePoint, length
 from continuum_grasp.scene.parts import SuperellipsePart
 
-_TINY = 1e-30
-"""Keeps powers of a squared coordinate differentiable on the axes [1]; far below rounding."""
 _TINY_PLACE = 1e-10
 """Rounding of a contact's place, whose second derivatives IPOPT needs: rounds |xi| below 1e-5 [1]."""
 _TINY_DIRECTION = 1e-14
@@ -65,7 +63,7 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
             return [Vec(*part.center) + turn.apply(Vec(a * a * n.x / reach, b * b * n.y / reach))]
         dual = part.exponent / (part.exponent - 1.0)
         u, v = a * n.x, b * n.y
-        power = [(each * each + _TINY) ** (0.5 * dual - 1.0) for each in (u, v)]
+        power = [(each * each + TINY) ** (0.5 * dual - 1.0) for each in (u, v)]
         reach = (power[0] * u * u + power[1] * v * v) ** (1.0 - 1.0 / dual)
         return [Vec(*part.center) + turn.apply(Vec(a * power[0] * u / reach, b * power[1] * v / reach))]
 
@@ -149,7 +147,7 @@ def _on_superellipse(a: float, b: float, power: float, way: Vec) -> tuple[Vec, V
         point, slope = Vec(a * c, b * s), Vec(-a * s, b * c)
         size = length(slope)
         return point, slope, Vec(slope.y / size, -slope.x / size), a * b / size**3
-    cs = [(each * each + _TINY) ** (0.5 * power - 1.0) for each in (c, s)]
+    cs = [(each * each + TINY) ** (0.5 * power - 1.0) for each in (c, s)]
     total = cs[0] * c * c + cs[1] * s * s
     r = total ** (-1.0 / power)
     drift = r * c * s * (cs[0] - cs[1]) / total

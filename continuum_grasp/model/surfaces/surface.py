@@ -26,7 +26,7 @@ ROUND = 1e-9
 NEAR = 5
 """Numbers of a circle that stands for a surface; see `distance_from`."""
 TINY = 1e-30
-"""Keeps the root of a squared distance differentiable at zero [m2]; far below rounding."""
+"""Keeps roots and powers of a square differentiable at zero [unit of the square]; far below rounding."""
 
 
 # -- contact in motion -------------------------------------------------------------------------------------------------

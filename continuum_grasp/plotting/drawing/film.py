@@ -10,15 +10,13 @@ from numpy.typing import NDArray
 
 from continuum_grasp.plotting.drawing.axes import Box, new_figure, plane_axes, quiet
 from continuum_grasp.plotting.drawing.bodies import mass_positions, masses_of
-from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, Z
+from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, SCREEN, Z
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.lines import Line2D
     from matplotlib.text import Text
 
-_DPI = 100
-"""Pixels per inch: labels of 9 points are 12 pixels high, which suits a frame of 640 pixels."""
 _BESIDE, _BELOW = 80, 110
 """Taken by labels and ticks beside the axes, and by these and the title above and below them [pixels]."""
 
@@ -29,8 +27,8 @@ class Film:
     def __init__(self, box: Box, width: int) -> None:
         across = 2 * max(1, width // 2)
         high = 2 * round(((across - _BESIDE) * (box[3] - box[2]) / (box[1] - box[0]) + _BELOW) / 2)
-        self._figure = new_figure(across / _DPI, high / _DPI)
-        self._figure.set_dpi(_DPI)
+        self._figure = new_figure(across / SCREEN, high / SCREEN)
+        self._figure.set_dpi(SCREEN)
         self.ax = plane_axes(quiet(self._figure.add_subplot()), box)
 
     def line(self, *marker: str, **style: Any) -> Line2D:

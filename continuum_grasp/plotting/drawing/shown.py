@@ -12,9 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-_SCREEN = 100.0
-"""Pixels of a browser per inch, of which screens with small pixels show more: text of 9 points is as high as the
-notebook's own."""
+from continuum_grasp.plotting.drawing.style import SCREEN
 
 
 class ShownFigure(Figure):
@@ -54,7 +52,7 @@ class ShownFigure(Figure):
     def _repr_png_(self) -> tuple[bytes, dict[str, int]]:
         buffer = io.BytesIO()
         self.savefig(buffer, format="png", dpi=self.dpi)
-        wide, high = (round(_SCREEN * float(size)) for size in self.get_size_inches())
+        wide, high = (round(SCREEN * float(size)) for size in self.get_size_inches())
         return buffer.getvalue(), {"width": wide, "height": high}
 
 

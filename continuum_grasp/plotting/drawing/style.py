@@ -21,6 +21,10 @@ FORBIDDEN: dict[str, Any] = {"facecolor": "#F3D3C7", "edgecolor": "#C25B36", "li
 """Zones that must not be entered."""
 
 
+SCREEN = 100
+"""Pixels per inch of a screen: labels of 9 points are 12 pixels high, as the text of a notebook."""
+
+
 class Z:
     """Order of layers, from the ground up."""
 
