@@ -62,12 +62,12 @@ def test_yaml_takes_arrays_and_what_is_not_finite():
 def test_result_yaml_holds_the_figures():
     data = yaml.safe_load(result_yaml(held()))
     assert data["status"] == "optimal"
-    assert data["grasp"]["fingers"]["finger"]["tension_left_N"] == 12.25
-    assert data["grasp"]["tension_N"] == 13.25
+    assert data["grasp"]["fingers"]["finger"]["tensions"][0] == 12.25
+    assert data["grasp"]["tension"] == 13.25
     contact = data["grasp"]["contacts"][0]
-    assert (contact["normal_force_N"], contact["friction_force_N"], contact["lift_N"]) == (2.5, -0.75, 0.5)
+    assert (contact["normal_force"], contact["friction_force"], contact["lift"]) == (2.5, -0.75, 0.5)
     assert contact["friction_margin"] == pytest.approx(1 - math.hypot(0.75, 0.5) / (0.5 * 2.5))
-    assert "position_along_finger_m" not in data["grasp"]["contacts"][-1]  # the palm's
+    assert "station" not in data["grasp"]["contacts"][-1]  # the palm's
 
 
 def test_result_yaml_says_why_there_is_none():
@@ -421,7 +421,7 @@ def test_shipped_scene_presses_as_it_must(tmp_path, name, normal):
     assert data["status"] in ("optimal", "feasible")  # several fingers are sampled
     assert data["certificate"]["passed"] is True
     assert data["quality"]["disturbance_margin"] > 0.1
-    forces = [contact["normal_force_N"] for contact in data["grasp"]["contacts"]]
+    forces = [contact["normal_force"] for contact in data["grasp"]["contacts"]]
     assert forces == pytest.approx([normal] * len(forces), rel=2e-4)
 
 

@@ -103,6 +103,7 @@ class Certificate(Summarized):
             "friction_states": self.states,
             "model_error": {**asdict(error), "found": error.found, "small": error.small, "limit": error.limit},
             "stability": asdict(self.stability),
+            "overlap_of_fingers": self.overlap,
         }
 
     @property
