@@ -302,7 +302,7 @@ class GraspResult(Result):
             "seed": self.scene.solver.random_seed,
             "message": self.message,
             "lower_bound": self.lower_bound,
-            "certificate": None if self.certificate is None else self.certificate.data(),
+            "certificate": None if self.certificate is None else self.certificate.data(error=quality),
             "quality": self.quality.data() if quality and self.solved else None,
             "plants": self.plants.data() if quality and self.plants is not None else None,
             "violated": list(self.violated),
@@ -321,7 +321,7 @@ class GraspResult(Result):
         folder : path-like
             Made where missing; a run in it is replaced.
         quality : bool, optional
-            Save the indices of quality too, which take some tenths of a second.
+            Save the indices of quality and the model's error too, which take some tenths of a second.
         """
         return self._save(folder, quality=quality)
 

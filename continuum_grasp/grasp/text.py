@@ -181,7 +181,7 @@ def _certificate(certificate: Certificate) -> Part:
         worst = bad[0] if bad else max(checks, key=lambda check: check.value - check.limit)
         amount = "within" if worst.value <= 0 else f"{worst.value:.1e}"
         count = f" ({len(checks)})" if len(checks) > 1 else ""
-        of = f"of {worst.relative_to}" if worst.relative_to else worst.unit.removeprefix("1")
+        of = f"of {worst.relative_to}" if worst.relative_to else ""
         rows.append((name + count, amount, of, f"{worst.limit:.0e}", "FAILED" if bad else "ok"))
     verdict = "all checks passed" if certificate.passed else f"{len(certificate.failed)} checks FAILED"
     stability, error, overlap = certificate.stability, certificate.model_error, certificate.overlap

@@ -13,11 +13,11 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -29,9 +29,6 @@ from continuum_grasp.scene.problems import explain
 from continuum_grasp.sweeps.folder import SOLVED, encode
 from continuum_grasp.sweeps.plan import Point
 from continuum_grasp.workers import ExecutorPool
-
-if TYPE_CHECKING:
-    from continuum_grasp.grasp import GraspResult
 
 T = TypeVar("T", bound=BaseModel)
 Keep: TypeAlias = Literal["all", "failed", "none"]
@@ -172,29 +169,13 @@ def _files(result: Any) -> dict[str, bytes]:
     if isinstance(result, GraspResult):
         from continuum_grasp.results.run_folder import RESULT, pack_run
 
-        return {RESULT: pack_run(result.arrays, _meta(result))}
+        # Without warnings, which the model's error is among: exact rods take some tens of milliseconds.
+        meta = {"kind": result.kind, "config": result.scene.model_dump(mode="json"), "status": result.status}
+        meta |= {"statistics": dict(result.statistics), **result.details(quality=False)}
+        return {RESULT: pack_run(result.stored_arrays(), meta)}
     with tempfile.TemporaryDirectory() as folder:
         result.save(folder)
         return {file.name: file.read_bytes() for file in sorted(Path(folder).iterdir()) if file.is_file()}
-
-
-def _meta(result: GraspResult) -> dict[str, Any]:
-    """All about a result but what would first have to be computed: quality, stability and the model's error."""
-    certificate = result.certificate
-    return {
-        "kind": "grasp",
-        "config": result.scene.model_dump(mode="json"),
-        "seed": result.scene.solver.random_seed,
-        "status": result.status.value,
-        "message": result.message,
-        "certificate": None
-        if certificate is None
-        else {"passed": certificate.passed, "checks": [vars(check) for check in certificate.checks]},
-        "violated": list(result.violated),
-        "reasons": [asdict(reason) for reason in result.reasons],
-        "advice": result.advice,
-        "statistics": dict(result.statistics),
-    }
 
 
 def quantities(result: Any, record: Sequence[str]) -> dict[str, Any]:
