@@ -270,17 +270,15 @@ class CaseGrasps:
 
     # -- how all change
 
-    def slopes(self, near: Stencil) -> tuple[dict[str, float], dict[str, Array], float]:
-        """Change of the quantities and of the unknowns along a direction, and the error of the differences."""
+    def slopes(self, near: Stencil) -> tuple[dict[str, float], dict[str, Array]]:
+        """Change of the quantities and of the unknowns along a direction."""
         quantities: dict[str, float] = {}
         unknowns: dict[str, Array] = {}
-        error = 0.0
         for aim, held in self.held.items():
-            mass = held.scene.object.mass
-            found = held.slopes(near.change(partial(_with_mass, mass=mass)) if held.relaxed else near)
-            quantities |= found.quantities
-            unknowns[aim], error = found.x, max(error, found.error)
-        return quantities, unknowns, error
+            along = near.change(partial(_with_mass, mass=held.scene.object.mass)) if held.relaxed else near
+            unknowns[aim], own = held.slopes(along)
+            quantities |= own
+        return quantities, unknowns
 
     @property
     def quantities(self) -> dict[str, float]:
