@@ -114,6 +114,11 @@ class HeldGrasp:
         }
 
     @property
+    def full(self) -> bool:
+        """Whether all of the scene's mass is held, so that more might be."""
+        return self.quantities["payload"] > 0.98 * self.scene.object.mass
+
+    @property
     def nominal(self) -> Array:
         """The unknowns of the grasp without errors."""
         return self.attempt.x[: self.solver.problem.x.size]
