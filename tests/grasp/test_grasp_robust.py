@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from itertools import product
 
 import casadi as ca
@@ -92,6 +93,16 @@ def test_the_robust_grasp_may_be_next_to_another_one_than_the_best(monkeypatch: 
     monkeypatch.setattr("continuum_grasp.grasp.robust.solve.BRANCHES", 0)
     monkeypatch.setattr("continuum_grasp.grasp.robust.solve.HALVINGS", 0)
     assert not optimize_grasp(scene.replaced(robust=bounds), raise_on_failure=False).solved
+
+
+def test_a_robust_grasp_says_where_was_looked_and_what_may_be_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = make_scene("arc", robust=Robust(friction=0.05, draws=2), objective="least_normal_force")
+    monkeypatch.setattr("continuum_grasp.grasp.solve._Verdict._notes", lambda *_: ["samples were tried, not all"])
+    found = optimize_grasp(scene)
+    assert found.status is Status.FEASIBLE
+    assert re.search("whatever the errors within robust; .* N without errors; samples were tried", found.message)
+    assert found.exploration.starts_solved > 0
+    assert 0.0 < found.lower_bound < found.greatest_normal_force
 
 
 def test_a_grasp_whose_draws_fail_is_not_called_robust(monkeypatch: pytest.MonkeyPatch) -> None:

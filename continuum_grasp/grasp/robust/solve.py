@@ -86,13 +86,16 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     held = f"held with {robust.tension:.4g} N of tension in all whatever {_whatever(scene)}"
     effort = {"corners": len(found.responses), "corners_in_problem": len(found.errors), "iterations": found.iterations}
     effort |= {"branches": branches}
-    changed = GraspResult(
-        scene,
-        result.status if found.optimal else Status.FEASIBLE,
-        f"{held}; {nominal.tension:.4g} N {'without errors' if scene.robust else 'as they are pulled'}",
-        arrays,
-        certificate,
-        advice=result.advice,
+    # Why the search may have missed a better one.
+    notes = [*result.message.split("; ")[1:], *([] if found.optimal else ["the solver stopped early"])]
+    without = f"{nominal.tension:.4g} N {'without errors' if scene.robust else 'as they are pulled'}"
+    changed = replace(
+        result,
+        status=result.status if found.optimal else Status.FEASIBLE,
+        message="; ".join([held, without, *notes]),
+        arrays=arrays,
+        certificate=certificate,
+        sensitivity=(),  # that of the nominal grasp
         statistics={**result.statistics, "robust": effort},
         robustness=Robustness(errors, nominal, robust, found.errors, result.arrays, found.touching),
     )
