@@ -19,6 +19,7 @@ from continuum_grasp.scene.document import KeyPath
 from continuum_grasp.scene.load import placed_scene_of
 from continuum_grasp.scene.sweep import QUANTITIES, Sweep
 from continuum_grasp.scene.variation import Axis, Random, Tie, Variation, variation_of
+from continuum_grasp.summary import clipped
 
 FORMAT_VERSION = 1
 """Version of the stored plan: a sweep resumes with the version that began it."""
@@ -171,8 +172,7 @@ def _leaves(data: Any, key: str = "") -> dict[str, Any]:
 def _short(value: Any) -> str:
     if isinstance(value, list) and len(value) > 6:
         return f"{len(value)} values from {value[0]} to {value[-1]}"
-    text = str(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+    return clipped(str(value), 80)
 
 
 def keys_of(plan: Mapping[str, Any]) -> list[str]:

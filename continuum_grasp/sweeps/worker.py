@@ -17,20 +17,17 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, TypeAlias, TypeVar
-
-from pydantic import BaseModel, ValidationError
+from typing import Any, Literal, TypeAlias
 
 from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
 from continuum_grasp.results.plain import digest
-from continuum_grasp.scene.document import KeyPath, dotted
+from continuum_grasp.scene.document import KeyPath
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.problems import explain
+from continuum_grasp.summary import clipped
 from continuum_grasp.sweeps.folder import SOLVED, encode
 from continuum_grasp.sweeps.plan import Point
 from continuum_grasp.workers import ExecutorPool
 
-T = TypeVar("T", bound=BaseModel)
 Keep: TypeAlias = Literal["all", "failed", "none"]
 _ONE_AT_A_TIME = threading.Lock()
 """Solvers share memory, so that the threads of a worker take turns."""
@@ -99,7 +96,7 @@ def _run(job: Job, point: Point) -> Outcome:
         return float(f"{time.perf_counter() - began:.6g}")
 
     try:
-        result = job.evaluate(scene_of_data(GraspScene, data))
+        result = job.evaluate(GraspScene(**data))
     except ContinuumGraspError as error:
         kind = "invalid" if isinstance(error, InputError) else "error"
         status = error.status if isinstance(error, SolverError) else kind
@@ -124,14 +121,13 @@ def _outcome(
     reason: str = "",
     files: dict[str, bytes] | None = None,
 ) -> Outcome:
-    text = " ".join(message.split())
     row = {
         "index": point.index,
         "scene": digest(data)[:16],
         "values": dict(zip(job.keys, point.labels, strict=True)),
         "status": status,
         "reason": reason,
-        "message": text if len(text) <= _MESSAGE else text[: _MESSAGE - 3] + "...",
+        "message": clipped(message, _MESSAGE),
         **numbers,
     }
     return Outcome(point.index, status, reason, float(numbers.get("seconds", 0.0)), encode(row), files or {})
@@ -150,16 +146,6 @@ def scene_data(base: dict[str, Any], paths: Sequence[KeyPath], point: Point) -> 
             parent = child
         parent[path[-1]] = copy.deepcopy(value)
     return data
-
-
-def scene_of_data(kind: type[T], data: dict[str, Any]) -> T:
-    """A scene of a kind; InputError with all that is wrong in one line."""
-    try:
-        return kind.model_validate(data)
-    except ValidationError as error:
-        problems = explain(error, kind, data)
-        texts = [f"{dotted(p.path)}: {p.message}" if p.path else p.message for p in problems]
-        raise InputError("; ".join(texts)) from None
 
 
 def _files(result: Any) -> dict[str, bytes]:

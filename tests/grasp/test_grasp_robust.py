@@ -95,6 +95,15 @@ def test_the_robust_grasp_may_be_next_to_another_one_than_the_best(monkeypatch: 
     assert not optimize_grasp(scene.replaced(robust=bounds), raise_on_failure=False).solved
 
 
+def test_draws_that_use_a_reserve_of_friction_are_held_and_fail_nowhere() -> None:
+    contacts = GraspContacts(friction=0.5, normal_force_max=30.0, reserve=0.2)
+    found = optimize_grasp(make_scene("arc", contacts=contacts, robust=Robust(friction=0.1, mass=0.1, draws=10)))
+    assert found.robustness.robust.least >= 0.2 - 1e-4
+    nominal = found.robustness.nominal
+    assert 0.0 < nominal.least < 0.2
+    assert nominal.held + sum(nominal.weakest.values()) == nominal.margins.size
+
+
 def test_a_robust_grasp_says_where_was_looked_and_what_may_be_missed(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = make_scene("arc", robust=Robust(friction=0.05, draws=2), objective="least_normal_force")
     monkeypatch.setattr("continuum_grasp.grasp.solve._Verdict._notes", lambda *_: ["samples were tried, not all"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -272,11 +273,9 @@ def _trials(
     """Try a grasp with draws, at corners, whose responses are known, and with each bound alone."""
     responder = Responder(scene, arrays, budget)
     responses = [responder.to(error) for error in errors]
-    failed = [response for response in responses if not response.holds]
-    weakest: dict[str, int] = {}
-    for response in failed:
-        name = response.weakest or "balance"
-        weakest[name] = weakest.get(name, 0) + 1
+    # With all of their friction: a reserve that is not left is no failure.
+    failed = (response for response in responses if not response.margin >= 0.0)
+    weakest = Counter(response.weakest or "balance" for response in failed)
     states = extremes(scene, arrays)
     ends = {name: with_states(errors, states[:1]) for name, errors in alone(bounds).items()}
     if states.size:
