@@ -21,7 +21,7 @@ from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.sweep import Sweep
-from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, locked, rows_of, store_plan, write_run_files
+from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, locked, rows_of, store_plan, write_run_file
 from continuum_grasp.sweeps.plan import Plan, Point, plan_of
 from continuum_grasp.sweeps.table import SweepTable, sweep_table, write_csv
 from continuum_grasp.sweeps.worker import Job, Keep, Outcome, dask_pool, row_of_crash, run_chunk, solve
@@ -256,8 +256,8 @@ class _Run:
         for outcome in outcomes:
             if self.there[outcome.index]:  # a cluster may compute a scene twice
                 continue
-            if outcome.files:  # before the row: a scene with a row is never computed again
-                write_run_files(self.folder, outcome.index, outcome.files)
+            if outcome.run:  # before the row: a scene with a row is never computed again
+                write_run_file(self.folder, outcome.index, outcome.run)
             lines.append(outcome.line)
             self.there[outcome.index] = 1
             self.counts[outcome.status] += 1

@@ -7,20 +7,19 @@ from __future__ import annotations
 
 import copy
 import math
-import tempfile
 import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, TypeAlias
 
 from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
 from continuum_grasp.results.plain import digest
+from continuum_grasp.results.run_folder import pack_run
 from continuum_grasp.scene.document import KeyPath
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.summary import clipped
@@ -59,14 +58,14 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of one scene: its line in the table, and the files of its run."""
+    """Outcome of one scene: its line in the table, and the file of its run."""
 
     index: int
     status: str
     reason: str
     seconds: float
     line: bytes
-    files: dict[str, bytes] = field(default_factory=dict)
+    run: bytes = b""
 
 
 def solve(scene: GraspScene) -> Any:
@@ -108,7 +107,7 @@ def _run(job: Job, point: Point) -> Outcome:
     status = str(result.status)
     reason = result.reasons[0].title if result.reasons else ""
     wanted = job.keep == "all" or (job.keep == "failed" and status not in SOLVED)
-    return _outcome(job, point, data, status, result.message, numbers, reason, _files(result) if wanted else {})
+    return _outcome(job, point, data, status, result.message, numbers, reason, _packed(result) if wanted else b"")
 
 
 def _outcome(
@@ -119,7 +118,7 @@ def _outcome(
     message: str,
     numbers: Mapping[str, Any] = MappingProxyType({}),
     reason: str = "",
-    files: dict[str, bytes] | None = None,
+    run: bytes = b"",
 ) -> Outcome:
     row = {
         "index": point.index,
@@ -130,7 +129,7 @@ def _outcome(
         "message": clipped(message, _MESSAGE),
         **numbers,
     }
-    return Outcome(point.index, status, reason, float(numbers.get("seconds", 0.0)), encode(row), files or {})
+    return Outcome(point.index, status, reason, float(numbers.get("seconds", 0.0)), encode(row), run)
 
 
 def scene_data(base: dict[str, Any], paths: Sequence[KeyPath], point: Point) -> dict[str, Any]:
@@ -148,20 +147,12 @@ def scene_data(base: dict[str, Any], paths: Sequence[KeyPath], point: Point) -> 
     return data
 
 
-def _files(result: Any) -> dict[str, bytes]:
-    """The files of a run, for who writes the table: of a grasp the one that holds everything."""
-    from continuum_grasp.grasp import GraspResult
-
-    if isinstance(result, GraspResult):
-        from continuum_grasp.results.run_folder import RESULT, pack_run
-
-        # Without warnings, which the model's error is among: exact rods take some tens of milliseconds.
-        meta = {"kind": result.kind, "config": result.scene.model_dump(mode="json"), "status": result.status}
-        meta |= {"statistics": dict(result.statistics), **result.details(quality=False)}
-        return {RESULT: pack_run(result.stored_arrays(), meta)}
-    with tempfile.TemporaryDirectory() as folder:
-        result.save(folder)
-        return {file.name: file.read_bytes() for file in sorted(Path(folder).iterdir()) if file.is_file()}
+def _packed(result: Any) -> bytes:
+    """The file of a run, for who writes the table; it holds everything."""
+    # Without warnings, which the model's error is among: exact rods take some tens of milliseconds.
+    meta = {"kind": result.kind, "config": result.scene.model_dump(mode="json"), "status": result.status}
+    meta |= {"statistics": dict(result.statistics), **result.details(quality=False)}
+    return pack_run(result.stored_arrays(), meta)
 
 
 def quantities(result: Any, record: Sequence[str]) -> dict[str, Any]:
