@@ -72,7 +72,7 @@ def plainly(scenes: int, seed: int, wait: bool, pipe: Any) -> None:
 
     plan, run = plan_of(config(scenes, seed)), evaluate(wait)
     job = Job(plan.variation.base, plan.keys, plan.paths, (), "none", run)
-    values = [GraspScene.model_validate(scene_data(job, point)) for point in plan]
+    values = [GraspScene.model_validate(scene_data(job.base, job.paths, point)) for point in plan]
     run(values[0])
     began, used = time.perf_counter(), time.process_time()
     taken = []

@@ -27,16 +27,21 @@ class Held:
     """A grasp whose numbers follow from the scene in a way that tests can write down."""
 
     def __init__(self, scene: GraspScene, status: str = "optimal", reasons: tuple[Any, ...] = ()) -> None:
-        self.scene, self.status, self.reasons = scene, status, reasons
+        self.kind, self.scene, self.status, self.reasons = "grasp", scene, status, reasons
         self.message = "held" if status == "optimal" else "not held"
         self.fingers = {"finger": SimpleNamespace(tensions=(tension(scene), 0.01))}
         self.contacts = [SimpleNamespace(normal_force=n, friction_margin=n / 10) for n in (1.0, 3.0, 2.0)]
         self.statistics = {"iterations": 7, "starts": 2}
         self.quality = SimpleNamespace(epsilon=scene.object.mass / 2)
 
-    def save(self, folder: str | os.PathLike[str]) -> None:
-        """One small file with the mass in it."""
-        (Path(folder) / "result.txt").write_text(repr(self.scene.object.mass), encoding="utf-8")
+    def stored_arrays(self) -> dict[str, float]:
+        """The mass."""
+        return {"mass": self.scene.object.mass}
+
+    def details(self, *, quality: bool) -> dict[str, str]:
+        """Nothing that costs."""
+        assert not quality
+        return {"message": self.message}
 
 
 def tension(scene: GraspScene) -> float:

@@ -46,23 +46,28 @@ def shown(progress: Progress) -> Iterator[None]:
 def _lines(progress: Progress, done: threading.Event) -> None:
     """A line at first, with each tenth of the work, and after a while without one."""
     tenth, last, wait = -1, -_SILENCE, _PATIENCE
+    first: tuple[float, float] | None = None  # when a share was known, and that: work may go on from an earlier run
     while not done.wait(wait):
         wait, now, share = 1.0, time.monotonic() - progress.start, progress.share
         if now - last < _SILENCE and int(10.0 * (share or 0.0)) <= tenth:
             continue
         tenth, last = int(10.0 * (share or 0.0)), now
-        known = "" if share is None else f"{100.0 * share:.0f} %, "
-        _say(f"{progress.what}: {known}{now:.0f} s")
+        known, left = "", ""
+        if share is not None:
+            first, known = first or (now, share), f"{100.0 * share:.0f} %, "
+            if share > first[1]:
+                left = f", about {(now - first[0]) * (1.0 - share) / (share - first[1]):.0f} s left"
+        _say(f"{progress.what}: {known}{now:.0f} s{left}")
 
 
 def _bar(progress: Progress, done: threading.Event) -> None:
     if done.wait(_PATIENCE):
         return
     from rich.console import Console
-    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.progress import Progress as Bars
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     with Bars(*columns, console=Console(stderr=True), transient=True) as bars:
         task = bars.add_task(progress.what, total=None)
         # The bar shows the time since the work began, not since it appeared.

@@ -75,15 +75,12 @@ class Evaluation:
     limits : tuple of Row
         Not negative where a limit holds; as parts of the limit.
     cases : tuple of CaseValues
-    error : float
-        Estimated relative error of the derivatives' differences.
     """
 
     coordinates: Array
     costs: tuple[Row, ...]
     limits: tuple[Row, ...]
     cases: tuple[CaseValues, ...]
-    error: float
 
     @property
     def worst(self) -> Row:
@@ -210,7 +207,7 @@ class DesignProblem:
 
     def _evaluated(self, at: Array, search: bool) -> Evaluation:
         try:
-            found = [self._case(case, at, signs, search) for signs in self.scenarios for case in self.space.cases]
+            cases = tuple(self._case(case, at, signs, search) for signs in self.scenarios for case in self.space.cases)
         except StructureChanges:
             raise
         except InputError as error:
@@ -220,12 +217,10 @@ class DesignProblem:
             self.effort.lost += 1
             raise
         self._at = at
-        off = max(one for _, one in found)
-        cases = tuple(one for one, _ in found)
         values = self.values(at.tolist())
-        return Evaluation(at, self._costs(cases, values), self._limits(cases, values), cases, off)
+        return Evaluation(at, self._costs(cases, values), self._limits(cases, values), cases)
 
-    def _case(self, case: str, at: Array, signs: Signs, search: bool) -> tuple[CaseValues, float]:
+    def _case(self, case: str, at: Array, signs: Signs, search: bool) -> CaseValues:
         scene = self.scene(case, at.tolist(), signs)
         grasps = self.grasps(signs, case)
         if search or not grasps.held:
@@ -234,19 +229,18 @@ class DesignProblem:
             grasps.follow(scene, self._guesses(grasps, (signs, case), at))
         quantities = {**grasps.quantities, "finger_mass": fingers_mass(scene)}
         columns: dict[str, list[float]] = {name: [] for name in quantities}
-        tangents, error = [], 0.0
+        tangents = []
         for along in self._directions(case, at, signs):
             near = Stencil.of(along)
-            slopes, unknowns, off = grasps.slopes(near)
+            slopes, unknowns = grasps.slopes(near)
             slopes["finger_mass"] = float(near.difference([fingers_mass(scene) for scene in near.scenes]))
             for name, column in columns.items():
                 column.append(slopes[name])
             tangents.append(unknowns)
-            error = max(error, off)
         self._tangents[signs, case] = tangents
         found = {name: np.array(column) for name, column in columns.items()}
         acting = tuple(row for held in grasps.held.values() for row in held.acting)
-        return CaseValues(case, signs, quantities, found, acting), error
+        return CaseValues(case, signs, quantities, found, acting)
 
     def _directions(self, case: str, at: Array, signs: Signs) -> list[Along]:
         """Scenes along each coordinate, and along each tolerated error."""

@@ -34,14 +34,10 @@ _SEARCH, _LEAST_SEARCH = 5, 1000
 """Iterations of a full search, per those of the longest one that has found a grasp, and at least [1]."""
 _RUNS = 4
 """Most runs until guarded places stand still."""
-_HEAVIER = 1.3
-"""Mass in the scene per payload sought: close enough that what is in units of the weight stays."""
-_LIGHT, _HEAVY = 1.02, 2.0
-"""Between which that ratio may be before it is set anew."""
-_FIRST_MASS = 3.0
-"""Mass in the scene, per the scene's own, from which the first payload is sought."""
+_MORE = 3.0
+"""Mass in the scene, per payload that is held, below which the greatest is sought."""
 _MASSES = 12
-"""Number of times that the mass in the scene is set until the payload lies close below."""
+"""Number of times that the mass in the scene is set until the payload lies below, or any is held."""
 
 
 class LostGrasp(Exception):
@@ -149,7 +145,8 @@ class CaseGrasps:
             else:
                 found = self._run(scene, start, x0=x0, features=features, **options)
             if found is not None:
-                return found if not before.relaxed or self._is_close(found) else self._centered(found)
+                full = before.relaxed and found.full
+                return self._heaviest(scene, found.attempt.start, found.quantities["payload"]) if full else found
         return None
 
     def _run(self, scene: GraspScene, start: Start, **options: Any) -> HeldGrasp | None:
@@ -230,7 +227,10 @@ class CaseGrasps:
                     break
                 mass *= 0.5
                 continue
-            found = self._heaviest(result)
+            start = start_from(result.scene, dict(result.arrays))
+            found = self._heaviest(result.scene, start, mass)
+            if found is None:
+                raise LostGrasp(f"{self.name}: no payload was found from the grasp of {mass:.3g} kg")
             if best is not None and found.quantities["payload"] < best.quantities["payload"] * (1.0 + SAME):
                 break
             best, mass = found, found.quantities["payload"] * (1.0 + 10.0 * SAME)
@@ -242,45 +242,32 @@ class CaseGrasps:
             most, message = _with_mass(scene, payload), f"at most {payload:.4g} kg are held"
             self.found = GraspResult(most, Status.OPTIMAL, message, best.arrays, certify(most, best.arrays))
 
-    def _heaviest(self, result: GraspResult) -> HeldGrasp:
-        """The greatest mass from a grasp."""
-        scene = result.scene
-        heavy, start = _with_mass(scene, _FIRST_MASS * scene.object.mass), start_from(scene, dict(result.arrays))
-        found = self._run(heavy, start, relaxed=[(MASS, 1.0 - 1.0 / _FIRST_MASS)])
-        if found is None:
-            raise LostGrasp(f"{self.name}: no payload was found from the grasp of {scene.object.mass:.3g} kg")
-        return self._centered(found)
+    def _heaviest(self, scene: GraspScene, start: Start, payload: float) -> HeldGrasp | None:
+        """The greatest mass from a start that holds a payload; None where a solver finds none.
 
-    def _centered(self, found: HeldGrasp) -> HeldGrasp:
-        """A copy with a mass in the scene that is close above the payload."""
+        It is sought below a multiple of that payload, again where it is all of that.
+        """
+        found: HeldGrasp | None = None
         for _ in range(_MASSES):
-            if self._is_close(found):
-                return found
-            mass, payload = found.scene.object.mass, found.quantities["payload"]
-            more = payload * (_HEAVIER if payload < 0.999 * mass else _FIRST_MASS)
-            scene = _with_mass(found.scene, more)
-            again = self._run(scene, found.attempt.start, relaxed=[(MASS, 1.0 - payload / more)])
-            if again is None:
+            most = _MORE * payload
+            more = self._run(_with_mass(scene, most), start, relaxed=[(MASS, 1.0 - payload / most)])
+            found = more or found
+            if more is None or not more.full:
                 break
-            found = again
+            payload, start = more.quantities["payload"], more.attempt.start
         return found
-
-    def _is_close(self, found: HeldGrasp) -> bool:
-        return _LIGHT <= found.scene.object.mass / max(found.quantities["payload"], 1e-300) <= _HEAVY
 
     # -- how all change
 
-    def slopes(self, near: Stencil) -> tuple[dict[str, float], dict[str, Array], float]:
-        """Change of the quantities and of the unknowns along a direction, and the error of the differences."""
+    def slopes(self, near: Stencil) -> tuple[dict[str, float], dict[str, Array]]:
+        """Change of the quantities and of the unknowns along a direction."""
         quantities: dict[str, float] = {}
         unknowns: dict[str, Array] = {}
-        error = 0.0
         for aim, held in self.held.items():
-            mass = held.scene.object.mass
-            found = held.slopes(near.change(partial(_with_mass, mass=mass)) if held.relaxed else near)
-            quantities |= found.quantities
-            unknowns[aim], error = found.x, max(error, found.error)
-        return quantities, unknowns, error
+            along = near.change(partial(_with_mass, mass=held.scene.object.mass)) if held.relaxed else near
+            unknowns[aim], own = held.slopes(along)
+            quantities |= own
+        return quantities, unknowns
 
     @property
     def quantities(self) -> dict[str, float]:

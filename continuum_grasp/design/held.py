@@ -51,8 +51,6 @@ _SHAPES = (
 )
 _STEP = 1e-3
 """Step of these differences, per range of a variable: they are then good to 1e-11, of which rounding is as much."""
-_ROUNDING = 1e-8
-"""Change over the whole range of a variable that is none, per greatest number of the problem [1]."""
 
 
 class StructureChanges(InputError):
@@ -86,38 +84,6 @@ class Stencil:
         """A copy with other scenes."""
         return replace(self, scenes=tuple(change(scene) for scene in self.scenes))
 
-    def error(self, values: Sequence[Array], here: Array) -> float:
-        """Estimated relative error of the derivative of numbers that are ``here`` at this place.
-
-        Differences of second order err more, and those of fourth order by about the square of that.
-        """
-        known = dict(zip(self.offsets, values, strict=True)) | {0: here}
-        side, end = next(pair for pair in ((-1, 1), (0, 1), (0, -1)) if known.keys() >= {*pair})
-        coarse, fine = (known[end] - known[side]) / ((end - side) * _STEP), self.difference(values)
-        # Numbers that the design leaves alone change by rounding.
-        least = max(1e-6 * np.abs(fine).max(initial=0.0), _ROUNDING * np.abs(here).max(initial=0.0))
-        scale = np.maximum(np.abs(fine), least) + _LEAST
-        return float(np.max(np.abs(coarse - fine) / scale, initial=0.0)) ** 2
-
-
-@dataclass(frozen=True)
-class Slopes:
-    """Change of a grasp along one direction of designs.
-
-    Attributes
-    ----------
-    x : (n,) ndarray
-        Change of the unknowns.
-    quantities : dict of str to float
-        Changes of the quantities of a design by name, SI.
-    error : float
-        Estimated relative error of the differences of the problem's numbers.
-    """
-
-    x: Array
-    quantities: dict[str, float]
-    error: float
-
 
 @dataclass(frozen=True)
 class HeldGrasp:
@@ -148,6 +114,11 @@ class HeldGrasp:
         }
 
     @property
+    def full(self) -> bool:
+        """Whether all of the scene's mass is held, so that more might be."""
+        return self.quantities["payload"] > 0.98 * self.scene.object.mass
+
+    @property
     def nominal(self) -> Array:
         """The unknowns of the grasp without errors."""
         return self.attempt.x[: self.solver.problem.x.size]
@@ -165,8 +136,8 @@ class HeldGrasp:
         tensions, forces, margins = _parts(self.scene, self.arrays)
         return int(tensions.argmax()), int(forces.argmax()), int(margins.argmin())
 
-    def slopes(self, near: Stencil) -> Slopes:
-        """Derivatives along a direction of designs.
+    def slopes(self, near: Stencil) -> tuple[Array, dict[str, float]]:
+        """Derivatives of the unknowns (n,) and of the quantities along a direction of designs.
 
         Raises
         ------
@@ -176,8 +147,9 @@ class HeldGrasp:
         contacts, spec = self.attempt.start.contacts, self.solver.problem.spec
         if any(ProblemSpec.of(scene, contacts) != spec for scene in near.scenes):
             raise StructureChanges("the grasp problem changes its structure here")
-        numbers = [self._numbers(scene) for scene in near.scenes]
-        bounds = [self._bounds(scene) for scene in near.scenes]
+        beside = [(scene, self._beside(scene)) for scene in near.scenes]
+        numbers = [self.solver.numbers_near(scene, self.attempt, *own) for scene, own in beside]
+        bounds = [self.solver.bounds(scene, *own) for scene, own in beside]
         low, high = (near.difference([_finite(pair[k]) for pair in bounds]) for k in (0, 1))
         x = self._tangent(near, numbers, low, high)
         found: list[dict[str, float]] = []
@@ -188,18 +160,12 @@ class HeldGrasp:
         quantities = {name: float(near.difference([one[name] for one in found])) for name in self.quantities}
         if not self.relaxed and self.scene.objective == "least_tension":
             quantities["tension"] = self._envelope(near, near.difference(numbers), low, high)
-        return Slopes(x, quantities, near.error(numbers, self._numbers(self.scene)))
+        return x, quantities
 
-    def _features(self, scene: GraspScene) -> dict[str, Feature]:
-        return moved_features(self.scene, scene, self.attempt.start.contacts, self.attempt.features)
-
-    def _numbers(self, scene: GraspScene) -> Array:
-        start = moved_start(self.scene, scene, self.attempt.start)
-        return self.solver.numbers_near(scene, self.attempt, start, self._features(scene))
-
-    def _bounds(self, scene: GraspScene) -> tuple[Array, Array]:
-        start = moved_start(self.scene, scene, self.attempt.start)
-        return self.solver.bounds(scene, start, self._features(scene))
+    def _beside(self, scene: GraspScene) -> tuple[Start, dict[str, Feature]]:
+        """Start and features of the grasp in a scene beside its own."""
+        start, features = self.attempt.start, self.attempt.features
+        return moved_start(self.scene, scene, start), moved_features(self.scene, scene, start.contacts, features)
 
     def _tangent(self, near: Stencil, numbers: list[Array], low: Array, high: Array) -> Array:
         """Change of the unknowns, from the conditions of optimality."""
@@ -213,7 +179,7 @@ class HeldGrasp:
         jacobian = np.array(functions["jac_g"](x, attempt.numbers)[1])
         upper = np.array(ca.DM(functions["hess_lag"](x, attempt.numbers, 1.0, forces)))
         hessian = np.triu(upper) + np.triu(upper, 1).T
-        least, most = self._bounds(self.scene)
+        least, most = self.solver.bounds(self.scene, *self._beside(self.scene))
         # A relaxed limit is beyond the bounds that the scene gives without it.
         most = np.where(x > most + 1e-6, np.inf, most)
         under = np.where(bound_forces < 0.0, -bound_forces, 0.0) / np.maximum(x - least, _LEAST)

@@ -364,7 +364,6 @@ class _DesignSearch:
                 "solver_runs": effort.solves,
                 "solver_iterations": effort.iterations,
                 "designs_without_grasp": effort.lost,
-                "derivative_error": None if best is None else best.error,
                 "total_seconds": time.monotonic() - self.began,
             },
         )

@@ -14,9 +14,14 @@ from continuum_grasp.design.evaluation import Evaluation, Signs
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.results.declared import Dimension, File, Picture, Stored
 from continuum_grasp.results.result import Result
+from continuum_grasp.results.yaml_text import yaml_text
 from continuum_grasp.scene.design import QUANTITIES, Design
 from continuum_grasp.scene.design_space import DesignSpace
 
+_HEAD = """\
+# The best design found: values of the variables, cost, quantities of every case, sensitivities. SI units. `set` are the
+# values as changes of the scene; result.npz holds every design tried, grasp_CASE/ the grasps.
+"""
 _MOST_WARNINGS = 3
 """Warnings of grasps that are listed: cases of one finger have the same as a rule."""
 
@@ -137,7 +142,7 @@ class DesignResult(Result):
         Dimension("variable", "variables of the design", "labels"),
         Dimension("design", "designs in the order in which they were tried"),
     )
-    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "design.report:result_yaml"),)
+    texts: ClassVar[tuple[File, ...]] = (File("result.yaml", "design.result:DesignResult.yaml"),)
     pictures: ClassVar[tuple[Picture, ...]] = (
         Picture("design", "plotting.design:plot_design", needs="cases", panels=True),
     )
@@ -301,6 +306,11 @@ class DesignResult(Result):
         effort = self.statistics
         rows["effort"] = f"{effort['full_searches']} full searches, {effort['solver_runs']} runs from nearby grasps"
         return rows
+
+    def yaml(self) -> str:
+        """The design as YAML."""
+        about = {"status": self.status.value, "message": self.message, "set": self.values, **self.details()}
+        return _HEAD + yaml_text(about | {"statistics": dict(self.statistics)})
 
     def details(self) -> dict[str, Any]:
         """Values, quantities of the cases, sensitivities, combinations of errors."""

@@ -30,7 +30,7 @@ from continuum_grasp.scene.sweep import Sweep
 from continuum_grasp.scene.value import doubt
 from continuum_grasp.simulation.signals import Signals
 from continuum_grasp.sweeps.plan import Plan, Point, plan_of
-from continuum_grasp.sweeps.worker import scene_data, scene_of_data
+from continuum_grasp.sweeps.worker import scene_data
 
 MOST_SCENES = 10_000
 """Scenes of a sweep that an environment draws from [1]: each is checked beforehand, in about 5 ms."""
@@ -98,7 +98,7 @@ def scenes_of(
 
 def _scene(plan: Plan, point: Point) -> ControlScene:
     try:
-        return scene_of_data(ControlScene, scene_data(plan.variation.base, plan.paths, point))
+        return ControlScene(**scene_data(plan.variation.base, plan.paths, point))
     except InputError as error:
         drawn = ", ".join(f"{key} = {value}" for key, value in zip(plan.keys, point.labels, strict=True))
         raise InputError(f"scene {point.index} ({drawn}): {error}") from None

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
-
-from numpy.typing import ArrayLike
 
 from continuum_grasp.grasp.text import amount, further_advice, parts
 from continuum_grasp.results.html import (
@@ -28,15 +25,15 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.result import GraspResult
 
 
-def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None, resisted: ArrayLike | bool = True) -> str:
+def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None) -> str:
     """The result as an HTML page: picture, numbers, certificate, and the reasons where there is no grasp.
 
-    ``pictures`` has the drawing as ``grasp``; where it is not given, `plot_grasp` draws it with what is ``resisted``.
+    ``pictures`` has the drawing as ``grasp``; where it is not given, `plot_grasp` draws it.
     The page, HTML5, has its pictures inside and refers to no other file or site.
     """
     from continuum_grasp.plotting.grasp.picture import plot_grasp
 
-    drawn = (pictures or {}).get("grasp") or plot_grasp(result, resisted=resisted)
+    drawn = (pictures or {}).get("grasp") or plot_grasp(result)
     beside = {str(one.get_label()): one for one in drawn.figure.axes}
     scene = result.scene
     # A scene that was made in Python may not have its version set, which a file needs.
@@ -63,7 +60,7 @@ def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None, res
         result.warnings,
         _why(result),
         _picture(result, drawn),
-        cards(_key_numbers(result)),
+        cards(result.pairs().items() if result.solved else ()),
         *found,
         section("The search", folded("Statistics", searched)),
         section("The scene", folded("Configuration, as it was read", given, exact=True)),
@@ -109,29 +106,6 @@ def _figure(name: str, drawn: Axes, described: str, caption: str) -> str:
     from continuum_grasp.plotting.drawing.axes import inline_svg
 
     return figure(name, inline_svg(drawn, name, described), caption)
-
-
-def _key_numbers(result: GraspResult) -> list[tuple[str, str]]:
-    if not result.solved:
-        return []
-    contacts, certificate = result.contacts, result.certificate
-    pairs = [("sum of tensions", f"{result.force_text(result.tension)} N")]
-    if contacts:
-        least = min(contacts, key=lambda contact: contact.friction_margin)
-        pairs += [
-            ("greatest normal force", f"{result.force_text(result.greatest_normal_force)} N"),
-            ("least friction margin", result.margin_text(least)),
-        ]
-    if result.lower_bound is not None:
-        pairs.append(("least in any grasp", f"{result.force_text(result.lower_bound)} N"))
-    if certificate is not None:
-        error = certificate.model_error.greatest
-        pairs += [
-            ("checks passed", certificate.headline().removesuffix(" checks passed")),
-            ("second-order test", certificate.stability.word),
-            ("model error", f"{1e3 * error:.2f} mm" if math.isfinite(error) else "not computed"),
-        ]
-    return pairs
 
 
 def _friction(beside: Mapping[str, Axes]) -> str:

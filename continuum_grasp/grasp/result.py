@@ -9,6 +9,8 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+import numpy as np
+
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
@@ -178,19 +180,22 @@ class GraspResult(Result):
         return [str(name) for name in self.arrays.get("contact_names", ())]
 
     def pairs(self) -> dict[str, str]:
-        """Tensions, contact forces and margins; where there is no grasp, why."""
+        """Tension, greatest force, least margin and certificate; where there is no grasp, why."""
         if not self.solved:
             reasons = {f"reason {k + 1}": reason.text for k, reason in enumerate(self.reasons[:4])}
             return {**(reasons or {"message": self.message}), **({"advice": self.advice} if self.advice else {})}
         rows = {"sum of tensions": f"{self.force_text(self.tension)} N"}
         if self.contacts:
-            forces = ", ".join(f"{c.name} {self.force_text(c.normal_force)} N" for c in self.contacts)
-            if self.lower_bound is not None:
-                forces += f" ({self.bound_words})"
             least = min(self.contacts, key=lambda contact: contact.friction_margin)
-            rows |= {"normal forces": forces, "least friction margin": self.margin_text(least)}
+            rows["greatest normal force"] = f"{self.force_text(self.greatest_normal_force)} N"
+            rows["least friction margin"] = self.margin_text(least)
+        if self.lower_bound is not None:
+            rows["least in any grasp"] = f"{self.force_text(self.lower_bound)} N"
         if self.certificate is not None:
-            rows["certificate"] = f"{self.certificate.headline()}, {self.certificate.stability.word}"
+            error = self.certificate.model_error.greatest
+            rows["checks passed"] = self.certificate.headline().removesuffix(" checks passed")
+            rows["second-order test"] = self.certificate.stability.word
+            rows["model error"] = f"{1e3 * error:.2f} mm" if np.isfinite(error) else "not computed"
         return rows
 
     @property
@@ -302,7 +307,7 @@ class GraspResult(Result):
             "seed": self.scene.solver.random_seed,
             "message": self.message,
             "lower_bound": self.lower_bound,
-            "certificate": None if self.certificate is None else self.certificate.data(),
+            "certificate": None if self.certificate is None else self.certificate.data(error=quality),
             "quality": self.quality.data() if quality and self.solved else None,
             "plants": self.plants.data() if quality and self.plants is not None else None,
             "violated": list(self.violated),
@@ -321,7 +326,7 @@ class GraspResult(Result):
         folder : path-like
             Made where missing; a run in it is replaced.
         quality : bool, optional
-            Save the indices of quality too, which take some tenths of a second.
+            Save the indices of quality and the model's error too, which take some tenths of a second.
         """
         return self._save(folder, quality=quality)
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.results.yaml_text import yaml_text
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.certificate.drives import DriveState
     from continuum_grasp.grasp.result import GraspResult
     from continuum_grasp.grasp.values import Contact, FingerPosture
-    from continuum_grasp.scene.grasp import FingerSetup
 
 _HEAD = """\
 # How the object is held, or why it is not. World frame, SI units. Forces at contacts are those on what touches the
@@ -182,7 +180,7 @@ def _certificate(certificate: Certificate) -> Part:
         worst = bad[0] if bad else max(checks, key=lambda check: check.value - check.limit)
         amount = "within" if worst.value <= 0 else f"{worst.value:.1e}"
         count = f" ({len(checks)})" if len(checks) > 1 else ""
-        of = f"of {worst.relative_to}" if worst.relative_to else worst.unit.removeprefix("1")
+        of = f"of {worst.relative_to}" if worst.relative_to else ""
         rows.append((name + count, amount, of, f"{worst.limit:.0e}", "FAILED" if bad else "ok"))
     verdict = "all checks passed" if certificate.passed else f"{len(certificate.failed)} checks FAILED"
     stability, error, overlap = certificate.stability, certificate.model_error, certificate.overlap
@@ -228,89 +226,40 @@ def _short(value: float) -> str:
 
 
 def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
-    """Summary of a result as YAML; SI units, which the names carry.
+    """Summary of a result as YAML, under the names that its parts have in Python and in the run folder.
 
     ``quality=False`` leaves out the indices of quality, which cost more than the rest.
     """
-    found: dict[str, Any] = {
+    about = dict(result.details(quality=quality))
+    if result.certificate is not None:
+        failed = [check.name for check in result.certificate.failed]
+        about["certificate"] |= {"checks": len(result.certificate.checks), "failed": failed}
+    answer = (
+        {
+            "tension": result.tension,
+            "object": result.object_pose,
+            "fingers": {
+                name: _plain(finger) | {"drives": [_plain(one) for one in result.drives.get(name, ())]}
+                for name, finger in result.fingers.items()
+            },
+            "contacts": [_plain(contact) for contact in result.contacts],
+        }
+        if result.arrays
+        else None
+    )
+    found = {
         "name": result.scene.name,
         "status": result.status.value,
-        "message": result.message,
         "warnings": list(result.warnings),
-        "advice": result.advice,
+        **{key: about.pop(key) for key in ("message", "advice", "reasons", "violated")},
+        "grasp" if result.solved else "closest_attempt": answer,
+        **about,
+        "fine_model": result.statistics.get("fine_model"),
     }
-    if result.reasons:
-        found["reasons"] = [asdict(reason) for reason in result.reasons]
-    if result.violated:
-        found["broken_constraints_at_the_closest_attempt"] = list(result.violated)
-    if result.arrays:
-        found["grasp" if result.solved else "closest_attempt"] = {
-            "tension_N": result.tension,
-            "object": _pose(result.object_pose),
-            "fingers": {
-                setup.name: _finger(setup, result.fingers[setup.name])
-                | ({"drives": [_drive(d) for d in result.drives[setup.name]]} if setup.name in result.drives else {})
-                for setup in result.scene.setups
-            },
-            "contacts": [_contact(contact) for contact in result.contacts],
-        }
-    if quality and result.plants is not None:
-        found["quality"] = result.quality.data()
-        found["plants"] = result.plants.data()
-    if result.robustness is not None:
-        found["robustness"] = result.robustness.data()
-    if "fine_model" in result.statistics:
-        found["fine_model"] = result.statistics["fine_model"]
-    certificate = result.certificate
-    if result.solved and certificate is not None:
-        found["certificate"] = {
-            "passed": certificate.passed,
-            "checks": len(certificate.checks),
-            "failed": [check.name for check in certificate.failed],
-            "friction_margin": certificate.friction_margin,
-            "stable": certificate.stability.stable,
-            "stability_eigenvalue": certificate.stability.eigenvalue,
-            "model_error_m": certificate.model_error.greatest,
-            "overlap_of_fingers_m": certificate.overlap,
-        }
-        if certificate.states:
-            found["certificate"]["friction_states"] = certificate.states
-    return _HEAD + yaml_text(found)
+    return _HEAD + yaml_text({key: value for key, value in found.items() if value not in (None, "", [], {})})
 
 
-def _pose(pose: NDArray[Any]) -> dict[str, float]:
-    return {"x_m": float(pose[0]), "y_m": float(pose[1]), "angle_rad": float(pose[2])}
-
-
-def _finger(setup: FingerSetup, finger: FingerPosture) -> dict[str, Any]:
-    return {
-        "tension_left_N": float(finger.tensions[0]),
-        "tension_right_N": float(finger.tensions[1]),
-        "tension_max_N": setup.max_tension,
-        "base": _pose(finger.base),
-        "tip": _pose(finger.backbone[-1, 1:4]),
-        "family": finger.family,
-        "element_lengths_m": [float(v) for v in finger.lengths],
-    }
-
-
-def _drive(drive: DriveState) -> dict[str, Any]:
-    found: dict[str, Any] = {"tendons": list(drive.tendons), "command": drive.command}
-    if np.isnan(drive.torque):
-        return {**found, "wound_up_m": drive.position}
-    found |= {"motor_angle_rad": drive.position, "torque_N_m": drive.torque}
-    return {**found, "torque_to_reach_N_m": drive.torque_to_reach}
-
-
-def _contact(contact: Contact) -> dict[str, Any]:
-    found = {
-        "name": contact.name,
-        "x_m": float(contact.position[0]),
-        "y_m": float(contact.position[1]),
-        "normal": [float(v) for v in contact.normal],
-        "normal_force_N": contact.normal_force,
-        "friction_force_N": contact.friction_force,
-        "lift_N": contact.lift,
-        "friction_margin": contact.friction_margin,
-    }
-    return {**found, "position_along_finger_m": contact.station} if np.isfinite(contact.station) else found
+def _plain(part: FingerPosture | DriveState | Contact) -> dict[str, Any]:
+    """A part of a grasp as plain data, without its long arrays and the numbers that it does not have."""
+    values = {one.name: getattr(part, one.name) for one in fields(part) if one.repr}
+    return {key: value for key, value in values.items() if not (isinstance(value, float) and np.isnan(value))}

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import mmap
 import os
-import shutil
 import time
 import zlib
 from collections.abc import Iterator, Mapping
@@ -19,6 +18,7 @@ from typing import Any
 from continuum_grasp.errors import InputError
 from continuum_grasp.results.atomic import lock_file, naming, write_text
 from continuum_grasp.results.record import begin_run, created_now, kind_of_run, versions
+from continuum_grasp.results.run_folder import RESULT
 from continuum_grasp.scene.document import refuse_what_is_no_file
 from continuum_grasp.sweeps.plan import Plan, differences
 
@@ -159,22 +159,17 @@ def run_path(folder: Path, index: int) -> Path:
     return folder / "runs" / f"{index // 1000:04d}" / f"{index:07d}"
 
 
-def write_run_files(folder: Path, index: int, files: Mapping[str, bytes]) -> None:
-    """Write the files of a run, whole or not at all."""
-    target = run_path(folder, index)
+def write_run_file(folder: Path, index: int, content: bytes) -> None:
+    """Write the file of a run, whole or not at all."""
+    target = run_path(folder, index) / RESULT
     temporary = target.with_name(f".tmp-{target.name}")
-    if temporary.exists():
-        shutil.rmtree(temporary)
     try:
-        temporary.mkdir(parents=True)
-        for name, data in files.items():
-            with naming(target / name):
-                (temporary / name).write_bytes(data)
-        if target.exists():  # of a process that was killed before it wrote the row
-            shutil.rmtree(target)
-        os.replace(temporary, target)
+        with naming(target):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            temporary.write_bytes(content)
+            os.replace(temporary, target)
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        temporary.unlink(missing_ok=True)
 
 
 @contextmanager

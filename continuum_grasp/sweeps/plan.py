@@ -19,6 +19,7 @@ from continuum_grasp.scene.document import KeyPath
 from continuum_grasp.scene.load import placed_scene_of
 from continuum_grasp.scene.sweep import QUANTITIES, Sweep
 from continuum_grasp.scene.variation import Axis, Random, Tie, Variation, variation_of
+from continuum_grasp.summary import clipped
 
 FORMAT_VERSION = 1
 """Version of the stored plan: a sweep resumes with the version that began it."""
@@ -82,28 +83,17 @@ class Plan:
 
     def as_json(self) -> dict[str, Any]:
         """Plain data that determine the scenes and the contents of their rows."""
-        sample = self.sweep.sample
+        sample, varied = self.sweep.sample, self.variation
+        drawn = {one.key: {one.kind: one.values if one.kind == "choice" else one.numbers} for one in varied.draws}
         found: dict[str, Any] = plain(
             {
                 "format_version": FORMAT_VERSION,
                 "scenes": len(self),
-                "scene": self.variation.base,
-                "vary": {axis.key: list(axis.values) for axis in self.variation.axes},
-                "sample": None
-                if sample is None
-                else {
-                    "count": sample.count,
-                    "seed": sample.seed,
-                    "method": sample.method,
-                    "keys": {
-                        draw.key: {draw.kind: list(draw.values) if draw.kind == "choice" else draw.numbers}
-                        for draw in self.variation.draws
-                    },
-                },
-                "follow": {
-                    tie.key: {"key": tie.source, "times": tie.times, "plus": tie.plus} for tie in self.variation.ties
-                },
-                "record": list(self.sweep.record),
+                "scene": varied.base,
+                "vary": {axis.key: axis.values for axis in varied.axes},
+                "sample": None if sample is None else {**sample.model_dump(exclude={"keys"}), "keys": drawn},
+                "follow": {tie.key: {"key": tie.source, "times": tie.times, "plus": tie.plus} for tie in varied.ties},
+                "record": self.sweep.record,
             }
         )
         return found
@@ -171,8 +161,7 @@ def _leaves(data: Any, key: str = "") -> dict[str, Any]:
 def _short(value: Any) -> str:
     if isinstance(value, list) and len(value) > 6:
         return f"{len(value)} values from {value[0]} to {value[-1]}"
-    text = str(value)
-    return text if len(text) <= 80 else text[:77] + "..."
+    return clipped(str(value), 80)
 
 
 def keys_of(plan: Mapping[str, Any]) -> list[str]:

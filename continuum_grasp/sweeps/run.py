@@ -21,7 +21,7 @@ from continuum_grasp.scene.assembly import Overrides
 from continuum_grasp.scene.consumer import Consumer
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.sweep import Sweep
-from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, locked, rows_of, store_plan, write_run_files
+from continuum_grasp.sweeps.folder import PLAN, TABLE, TableFile, locked, rows_of, store_plan, write_run_file
 from continuum_grasp.sweeps.plan import Plan, Point, plan_of
 from continuum_grasp.sweeps.table import SweepTable, sweep_table, write_csv
 from continuum_grasp.sweeps.worker import Job, Keep, Outcome, dask_pool, row_of_crash, run_chunk, solve
@@ -33,8 +33,6 @@ _MOST_IN_A_CHUNK = 64
 """Scenes per chunk [1]: these are tried again one by one where their worker dies."""
 _REPORT_SECONDS = 0.2
 """Least time between two reports of progress [s]."""
-_WINDOW = 60.0
-"""Time over which the pace is averaged [s]: scenes of a grid differ in cost, neighbors do not."""
 _TRIES = 2
 """Times that a scene may end its worker: once with others, and once alone."""
 _ANYWHERE = Consumer("sweep at a scheduler", {"executor": "is given beside scheduler: give one of them, not both"})
@@ -52,10 +50,6 @@ class Progress:
         Rows of this call.
     seconds : float
         Since it began [s].
-    rate : float
-        Rows per second of the last minute; 0 before the first.
-    remaining : float or None
-        Time left at this rate [s].
     counts : mapping of str to int
         Rows by status.
     """
@@ -64,24 +58,13 @@ class Progress:
     total: int
     new: int
     seconds: float
-    rate: float
-    remaining: float | None
     counts: Mapping[str, int]
 
     @property
     def text(self) -> str:
         """In words."""
-        left = "" if self.remaining is None else f", {_clock(self.remaining)} left"
         kinds = ", ".join(f"{count} {status}" for status, count in sorted(self.counts.items()))
-        return f"{self.done} of {self.total}, {self.rate:.3g}/s{left}" + (f" ({kinds})" if kinds else "")
-
-
-def _clock(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    if hours:
-        return f"{hours} h {minutes:02d} min"
-    return f"{minutes} min {rest:02d} s" if minutes else f"{rest} s"
+        return f"{self.done} of {self.total}" + (f" ({kinds})" if kinds else "")
 
 
 @interrupt.computing()
@@ -189,7 +172,6 @@ class _Run:
         self.each: float | None = None
         self.busy = 0.0
         self.began = self.reported = time.monotonic()
-        self.marks = deque([(self.began, self.done)])
 
     def go(self, pool: WorkerPool) -> None:
         """Work until every scene has its row.
@@ -274,8 +256,8 @@ class _Run:
         for outcome in outcomes:
             if self.there[outcome.index]:  # a cluster may compute a scene twice
                 continue
-            if outcome.files:  # before the row: a scene with a row is never computed again
-                write_run_files(self.folder, outcome.index, outcome.files)
+            if outcome.run:  # before the row: a scene with a row is never computed again
+                write_run_file(self.folder, outcome.index, outcome.run)
             lines.append(outcome.line)
             self.there[outcome.index] = 1
             self.counts[outcome.status] += 1
@@ -283,22 +265,11 @@ class _Run:
         self.file.append(b"".join(lines))
 
     def _report(self, last: bool = False) -> None:
-        if self.listener is not None and (last or time.monotonic() - self.reported > _REPORT_SECONDS):
-            self.listener(self._progress())
-            self.reported = time.monotonic()
-
-    def _progress(self) -> Progress:
-        now, marks = time.monotonic(), self.marks
-        if marks[-1][1] == self.before < self.done:  # workers needed their time to start
-            marks.clear()
-        marks.append((now, self.done))
-        while len(marks) > 2 and now - marks[0][0] > _WINDOW:
-            marks.popleft()
-        since, before = marks[0]
-        rate = (self.done - before) / (now - since) if self.done > before and now > since else 0.0
-        left = (len(self.plan) - self.done) / rate if rate > 0 else None
-        new, seconds = self.done - self.before, now - self.began
-        return Progress(self.done, len(self.plan), new, seconds, rate, left, dict(self.counts))
+        now = time.monotonic()
+        if self.listener is not None and (last or now - self.reported > _REPORT_SECONDS):
+            new, seconds = self.done - self.before, now - self.began
+            self.listener(Progress(self.done, len(self.plan), new, seconds, dict(self.counts)))
+            self.reported = now
 
     def _stopped(self, what: str) -> SolverError:
         return SolverError(

@@ -7,33 +7,26 @@ from __future__ import annotations
 
 import copy
 import math
-import tempfile
 import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypeVar
-
-from pydantic import BaseModel, ValidationError
+from typing import Any, Literal, TypeAlias
 
 from continuum_grasp.errors import ContinuumGraspError, InputError, SolverError
 from continuum_grasp.results.plain import digest
-from continuum_grasp.scene.document import KeyPath, dotted
+from continuum_grasp.results.run_folder import pack_run
+from continuum_grasp.scene.document import KeyPath
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.problems import explain
+from continuum_grasp.summary import clipped
 from continuum_grasp.sweeps.folder import SOLVED, encode
 from continuum_grasp.sweeps.plan import Point
 from continuum_grasp.workers import ExecutorPool
 
-if TYPE_CHECKING:
-    from continuum_grasp.grasp import GraspResult
-
-T = TypeVar("T", bound=BaseModel)
 Keep: TypeAlias = Literal["all", "failed", "none"]
 _ONE_AT_A_TIME = threading.Lock()
 """Solvers share memory, so that the threads of a worker take turns."""
@@ -65,14 +58,14 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of one scene: its line in the table, and the files of its run."""
+    """Outcome of one scene: its line in the table, and the file of its run."""
 
     index: int
     status: str
     reason: str
     seconds: float
     line: bytes
-    files: dict[str, bytes] = field(default_factory=dict)
+    run: bytes = b""
 
 
 def solve(scene: GraspScene) -> Any:
@@ -102,7 +95,7 @@ def _run(job: Job, point: Point) -> Outcome:
         return float(f"{time.perf_counter() - began:.6g}")
 
     try:
-        result = job.evaluate(scene_of_data(GraspScene, data))
+        result = job.evaluate(GraspScene(**data))
     except ContinuumGraspError as error:
         kind = "invalid" if isinstance(error, InputError) else "error"
         status = error.status if isinstance(error, SolverError) else kind
@@ -114,7 +107,7 @@ def _run(job: Job, point: Point) -> Outcome:
     status = str(result.status)
     reason = result.reasons[0].title if result.reasons else ""
     wanted = job.keep == "all" or (job.keep == "failed" and status not in SOLVED)
-    return _outcome(job, point, data, status, result.message, numbers, reason, _files(result) if wanted else {})
+    return _outcome(job, point, data, status, result.message, numbers, reason, _packed(result) if wanted else b"")
 
 
 def _outcome(
@@ -125,19 +118,18 @@ def _outcome(
     message: str,
     numbers: Mapping[str, Any] = MappingProxyType({}),
     reason: str = "",
-    files: dict[str, bytes] | None = None,
+    run: bytes = b"",
 ) -> Outcome:
-    text = " ".join(message.split())
     row = {
         "index": point.index,
         "scene": digest(data)[:16],
         "values": dict(zip(job.keys, point.labels, strict=True)),
         "status": status,
         "reason": reason,
-        "message": text if len(text) <= _MESSAGE else text[: _MESSAGE - 3] + "...",
+        "message": clipped(message, _MESSAGE),
         **numbers,
     }
-    return Outcome(point.index, status, reason, float(numbers.get("seconds", 0.0)), encode(row), files or {})
+    return Outcome(point.index, status, reason, float(numbers.get("seconds", 0.0)), encode(row), run)
 
 
 def scene_data(base: dict[str, Any], paths: Sequence[KeyPath], point: Point) -> dict[str, Any]:
@@ -155,46 +147,12 @@ def scene_data(base: dict[str, Any], paths: Sequence[KeyPath], point: Point) -> 
     return data
 
 
-def scene_of_data(kind: type[T], data: dict[str, Any]) -> T:
-    """A scene of a kind; InputError with all that is wrong in one line."""
-    try:
-        return kind.model_validate(data)
-    except ValidationError as error:
-        problems = explain(error, kind, data)
-        texts = [f"{dotted(p.path)}: {p.message}" if p.path else p.message for p in problems]
-        raise InputError("; ".join(texts)) from None
-
-
-def _files(result: Any) -> dict[str, bytes]:
-    """The files of a run, for who writes the table: of a grasp the one that holds everything."""
-    from continuum_grasp.grasp import GraspResult
-
-    if isinstance(result, GraspResult):
-        from continuum_grasp.results.run_folder import RESULT, pack_run
-
-        return {RESULT: pack_run(result.arrays, _meta(result))}
-    with tempfile.TemporaryDirectory() as folder:
-        result.save(folder)
-        return {file.name: file.read_bytes() for file in sorted(Path(folder).iterdir()) if file.is_file()}
-
-
-def _meta(result: GraspResult) -> dict[str, Any]:
-    """All about a result but what would first have to be computed: quality, stability and the model's error."""
-    certificate = result.certificate
-    return {
-        "kind": "grasp",
-        "config": result.scene.model_dump(mode="json"),
-        "seed": result.scene.solver.random_seed,
-        "status": result.status.value,
-        "message": result.message,
-        "certificate": None
-        if certificate is None
-        else {"passed": certificate.passed, "checks": [vars(check) for check in certificate.checks]},
-        "violated": list(result.violated),
-        "reasons": [asdict(reason) for reason in result.reasons],
-        "advice": result.advice,
-        "statistics": dict(result.statistics),
-    }
+def _packed(result: Any) -> bytes:
+    """The file of a run, for who writes the table; it holds everything."""
+    # Without warnings, which the model's error is among: exact rods take some tens of milliseconds.
+    meta = {"kind": result.kind, "config": result.scene.model_dump(mode="json"), "status": result.status}
+    meta |= {"statistics": dict(result.statistics), **result.details(quality=False)}
+    return pack_run(result.stored_arrays(), meta)
 
 
 def quantities(result: Any, record: Sequence[str]) -> dict[str, Any]:

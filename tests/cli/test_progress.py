@@ -20,18 +20,19 @@ class Work:
     """Work that takes some seconds by a watch of its own, and reports its share where it knows it."""
 
     def __init__(self, seconds, shares):
-        self.now, self.seconds, self.shares = 0.0, seconds, shares
+        self.now, self.seconds, self.shares, self.before = 0.0, seconds, shares, 0.0
         self.progress = progress.Progress("working", start=0.0)
 
     def wait(self, seconds):
         self.now += seconds
         if self.shares:
-            self.progress(self.now / self.seconds)
+            self.progress(self.before + (1.0 - self.before) * self.now / self.seconds)
         return self.now > self.seconds
 
 
-def lines(monkeypatch, capsys, seconds, shares):
+def lines(monkeypatch, capsys, seconds, shares, before=0.0):
     work = Work(seconds, shares)
+    work.before = before
     monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: work.now))
     progress._lines(work.progress, work)
     return capsys.readouterr().err.splitlines()
@@ -43,7 +44,15 @@ def test_short_work_shows_nothing(monkeypatch, capsys):
 
 def test_work_that_knows_its_share_shows_every_tenth(monkeypatch, capsys):
     assert lines(monkeypatch, capsys, 20.0, True) == [
-        f"working: {percent} %, {percent // 5} s" for percent in range(10, 101, 10)
+        "working: 10 %, 2 s",
+        *(f"working: {k} %, {k // 5} s, about {20 - k // 5} s left" for k in range(20, 101, 10)),
+    ]
+
+
+def test_the_time_left_is_that_of_this_run_where_work_goes_on(monkeypatch, capsys):
+    assert lines(monkeypatch, capsys, 20.0, True, before=0.5)[:2] == [
+        "working: 55 %, 2 s",
+        "working: 60 %, 4 s, about 16 s left",
     ]
 
 
@@ -51,8 +60,8 @@ def test_long_work_shows_a_line_every_ten_seconds(monkeypatch, capsys):
     assert lines(monkeypatch, capsys, 25.0, False) == ["working: 2 s", "working: 12 s", "working: 22 s"]
     assert lines(monkeypatch, capsys, 2000.0, True)[:3] == [
         "working: 0 %, 2 s",
-        "working: 1 %, 12 s",
-        "working: 1 %, 22 s",
+        "working: 1 %, 12 s, about 1988 s left",
+        "working: 1 %, 22 s, about 1978 s left",
     ]
 
 

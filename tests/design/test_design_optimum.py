@@ -44,9 +44,9 @@ def test_sensitivities_are_those_of_the_least_worst_cost():
         return Row("", "", (), value, np.array(slope))
 
     both = (row(0.3, [1.0, 0.0]), row(0.3, [-1.0, 1.0]), row(0.1, [5.0, 5.0]))
-    assert Evaluation(np.array([0.3, 0.0]), both, (), (), 0.0).slope == pytest.approx([0.0, 0.5], abs=1e-6)
+    assert Evaluation(np.array([0.3, 0.0]), both, (), ()).slope == pytest.approx([0.0, 0.5], abs=1e-6)
     limit = row(0.0, [2.0, 0.0])
-    found = Evaluation(np.array([0.5, 0.0]), (row(0.3, [1.0, 2.0]),), (limit,), (), 0.0).slope
+    found = Evaluation(np.array([0.5, 0.0]), (row(0.3, [1.0, 2.0]),), (limit,), ()).slope
     assert found == pytest.approx([0.0, 2.0], abs=1e-5)
 
 

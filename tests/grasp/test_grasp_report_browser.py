@@ -17,6 +17,7 @@ from continuum_grasp.grasp.certificate.stability import Stability
 from continuum_grasp.grasp.page import page as page_of
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.grasp.values import Status
+from continuum_grasp.plotting.grasp.picture import plot_grasp
 from tests.made_up_grasps import REASON, failed, held, scene_of
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -54,7 +55,8 @@ def pages():
         "not solved": GraspResult(scene_of("mug", name="m" * 90), Status.NOT_SOLVED, LONG.text, advice=LONG.text),
     }
     # the quality of made-up numbers means nothing: only its polygon is drawn
-    return {name: page_of(r, resisted=CIRCLE if r.solved else False) for name, r in results.items()}
+    drawn = {name: plot_grasp(r, resisted=CIRCLE if r.solved else False) for name, r in results.items()}
+    return {name: page_of(r, pictures={"grasp": drawn[name]}) for name, r in results.items()}
 
 
 MEASURE = """

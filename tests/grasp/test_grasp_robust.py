@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from itertools import product
 
 import casadi as ca
@@ -92,6 +93,33 @@ def test_the_robust_grasp_may_be_next_to_another_one_than_the_best(monkeypatch: 
     monkeypatch.setattr("continuum_grasp.grasp.robust.solve.BRANCHES", 0)
     monkeypatch.setattr("continuum_grasp.grasp.robust.solve.HALVINGS", 0)
     assert not optimize_grasp(scene.replaced(robust=bounds), raise_on_failure=False).solved
+
+
+@pytest.mark.deep
+def test_a_face_that_shares_its_friction_in_several_ways_is_held() -> None:
+    """Two of ten draws ended in postures whose ends slip, though others of them hold; in the image all were held."""
+    scene = load(CONFIGS / "gear.yaml").changed({"object.free": {"y": [-0.003, 0.003]}})
+    found = optimize_grasp(scene.replaced(robust=Robust(friction=0.03, position=0.0005, draws=10)))
+    assert found.robustness.robust.held == 10
+
+
+def test_draws_that_use_a_reserve_of_friction_are_held_and_fail_nowhere() -> None:
+    contacts = GraspContacts(friction=0.5, normal_force_max=30.0, reserve=0.2)
+    found = optimize_grasp(make_scene("arc", contacts=contacts, robust=Robust(friction=0.1, mass=0.1, draws=10)))
+    assert found.robustness.robust.least >= 0.2 - 1e-4
+    nominal = found.robustness.nominal
+    assert 0.0 < nominal.least < 0.2
+    assert nominal.held + sum(nominal.weakest.values()) == nominal.margins.size
+
+
+def test_a_robust_grasp_says_where_was_looked_and_what_may_be_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = make_scene("arc", robust=Robust(friction=0.05, draws=2), objective="least_normal_force")
+    monkeypatch.setattr("continuum_grasp.grasp.solve._Verdict._notes", lambda *_: ["samples were tried, not all"])
+    found = optimize_grasp(scene)
+    assert found.status is Status.FEASIBLE
+    assert re.search("whatever the errors within robust; .* N without errors; samples were tried", found.message)
+    assert found.exploration.starts_solved > 0
+    assert 0.0 < found.lower_bound < found.greatest_normal_force
 
 
 def test_a_grasp_whose_draws_fail_is_not_called_robust(monkeypatch: pytest.MonkeyPatch) -> None:

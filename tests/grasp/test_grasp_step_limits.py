@@ -461,10 +461,10 @@ def robustly(holds=False, **bounds):
         patch.setattr(robust, "find_robust", lambda *_: sought.append(1) or found)
         patch.setattr(robust, "_others", lambda *_: [{}] * 20)
         patch.setattr(robust, "_trials", lambda *given: draws.append(len(given[3])) or Some(tension=1.0, holds=True))
-        for name in ("_none", "GraspResult", "Robustness"):
+        for name in ("_none", "replace", "Robustness"):
             patch.setattr(robust, name, lambda *_, **__: Some(holds=True))
         patch.setattr(robust, "_whatever", lambda _: "")
-        robust.with_robust(Some(scene=seen, arrays=None, status=None, advice="", statistics={}), None, Budget())
+        robust.with_robust(Some(scene=seen, arrays=None, status=None, message="", statistics={}), None, Budget())
     return len(sought), draws
 
 

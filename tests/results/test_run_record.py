@@ -20,7 +20,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.results import read_run, write_run
 from continuum_grasp.results.atomic import naming, replacing
 from continuum_grasp.results.record import begin_run, kind_of_run, note_part
-from continuum_grasp.sweeps.folder import write_run_files
+from continuum_grasp.sweeps.folder import write_run_file
 from tests.said import said
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -312,7 +312,7 @@ def test_the_files_of_a_sweep_are_whole_or_not_there(tmp_path, monkeypatch):
         with monkeypatch.context() as patch:
             fail_from(patch, count)
             try:
-                write_run_files(tmp_path, 7, {"result.npz": b"whole"})
+                write_run_file(tmp_path, 7, b"whole")
             except OSError:
                 done = False
             else:

@@ -72,7 +72,7 @@ def test_a_worker_is_killed_half_way(tmp_path, monkeypatch):
     assert {int(pid) for pid, _ in who} == {process.pid for process in processes}
     again = sum(count - 1 for count in Counter(mass for _, mass in who).values())
     assert again <= 3 * 25  # what the killed one had in hand
-    assert all((table.run_folder(k) / "result.txt").exists() for k in range(300))
+    assert all((table.run_folder(k) / "result.npz").exists() for k in range(300))
 
 
 @pytest.mark.deep

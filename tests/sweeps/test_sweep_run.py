@@ -17,6 +17,7 @@ import pytest
 
 from continuum_grasp import sweep, sweep_table
 from continuum_grasp.errors import InputError, Interrupted, SolverError
+from continuum_grasp.results import read_run
 from continuum_grasp.sweeps.folder import decode, encode, locked
 from tests.sweep_cases import BROKEN, DEADLY, LOG, MUG, ROOT, STUCK, held, masses, slow
 
@@ -50,7 +51,7 @@ def test_a_table_of_grasps(tmp_path):
     assert set(table["statistics.starts"]) == {2}
     assert table.counts == {"optimal": 30}
     assert len(set(table["scene"])) == 30
-    assert (table.run_folder(7) / "result.txt").read_text() == "8.0"
+    assert read_run(table.run_folder(7)).arrays["mass"] == 8.0
     assert reported[-1].done == reported[-1].total == 30
     rows = list(csv.DictReader((tmp_path / "table.csv").open(encoding="utf-8")))
     assert [float(row["tension_max"]) for row in rows] == list(table["tension_max"])
@@ -235,19 +236,17 @@ def test_one_sweep_at_a_time_in_a_folder(tmp_path):
 @pytest.mark.parametrize(("keep", "stored"), [("all", {0, 1}), ("failed", {1}), ("none", set())])
 def test_files_of_the_runs_that_are_wanted(keep, stored, tmp_path):
     table = with_threads(masses(1, vary={"object.mass": {"values": [1.0, STUCK]}}), tmp_path, keep=keep)
-    assert {k for k in range(2) if (table.run_folder(k) / "result.txt").exists()} == stored
+    assert {k for k in range(2) if (table.run_folder(k) / "result.npz").exists()} == stored
 
 
 def test_leftovers_of_a_killed_sweep_are_replaced(tmp_path):
     table = with_threads(masses(2), tmp_path)
     (tmp_path / "table.jsonl").write_bytes(b"")
-    for name in ("0000000", ".tmp-0000001"):
-        left = table.run_folder(0).with_name(name)
-        left.mkdir(exist_ok=True)
-        (left / "other.txt").write_text("torn")
+    for name in ("result.npz", ".tmp-result.npz"):
+        (table.run_folder(0) / name).write_text("torn")
     table = with_threads(masses(2), tmp_path)
-    assert [sorted(file.name for file in table.run_folder(k).iterdir()) for k in range(2)] == [["result.txt"]] * 2
-    assert sorted(file.name for file in table.run_folder(0).parent.iterdir()) == ["0000000", "0000001"]
+    assert [[file.name for file in table.run_folder(k).iterdir()] for k in range(2)] == [["result.npz"]] * 2
+    assert read_run(table.run_folder(0)).arrays["mass"] == 1.0
 
 
 def test_a_number_that_grasps_do_not_have_is_refused(tmp_path):

@@ -93,17 +93,20 @@ class Certificate(Summarized):
         """The checks that did not pass."""
         return tuple(check for check in self.checks if not check.passed)
 
-    def data(self) -> dict[str, Any]:
-        """The certificate as plain data."""
-        error = self.model_error
-        return {
+    def data(self, *, error: bool = True) -> dict[str, Any]:
+        """The certificate as plain data, with the model's ``error``, for which exact rods are solved, or without."""
+        found = {
             "passed": self.passed,
             "checks": [{**asdict(check), "passed": check.passed} for check in self.checks],
             "friction_margin": self.friction_margin,
             "friction_states": self.states,
-            "model_error": {**asdict(error), "found": error.found, "small": error.small, "limit": error.limit},
             "stability": asdict(self.stability),
+            "overlap_of_fingers": self.overlap,
         }
+        if error:
+            own = self.model_error
+            found["model_error"] = asdict(own) | {"found": own.found, "small": own.small, "limit": own.limit}
+        return found
 
     @property
     def friction_margin(self) -> float:
@@ -272,19 +275,18 @@ def _lengths(name: str, total: float, arrays: Mapping[str, Any]) -> Check:
     lengths = np.asarray(arrays[f"{name}.lengths"], dtype=float)
     # Each element without a length counts as an error of one: shapes cannot be integrated then.
     off = worst(abs(lengths.sum() / total - 1), *(1e-9 - lengths / total > 0.0))
-    return Check(f"element lengths, {name}", off, EXACT, "1", f"{total:.4g} m")
+    return Check(f"element lengths, {name}", off, EXACT, f"{total:.4g} m")
 
 
 def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
     scale = finger.load_moment
-    reference = f"{scale:.4g} N m"
     imbalance = float(np.max(np.abs(finger.virtual_work())))
-    yield Check(f"finger equilibrium, {finger.name}", imbalance / scale, EXACT, "1", reference)
+    yield Check.part(f"finger equilibrium, {finger.name}", imbalance, scale, "N m")
     if finger.matches_tip:
         tip, end = np.array(finger.length), finger.lengths.size
         couples = sum(load.couple for load in finger.loads if load.joint == end)
         gap = float(finger.shape.moment(tip) - finger.shape.actuation(tip)) - couples
-        yield Check(f"tip moment balance, {finger.name}", abs(gap) / scale, EXACT, "1", reference)
+        yield Check.part(f"tip moment balance, {finger.name}", abs(gap), scale, "N m")
 
 
 def _storage(finger: RecomputedFinger) -> Iterator[Check]:
@@ -299,12 +301,12 @@ def _storage(finger: RecomputedFinger) -> Iterator[Check]:
         float(np.abs(stored[:, 1:3] - points).max()) / length,
         float(np.abs(stored[:, 3] - angles).max()),
     )
-    yield Check(f"stored backbone, {finger.name}", off, EXACT, "1", f"{length:.4g} m")
+    yield Check(f"stored backbone, {finger.name}", off, EXACT, f"{length:.4g} m")
     off = abs(finger.stored_tip_curvature - float(finger.shape.elastic(np.array(length)))) * length
-    yield Check(f"stored tip curvature, {finger.name}", off, EXACT, "1", f"{1 / length:.4g} 1/m")
+    yield Check(f"stored tip curvature, {finger.name}", off, EXACT, f"{1 / length:.4g} 1/m")
     base = finger.finger.base
     off = _beyond((*base.position, base.angle), finger.finger.base_free, finger.base, length)
-    yield Check(f"base, {finger.name}", off, EXACT, "1", f"{length:.4g} m")
+    yield Check(f"base, {finger.name}", off, EXACT, f"{length:.4g} m")
 
 
 def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator[Check]:
@@ -314,34 +316,32 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
     if used != "both":  # the tendon that is not there cannot pull
         unused = 1 if used == "left" else 0
         over[unused] = abs(finger.tensions[unused]), 0.0
-    value = worst(*(v for pair in over for v in pair)) / most
-    yield Check(f"tendon tension, {finger.name}", value, EXACT, "1", f"{most:.4g} N")
+    yield Check.part(f"tendon tension, {finger.name}", worst(*(v for pair in over for v in pair)), most, "N")
     if finger.wound is not None and finger.wound.over_torque is not None:
         over_torque, greatest = finger.wound.over_torque
-        yield Check(f"torque, {finger.name}", over_torque / greatest, EXACT, "1", f"{greatest:.4g} N m")
+        yield Check.part(f"torque, {finger.name}", over_torque, greatest, "N m")
     if finger.wound is not None and finger.wound.law.pulley:
-        off = finger.wound.misfit() / most
-        yield Check(f"tendons of one pulley, {finger.name}", off, EXACT, "1", f"{most:.4g} N")
+        yield Check.part(f"tendons of one pulley, {finger.name}", finger.wound.misfit(), most, "N")
     bounds = dict(zip(setup.middle_names, setup.contact_bounds, strict=True))
     for contact in grasp.of(finger):
         if contact.name in bounds:
             (low, high), at = bounds[contact.name], finger.joint_position(contact.joint)
-            over_length = worst(low - at, at - high) / length
-            yield Check(f"position along the finger, {contact.name}", over_length, EXACT, "1", f"{length:.4g} m")
+            over_length = worst(low - at, at - high)
+            yield Check.part(f"position along the finger, {contact.name}", over_length, length, "m")
     allowed, depth, s = finger.finger.strain_limit, finger.profile.half_depth, finger.rod.edges
     if allowed is not None and depth is not None:
         # Where the curvature may be greatest: densely, on both sides of every end of a panel.
         strains = [np.abs(finger.shape.curvature(s, tip_side=side)) * depth(s, tip_side=side) for side in (False, True)]
         value = float(np.max(np.concatenate(strains))) / allowed - 1
-        yield Check(f"bending strain, {finger.name}", value, EXACT, "1", f"{allowed:.4g}")
+        yield Check(f"bending strain, {finger.name}", value, EXACT, f"{allowed:.4g}")
     bends = float(np.abs(finger.lengths[:, None] * finger.shape.curvatures).max())
     most = setup.bending_range
-    yield Check(f"bending range, {finger.name}", bends / most - 1, EXACT, "1", f"{most:.4g} rad")
+    yield Check(f"bending range, {finger.name}", bends / most - 1, EXACT, f"{most:.4g} rad")
 
 
 def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
     body, gravity, size = grasp.scene.object, grasp.scene.gravity, grasp.size
-    yield Check("object pose", _beyond(body.pose, body.free, grasp.pose, size), EXACT, "1", f"{size:.4g} m")
+    yield Check("object pose", _beyond(body.pose, body.free, grasp.pose, size), EXACT, f"{size:.4g} m")
     scale = grasp.force_scale
     force, turn, lift, tilt = body.mass * gravity_vector(gravity), 0.0, 0.0, np.zeros(2)
     for contact in grasp.contacts:  # their forces are on what touches the object, lifts on the object
@@ -350,14 +350,12 @@ def _object(grasp: RecomputedGrasp) -> Iterator[Check]:
         turn -= float(arm[0] * load[1] - arm[1] * load[0])
         lift += contact.lift
         tilt = tilt + contact.lift * arm
-    reference = f"{scale:.4g} N"
-    yield Check("object force balance", float(np.abs(force).max()) / scale, EXACT, "1", reference)
-    yield Check("object moment balance", abs(turn) / (scale * size), EXACT, "1", f"{scale * size:.4g} N m")
+    yield Check.part("object force balance", float(np.abs(force).max()), scale, "N")
+    yield Check.part("object moment balance", abs(turn), scale * size, "N m")
     weight = body.mass * gravity.magnitude if isinstance(gravity, OutOfPlaneGravity) else 0.0
-    yield Check("object lift balance", abs(lift - weight) / scale, EXACT, "1", reference)
+    yield Check.part("object lift balance", abs(lift - weight), scale, "N")
     if isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance":
-        value = float(np.abs(tilt).max()) / (scale * size)
-        yield Check("object tilt balance", value, EXACT, "1", f"{scale * size:.4g} N m")
+        yield Check.part("object tilt balance", float(np.abs(tilt).max()), scale * size, "N m")
 
 
 def _beyond(start: tuple[float, float, float], free: Freedom | None, pose: Array, length: float) -> float:

@@ -48,9 +48,7 @@ class Check:
     name : str
         What is checked.
     value, limit : float
-        What was found and the most that passes; both in ``unit``.
-    unit : str
-        ``1`` where the value is relative to ``relative_to``.
+        What was found and the most that passes [1].
     relative_to : str
         What the value was divided by.
     """
@@ -58,8 +56,12 @@ class Check:
     name: str
     value: float
     limit: float
-    unit: str = "1"
     relative_to: str = ""
+
+    @classmethod
+    def part(cls, name: str, off: float, size: float, unit: str, limit: float = EXACT) -> Check:
+        """The check of what is off as a part of a size with its unit."""
+        return cls(name, off / size, limit, f"{size:.4g} {unit}".rstrip())
 
     @property
     def passed(self) -> bool:
@@ -94,29 +96,28 @@ def contact_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
     for c in grasp.contacts:
         n, f, lift = c.normal_force, c.friction_force, c.lift
         over = float(np.hypot(f, lift)) - c.held_friction * n
-        yield Check(f"friction cone, {c.name}", over / scale, EXACT, "1", f"{scale:.4g} N")
+        yield Check.part(f"friction cone, {c.name}", over, scale, "N")
         most = c.normal_force_max  # pulls count against the forces in play, however high the limit is
-        yield Check(f"normal force, {c.name}", worst(-n / scale, n / most - 1), EXACT, "1", f"{most:.4g} N")
+        yield Check(f"normal force, {c.name}", worst(-n / scale, n / most - 1), EXACT, f"{most:.4g} N")
         if friction_only:
-            yield Check(f"no lift in the plane, {c.name}", abs(lift) / scale, EXACT, "1", f"{scale:.4g} N")
+            yield Check.part(f"no lift in the plane, {c.name}", abs(lift), scale, "N")
         yield from _geometry(grasp, c)
 
 
 def _geometry(grasp: RecomputedGrasp, c: RecomputedContact) -> Iterator[Check]:
-    reference = f"{c.length:.4g} m"
     off = [*np.abs(c.stored_position - c.point) / c.length, *np.abs(c.stored_normal - c.normal)]
     if c.finger is not None:
         off.append(abs(c.stored_station - c.finger.joint_position(c.joint)) / c.length)
-    yield Check(f"stored contact, {c.name}", worst(*off), EXACT, "1", reference)
+    yield Check(f"stored contact, {c.name}", worst(*off), EXACT, f"{c.length:.4g} m")
     # The optimizer lets an object at rest lie that far from a support.
     limit = 2 * EXACT if c.finger is None else EXACT
-    yield Check(f"contact gap, {c.name}", c.gap / c.length, limit, "1", reference)
-    yield Check(f"contact normal, {c.name}", c.tilt / c.length, limit, "1", reference)
+    yield Check.part(f"contact gap, {c.name}", c.gap, c.length, "m", limit)
+    yield Check.part(f"contact normal, {c.name}", c.tilt, c.length, "m", limit)
     if len(grasp.object.parts) > 1:
-        yield Check(f"contact inside another part, {c.name}", c.buried / c.length, EXACT, "1", reference)
+        yield Check.part(f"contact inside another part, {c.name}", c.buried, c.length, "m")
     if isinstance(c.support, Wall) and np.isfinite(c.support.half_length):
         beyond = abs(float(across(c.support.normal) @ (c.point - np.asarray(c.support.point)))) - c.support.half_length
-        yield Check(f"within the line, {c.name}", beyond / c.length, 2 * EXACT, "1", reference)
+        yield Check.part(f"within the line, {c.name}", beyond, c.length, "m", 2 * EXACT)
 
 
 def _amiss(switch: str, present: bool) -> bool:
@@ -135,17 +136,16 @@ def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
             thick = np.maximum(finger.thickness[:-1], finger.thickness[1:])
             depths.append((peg.name, float((thick + peg.radius - away).max())))
         for what, depth in depths:
-            name = f"penetration into {what}, {finger.name}"
-            yield Check(name, depth / finger.length, PENETRATION, "1", f"{finger.length:.4g} m")
+            yield Check.part(f"penetration into {what}, {finger.name}", depth, finger.length, "m", PENETRATION)
     length = min(finger.length for finger in grasp.fingers)
     depths = [(wall.name, depth_of_wall(grasp.object, wall)) for wall in grasp.walls]
     for peg in grasp.pegs:
         depths.append((peg.name, peg.radius - float(grasp.object.distance(np.asarray(peg.position)[None])[0])))
     for what, depth in depths:
-        yield Check(f"penetration of the object into {what}", depth / length, PENETRATION, "1", f"{length:.4g} m")
+        yield Check.part(f"penetration of the object into {what}", depth, length, "m", PENETRATION)
     for one, other in combinations(grasp.fingers, 2) if grasp.scene.overlap == "forbid" else ():
-        name, depth = f"overlap of fingers, {one.name}, {other.name}", overlap(one, other)
-        yield Check(name, depth / other.length, PENETRATION, "1", f"{other.length:.4g} m")
+        name = f"overlap of fingers, {one.name}, {other.name}"
+        yield Check.part(name, overlap(one, other), other.length, "m", PENETRATION)
 
 
 def depth_in_object(points: Array, body: PlacedObject, thickness: float | Array) -> float:

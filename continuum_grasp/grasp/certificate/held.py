@@ -42,7 +42,7 @@ def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Re
     yield Check("friction states next to the worst that are missing", float(_untried(grasp, states, postures)), 0.0)
     for k, own in enumerate(postures):
         value = worst(*_parts(grasp, own, recompute).values())
-        yield Check(f"held with friction states, {k + 1}", value, 1.0, "1", "limits")
+        yield Check(f"held with friction states, {k + 1}", value, 1.0, "limits")
 
 
 def _untried(grasp: RecomputedGrasp, states: Array, postures: Sequence[Mapping[str, Any]]) -> int:

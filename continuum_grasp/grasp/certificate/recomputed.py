@@ -144,7 +144,6 @@ class RecomputedContact:
 
     name: str
     kind: str  # middle, station, tip, wall or peg
-    index: int  # its row in the stored arrays
     finger: RecomputedFinger | None
     joint: int  # number of elements between the finger's base and it; -1 for supports
     support: Wall | Peg | None
@@ -224,7 +223,7 @@ class RecomputedGrasp:
             else:
                 radius = support.radius if isinstance(support, Peg) else np.inf
                 length = max(self.size, *(one.length for one in self.fingers))
-            place = name, kind, k, finger, joint, support, int(parts[k]), radius, length
+            place = name, kind, finger, joint, support, int(parts[k]), radius, length
             stored = positions[k], normals[k], float(stations[k])
             n, f, lift = (float(value) for value in self.forces[k])
             limits = self.scene.friction(name), self.scene.held_friction(name), self.scene.normal_force_max(name)

@@ -37,7 +37,8 @@ HOLDS = -CONES
 SETS = 4
 """Sets of contacts that are tried for one error: two or three are enough where one holds."""
 FRUITLESS = 12
-"""Sets of contacts that are tried in a row without one that holds: such a grasp has other flaws; each takes 0.6 s."""
+"""Sets of contacts, and starts from the posture with the greatest reserve, that are tried in a row without one that
+holds: such a grasp has other flaws; a set takes 0.6 s."""
 NEAR = 1e-3
 """Gap, per length of the finger, from which on a contact that is clear cannot be what is missing [1]."""
 
@@ -106,7 +107,7 @@ class Responder:
         self.in_error = InError(scene, arrays)
         self.start = start_from(scene, self.arrays)
         self._known: list[Response] = []
-        self.anew = self._fruitless = 0
+        self.anew = self._fruitless = self._far = 0
 
     def to(self, error: Array) -> Response:
         """The response to an error (6 + K,)."""
@@ -139,6 +140,11 @@ class Responder:
         if not any(reserve_of(attempt) >= HOLDS for attempt in attempts):
             self.anew += 1
             attempts.append(solve(rung=2))
+            # Nor does that: where a face lies on a support, its ends share friction in several ways.
+            firmest = max(self._with_contacts(begin), key=lambda one: one.reserve, default=None)
+            if reserve_of(attempts[-1]) < HOLDS and firmest and firmest.holds and self._far < FRUITLESS:
+                attempts.append(solve(x0=firmest.attempt.x))
+                self._far = 0 if reserve_of(attempts[-1]) >= HOLDS else self._far + 1
         attempt = max(reversed(attempts), key=reserve_of)
         reserve, margin, weakest = reserve_of(attempt), np.nan, ""
         if np.isfinite(reserve):
@@ -217,12 +223,16 @@ class Responder:
         """The solution for the error that is nearest to this one, lengths per size of the object; of those with the
         contacts of a start, where one is given.
         """
-        known = [one for one in self._known if begin is None or one.begin.contacts.keys() == begin.contacts.keys()]
+        known = self._known if begin is None else self._with_contacts(begin)
         if not known:
             return None
         away = np.array([one.error for one in known]) - error
         away[:, :2] /= self.scene.object.size
         return known[int((away**2).sum(axis=1).argmin())]
+
+    def _with_contacts(self, begin: Start) -> list[Response]:
+        """The solutions with the contacts of a start."""
+        return [one for one in self._known if one.begin.contacts.keys() == begin.contacts.keys()]
 
 
 def _reserve(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -> float:

@@ -161,7 +161,7 @@ class Robustness(Summarized):
 
         def of(one: Trials) -> dict[str, Any]:
             return {
-                "tension_N": one.tension,
+                "tension": one.tension,
                 "draws": int(one.margins.size),
                 "held": one.held,
                 "least_margin": one.least,

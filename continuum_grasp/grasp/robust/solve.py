@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
@@ -86,13 +87,16 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     held = f"held with {robust.tension:.4g} N of tension in all whatever {_whatever(scene)}"
     effort = {"corners": len(found.responses), "corners_in_problem": len(found.errors), "iterations": found.iterations}
     effort |= {"branches": branches}
-    changed = GraspResult(
-        scene,
-        result.status if found.optimal else Status.FEASIBLE,
-        f"{held}; {nominal.tension:.4g} N {'without errors' if scene.robust else 'as they are pulled'}",
-        arrays,
-        certificate,
-        advice=result.advice,
+    # Why the search may have missed a better one.
+    notes = [*result.message.split("; ")[1:], *([] if found.optimal else ["the solver stopped early"])]
+    without = f"{nominal.tension:.4g} N {'without errors' if scene.robust else 'as they are pulled'}"
+    changed = replace(
+        result,
+        status=result.status if found.optimal else Status.FEASIBLE,
+        message="; ".join([held, without, *notes]),
+        arrays=arrays,
+        certificate=certificate,
+        sensitivity=(),  # that of the nominal grasp
         statistics={**result.statistics, "robust": effort},
         robustness=Robustness(errors, nominal, robust, found.errors, result.arrays, found.touching),
     )
@@ -269,11 +273,9 @@ def _trials(
     """Try a grasp with draws, at corners, whose responses are known, and with each bound alone."""
     responder = Responder(scene, arrays, budget)
     responses = [responder.to(error) for error in errors]
-    failed = [response for response in responses if not response.holds]
-    weakest: dict[str, int] = {}
-    for response in failed:
-        name = response.weakest or "balance"
-        weakest[name] = weakest.get(name, 0) + 1
+    # With all of their friction: a reserve that is not left is no failure.
+    failed = (response for response in responses if not response.margin >= 0.0)
+    weakest = Counter(response.weakest or "balance" for response in failed)
     states = extremes(scene, arrays)
     ends = {name: with_states(errors, states[:1]) for name, errors in alone(bounds).items()}
     if states.size:
