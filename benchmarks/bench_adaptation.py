@@ -87,8 +87,7 @@ def main() -> None:
         values = [f"{one.value:.3g} ± {one.std:.2g}" for one in found["adapted"][2].values()]
         rows.append([plant, *[found[name][0] for name in ESTIMATORS], found["none"][1], found["adapted"][1], *values])
         print(rows[-1], flush=True)
-    for file in add(Report("adaptation", 0), rows).write(folder):
-        print(file)
+    add(Report("adaptation", 0), rows).finish(folder)
 
 
 def add(report: Report, rows: list[list[Any]]) -> Report:

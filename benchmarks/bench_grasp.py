@@ -232,8 +232,7 @@ def main() -> None:
                     by = {e: judged(pool, kind, rows, e, arguments.verbose) for e in efforts} | {"normal": outcomes}
                     add_efforts(report, {e: by[e] for e in EFFORTS if e in by})
                     record |= {f"{kind}, {e}": recorded(by[e]) for e in efforts}
-            for file in report.write(arguments.folder):
-                print(file)
+            report.finish(arguments.folder)
             print(f"{words}: {report.status}")
     finally:
         pool.close(True)

@@ -108,9 +108,7 @@ def main() -> None:
     columns = ["cable [N/m]", "friction", "method", "step [ms]", "tip / L", "tensions, r.m.s. [N]", "CPU [ms per s]"]
     note = "CPU time per simulated second: medians of 11 runs; of implicit_step with the calls from Python."
     report.tables.append(Table("Implicit steps of stiff cables", columns, rows, note))
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":
