@@ -30,7 +30,6 @@ from benchmarks.mpc_dompc import dompc
 from benchmarks.mpc_loop import FLAGS, CLoop, LoopRun, rti_loop
 from benchmarks.mpc_peers import FORMS, converged, sqp_loop
 from benchmarks.mpc_world import World
-from benchmarks.real_time_iteration import RealTimeIteration
 from benchmarks.report import RESULTS, Report, Table
 from continuum_grasp.control.controller import Controller
 
@@ -209,30 +208,9 @@ def add_python(report: Report, arguments: argparse.Namespace) -> None:
             rows.append([name, label, *(float(v) for v in np.percentile(steps[:, k], [25, 50, 75, 99]))])
         beyond = float(np.median(steps[:, -1]))
         report.claim(f"{name}: Controller.step beyond its phases in C [us]", beyond, "<=", 15.0)
-    for name in ("arcs", "tendons"):
-        case = mpc_cases.case(name, seed=report.seed)
-        solver, loop = RealTimeIteration(case.stages), rti_loop(case)
-        found = loop(keep=True)
-        solver.reset(case.x0, case.u0)
-        times = []
-        with one_core():
-            for k in range(arguments.python_steps):
-                at = k % case.steps
-                began = time.perf_counter_ns()
-                solver.step(found.x[at], case.references[at], case.p)
-                solver.shift()
-                times.append(1e-3 * (time.perf_counter_ns() - began))
-        rows.append(
-            [name, "RealTimeIteration.step, .shift", *(float(v) for v in np.percentile(times, [25, 50, 75, 99]))]
-        )
-        in_c = us(measured({"": loop}, 5, report.seed)[""])
-        rows.append([name, "the same in C", *quartiles(in_c), math.nan])
-        report.claim(
-            f"{name}: RealTimeIteration from Python beyond C [us]", np.median(times) - np.median(in_c), "<=", 15
-        )
     note = (
-        "Wall time. Phases by C's own clock; beyond: arguments, setpoints of the scene, statistics. The library that "
-        "Python calls is compiled with the flags of the package, not with those of this benchmark."
+        "Wall time. Phases by C's own clock; beyond: arguments, setpoints of the scene, statistics. The library is "
+        "compiled with the flags of the package, not with those of this benchmark."
     )
     columns = ["", "", "quartile 1 [us]", "median [us]", "quartile 3 [us]", "p99 [us]"]
     report.tables.append(Table("From Python", columns, rows, note))

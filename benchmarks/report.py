@@ -124,7 +124,7 @@ class Report:
         return files
 
     def finish(self, folder: Path = RESULTS) -> None:
-        """Write both files; print where they are, the limits that are not kept, and the status."""
+        """Write both files; print where they are, the limits that are not met, and the status."""
         print(*self.write(folder), sep="\n")
         for claim in self.claims:
             if not claim.met:
