@@ -329,15 +329,6 @@ def test_a_search_returns_from_where_the_model_is_not_finite():
     assert rti.iterate(START).status in (0, 2)
 
 
-def test_single_precision_ends_near_the_same():
-    for precision in ("double", "float"):
-        converged(shared(precision), START, REFS)
-    (x, u), (single_x, single_u) = shared("double").plan, shared("float").plan
-    assert single_x.dtype == np.float32
-    np.testing.assert_allclose(single_u, u, atol=2e-3)
-    np.testing.assert_allclose(single_x, x, atol=2e-3)
-
-
 def test_lanes_change_nothing_but_rounding():
     plans = []
     for lanes in (False, True):
