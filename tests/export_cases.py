@@ -7,15 +7,20 @@ import shutil
 import subprocess
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import continuum_grasp as cg
 from continuum_grasp.export import export_c
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.load import load
+from tests.contact_cases import short_scene
+from tests.model.test_many_elements import model_of
 from tests.rods import ROOT
+from tests.rti_problems import cart_pole
 
 TENDONS = ROOT / "configs/simulate/tendon_step.yaml"
 CONTACT = ROOT / "configs/simulate/midpoint_contact.yaml"
@@ -45,7 +50,23 @@ PULLEY = {
     "actuation": {"currents": [0.0]},
 }
 """Winches whose speed is limited, and a motor with dry friction and a gear with play on one pulley."""
-SUBSTEPS = {"friction": 12, "winches": 16, "motor": 16}
+MANY = {
+    "many elements, lag": ("arc", "lag"),
+    "many elements, everything": ("matched_clothoid", "everything"),
+    "many elements, friction": ("clothoid", "friction"),
+    "many elements, winches": ("arc", "winches"),
+}
+"""Fingers whose dynamics are a loop over the links: family and name of ``model_of`` in ``test_many_elements``."""
+OPTIONS: dict[str, dict[str, Any]] = {
+    "friction": {"substeps": 12},
+    "winches": {"substeps": 16},
+    "motor": {"substeps": 16},
+    # Commands of tendons that stick jump in single precision; what the drives feel does not.
+    "detector": {"error": 10.0},
+    "implicit": {"what": ["implicit_step"], "substeps": 2},
+    **{name: {"what": ["dynamics", "step"], "step": 1e-7} for name in MANY},
+}
+"""How packages are made that do not come as they are."""
 STRICT = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
 SANITIZE = "-fsanitize=address,undefined,float-divide-by-zero,float-cast-overflow"
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wfloat-conversion", "-Wshadow")
@@ -57,7 +78,8 @@ def scene(name: str):
     """Scenes: closed loops with and without estimator, tendons with friction, winches, a motor, a contact, tendons
     alone, two arcs.
 
-    Of ``direct`` the inputs set the curvature of the tip at once, and a run-time parameter its range.
+    Also a detector of contacts by motors, a solver of a cart-pole and fingers of ``MANY`` elements. Of ``direct`` the
+    inputs set the curvature of the tip at once, and a run-time parameter its range.
     """
     return {
         "observed": lambda: loop_scene(8),
@@ -72,6 +94,10 @@ def scene(name: str):
         "contact": lambda: load(CONTACT, {"fidelity.family": "matched_clothoid"}),
         "tendons": lambda: load(TENDONS),
         "arcs": lambda: load(TENDONS, {"fidelity.family": "arc", "fidelity.elements": 2}),
+        "detector": short_scene,
+        "cart-pole": lambda: cg.rti(cart_pole(name="cart-pole")),
+        "implicit": lambda: scene("winches"),
+        **{name: lambda made=made: model_of(*made) for name, made in MANY.items()},
         "direct": lambda: FingerModel(
             without_lag(load(TENDONS).finger), family="matched_clothoid", parameters=("bending_stiffness",)
         ),
@@ -138,7 +164,7 @@ def packages(tmp_path_factory):
     @lru_cache
     def made(name: str, real: str, target: str = "host") -> Path:
         path = folder / f"{name}_{real}_{target}"
-        export_c(scene(name), path, real=real, target=target, substeps=SUBSTEPS.get(name, 1))
+        export_c(scene(name), path, real=real, target=target, **OPTIONS.get(name, {}))
         return path
 
     return made
