@@ -172,7 +172,9 @@ def test_weight_input_and_loads_of_a_path_grow_together():
     ("family", "elements", "share", "near"),
     [
         ("matched_clothoid", 2, 0.97, False),
-        ("matched_clothoid", 2, 0.99, True),
+        ("matched_clothoid", 2, 0.995, True),
+        ("matched_clothoid", 2, 1.005, True),
+        ("matched_clothoid", 2, 1.2, False),
         # Two arcs buckle at 1.05 of Euler's load: what is left there is their own error, which they warn of.
         ("arc", 2, 0.95, False),
         ("arc", 2, 1.0, True),
