@@ -18,6 +18,7 @@ from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.load import load
 from tests.contact_cases import short_scene
+from tests.control_cases import driven_scene, hand_scene
 from tests.model.test_many_elements import model_of
 from tests.rods import ROOT
 from tests.rti_problems import cart_pole
@@ -57,6 +58,8 @@ MANY = {
     "many elements, winches": ("arc", "winches"),
 }
 """Fingers whose dynamics are a loop over the links: family and name of ``model_of`` in ``test_many_elements``."""
+DRIVES = {f"loop with {drive}": drive for drive in ("servo", "winches", "currents")}
+"""Drives of ``driven_scene`` under a controller."""
 OPTIONS: dict[str, dict[str, Any]] = {
     "friction": {"substeps": 12},
     "winches": {"substeps": 16},
@@ -94,6 +97,8 @@ def scene(name: str):
         "contact": lambda: load(CONTACT, {"fidelity.family": "matched_clothoid"}),
         "tendons": lambda: load(TENDONS),
         "arcs": lambda: load(TENDONS, {"fidelity.family": "arc", "fidelity.elements": 2}),
+        "scenarios": scenarios,
+        **{name: lambda drive=drive: short_loop(drive) for name, drive in DRIVES.items()},
         "detector": short_scene,
         "cart-pole": lambda: cg.rti(cart_pole(name="cart-pole")),
         "implicit": lambda: scene("winches"),
@@ -102,6 +107,22 @@ def scene(name: str):
             without_lag(load(TENDONS).finger), family="matched_clothoid", parameters=("bending_stiffness",)
         ),
     }[name]()
+
+
+def short_loop(drive: str) -> ControlScene:
+    """A driven finger under a controller of a short horizon."""
+    return driven_scene(drive, controller={"horizon": {"stages": 6, "stage": 0.01}})
+
+
+def scenarios() -> ControlScene:
+    """A controller that plans for three plants at once."""
+    controller = {
+        "horizon": {"stages": 5, "stage": 0.01},
+        "cost": {"tip": {"running": 2e4, "terminal": 2e3}, "effort": 0.01, "input_rate": 5e-4},
+        "input": {"rate_max": 600.0},
+        "scenarios": ({"weight": 2.0}, {"time_constant": 0.04}, {"stiffness": 1.5, "tip_mass": 0.002}),
+    }
+    return hand_scene(estimator=None, controller=controller)
 
 
 def without_lag(finger: Finger) -> Finger:

@@ -22,8 +22,9 @@ from continuum_grasp.export.control.tokens import renamed, without, without_prot
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.part import Code
 from continuum_grasp.scene.control import ControlScene
-from tests.control_cases import Reality, driven_scene, hand_scene
+from tests.control_cases import Reality, hand_scene
 from tests.export_cases import (  # noqa: F401
+    DRIVES,
     STRICT,
     WARNINGS,
     compile_programs,
@@ -130,16 +131,15 @@ def test_the_controller_is_that_of_python(name, real, libraries):
 
 @pytest.mark.deep
 @needs("cc")
-@pytest.mark.parametrize("name", few(["servo", "winches", "currents"], 1))
-def test_a_controller_of_drives_is_that_of_python(name, tmp_path):
-    """In closed loop on a finger whose tendons have friction, from rest to a bend and back."""
-    given = driven_scene(name, controller={"horizon": {"stages": 6, "stage": 0.01}})
-    export_c(given, tmp_path / "package", real="double")
-    finger, library = shared_library(tmp_path / "package", tmp_path)
+@pytest.mark.parametrize("name", few(["scenarios", *DRIVES], 2))
+def test_a_controller_of_drives_or_scenarios_is_that_of_python(name, packages, tmp_path):  # noqa: F811
+    """In closed loop from rest to a bend and back, on a finger whose tendons have friction, or on a fourth plant."""
+    given, p = scene(name), 1.3 if name == "scenarios" else 1.0
+    finger, library = shared_library(packages(name, "double"), tmp_path)
     control, other = Controller(given, deadline=math.inf), finger.Controller(library)
-    plant, moved = Reality(given, control.first), []
+    plant, moved = Reality(given, control.first, [p * v for v in control.stages.p_nominal]), []
     for k in range(30):
-        row = np.tile(control.nominal_setpoints.rows([0.0])[0], (7, 1))
+        row = np.tile(control.nominal_setpoints.rows([0.0])[0], (control.stages.stages + 1, 1))
         row[:, :2] = (-0.06, 0.16) if k < 15 else (0.0, 0.18)
         command, found = control.step(plant.x, row), other.step(finger.Measurement(*plant.x), reference(finger, row))
         assert values(found) == pytest.approx(command.u, rel=1e-6, abs=1e-9)
@@ -147,34 +147,6 @@ def test_a_controller_of_drives_is_that_of_python(name, tmp_path):
         plant.advance(command.u, control.period)
         moved.append(plant.tip[0])
     assert min(moved) < -0.01
-
-
-@pytest.mark.deep
-@needs("cc")
-def test_a_controller_of_scenarios_is_that_of_python(tmp_path):
-    """In closed loop on a fourth plant; and its own vectors to the bit."""
-    given = hand_scene(
-        estimator=None,
-        controller={
-            "horizon": {"stages": 5, "stage": 0.01},
-            "cost": {"tip": {"running": 2e4, "terminal": 2e3}, "effort": 0.01, "input_rate": 5e-4},
-            "input": {"rate_max": 600.0},
-            "scenarios": ({"weight": 2.0}, {"time_constant": 0.04}, {"stiffness": 1.5, "tip_mass": 0.002}),
-        },
-    )
-    export_c(given, tmp_path / "package", real="double")
-    (program,) = compile_programs("cc", tmp_path / "package", tmp_path, "main", *STRICT, *WARNINGS, "-O1")
-    assert re.search(r"^mpc +0 of +\d+ cases failed", run(program), re.MULTILINE)
-    finger, library = shared_library(tmp_path / "package", tmp_path)
-    control, other = Controller(given, deadline=math.inf), finger.Controller(library)
-    plant = Reality(given, control.first, [1.3 * v for v in control.stages.p_nominal])
-    row = np.tile(control.nominal_setpoints.rows([0.0])[0], (6, 1))
-    for k in range(20):
-        row[:, :2] = (-0.06, 0.16) if k < 10 else (0.0, 0.18)
-        command, found = control.step(plant.x, row), other.step(finger.Measurement(*plant.x), reference(finger, row))
-        assert values(found) == pytest.approx(command.u, rel=1e-6, abs=1e-9)
-        assert CODES[other.code] == command.status
-        plant.advance(command.u, control.period)
 
 
 @pytest.mark.deep
