@@ -118,7 +118,7 @@ def test_nothing_is_called_or_stored_and_the_stack_is_bounded(name, real, packag
     assert all(symbol.startswith("finger_") for symbol in own)
     rows = [line.split("\t") for path in tmp_path.glob("*.su") for line in path.read_text().splitlines()]
     assert rows
-    assert {kind for *_, kind in rows} <= {"static"} | ({"dynamic,bounded"} if name in ("observed", "given") else set())
+    assert {kind for *_, kind in rows} <= {"static"} | ({"dynamic,bounded"} if name != "friction" else set())
     assert max(int(size) for _, size, _ in rows) <= STACK.get((name, real), 6000)
 
 
