@@ -203,9 +203,7 @@ def main() -> None:
     report.tables.append(of_the_paper(moving()["release, 20 g"]))
     cheapest(report, vibrating, still)
     orders(report, vibrating, still["tip force 2"])
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -142,9 +142,7 @@ def main() -> None:
     table = [[2000 * plants, sum(alarms), sum(uncertain), float(max(use))]]
     report.tables.append(Table("Free motion", ["steps", "alarms", "uncertain", "greatest residual per bound"], table))
     report.claim(f"false alarms in {2000 * plants} steps", sum(alarms), "<=", 0)
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -53,7 +53,7 @@ def main() -> None:
     report = Report("design", 0, [Table("A design by gradient beside a sweep", columns, rows, note)])
     report.claim("cost per that of the sweep", found.best.cost / min(costs), "<=", 1.0)
     report.claim("solutions per those of the sweep", runs / len(costs), "<=", 0.05)
-    print(report.status, *report.write(), sep="\n")
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Forward dynamics: against the paper and other libraries, instructions, batches, growth with the elements.
+"""Forward dynamics: against the paper, instructions, batches, growth with the elements.
 
 Run ``python -m benchmarks.bench_dynamics`` in the root of the repository; see README.md beside this file.
 """
@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.baselines import peers
 from benchmarks.c_loop import STATES, CLoop, time_c_loop
 from benchmarks.harness import Timing, count_instructions, race
 from benchmarks.machine import one_core
@@ -51,7 +50,7 @@ def bare_model() -> FingerModel:
 
 
 def paper_finger() -> RacedFinger:
-    """The same finger for the baselines."""
+    """The same finger for the paper's equations."""
     return RacedFinger(
         mass_per_length=LINEAR_DENSITY,
         bending_stiffness=STIFFNESS,
@@ -122,34 +121,6 @@ def _difference(function: Any, reference: Any, given: list[np.ndarray]) -> float
             float(np.abs(function(*[g[k] for g in given]).full() - expected).max() / np.abs(expected).max()),
         )
     return worst
-
-
-def against_other_libraries(report: Report, rng: np.random.Generator) -> None:
-    """Two arcs with everything in against other libraries' compiled loops, one after the other in turns."""
-    model = full_model()
-    loop = CLoop(model.forward_dynamics, random_arguments(model, rng))
-    rows = []
-    for library in peers.LIBRARIES:
-        with one_core():
-            before = race({OURS: loop}, repeats=11)[OURS]
-            found = peers.measure(library, forces=True)
-            after = race({OURS: loop}, repeats=11)[OURS]
-        if found["status"] != "ok":
-            report.missing.append(f"{library}: {found['status']}, {found['reason']}")
-            continue
-        own = 1e9 * float(np.median(before.samples + after.samples))
-        rows.append([f"{library} {found['version']}", found["ns"], own, found["ns"] / own, found["compile_seconds"]])
-    if not rows:
-        return
-    columns = ["", "median [ns]", f"{OURS} [ns]", "ratio", "compiling [s]"]
-    note = "The libraries leave the tip mass and the tendons out; both forces are in. JAX, double, one core."
-    report.tables.append(Table("Other libraries", columns, rows, note))
-    report.claim(
-        "the fastest of the other libraries takes so many times as long",
-        min(row[3] for row in rows),
-        ">=",
-        40,
-    )
 
 
 def instructions(report: Report) -> None:
@@ -229,7 +200,7 @@ def growth(report: Report, rng: np.random.Generator, most: int) -> None:
 def main() -> None:
     """Run what is asked for and write the report."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parts = ("paper", "libraries", "instructions", "batch", "growth")
+    parts = ("paper", "instructions", "batch", "growth")
     parser.add_argument("--only", choices=parts, nargs="+", default=parts)
     parser.add_argument("--elements", type=int, default=max(ELEMENTS), help="most elements in the growth table")
     parser.add_argument("--seed", type=int, default=0)
@@ -237,17 +208,13 @@ def main() -> None:
     report, rng = Report("dynamics", arguments.seed), np.random.default_rng(arguments.seed)
     if "paper" in arguments.only:
         against_the_paper(report, rng)
-    if "libraries" in arguments.only:
-        against_other_libraries(report, rng)
     if "instructions" in arguments.only:
         instructions(report)
     if "batch" in arguments.only:
         batch(report, rng)
     if "growth" in arguments.only:
         growth(report, rng, arguments.elements)
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

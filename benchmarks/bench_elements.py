@@ -219,9 +219,7 @@ def main() -> None:
     for family in FAMILIES:
         growth(report, family, arguments.elements, arguments.dense)
     implicit(report)
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -71,9 +71,7 @@ def main() -> None:
     kinds = [f"{kind}, {which}" for kind in ("usual", "start", "hard") for which in ("mean", "most")]
     note = "usual: goes on from a plan; start: without one; hard: limits change under way, states jump."
     report.tables.append(Table("Calls of controllers", ["", *kinds, "code [bytes]", "stack [bytes]"], calls, note))
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -73,9 +73,7 @@ def main() -> None:
     columns += ["periods/s", "environment steps/s", "episodes"]
     note = f"{asked.count} plants, one core, double precision; CPU time, medians of {ROUNDS} rounds of {STEPS} steps."
     report.tables.append(Table("Environments", columns, rows, note))
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

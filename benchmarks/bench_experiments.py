@@ -113,8 +113,7 @@ def main() -> None:
     report.tables.append(Table("Poses", columns, table, __doc__ or ""))
     for row in table:
         print(row)
-    for file in report.write():
-        print(file)
+    report.finish()
 
 
 if __name__ == "__main__":

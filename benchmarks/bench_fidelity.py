@@ -101,9 +101,7 @@ def main() -> None:
         f"{counts['chosen']} scenes; choosing took {np.median(seconds):.2f} s (median), {max(seconds):.2f} s at most."
     )
     report.tables.append(Table("What was chosen", columns, rows, note))
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

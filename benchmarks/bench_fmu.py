@@ -153,9 +153,7 @@ def main() -> None:
     columns = ["configuration", "units", "kB", "beside", "largest difference", "verdict", "s"]
     note = f"{STEPS} steps of a finger, differences of states; {STEPS} periods of a loop, of commands per the largest."
     report.tables.append(Table("Functional mock-up units of the shipped configurations", columns, rows, note))
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ moment-linear elements with a known tip alone, is computed by numpy (``rod_shape
 from __future__ import annotations
 
 import argparse
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -16,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.graded_rods import RODS, sections, taper
+from benchmarks.graded_rods import RODS
 from benchmarks.report import Report, Table
 from benchmarks.rod_shapes import ShapeRod, equal_lengths, wavelength_lengths
 from continuum_grasp.accuracy.choice import Errors, errors_of
@@ -196,87 +195,7 @@ def poses(report: Report) -> None:
     report.claim("step, tip force 0.3, 4 unknowns: moment linear", by["step, tip force 0.3", 4][5], "<=", 1e-5)
 
 
-def orders(report: Report) -> None:
-    """Observed orders under weight, in frequency and at rest."""
-    rows = []
-    jump = {"rest_curvature": {"breaks": [0.4], "values": [0.5, -1.5]}}
-    given = {name: scene(rod, gravity=(0.0, -1.0)) for name, rod in RODS.items()}
-    given["step, rest curvature 0.5 and -1.5"] = scene(RODS["step"], gravity=(0.0, -1.0), finger=jump)
-    tendon = pulled(0.2, end=0.6, slope=0.75)
-    given["cone 0.25, tendon to 0.6"] = scene(RODS["cone 0.25"], gravity=(0.0, -1.0), **tendon)
-    for kind, wanted, lengths in (("moment", 4.0, wavelength_lengths), ("arc", 2.0, _in_parts)):
-        for name, one in given.items():
-            case = Case(one)
-            found = [case.shapes(kind, "known", count, lengths) for count in (4, 8, 16)]
-            for measured, errors in (
-                ("mode 1", [float(case.frequencies(rod)[0]) for rod in found]),
-                ("tip at rest", [case.tip(rod) for rod in found]),
-            ):
-                order = math.log2(errors[-2] / errors[-1])
-                family = "matched_clothoid" if kind == "moment" else kind
-                rows.append([name, family, measured, *errors, order])
-                report.claim(f"{name}, {family}, {measured}: order less {wanted:g}", order - wanted, ">=", -0.4)
-    columns = ["rod", "family", "error of", "4 elements", "8", "16", "order"]
-    note = (
-        "Under weight 1; by numpy, with which models agree to 1e-11 (`tests/model/test_graded_projection.py`). Arcs "
-        "end where stiffness, rest curvature or a tendon's moment jumps."
-    )
-    report.tables.append(Table("Order of convergence", columns, rows, note))
-
-
-def _in_parts(given: Scene, count: int) -> list[float]:
-    """Elements by the mesh rule between the places where something jumps, as many in each part."""
-    profile = given.finger.profile
-    places = {*profile.breaks, *(at for channel in given.finger.channels for at in channel.shape.breaks)}
-    edges = [0.0, *sorted(places), 1.0]
-    found: list[float] = []
-    for a, b in itertools.pairwise(edges):
-        share = count // (len(edges) - 1)
-        found += [(b - a) / share] * share
-    return found
-
-
-def mesh_rule(report: Report) -> None:
-    """How often the mesh rule beats equal lengths."""
-    rods = {
-        **{name: rod for name, rod in RODS.items() if name != "uniform"},
-        "cone 0.5": taper(0.5, cone=True),
-        "thick tip": sections((0.5, 0.2, 0.5), (1.0, 1.0, 1.0)),
-        "three steps": sections((0.3, 1.0, 1.0), (0.6, 0.4, 0.6), (1.0, 0.05, 0.2)),
-    }
-    rows = []
-    for name, rod in rods.items():
-        tendon = pulled(0.1, slope=0.5)
-        tendon["finger"]["half_thickness"] = 0.02  # guides outside the rod
-        scenes = {
-            "mode 1": scene(rod),
-            "mode 2": scene(rod),
-            "tip force": scene(rod, loads=[force(0.1)]),
-            "weight": scene(rod, gravity=(0.0, -1.0)),
-            "tendon, tip force": scene(rod, loads=[force(-0.05)], **tendon),
-        }
-        for kind, given in scenes.items():
-            case = Case(given)
-            for count in COUNTS:
-                ratio = []
-                for lengths in (wavelength_lengths, equal_lengths):
-                    shape = case.shapes("moment", "known", count, lengths)
-                    mode = ("mode 1", "mode 2").index(kind) if kind.startswith("mode") else -1
-                    ratio.append(float(case.frequencies(shape)[mode]) if mode >= 0 else case.tip(shape))
-                rows.append([name, kind, count, ratio[1], ratio[0], ratio[0] / ratio[1]])
-    columns = ["rod", "error of", "unknowns", "equal lengths", "mesh rule", "ratio"]
-    report.tables.append(Table("Mesh rule against equal lengths", columns, rows, "Moment linear, inputs known."))
-    more = [row[5] for row in rows if row[2] > 2]
-    # Not those under weight of mild tapers, nor those of a tip that is stiffer than the base.
-    report.claim(
-        f"share of the {len(more)} errors with 4 and 8 unknowns that the mesh rule does not raise by more than 2 %",
-        float(np.mean(np.array(more) <= 1.02)),
-        ">=",
-        0.85,
-    )
-
-
-PARTS = {"frequencies": frequencies, "poses": poses, "orders": orders, "mesh_rule": mesh_rule}
+PARTS = {"frequencies": frequencies, "poses": poses}
 
 
 def measured(part: str) -> Report:
@@ -298,7 +217,7 @@ def main() -> None:
         for found in pool.map(measured, wanted):
             report.tables += found.tables
             report.claims += found.claims
-    print(*report.write(), report.status, sep="\n")
+    report.finish()
 
 
 if __name__ == "__main__":

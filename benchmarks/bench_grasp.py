@@ -3,13 +3,11 @@
 Run ``python -m benchmarks.bench_grasp`` in the root of the repository. Random scenes whose answers are known from
 solvers that share nothing with the package (``benchmarks.grasp_oracle``): one finger, the same with scenes that are
 retained for a last look (fresh), tips of two and of three fingers, and scenes made infeasible by one or by two limits.
-What becomes of every scene is stored beside the report; ``--compare`` shows what another record has otherwise.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -18,7 +16,7 @@ import numpy as np
 
 from benchmarks.grasp_oracle.check import LIMITS
 from benchmarks.grasp_oracle.truth import answers
-from benchmarks.grasp_outcomes import CLOSE, EFFORT, Outcome, outcome
+from benchmarks.grasp_outcomes import CLOSE, Outcome, outcome
 from benchmarks.report import RESULTS, Report, Table
 from continuum_grasp.workers import ProcessPool, cores
 
@@ -34,12 +32,6 @@ KINDS = {
 }
 """Name of the report, words, and per cent that are to be solved, or whose reason is to be right."""
 EFFORTS = ("quick", "normal", "thorough")
-BINS = (5, 10, 20, 40, 80, 160, 320, 640, 1280)
-"""Ends of the bins of times [ms]."""
-DIGITS = 7
-"""Of tensions in the record: beyond them are the last steps of the solver."""
-RECORD = "grasp_scenes"
-"""The file with what became of every scene."""
 
 
 def known(kind: str) -> list[dict[str, Any]]:
@@ -76,11 +68,6 @@ def add_times(report: Report, words: str, outcomes: list[Outcome]) -> None:
     note = "Processor time. after_build: everything but the build, checks included; all: as a caller waits."
     columns = ["", "median [ms]", "95 % [ms]", "most [ms]"]
     report.tables.append(Table(f"Times, {words}", columns, rows, note))
-    values = milliseconds(outcomes, "after_build")
-    counts, _ = np.histogram(values, [0.0, *BINS, math.inf])
-    ends = [f"to {end}" for end in BINS] + [f"above {BINS[-1]}"]
-    rows = [[end, int(n), 100.0 * int(n) / max(len(values), 1)] for end, n in zip(ends, counts, strict=True)]
-    report.tables.append(Table(f"Distribution of times after the build, {words}", ["[ms]", "scenes", "%"], rows))
 
 
 def add_held(report: Report, kind: str, outcomes: list[Outcome], words: str) -> None:
@@ -144,41 +131,6 @@ def add_efforts(report: Report, found: dict[str, list[Outcome]]) -> None:
     report.tables.append(Table("Efforts of the search", columns, rows, "Times after the build, processor time."))
 
 
-def recorded(outcomes: list[Outcome]) -> dict[str, list[Any]]:
-    """What became of each scene, for a comparison: status, tension [N], whether as it should be."""
-    return {
-        str(o.seed): [
-            o.status,
-            float(f"{o.tension:.{DIGITS}g}") if math.isfinite(o.tension) else None,
-            bool(o.good and (o.right and o.number if math.isnan(o.tension) and o.refused else True)),
-        ]
-        for o in outcomes
-    }
-
-
-def compared(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
-    """Scenes that two records have otherwise: another status or judgment, a tension that differs by over 0.5 %."""
-    lines = []
-    for kind in [k for k in new if k in old]:
-        gained = lost = 0
-        for seed in [s for s in new[kind] if s in old[kind]]:
-            (status, tension, good), (status_, tension_, good_) = old[kind][seed], new[kind][seed]
-            moved = (tension is None) != (tension_ is None)
-            if tension is not None and tension_ is not None:
-                moved = abs(tension_ - tension) > CLOSE * max(abs(tension), 1e-3)
-            gained, lost = gained + (good_ and not good), lost + (good and not good_)
-            if moved or status != status_ or good != good_:
-                mark = "" if good == good_ else "  gained" if good_ else "  LOST"
-                lines.append(f"{kind} {seed}: {status} {_force(tension)} -> {status_} {_force(tension_)}{mark}")
-        both = sum(seed in old[kind] for seed in new[kind])
-        lines.append(f"{kind}: {both} scenes in both, {gained} gained, {lost} lost")
-    return lines
-
-
-def _force(tension: float | None) -> str:
-    return "-" if tension is None else f"{tension:.5g} N"
-
-
 def judged(pool: ProcessPool, kind: str, rows: list[dict[str, Any]], effort: str, verbose: bool) -> list[Outcome]:
     """The outcomes of the scenes of some answers, in their order."""
     found: dict[int, Outcome] = {}
@@ -204,13 +156,8 @@ def main() -> None:
     parser.add_argument("--efforts", nargs="*", choices=EFFORTS, default=[], help="other efforts too, of one finger")
     parser.add_argument("--jobs", type=int, default=cores(), help="processes")
     parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write the reports")
-    parser.add_argument("--compare", type=Path, help=f"an older {RECORD}.json")
     parser.add_argument("--verbose", action="store_true")
     arguments = parser.parse_args()
-    if arguments.efforts and not EFFORT:
-        parser.error("scenes have no solver.effort")
-    old = json.loads(arguments.compare.read_text(encoding="utf-8")) if arguments.compare else None
-    record: dict[str, Any] = {}
     pool = ProcessPool(arguments.jobs)
     try:
         for kind in arguments.kind:
@@ -220,7 +167,6 @@ def main() -> None:
             if arguments.seeds is not None:
                 rows = [row for row in rows if row["seed"] in arguments.seeds]
             outcomes = judged(pool, kind, rows, "", arguments.verbose)
-            record[kind] = recorded(outcomes)
             if not outcomes:
                 report.missing.append(f"{kind}: no answers; python -m benchmarks.grasp_oracle.truth {kind} makes them")
             elif kind in ("none", "both"):
@@ -231,27 +177,9 @@ def main() -> None:
                 if efforts:
                     by = {e: judged(pool, kind, rows, e, arguments.verbose) for e in efforts} | {"normal": outcomes}
                     add_efforts(report, {e: by[e] for e in EFFORTS if e in by})
-                    record |= {f"{kind}, {e}": recorded(by[e]) for e in efforts}
-            for file in report.write(arguments.folder):
-                print(file)
-            print(f"{words}: {report.status}")
+            report.finish(arguments.folder)
     finally:
         pool.close(True)
-    file = arguments.folder / f"{RECORD}.json"
-    before = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}  # kinds of other runs
-    file.write_text(_lines(before | record), encoding="utf-8")
-    print(file)
-    for line in compared(old, record) if old is not None else ():
-        print(line)
-
-
-def _lines(record: dict[str, Any]) -> str:
-    """JSON with a line per scene."""
-    kinds = []
-    for kind, scenes in record.items():
-        lines = ",\n".join(f'"{seed}": {json.dumps(values)}' for seed, values in scenes.items())
-        kinds.append(f'"{kind}": {{\n{lines}\n}}')
-    return "{" + ",\n".join(kinds) + "}\n"
 
 
 if __name__ == "__main__":

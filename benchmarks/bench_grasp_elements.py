@@ -219,9 +219,7 @@ def main() -> None:
     for row in (row for file in arguments.others for row in read(file) if row["tension"] is not None):
         known[row["scene"]] = min(known.get(row["scene"], math.inf), row["tension"])
     report = report_of(rows, known)
-    for written in report.write(arguments.folder):
-        print(written)
-    print(report.status)
+    report.finish(arguments.folder)
 
 
 if __name__ == "__main__":

@@ -176,8 +176,7 @@ def slips() -> None:
         lost = sum(outcome(one) == "dropped" for one in found[True])
         report.claim(f"{name}, friction {100 * fall:.0f} % less, slip answered: dropped", lost, "<=", 0)
         print(*report.tables[-1].rows, sep="\n", flush=True)
-    for file in report.write():
-        print(file)
+    report.finish()
 
 
 def main() -> None:
@@ -208,9 +207,7 @@ def main() -> None:
     report = Report("missions", asked.seed)
     report.tables.append(Table("Missions of two fingers drawn at random", COLUMNS, rows, __doc__.partition("\n")[0]))
     report.claim("held and released", sum(done), ">=", asked.missions)
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -20,10 +20,9 @@ from typing import Any, cast
 from benchmarks.baselines import mujoco_sweep, pyelastica_check
 from benchmarks.baselines.release_ours import OwnRun, by_rule, front, own_runs, rms_error
 from benchmarks.baselines.release_peers import HINGES, PeerError, ReleasePeers, describe_rod
-from benchmarks.baselines.release_picture import Point, draw
 from benchmarks.harness import Timing, race, ratios
 from benchmarks.machine import one_core
-from benchmarks.report import RESULTS, Report, Table
+from benchmarks.report import Report, Table
 from continuum_grasp.accuracy.motion import Motion, reference_motion
 from continuum_grasp.accuracy.truth import Truth, find_truth
 from continuum_grasp.scene import Actuation, Rod
@@ -60,8 +59,6 @@ class Entry:
 
     name: str
     library: str
-    label: str
-    """In the picture."""
     error: float
     steps: int
     cold: float
@@ -153,8 +150,7 @@ def own_entries(release: Release) -> tuple[list[Entry], dict[str, OwnRun]]:
 
 def _own_entry(run: OwnRun) -> Entry:
     name = f"{run.name}, {run.choice.accuracy:g}, {run.steps}/s"
-    label = f"{run.name}, {run.steps}/s"
-    return Entry(name, "ours", label, run.error, run.steps, run.cold, lambda count: run.run(FRAME * count))
+    return Entry(name, "ours", run.error, run.steps, run.cold, lambda count: run.run(FRAME * count))
 
 
 def mujoco_entries(
@@ -168,9 +164,8 @@ def mujoco_entries(
             chosen[hinges, key] = run
             if all(run.name != entry.name for entry in entries):
                 peers.make(run.name, "mujoco", release.rod, run.settings, frames=0)
-                label = f"{hinges} hinges" + ("" if key == "fastest" else f" ({key})")
                 step = partial(_step, peers, run.name)
-                entries.append(Entry(run.name, "mujoco", label, run.error, run.settings["steps"], run.cold, step))
+                entries.append(Entry(run.name, "mujoco", run.error, run.settings["steps"], run.cold, step))
     return entries, chosen
 
 
@@ -181,8 +176,7 @@ def other_entries(release: Release, peers: ReleasePeers, library: str, report: R
         table, name, run = pyelastica_check.check(peers, rod, release.reference)
         report.tables.append(replace(table, title=f"{table.title}: {release.title}"))
         error = rms_error(run.tip, release.reference)
-        label = f"{pyelastica_check.SHOWN} elements"
-        return [Entry(name, library, label, error, run.steps, run.cold, partial(_step, peers, name))]
+        return [Entry(name, library, error, run.steps, run.cold, partial(_step, peers, name))]
     entries = []
     for count, steps in SEGMENTS[library].items():
         error = math.inf
@@ -193,7 +187,7 @@ def other_entries(release: Release, peers: ReleasePeers, library: str, report: R
             steps *= 2
         steps = motion.steps
         step = partial(_step, peers, name)
-        entries.append(Entry(name, library, f"{count} segments", error, steps, motion.cold, step))
+        entries.append(Entry(name, library, error, steps, motion.cold, step))
     return entries
 
 
@@ -201,7 +195,7 @@ def _step(peers: ReleasePeers, name: str, count: int) -> None:
     peers.run(name, FRAME * count)
 
 
-def measure(release: Release, peers: ReleasePeers | None, report: Report) -> list[Point]:
+def measure(release: Release, peers: ReleasePeers | None, report: Report) -> None:
     """One scene: all errors, then all times in one race."""
     release.prepare()
     entries, ruled = own_entries(release)
@@ -235,7 +229,6 @@ def measure(release: Release, peers: ReleasePeers | None, report: Report) -> lis
     report.tables.append(equal_error(entries, timings, title))
     if release.rod["uniform"] and chains:
         claims(report, release, entries, timings, chains[10, "fastest"], chains[10, "rule"], ruled["matched"])
-    return [Point(e.library, e.label, factors[e.name], e.error) for e in entries]
 
 
 def _median_time(call: Callable[[], None]) -> float:
@@ -289,7 +282,7 @@ def claims(
 
 
 def main() -> None:
-    """Measure the scenes that are asked for; write the report and the picture."""
+    """Measure the scenes that are asked for; write the report."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=0)
     known = releases()
@@ -300,7 +293,6 @@ def main() -> None:
     arguments = parser.parse_args()
     scenes = GRADED if arguments.graded else arguments.scenes
     report = Report("peers_graded" if arguments.graded else "peers", arguments.seed)
-    panels = {}
     with one_core():
         try:
             peers = ReleasePeers()
@@ -315,15 +307,10 @@ def main() -> None:
         for name in scenes:
             release = known[name]
             release = replace(release, libraries=tuple(k for k in release.libraries if k in installed))
-            panels[release.title] = measure(release, peers, report)
+            measure(release, peers, report)
         if peers is not None:
             peers.close()
-    picture = RESULTS / f"{report.name}.png"
-    for file in report.write():
-        print(file)
-    draw(panels, picture)
-    print(picture)
-    print(report.status)
+    report.finish()
 
 
 def _installed(peers: ReleasePeers, library: str, report: Report) -> bool:

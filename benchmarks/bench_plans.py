@@ -125,9 +125,7 @@ def main() -> None:
         good = [one for one in rows if one[5] in ("feasible", "optimal")]
         report.claim(f"share of plans that were found, {title.lower()}", len(good) / len(rows), ">=", share)
         report.claim(f"their tips move on by [um], {title.lower()}", max(one[7] for one in good), "<=", 180.0)
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

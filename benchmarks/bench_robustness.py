@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -360,19 +359,14 @@ def main() -> None:
     report = Report("scenarios" if arguments.scenarios else arguments.name, arguments.seed)
     if arguments.scenarios:
         add_scenarios(report, "steady_tip", arguments.seed)
-        for file in report.write(arguments.folder):
-            print(file)
+        report.finish(arguments.folder)
         return
     seeds = range(arguments.seed, arguments.seed + arguments.seeds)
     with ProcessPoolExecutor(arguments.jobs) as pool:
         tasks = [pool.submit(outcomes, loop, seeds, arguments.groups) for loop in arguments.loops]
         found = [one for task in tasks for one in task.result()]
     add(report, found)
-    for file in report.write(arguments.folder):
-        print(file)
-    for claim in report.claims:
-        print("met   " if claim.met else "BROKEN", claim.what, f"{claim.value:.4g} {claim.relation} {claim.limit:g}")
-    print(report.status, time.strftime("%H:%M:%S"))
+    report.finish(arguments.folder)
 
 
 if __name__ == "__main__":

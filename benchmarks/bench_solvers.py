@@ -103,8 +103,7 @@ def main() -> None:
         report.tables.append(Table(f"Shipped scenes: {kind}", COLUMNS, rows, NOTE))
     if only:
         report.missing.append(f"all scenes without {only!r}")
-    for file in report.write():
-        print(file)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -191,9 +191,8 @@ def main() -> None:
         "Motions against 8 clothoids, the rest the exact rod.",
     )
     report.tables.append(Table("Estimate / true error", columns, rows, note))
-    for file in report.write():
-        print(file)
-    print(report.status, "failed", failed)
+    report.finish()
+    print("failed", failed)
 
 
 if __name__ == "__main__":

@@ -270,9 +270,7 @@ def main() -> None:
         for what, value, limit in zip(("angle", "tip", "tension"), row[1:], limits.get(row[0], ()), strict=False):
             report.claim(f"two winches, {row[0]}: {what}", value, "<=", limit)
     costs(report)
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -90,9 +90,7 @@ def main() -> None:
     columns = ["model", "output step", "tolerance", "sub-steps", "estimate / L", "true error / L"]
     columns += ["steps taken", "fixed steps of that error", "ratio"]
     report.tables.append(Table("Undamped release, one second, against DOP853", columns, rows, ""))
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -153,9 +153,7 @@ def main() -> None:
     columns = ["tool", "FMI", "units", "tip, largest difference from fmpy [m]", "end, from run_closed_loop [mm]"]
     note = f"{STEPS} steps of 1 ms of a finger, {STEPS} periods of 10 ms of a loop; fmpy {metadata.version('fmpy')}."
     report.tables.append(Table("Functional mock-up units in other tools", columns, rows, note))
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

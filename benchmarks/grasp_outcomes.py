@@ -19,7 +19,6 @@ from benchmarks.grasp_oracle.scenes import scene_of
 from benchmarks.grasp_oracle.search import Search
 from continuum_grasp.grasp import GraspResult, Status, certify, optimize_grasp
 from continuum_grasp.scene.grasp import GraspScene
-from continuum_grasp.scene.grasp_options import GraspSolver
 
 LITTLE = 1e-4
 """Part of the greatest tensions that is added to both before they are compared."""
@@ -33,8 +32,6 @@ MARGIN = 1e-3
 """By what part more than a number that the oracle did not find is granted to see whether it is enough."""
 REASONS = {"bend": "bending range", "clearance": "clearance at the supports"}
 """Causes whose reasons go by another name."""
-EFFORT = "effort" in GraspSolver.model_fields
-"""Whether a scene may state the effort of its search."""
 
 
 @dataclass

@@ -16,7 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from benchmarks.baselines.peers import VARIABLE as INTERPRETER
+from benchmarks.baselines import VARIABLE as INTERPRETER
 from benchmarks.mpc_cases import Case
 from benchmarks.mpc_loop import FLAGS, CLoop
 from benchmarks.mpc_nlp import Nlp

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import continuum_grasp as cg
+from continuum_grasp.control import ControlProblem
 from continuum_grasp.control.ocp.scene_problem import stages_of
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.prediction import Prediction
@@ -25,7 +26,10 @@ MISMATCH = 1.03
 """Stiffness of the plant over that of the model."""
 PULSE = slice(120, 126)
 """Control steps of a push that no solver knows of."""
-NAMES = ("arcs", "jumps", "tendons", "lag")
+HEAVIER = 1.1
+"""Mass of the plant's pole, or payload, over that of the model, where the model is no continuum finger."""
+FINGERS = ("arcs", "jumps", "tendons", "lag")
+NAMES = (*FINGERS, "cart_pole", "two_links")
 
 
 @dataclass(frozen=True)
@@ -93,11 +97,17 @@ def state_step(stages: Stages) -> ca.Function:
     return ca.Function("state_step", [x, u, p, h], [stages.step(x, u, p, h)[0]], ["x", "u", "p", "h"], ["xn"])
 
 
-def case(name: str, *, steps: int = 400, seed: int = 0, horizon: int = 30, **changes: Any) -> Case:
-    """One of ``NAMES``; ``changes`` as for its scene."""
-    return {"arcs": arcs, "jumps": jumps, "tendons": tendons, "lag": lag}[name](
-        steps=steps, seed=seed, horizon=horizon, **changes
-    )
+def case(name: str, *, steps: int = 400, seed: int = 0) -> Case:
+    """One of ``NAMES``; the seed draws setpoints of fingers."""
+    drawn = {"seed": seed} if name in FINGERS else {}
+    return {
+        "arcs": arcs,
+        "jumps": jumps,
+        "tendons": tendons,
+        "lag": lag,
+        "cart_pole": cart_pole,
+        "two_links": two_links,
+    }[name](steps=steps, **drawn)
 
 
 def arcs(
@@ -151,19 +161,17 @@ def arcs(
     return _closed("arcs", what, scene, stages, prediction, references, np.zeros(1))
 
 
-def jumps(*, steps: int = 400, seed: int = 0, horizon: int = 30) -> Case:
+def jumps(*, steps: int = 400, seed: int = 0) -> Case:
     """The same with setpoints that jump unannounced, so that rows are violated."""
-    made = arcs(steps=steps, seed=seed, horizon=horizon, largest=1.0, announced=False)
+    made = arcs(steps=steps, seed=seed, largest=1.0, announced=False)
     return replace(made, name="jumps", what=f"{made.what}; setpoints jump unannounced")
 
 
-def lag(*, steps: int = 400, seed: int = 0, horizon: int = 30, elements: int = 2) -> Case:
+def lag(*, steps: int = 400, seed: int = 0) -> Case:
     """The same rod of matched clothoids, whose tip moment follows with a lag."""
     made = arcs(
         steps=steps,
         seed=seed,
-        horizon=horizon,
-        elements=elements,
         family="matched_clothoid",
         substeps=None,
         largest=0.6,
@@ -172,18 +180,14 @@ def lag(*, steps: int = 400, seed: int = 0, horizon: int = 30, elements: int = 2
     return replace(made, name="lag", what=f"{made.what} with lag")
 
 
-def tendons(*, steps: int = 400, seed: int = 0, horizon: int = 30, elements: int = 2, zone: bool = False) -> Case:
+def tendons(*, steps: int = 400, seed: int = 0, horizon: int = 30) -> Case:
     """The hand finger: two tendons with lag and rate limits, its tip on a circle."""
     del seed
     scene = cg.load(CONFIGS / "mpc" / "tip_circle.yaml")
     controller = scene.controller.model_dump()
     # The derivatives of sdirk2 leave out the last Newton correction, which other solvers are given.
     controller["horizon"] |= {"stages": horizon, "method": "rk4"}
-    if zone:
-        wall = {"type": "half_plane", "point": (-0.095, 0.0), "normal_angle": 0.0, "of": "backbone"}
-        controller["bounds"]["keep_out"] = {"wall": wall}
     data = {**scene.model_dump(), "controller": controller, "parameters": ("bending_stiffness",)}
-    data["fidelity"]["elements"] = elements
     scene = ControlScene.model_validate(data)
     stages, prediction = _stages(scene)
     circle = scene.reference.tip
@@ -194,8 +198,79 @@ def tendons(*, steps: int = 400, seed: int = 0, horizon: int = 30, elements: int
     rows[:, 1] = circle.center[1] + circle.radius * np.sin(angle)
     rows[:, 2:4] = stages.u_min
     references = np.stack([rows[k : k + horizon + 1] for k in range(steps)])
-    what = f"hand finger, {elements} matched clothoids, two tendons with lag, tip on a circle"
+    what = "hand finger, 2 matched clothoids, two tendons with lag, tip on a circle"
     return _closed("tendons", what, scene, stages, prediction, references, stages.u_min)
+
+
+def cart_pole(*, steps: int = 400) -> Case:
+    """From hanging to upright; then the position's setpoint switches every two seconds, unannounced."""
+    x = ca.SX.sym("x", 4)
+    position, angle, speed, rate = ca.vertsplit(x)
+    force, pole = ca.SX.sym("force"), ca.SX.sym("pole")
+    cart, length, gravity = 1.0, 0.5, 9.81  # kg, m, m/s2
+    sine, cosine = ca.sin(angle), ca.cos(angle)
+    swing, mass = force + pole * sine * length * rate**2, cart + pole * sine**2
+    turned = ((cart + pole) * gravity * sine - cosine * swing) / (mass * length)
+    problem = ControlProblem(
+        states=x,
+        inputs=force,
+        parameters=pole,
+        nominal={"pole": 0.2},
+        dynamics=[speed, rate, (swing - pole * gravity * sine * cosine) / mass, turned],
+        cost={
+            "position": (position, 1.0, 1.0),
+            "upright": (ca.sin(angle / 2), 40.0, 40.0),
+            "rates": (ca.vertcat(speed, rate), 0.1, 1.0),
+            "force": (force, 0.01),
+        },
+        bounds={"force": (-12.0, 12.0), "x_0": (-0.5, 0.5)},
+        stages=25,
+        stage=0.04,
+        substeps=2,
+    )
+    wanted = np.where(np.arange(steps) < 100, 0.0, 0.3 * (-1.0) ** (np.arange(steps) // 50))
+    references = np.zeros((steps, 26, 5))
+    references[:, :, 0] = wanted[:, None]
+    return _other("cart_pole", "cart-pole, swing-up and steps", problem, [0.0, np.pi - 0.1, 0.0, 0.0], references)
+
+
+def two_links(*, steps: int = 400) -> Case:
+    """The tip on a circle that a wall cuts, which is announced."""
+    q, qd, torque, payload = ca.SX.sym("q", 2), ca.SX.sym("qd", 2), ca.SX.sym("torque", 2), ca.SX.sym("payload")
+    l1, l2, m1, m2, rotor, damping = 0.05, 0.04, 0.03, 0.02, 5e-5, 1e-3  # m, kg, kg m2, N m s
+    a, b = q[0], q[0] + q[1]
+    tip = ca.vertcat(l1 * ca.cos(a) + l2 * ca.cos(b), l1 * ca.sin(a) + l2 * ca.sin(b))
+    middles = [0.5 * l1 * ca.vertcat(ca.cos(a), ca.sin(a)), tip - 0.5 * l2 * ca.vertcat(ca.cos(b), ca.sin(b))]
+    bodies = [(m1, middles[0]), (m2, middles[1]), (payload, tip)]
+    turning = (m1 * l1**2 * qd[0] ** 2 + m2 * l2**2 * (qd[0] + qd[1]) ** 2) / 24 + 0.5 * rotor * ca.sumsqr(qd)
+    kinetic = turning + sum(0.5 * m * ca.sumsqr(ca.jtimes(r, q, qd)) for m, r in bodies)
+    potential = sum(9.81 * m * r[1] for m, r in bodies)
+    momentum = ca.gradient(kinetic, qd)
+    known = torque - damping * qd - ca.gradient(potential, q) + ca.gradient(kinetic, q) - ca.jtimes(momentum, q, qd)
+    problem = ControlProblem(
+        states=ca.vertcat(q, qd),
+        inputs=torque,
+        parameters=payload,
+        nominal={"payload": 0.04},
+        dynamics=ca.vertcat(qd, ca.solve(ca.jacobian(momentum, qd), known)),
+        cost={"tip": (tip, 1e4, 1e3), "qd": (qd, 1e-3), "torque": (torque, 10.0)},
+        bounds={"torque_0": (-0.08, 0.08), "torque_1": (-0.05, 0.05), "q_1": (0.05, 2.5)},
+        rows={"wall": (tip[0], -ca.inf, 0.075)},
+        stages=30,
+        stage=0.01,
+        substeps=2,
+    )
+    phase = 0.04 * (np.arange(steps)[:, None] + np.arange(31))
+    references = np.zeros((steps, 31, 6))
+    references[:, :, 0], references[:, :, 1] = 0.06 + 0.02 * np.cos(phase), 0.02 + 0.02 * np.sin(phase)
+    return _other("two_links", "two rigid links, tip on a circle cut by a wall", problem, [-0.6, 1.5, 0, 0], references)
+
+
+def _other(name: str, what: str, problem: ControlProblem, x0: Any, references: Array) -> Case:
+    """The loop of a model that is no continuum finger."""
+    s = problem.stages
+    heavier = np.tile(HEAVIER * s.p_nominal, (len(references), 1))
+    return Case(name, what, None, s, np.array(x0, float), np.zeros(s.nu), s.p_nominal, heavier, references)
 
 
 def _scene(**data: Any) -> ControlScene:

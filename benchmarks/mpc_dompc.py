@@ -13,7 +13,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from benchmarks.baselines.peers import VARIABLE
+from benchmarks.baselines import VARIABLE
 from benchmarks.machine import one_core
 from benchmarks.mpc_cases import Case
 from benchmarks.mpc_loop import LoopRun

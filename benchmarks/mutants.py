@@ -117,8 +117,7 @@ def main() -> int:
     rows = [[v.fault.file, v.fault.right, v.fault.wrong, v.word, v.fault.reason or v.test] for v in verdicts]
     report.tables.append(Table("Faults", columns, rows, "Quick tests of the module alone, up to the first failure."))
     report.claim("share of faults that are caught", caught / len(counted), ">=", CAUGHT)
-    for path in report.write():
-        print(path)
+    report.finish()
     return int(report.status != "all limits met")
 
 

@@ -123,6 +123,14 @@ class Report:
         files[1].write_text(markdown(data), encoding="utf-8")
         return files
 
+    def finish(self, folder: Path = RESULTS) -> None:
+        """Write both files; print where they are, the limits that are not met, and the status."""
+        print(*self.write(folder), sep="\n")
+        for claim in self.claims:
+            if not claim.met:
+                print("BROKEN", claim.what, f"{claim.value:.4g} {claim.relation} {claim.limit:g}")
+        print(self.status)
+
 
 def markdown(data: Mapping[str, Any]) -> str:
     """Markdown of what ``Report.as_json`` gave."""

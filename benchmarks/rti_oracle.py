@@ -94,9 +94,7 @@ def main() -> None:
     limit = 1e-6 if options.precision == "double" else 1e-3
     report.claim("worst difference from qpOASES", worst, "<=", limit)
     report.claim("states without a plan", reported["none"], "<=", 0.0)
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":

@@ -417,9 +417,7 @@ def main() -> None:
                 print(name, "ended with", process.returncode, flush=True)
         time.sleep(0.2)
     add(report, {name: found[name] for name in arguments.scenes if name in found}, arguments.nominal)
-    for file in report.write(arguments.folder):
-        print(file)
-    print(report.status)
+    report.finish(arguments.folder)
     return None
 
 

@@ -149,8 +149,7 @@ def main() -> None:
         f"{taken:.0f} s of CPU time; costs of {TRIED} plants over 1 s."
     )
     report.tables.append(Table("Reach: a policy beside the controller", columns, rows, note))
-    for file in report.write():
-        print(file)
+    report.finish()
     print(note, *rows, f"ratio {ratio:.3f}", report.status, sep="\n")
 
 

@@ -155,3 +155,10 @@ def wander(found: ContactDetector, plant: PairPlant, steps: int, rng) -> list[De
         plant.advance(command)
         reports.append(found.step(plant.readings(rng)))
     return reports
+
+
+def short_scene():
+    """The scene with a controller of a short horizon."""
+    horizon = {"stages": 4, "stage": 0.005}
+    cost, limits = {"tip_angle": {"running": 1.0}, "effort": 0.1}, {"angles": (-1.5, 1.5)}
+    return scene().replaced(controller={"horizon": horizon, "cost": cost, "input": limits})

@@ -7,15 +7,21 @@ import shutil
 import subprocess
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+import continuum_grasp as cg
 from continuum_grasp.export import export_c
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.load import load
+from tests.contact_cases import short_scene
+from tests.control_cases import driven_scene, hand_scene
+from tests.model.test_many_elements import model_of
 from tests.rods import ROOT
+from tests.rti_problems import cart_pole
 
 TENDONS = ROOT / "configs/simulate/tendon_step.yaml"
 CONTACT = ROOT / "configs/simulate/midpoint_contact.yaml"
@@ -44,7 +50,25 @@ PULLEY = {
     "actuation": {"torques": [0.0]},
 }
 """Winches whose speed is limited, and a motor with dry friction and a gear with play on one pulley."""
-SUBSTEPS = {"friction": 12, "winches": 16, "motor": 16}
+MANY = {
+    "many elements, lag": ("arc", "lag"),
+    "many elements, everything": ("matched_clothoid", "everything"),
+    "many elements, friction": ("clothoid", "friction"),
+    "many elements, winches": ("arc", "winches"),
+}
+"""Fingers whose dynamics are a loop over the links: family and name of ``model_of`` in ``test_many_elements``."""
+DRIVES = {f"loop with {drive}": drive for drive in ("servo", "winches", "torques")}
+"""Drives of ``driven_scene`` under a controller."""
+OPTIONS: dict[str, dict[str, Any]] = {
+    "friction": {"substeps": 12},
+    "winches": {"substeps": 16},
+    "motor": {"substeps": 16},
+    # Commands of tendons that stick jump in single precision; what the drives feel does not.
+    "detector": {"error": 10.0},
+    "implicit": {"what": ["implicit_step"], "substeps": 2},
+    **{name: {"what": ["dynamics", "step"], "step": 1e-7} for name in MANY},
+}
+"""How packages are made that do not come as they are."""
 STRICT = ("-std=c99", "-ffp-contract=off", "-fno-math-errno")
 SANITIZE = "-fsanitize=address,undefined,float-divide-by-zero,float-cast-overflow"
 WARNINGS = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wfloat-conversion", "-Wshadow")
@@ -56,7 +80,8 @@ def scene(name: str):
     """Scenes: closed loops with and without estimator, tendons with friction, winches, a motor, a contact, tendons
     alone, two arcs.
 
-    Of ``direct`` the inputs set the curvature of the tip at once, and a run-time parameter its range.
+    Also a detector of contacts by motors, a solver of a cart-pole and fingers of ``MANY`` elements. Of ``direct`` the
+    inputs set the curvature of the tip at once, and a run-time parameter its range.
     """
     return {
         "observed": lambda: loop_scene(8),
@@ -71,10 +96,32 @@ def scene(name: str):
         "contact": lambda: load(CONTACT, {"fidelity.family": "matched_clothoid"}),
         "tendons": lambda: load(TENDONS),
         "arcs": lambda: load(TENDONS, {"fidelity.family": "arc", "fidelity.elements": 2}),
+        "scenarios": scenarios,
+        **{name: lambda drive=drive: short_loop(drive) for name, drive in DRIVES.items()},
+        "detector": short_scene,
+        "cart-pole": lambda: cg.rti(cart_pole(name="cart-pole")),
+        "implicit": lambda: scene("winches"),
+        **{name: lambda made=made: model_of(*made) for name, made in MANY.items()},
         "direct": lambda: FingerModel(
             without_lag(load(TENDONS).finger), family="matched_clothoid", parameters=("bending_stiffness",)
         ),
     }[name]()
+
+
+def short_loop(drive: str) -> ControlScene:
+    """A driven finger under a controller of a short horizon."""
+    return driven_scene(drive, controller={"horizon": {"stages": 6, "stage": 0.01}})
+
+
+def scenarios() -> ControlScene:
+    """A controller that plans for three plants at once."""
+    controller = {
+        "horizon": {"stages": 5, "stage": 0.01},
+        "cost": {"tip": {"running": 2e4, "terminal": 2e3}, "effort": 0.01, "input_rate": 5e-4},
+        "input": {"rate_max": 600.0},
+        "scenarios": ({"weight": 2.0}, {"time_constant": 0.04}, {"stiffness": 1.5, "tip_mass": 0.002}),
+    }
+    return hand_scene(estimator=None, controller=controller)
 
 
 def without_lag(finger: Finger) -> Finger:
@@ -137,7 +184,7 @@ def packages(tmp_path_factory):
     @lru_cache
     def made(name: str, real: str, target: str = "host") -> Path:
         path = folder / f"{name}_{real}_{target}"
-        export_c(scene(name), path, real=real, target=target, substeps=SUBSTEPS.get(name, 1))
+        export_c(scene(name), path, real=real, target=target, **OPTIONS.get(name, {}))
         return path
 
     return made

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import pytest
@@ -162,71 +163,55 @@ def inside(module: str) -> str | None:
     return (parts[1] if len(parts) > 1 else "") if parts[0] == "continuum_grasp" else None
 
 
+def broken(of: Iterable[str], rule: Callable[[Path, str, bool], bool]) -> list[str]:
+    """Imports in some modules that break a rule, which is given the file, what it imports, and whether at load."""
+    return [
+        f"{file.relative_to(PACKAGE)}:{line}: {module}"
+        for file in FILES
+        if module_of(file) in of
+        for module, line, at_load in imports(file)
+        if rule(file, module, at_load)
+    ]
+
+
 def test_every_module_is_known():
     assert {module_of(file) for file in FILES} <= {*ALLOWED, "cli", "__main__", ""}
 
 
 @pytest.mark.parametrize("importer", ALLOWED)
 def test_a_module_imports_earlier_ones_only(importer):
-    wrong = [
-        f"{file.relative_to(PACKAGE)}:{line}: {module}"
-        for file in FILES
-        if module_of(file) == importer
-        for module, line, _ in imports(file)
-        if inside(module) not in {None, *COMMON, *ALLOWED[importer]}
-    ]
-    assert not wrong
+    known = {None, *COMMON, *ALLOWED[importer]}
+    assert not broken([importer], lambda file, module, at_load: inside(module) not in known)
 
 
 @pytest.mark.parametrize("importer", OUTSIDE)
 def test_a_module_does_without(importer):
-    wrong = [
-        f"{file.relative_to(PACKAGE)}:{line}: {module}"
-        for file in FILES
-        if module_of(file) == importer
-        for module, line, _ in imports(file)
-        if module.split(".")[0] in OUTSIDE[importer]
-    ]
-    assert not wrong
+    assert not broken([importer], lambda file, module, at_load: module.split(".")[0] in OUTSIDE[importer])
 
 
-@pytest.mark.parametrize("importer", sorted({*ALLOWED} - {"plotting"}))
-def test_drawing_is_imported_when_needed(importer):
-    wrong = [
-        f"{file.relative_to(PACKAGE)}:{line}: {module}"
-        for file in FILES
-        if module_of(file) == importer
-        for module, line, at_load in imports(file)
-        if at_load and inside(module) == "plotting"
-    ]
-    assert not wrong
+def test_drawing_is_imported_when_needed():
+    others = {*ALLOWED} - {"plotting"}
+    assert not broken(others, lambda file, module, at_load: at_load and inside(module) == "plotting")
 
 
 def test_what_few_grasps_ask_for_is_imported_when_needed():
     """Errors and friction states."""
-    rare = ("grasp.robust",)
-    wrong = [
-        f"{file.relative_to(PACKAGE)}:{line}: {module}"
-        for file in FILES
-        if module_of(file) == "grasp" and "robust" not in file.parts
-        for module, line, at_load in imports(file)
-        if at_load and module.startswith(tuple(f"continuum_grasp.{one}" for one in rare))
-    ]
-    assert not wrong
+
+    def rare(file: Path, module: str, at_load: bool) -> bool:
+        return at_load and module.startswith("continuum_grasp.grasp.robust") and "robust" not in file.parts
+
+    assert not broken(["grasp"], rare)
 
 
 def test_scenes_are_read_without_numpy():
     """Which loads with the curves of a finger, and with tables, when these are asked for."""
     curves = {PACKAGE / "scene" / name for name in ("profile.py", "table.py")}
     heavy = {"numpy", "scipy", *(f"continuum_grasp.scene.{file.stem}" for file in curves)}
-    wrong = [
-        f"{file.relative_to(PACKAGE)}:{line}: {module}"
-        for file in FILES
-        if module_of(file) == "scene" and file not in curves
-        for module, line, at_load in imports(file)
-        if at_load and (module in heavy or module.split(".")[0] in heavy)
-    ]
-    assert not wrong
+
+    def loads(file: Path, module: str, at_load: bool) -> bool:
+        return at_load and file not in curves and bool({module, module.split(".")[0]} & heavy)
+
+    assert not broken(["scene"], loads)
 
 
 def test_the_package_itself_loads_nothing_but_its_own_beginnings():

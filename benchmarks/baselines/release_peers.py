@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.baselines.peers import VARIABLE
+from benchmarks.baselines import VARIABLE
 from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.export import export_mjcf
 from continuum_grasp.scene.simulate import Scene

@@ -1,10 +1,13 @@
 """Runs inside the interpreter that has SoRoMoX or JSRM: a rod of constant-curvature segments, released.
 
-The dynamics are those of ``peer_runner``; the Runge-Kutta steps around them are one loop compiled by JAX, which is
-faster than the libraries' own roll-outs. Neither has point masses on a rod.
+Bending-only segments, clamped, pointing along world +X, under gravity, elasticity, damping and moments. The Runge-Kutta
+steps around their dynamics are one loop compiled by JAX, which is faster than the libraries' own roll-outs. Neither has
+point masses on a rod.
 """
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 
@@ -19,7 +22,6 @@ class Segments:
     def __init__(self, rod: dict, library: str, segments: int, steps: int) -> None:
         import jax
         import jax.numpy as jnp
-        from peer_runner import jsrm_dynamics, soromox_dynamics
 
         if rod["tip_mass"] > 0.0:
             raise ValueError(f"{library} has no point masses")
@@ -39,7 +41,7 @@ class Segments:
             "arc_damping": (rod["damping"] * stiffness / rod["bending_stiffness"] / h).tolist(),
             "tip_moment": [sum(m for end, m in rod["moments"] if end > at) for at in 0.5 * (places[:-1] + places[1:])],
         }
-        rate = (soromox_dynamics if library == "soromox" else jsrm_dynamics)(given, False)
+        rate = (soromox_dynamics if library == "soromox" else jsrm_dynamics)(given)
         bend = np.asarray(rod["bend"])
         edges = np.interp(places, np.linspace(0.0, rod["length"], len(bend)), bend)
         self._x0 = jnp.concatenate([jnp.diff(jnp.array(edges)), jnp.zeros(segments)])
@@ -90,3 +92,75 @@ def _means(rod: dict, key: str, places: np.ndarray) -> np.ndarray:
     """Means of a quantity given along the rod, per segment."""
     along = np.concatenate([[0.0], np.cumsum(rod[key])]) * rod["length"] / len(rod[key])
     return np.diff(np.interp(places, np.linspace(0.0, rod["length"], len(along)), along)) / np.diff(places)
+
+
+def soromox_dynamics(rod):
+    """xd(x) by SoRoMoX, x = [theta, theta rate]."""
+    import jax.numpy as jnp
+    from soromox.systems.components import LinkSpec
+    from soromox.systems.pcs import PlanarPCS, PlanarPCSStructure
+
+    each = [rod[key] for key in ("lengths", "diameter", "youngs_modulus", "arc_damping")]
+    links = [
+        LinkSpec.circular(
+            length=length,
+            density=rod["density"],
+            radius=diameter / 2,
+            reference_strain=[0.0, 1.0, 0.0],
+            young_modulus=modulus,
+            poisson_ratio=0.3,
+            damping=jnp.diag(jnp.array([damping * length**2, 0.0, 0.0])),
+        )
+        for length, diameter, modulus, damping in np.array(each).T.tolist()
+    ]
+    robot = PlanarPCS.from_links(
+        links,
+        structure=PlanarPCSStructure(strain_selector=jnp.array([True, False, False] * len(links))),
+        gravity=jnp.array(rod["gravity"]),
+        base_pose=jnp.zeros(3),
+        backend="jax",
+    )
+    lengths = jnp.array(rod["lengths"])
+    # The coordinates are curvatures, theta = length * curvature.
+    moment = jnp.array(rod["tip_moment"]) * lengths
+
+    def rate(x):
+        n = len(links)
+        q, qd = x[:n] / lengths, x[n:] / lengths
+        yd = robot.forward_dynamics(0.0, jnp.concatenate([q, qd]), (None, moment))
+        return jnp.concatenate([x[n:], yd[n:] * lengths])
+
+    return rate
+
+
+def jsrm_dynamics(rod):
+    """xd(x) by JSRM, x = [theta, theta rate]; its rod points along +Y, so the world is turned."""
+    import jax.numpy as jnp
+    import jsrm
+    from jsrm.systems import planar_pcs
+
+    lengths = jnp.array(rod["lengths"])
+    count = len(rod["lengths"])
+    radius = jnp.array(rod["diameter"]) / 2
+    modulus = jnp.array(rod["youngs_modulus"]) * jnp.ones(count)
+    damping = jnp.array(rod["arc_damping"]) * lengths**2
+    expressions = Path(jsrm.__file__).parent / "symbolic_expressions" / f"planar_pcs_ns-{count}.dill"
+    _, _, matrices, _ = planar_pcs.factory(str(expressions), strain_selector=jnp.array([True, False, False] * count))
+    params = {
+        "th0": jnp.array(0.0),
+        "l": lengths,
+        "r": radius * jnp.ones(count),
+        "rho": rod["density"] * jnp.ones(count),
+        "g": jnp.array([-rod["gravity"][1], rod["gravity"][0]]),
+        "E": modulus,
+        "G": modulus / 2.6,
+        "D": jnp.diag(jnp.array([v for d in damping for v in (d, 0.0, 0.0)])),
+    }
+
+    def rate(x):
+        q, qd = x[:count] / lengths, x[count:] / lengths
+        m, c, g, k, d, _ = matrices(params, q, qd)
+        qdd = jnp.linalg.solve(m, jnp.array(rod["tip_moment"]) * lengths - c @ qd - g - k - d @ qd)
+        return jnp.concatenate([x[count:], qdd * lengths])
+
+    return rate

@@ -8,7 +8,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from benchmarks import mpc_cases
-from benchmarks.bench_mpc import growth
 from benchmarks.mpc_loop import LoopRun, primal_residuals
 from benchmarks.mpc_nlp import Nlp
 from benchmarks.mpc_peers import converged
@@ -137,8 +136,3 @@ def test_residuals_of_a_plan_that_obeys_its_linearization(case):
     assert primal_residuals(case, run)[0] < 1e-9 * np.abs(x).max()
     run.plan[0, n * nx] += 1e-3
     assert primal_residuals(case, run)[0] == pytest.approx(1e-3, rel=1e-6)
-
-
-def test_growth_is_the_exponent_of_a_power():
-    sizes = np.array([10.0, 20.0, 50.0])
-    assert growth(sizes, 3.0 * sizes**1.5) == pytest.approx(1.5)

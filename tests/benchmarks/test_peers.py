@@ -7,7 +7,7 @@ import os
 import numpy as np
 import pytest
 
-from benchmarks.baselines.peers import VARIABLE
+from benchmarks.baselines import VARIABLE
 from benchmarks.baselines.release_peers import PeerError, ReleasePeers, describe_rod
 from benchmarks.bench_peers import releases
 from continuum_grasp.accuracy.truth import find_truth

@@ -57,19 +57,6 @@ def test_values_are_factors_of_what_the_controller_knows():
     assert values(named("as shipped"))["bending_stiffness"] == pytest.approx(finger.rod.stiffness)
 
 
-def test_a_drive_lags_by_its_own_time():
-    for factor, order in ((1.0, 2), (2.0, 1)):
-        wrong = Wrong("drive", "", {"lag": factor, "drive_order": order})
-        plant = bench().plant(wrong, 0)
-        for _ in range(3):
-            plant.advance(PULL)
-        x = 3 * PERIOD / (factor * 0.02)
-        risen = 1.0 - (1.0 + x) * math.exp(-x) if order == 2 else 1.0 - math.exp(-x)
-        drive = plant.model.function("drive", y=plant.model.drive)
-        acting = np.array(drive(plant.x, PULL, plant.model.forces(0.0)[0])).ravel()
-        assert acting == pytest.approx(1.0 + risen * (PULL - 1.0), rel=1e-4)
-
-
 @pytest.mark.deep
 def test_wires_and_sensors_fail_as_they_say():
     right, plant = usual()

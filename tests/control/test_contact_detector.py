@@ -243,14 +243,6 @@ def test_torque_and_servo_agree():
     assert [each.residual[0] for each in feels] == pytest.approx([feels[0].residual[0]] * 2, abs=1e-9)
 
 
-def test_single_precision_detects_as_double_does():
-    pair = [ContactDetector(scene(), precision=precision) for precision in ("double", "float")]
-    for k in range(100):
-        feels = [each.step([0.008 * k, 4e-4 * k]) for each in pair]
-    assert feels[1].residual == pytest.approx(feels[0].residual, abs=5e-3)
-    assert feels[1].contact is feels[0].contact
-
-
 def test_the_estimator_reports_it_along():
     own = Estimator(scene())
     names = own.measurement_names

@@ -199,13 +199,6 @@ def test_weights_are_relative_and_one_that_outweighs_all_is_alone():
         np.testing.assert_allclose(converged(s, x0, reference).plan[1][0], alone[0], rtol=1e-3, atol=1e-2)
 
 
-def test_single_precision_keeps_three_digits():
-    s = stages(2)
-    x0, reference = begin(s)
-    found, expected = (converged(s, x0, reference, real, 10).plan[1] for real in ("float", "double"))
-    assert np.abs(found - expected).max() <= 1e-3 * np.abs(expected).max()
-
-
 def commands(scene, steps=15) -> np.ndarray:
     """Of a closed loop on the model's own plant."""
     control = cg.Controller(scene, deadline=math.inf)

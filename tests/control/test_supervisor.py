@@ -452,14 +452,3 @@ def test_verdicts_are_those_of_the_device():
     one = control.step(y + OFF).estimate.x
     control.restore(state)
     assert np.array_equal(one, control.step(y + OFF + np.array([0.0, 5e-4, 0.0, 0.0])).estimate.x)
-
-
-@pytest.mark.deep
-def test_single_precision_judges_alike():
-    scene = load(SCENE, ("duration=3.0",))
-    single = Controller(scene, precision="float", deadline=math.inf)
-    faults = {"sensors": swapped((0, 1))}
-    found = run_closed_loop(scene, controller=single, plant=Faulty(scene, **faults))
-    double = run(**faults)
-    assert abs(first(found, "tripped") - first(double, "tripped")) < 0.2
-    assert abs(first(found, "mismatch", "detuned") - first(double, "mismatch", "detuned")) < 0.02

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import math
-import re
 
 import numpy as np
 import pytest
@@ -13,40 +12,18 @@ from continuum_grasp.control import Contact, Controller, Estimator
 from continuum_grasp.control.compiled import detector_source
 from continuum_grasp.control.estimation.contact_detector import contact_parts
 from continuum_grasp.control.estimation.contact_model import contact_model_of
-from continuum_grasp.export import export_c
 from continuum_grasp.export.fields import REALS
 from continuum_grasp.export.strict_math import c_source
-from tests.contact_cases import NOISE, RADIUS, STEP, plant, scene
-from tests.export_cases import SANITIZE, STRICT, WARNINGS, compile_programs, needs, run, shared_library
-
-HORIZON = {
-    "horizon": {"stages": 4, "stage": 0.005},
-    "cost": {"tip_angle": {"running": 1.0}, "effort": 0.1},
-    "input": {"angles": (-1.5, 1.5)},
-}
-
-
-def own_scene():
-    """With a short horizon."""
-    return scene().replaced(controller=HORIZON)
-
+from tests.contact_cases import NOISE, RADIUS, STEP, plant, short_scene
+from tests.export_cases import STRICT, needs, packages, run, shared_library  # noqa: F401
 
 COSTLY_FIXTURES = ("made",)
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    return tmp_path_factory.mktemp("contact")
-
-
 @pytest.fixture(scope="module", params=REALS)
-def made(request, folder):
-    """Precision, package, binding and library."""
-    real, path = request.param, folder / request.param
-    # Commands of tendons that stick jump in single precision; what the drives feel does not, which is compared here.
-    export_c(own_scene(), path, real=real, error=10.0)
-    (path / "build").mkdir()
-    return real, path, *shared_library(path, path / "build")
+def made(request, packages, tmp_path_factory):  # noqa: F811
+    """Precision, binding and library of the package."""
+    return request.param, *shared_library(packages("detector", request.param), tmp_path_factory.mktemp("contact"))
 
 
 @pytest.fixture(scope="module")
@@ -75,8 +52,8 @@ def felt(struct) -> np.ndarray:
 @pytest.mark.deep
 @needs("cc")
 def test_controller_and_estimator_feel_what_those_of_python_feel(made, readings):
-    real, _, finger, library = made
-    both = Controller(own_scene(), precision=real, deadline=math.inf), Estimator(own_scene(), precision=real)
+    real, finger, library = made
+    both = Controller(short_scene(), precision=real, deadline=math.inf), Estimator(short_scene(), precision=real)
     others, seen = (finger.Controller(library), finger.Estimator(library)), set()
     # Shares of the forces: their division by gains magnifies the rounding of tensions of 10 N.
     limit = {"double": 1e-6, "float": 0.02}[real]
@@ -102,10 +79,10 @@ def test_controller_and_estimator_feel_what_those_of_python_feel(made, readings)
 
 @pytest.mark.deep
 @needs("cc")
-def test_the_detector_is_that_of_python_to_the_bit(made, readings):
+def test_the_detector_is_that_of_python_to_the_bit(made, readings, tmp_path):
     """The C that Python compiles, with the package's sine, exponential and flags in place of the library's."""
-    real, path, finger, library = made
-    model = contact_model_of(own_scene())
+    real, finger, library = made
+    model = contact_model_of(short_scene())
     numbers = np.concatenate([np.ravel(np.asarray(values, dtype=float)) for values in model.settings.values()])
     functions = ("sin", "cos", "exp", "sqrt")
     names = [name + ("f" if real == "float" else "") for name in functions]
@@ -114,9 +91,9 @@ def test_the_detector_is_that_of_python_to_the_bit(made, readings):
     source += c_source(set(functions), REALS[real], "finger")
     source = source.replace("finger_real", real)
     source += "\n".join(f"#define {name} strict_{own}" for name, own in zip(names, functions, strict=True))
-    (path / "build/own.c").write_text(f"{source}\n{detector_source(model, real)}")
-    run("cc", *STRICT, "-O1", "-w", "-shared", "-fPIC", path / "build/own.c", "-o", path / "build/own.so")
-    own, parts = ctypes.CDLL(str(path / "build/own.so")), contact_parts(model)
+    (tmp_path / "own.c").write_text(f"{source}\n{detector_source(model, real)}")
+    run("cc", *STRICT, "-O1", "-w", "-shared", "-fPIC", tmp_path / "own.c", "-o", tmp_path / "own.so")
+    own, parts = ctypes.CDLL(str(tmp_path / "own.so")), contact_parts(model)
     own.cg_size.restype = ctypes.c_size_t
     memory, out = ctypes.create_string_buffer(own.cg_size()), np.zeros(sum(parts.values()))
 
@@ -135,7 +112,7 @@ def test_the_detector_is_that_of_python_to_the_bit(made, readings):
 @needs("cc")
 def test_its_memory_is_all_that_it_keeps(made, readings):
     """Copied in the middle, it goes on as it did; started at a state, it knows nothing of before."""
-    _, _, finger, library = made
+    _, finger, library = made
     first, second = finger.Estimator(library), finger.Estimator(library)
     given = finger.Command(0.1)
     for y in readings[:60]:
@@ -156,7 +133,7 @@ def test_its_memory_is_all_that_it_keeps(made, readings):
 
 def test_what_moves_as_no_finger_is_lost_until_it_starts_again():
     """Rates of which no number is left: no contact is claimed, and no force excluded."""
-    python = Estimator(own_scene())
+    python = Estimator(short_scene())
     python.detector.start(np.full(python.prediction.nx, 1e200))
     for _ in range(2):
         found = python.step([0.0, 0.0], [0.1]).contact
@@ -169,7 +146,7 @@ def test_what_moves_as_no_finger_is_lost_until_it_starts_again():
 
 def test_a_start_elsewhere_is_no_contact():
     """An estimator that starts at a bent state has a detector that starts there: what holds the finger is free."""
-    python, torque = Estimator(own_scene()), 0.0
+    python, torque = Estimator(short_scene()), 0.0
     for k in range(200):
         found = python.step([0.8 * min(1.0, k / 100), torque], [0.8])
         torque -= 0.2 * RADIUS * found.contact.residual[0]
@@ -180,16 +157,3 @@ def test_a_start_elsewhere_is_no_contact():
     assert verdicts == {Contact.FREE}
     python.reset()
     assert Contact.DETECTED in {python.step([0.8, torque], [0.8]).contact.contact for _ in range(40)}
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("compiler", [pytest.param(name, marks=needs(name)) for name in ("gcc", "clang")])
-def test_every_vector_and_any_bits(compiler, made, tmp_path):
-    _, path, *_ = made
-    (program,) = compile_programs(compiler, path, tmp_path, "main", *STRICT, *WARNINGS, "-O1")
-    found = re.findall(r"^(\w+) +0 of +(\d+) cases failed", run(program), re.MULTILINE)
-    assert [name for name, _ in found] == ["estimator_step", "mpc"]
-    (tmp_path / "any").mkdir()
-    flags = (*STRICT, "-O1", "-g", SANITIZE, "-fno-sanitize-recover=all")
-    (fuzz,) = compile_programs(compiler, path, tmp_path / "any", "fuzz", *flags)
-    run(fuzz, 2000)

@@ -1,4 +1,4 @@
-"""Packages of solvers: their vectors to the bit, and the commands of Python."""
+"""Packages of solvers: the commands of Python, and what they say."""
 
 from __future__ import annotations
 
@@ -11,25 +11,14 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.part import Code
-from tests.export_cases import STRICT, WARNINGS, compile_programs, needs, run, shared_library
+from tests.export_cases import needs, packages, shared_library  # noqa: F401
 from tests.rti_problems import cart_pole
 
 
-@pytest.fixture(scope="module")
-def package(tmp_path_factory):
+@pytest.fixture
+def package(packages):  # noqa: F811
     """Package of the cart-pole."""
-    folder = tmp_path_factory.mktemp("cart_pole")
-    cg.export_c(cg.rti(cart_pole(name="cart-pole")), folder)
-    return folder
-
-
-@pytest.mark.deep
-@needs("gcc")
-def test_every_vector_of_a_solver_to_the_bit_without_a_warning(package, tmp_path):
-    (program,) = compile_programs("gcc", package, tmp_path, "main", *STRICT, *WARNINGS, "-O1")
-    found = re.findall(r"^(\w+) +0 of +(\d+) cases failed", run(program), re.MULTILINE)
-    assert [function for function, _ in found] == ["mpc"]
-    assert int(found[0][1]) >= 200
+    return packages("cart-pole", "double")
 
 
 @needs("cc")

@@ -265,7 +265,6 @@ WRAPPED = cases.wrapped_disc, lambda: cases.wrapped_disc(mirrored=True)
 WRAPPED_AT = float(cases.wrapped_disc()[1]["finger.lengths"][0])
 TURN = float(np.abs(cases.wrapped_disc()[1]["finger.q"]).max())
 CURVED = float(cases.wrapped_disc()[1]["finger.tip_curvature"])
-FREE_POSE = Freedom(x=(-0.02, 0.02), y=(-0.02, 0.02))
 CORNER = math.hypot(0.03, 0.035)  # of the pinched box, from its center of mass
 
 FINGERS = [

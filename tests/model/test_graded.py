@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import solve_ivp
 
 from continuum_grasp import FingerModel
 from continuum_grasp.errors import InputError
@@ -26,7 +26,6 @@ TENDONS = (
     {"offset": [-0.007, -0.002], "max_tension": 20.0},
     {"offset": 0.003, "max_tension": 20.0},
 )
-RNG = np.random.default_rng(5)
 FAMILIES = ("arc", "clothoid", "matched_clothoid")
 
 
@@ -104,24 +103,6 @@ def test_the_shape_is_the_integral_of_the_curvature(elements):
         assert evaluate(model.position, q, u, middle, []) == pytest.approx(half[:2], abs=1e-8)
         assert evaluate(model.orientation, q, u, middle, [])[0] == pytest.approx(half[2], abs=2e-7)
     assert evaluate(model.tip, q, u, []) == pytest.approx(z[:2], abs=1e-8)
-
-
-def test_tendons_alone_are_exact_with_one_element():
-    """Without weight and forces the moment of tendons is all there is: bend = int (k* + T e / E I) ds."""
-    model = FingerModel(graded(), family="matched_clothoid", elements=1, gravity=(0, 0), input_rates=False)
-    u, profile = np.array([2.0, 0.5, 1.0]), model.finger.profile
-    nodal = sum(float(np.dot(c.arms, u)) * float(c.shape(0.0)) for c in model.finger.channels)
-    q = [nodal / float(profile.bending_stiffness(0.0))]
-    missing, _ = model.statics(q, u, np.zeros(model.nw), [])
-    assert abs(float(missing[0])) < 1e-15
-
-    def strain(s: float) -> float:
-        moment = sum(float(np.dot(c.arms, u)) * float(c.shape(s)) for c in model.finger.channels)
-        return float(profile.rest_curvature(s)) + moment / float(profile.bending_stiffness(s))
-
-    edges = [0.0, 0.11, 0.15, 0.18, LENGTH]
-    bend = sum(quad(strain, a + 1e-10, b - 1e-10, epsabs=1e-13)[0] for a, b in pairwise(edges))
-    assert evaluate(model.bending, q, u, [])[0] == pytest.approx(bend, abs=1e-8)
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -12,14 +12,12 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.model.finger_model import FUNCTIONS
 from continuum_grasp.scene import (
-    BasePose,
     Damping,
     Fidelity,
     Finger,
     ForceLoad,
     Initial,
     MomentLoad,
-    PiecewiseCurvature,
     PointMass,
     Scene,
     Tendons,
@@ -51,28 +49,6 @@ def full(family: str, elements: int = 3, **options):
 
 
 @pytest.mark.parametrize("family", FAMILIES)
-def test_tip_is_the_position_at_the_end_and_the_base_that_at_the_start(family):
-    case, model, at = full(family)
-    assert evaluate(model.tip, at.q, at.u, []) == pytest.approx(
-        evaluate(model.position, at.q, at.u, 0.6, []), abs=1e-15
-    )
-    assert evaluate(model.position, at.q, at.u, 0.0, []) == pytest.approx(case.finger.base.position, abs=0)
-    assert evaluate(model.orientation, at.q, at.u, 0.0, [])[0] == case.finger.base.angle
-
-
-@pytest.mark.parametrize("elements", [1, 3])
-@pytest.mark.parametrize("family", FAMILIES)
-def test_inverse_dynamics_undoes_forward_dynamics(family, elements):
-    case = Case(loads=LOADS)
-    model = case.model(family, elements)
-    at = state(model, 1.3)
-    qdd = evaluate(model.forward_dynamics, at.x, at.u, at.w, [])[model.n :]
-    inertia = evaluate(model.mass_matrix, at.q, at.u, []) @ qdd
-    residual = evaluate(model.inverse_dynamics, at.q, at.qd, qdd, at.u, at.w, [])
-    assert np.abs(residual).max() <= 1e-12 * np.abs(inertia).max()
-
-
-@pytest.mark.parametrize("family", FAMILIES)
 def test_the_equation_of_motion_is_the_sum_of_its_terms(family):
     _, model, at = full(family)
     qdd = np.arange(1.0, model.n + 1)
@@ -84,29 +60,6 @@ def test_the_equation_of_motion_is_the_sum_of_its_terms(family):
 
 
 # Symmetries.
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_the_mirror_image_moves_as_the_mirror_image(family):
-    def mirrored(finger: Finger) -> Finger:
-        rest, base = finger.rest_curvature, finger.base
-        return finger.model_copy(
-            update={
-                "rest_curvature": PiecewiseCurvature(breaks=rest.breaks, values=tuple(-v for v in rest.values)),
-                "base": BasePose(position=(-base.position[0], base.position[1]), angle=-base.angle),
-            }
-        )
-
-    case = Case(loads=LOADS, contacts=(0.1,))
-    image = Case(mirrored(FULL), gravity=(-case.gravity[0], case.gravity[1]), loads=LOADS, contacts=(0.1,))
-    model, mirror = case.model(family, 3), image.model(family, 3)
-    at = state(model, 1.3)
-    flip = [-1.0 if "_x " in name or "across" in name or "moment" in name else 1.0 for name in model.w_names]
-    assert sum(f < 0 for f in flip) == 6
-    xd = evaluate(model.forward_dynamics, at.x, at.u, at.w, [])
-    assert relative_error(evaluate(mirror.forward_dynamics, -at.x, -at.u, flip * at.w, []), -xd) <= 1e-13
-    tip = evaluate(model.tip, at.q, at.u, [])
-    assert evaluate(mirror.tip, -at.q, -at.u, []) == pytest.approx([-tip[0], tip[1]], rel=1e-14)
 
 
 # Smoothness, and what the code is made of.

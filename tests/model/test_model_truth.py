@@ -42,7 +42,6 @@ from tests.truth import Rod, TruthFinger, ctx, matched_tip, to_numpy
 
 BOUND = {"arc": 1e-13, "clothoid": 2e-13, "matched_clothoid": 2e-13}
 RANGE = 2 * math.pi / 3
-BENDS = (0.0, 1e-300, 1e-9, 1e-4, 0.1, RANGE)
 CURVED = ("clothoid", "matched_clothoid")
 
 

@@ -14,7 +14,6 @@ from identification_cases import bare_scene, frequency, rung
 from plan_cases import two_arcs
 
 import continuum_grasp as cg
-from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.core import Core, compiler
 from continuum_grasp.scene.load import load
@@ -159,11 +158,6 @@ def test_arguments_that_the_caller_changes_later_do_not_count():
     model = cg.FingerModel(RELEASE.finger, contacts=places)
     places[0] = 0.1
     assert copy.deepcopy(model).contacts == model.contacts == (0.3,)
-
-
-def test_what_does_not_travel_says_what_to_send():
-    with pytest.raises(TypeError, match=r"send its stages"):
-        pickle.dumps(RealTimeIteration(controller().stages))
 
 
 def test_a_worker_can_raise_any_error_of_the_package(worker):

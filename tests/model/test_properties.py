@@ -247,38 +247,6 @@ def moving(draw):
 @pytest.mark.deep
 @settings(max_examples=60, **STEADY)
 @given(moving())
-def test_the_mass_matrix_is_symmetric_and_positive(case):
-    model, q, _, x, u, w = case
-    core = core_of(model)
-    mass = core.mass_matrix(q, u)
-    assert np.array_equal(mass, mass.T)
-    scale = 1.0 / np.sqrt(np.diag(mass))
-    assert np.linalg.eigvalsh(scale[:, None] * mass * scale)[0] > 0.0
-    assert np.isfinite(core.forward_dynamics(x, u, w)).all()
-
-
-@pytest.mark.deep
-@settings(max_examples=60, **STEADY)
-@given(moving())
-def test_velocity_products_are_quadratic_in_the_rates(case):
-    """A matched tip whose moment varies moves by itself: quadratic then in the rates of the input and its own."""
-    model, q, qd, _, u, _ = case
-    core, still = core_of(model), u.copy()
-    if model.structure.inputs.rates:
-        still[model.structure.inputs.count :] = 0.0
-    if model.structure.lagged:
-        # The functions of q take the commanded moment at rest.
-        assert np.array_equal(core.bias(q, 0.0 * qd, u), 0.0 * qd)
-    values = [core.bias(q, factor * qd, still) for factor in (0.0, 1.0, 2.0, -1.0)]
-    size = max(np.abs(values[1]).max(), 1e-300)
-    assert np.abs(values[0]).max() <= 1e-14 * size
-    assert np.abs(values[2] - 4.0 * values[1]).max() <= 1e-12 * size
-    assert np.abs(values[3] - values[1]).max() <= 1e-12 * size
-
-
-@pytest.mark.deep
-@settings(max_examples=60, **STEADY)
-@given(moving())
 def test_energy_changes_by_the_power_of_what_has_no_potential(case):
     """d/dt (T + V) = qd . (actuation + external forces - damping), by a central difference along the motion.
 

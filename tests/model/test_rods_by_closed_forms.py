@@ -9,18 +9,14 @@ import numpy as np
 import pytest
 from scipy import integrate
 
-from continuum_grasp.core import Core
-from continuum_grasp.model import FingerModel
-from continuum_grasp.model.functions import function_names
 from continuum_grasp.rod import natural_frequencies, solve_elastica
 from continuum_grasp.simulation import equilibrium, modes
 from tests.closed_forms.graded import pointed_frequencies, tapered_frequencies
-from tests.graded_rods import CLOSED, FREQUENCIES, RODS, cut, taper
+from tests.graded_rods import CLOSED, FREQUENCIES, RODS, taper
 from tests.marks import few
-from tests.rods import HORIZONTAL, force, order, rod_scene
+from tests.rods import HORIZONTAL, order, rod_scene
 
 NONE = (0.0, 0.0)
-PAIR = {"tendons": {"offset": 0.01, "max_tension": 100.0}}
 
 
 def exact(scene, count=2):
@@ -132,49 +128,3 @@ def test_elements_with_stops_approach_the_exact_rod():
     assert 0.2 < touching.mean() < 0.9
     assert errors[1] < 2e-3
     assert errors[1] < errors[0]
-
-
-LOADED = {
-    "loads": [force(1.0, (0.2, -1.0)), {"kind": "moment", "at": 0.3, "moment": 0.4}],
-    "gravity": (0.3, -2.0),
-    "tip_mass": 0.2,
-    "finger": {**PAIR, "rest_curvature": {"breaks": [0.5], "values": [0.5, -1.5]}, "damping": {"material": 0.01}},
-    "actuation": {"tensions": [30.0, 5.0]},
-}
-
-
-@pytest.mark.parametrize("pieces", [2, 3, 7])
-def test_cutting_a_rod_into_equal_pieces_changes_nothing(pieces):
-    whole, parts = rod_scene(RODS["uniform"], **LOADED), rod_scene(cut(pieces), **LOADED)
-    one, other = solve_elastica(whole), solve_elastica(parts)
-    assert other.tip == pytest.approx(one.tip, abs=1e-14)
-    assert (other.energy, other.margin) == pytest.approx((one.energy, one.margin), rel=1e-13)
-    ours, theirs = (natural_frequencies(s.finger, e, 3) for s, e in ((whole, one), (parts, other)))
-    assert theirs == pytest.approx(ours, rel=1e-12)
-
-
-SAMPLES = {"at": [0.0, 0.3, 1.0], "bending_stiffness": [1.0] * 3, "linear_density": [1.0] * 3}
-
-
-@pytest.mark.parametrize("family", few(["matched_clothoid", "clothoid", "arc"], 1))
-def test_a_rod_of_equal_samples_is_the_uniform_model(family):
-    uniform, even = (
-        FingerModel(rod_scene(rod, family, 3, **LOADED), input_rates=False)
-        for rod in (RODS["uniform"], {"length": 1.0, "samples": SAMPLES})
-    )
-    rng = np.random.default_rng(5)
-    for name in function_names(FingerModel):
-        one, other = (getattr(model, name) for model in (uniform, even))
-        given = [rng.uniform(-0.4, 0.4, one.size1_in(k)) for k in range(one.n_in())]
-        for mine, theirs in zip(one.call(given), other.call(given), strict=True):
-            mine, theirs = np.array(mine), np.array(theirs)
-            assert theirs == pytest.approx(mine, abs=1e-12 * max(1e-300, np.abs(mine).max(initial=0.0))), name
-
-
-@pytest.mark.parametrize("family", ["clothoid", "arc"])
-def test_energy_is_conserved_over_ten_thousand_steps(family):
-    core = Core(FingerModel(rod_scene(RODS["cone 0.25"], family, 3, gravity=(0.0, -1.0))))
-    states = core.rollout(np.repeat([0.3, 0.0], core.model.n), 100, 0.02, substeps=100)
-    kinetic, potential = np.array([core.energy(x, [0.0], []) for x in states]).T.squeeze()
-    assert kinetic.max() > 0.02
-    assert np.ptp(kinetic + potential) < 1e-8 * kinetic.max()

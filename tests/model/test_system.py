@@ -15,7 +15,6 @@ from continuum_grasp.scene import (
     BasePose,
     Box,
     Circle,
-    Damping,
     Ellipse,
     Finger,
     Line,
@@ -332,15 +331,6 @@ def test_friction_and_dissipation_take_energy_and_never_give_any(family):
     lost = [power(model, moving(model, 0, speed)) for speed in (0.01, 0.1, 0.3, 1.0, -0.01, -0.1, -0.3, -1.0)]
     assert max(lost) < 0.0
     assert min(lost) < -1e-2
-
-
-def test_damping_of_the_finger_takes_energy_at_a_contact_too():
-    """The finger's own loss and nothing else where contacts lose none."""
-    item = pressed_on("disc", "clothoid", 3)
-    model = system(item, law=CONSERVATIVE, given=finger(damping=Damping(material=1e-4)), family="clothoid")
-    x, n = moving(model, 3), model.n
-    own = numbers(model.finger_model.damping(x[:n], x[n : 2 * n], [0.0], []))
-    assert power(model, x) == pytest.approx(-own @ x[n : 2 * n], rel=1e-6)
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -141,28 +141,6 @@ def test_jacobian_and_its_rate_are_derivatives(family):
     assert close(rod.velocity(s), (ahead.position(s) - behind.position(s)) / (2 * step), loose)
 
 
-@pytest.mark.parametrize("family", ["arc", "clothoid"])
-def test_energy_changes_by_the_power_of_forces_and_damping(family):
-    q, qd = ([ctx.mpf(v) for v in part] for part in STATES[family])
-    finger, step = full(family), ctx.mpf(10) ** -16
-    forces, tau = [("0.2", "0.7", "-0.4"), ("0.34", "-0.1", "0.3")], ctx.mpf("0.02")
-    rod = Rod(finger, q, qd)
-    qdd = rod.acceleration(forces, tau)
-    energies = []
-    for sign in (1, -1):
-        moved = Rod(
-            finger,
-            [a + sign * step * b for a, b in zip(q, qd, strict=True)],
-            [a + sign * step * b for a, b in zip(qd, qdd, strict=True)],
-        )
-        energies.append(moved.kinetic + moved.potential)
-    power = sum(ctx.mpf(fx) * rod.velocity(s)[0] + ctx.mpf(fy) * rod.velocity(s)[1] for s, fx, fy in forces)
-    # The generalized force of a unit tip moment is the derivative of the tip's angle.
-    ends = rod.applied(tip_moment=1)
-    power += sum((tau * e - d) * v for e, d, v in zip(ends, rod.damping, qd, strict=True))
-    assert close((energies[0] - energies[1]) / (2 * step), power, ctx.mpf(10) ** -24)
-
-
 def test_prescribed_curvature_moves_like_a_free_one():
     """A matched clothoid with the last curvature imposed that the free one has moves as the free one does."""
     q, qd = STATES["clothoid"]
@@ -173,29 +151,6 @@ def test_prescribed_curvature_moves_like_a_free_one():
     assert close(matched.acceleration(forces, "0.02"), qdd[:2, :])
     assert close(matched.kinetic, free.kinetic)
     assert close(matched.potential, free.potential)
-
-
-def test_a_clothoid_with_equal_nodal_curvatures_is_an_arc():
-    kappa = ctx.mpf("7.3")
-    lengths = [ctx.mpf(v) for v in FULL["lengths"]]
-    arc = Rod(full("arc", rest_curvature="-0.6"), [kappa * h for h in lengths])
-    clothoid = Rod(full("clothoid", rest_curvature="-0.6"), [kappa] * 3)
-    for s in ("0.05", "0.13", "0.34"):
-        assert close(arc.position(s), clothoid.position(s))
-    assert close(arc.potential, clothoid.potential)
-
-
-def test_splitting_an_arc_changes_nothing():
-    whole = Rod(TruthFinger(["0.3"], mass_per_length=2, masses=[("0.3", 1)], gravity=(1, 2)), ["1.4"], ["3"])
-    halves = Rod(
-        TruthFinger(["0.1", "0.2"], mass_per_length=2, masses=[("0.3", 1)], gravity=(1, 2)),
-        [ctx.mpf("1.4") / 3, 2 * ctx.mpf("1.4") / 3],
-        [1, 2],
-    )
-    pattern = ctx.matrix([ctx.mpf(1) / 3, ctx.mpf(2) / 3])
-    assert close((pattern.T * halves.mass * pattern)[0], whole.mass[0, 0])
-    assert close((pattern.T * halves.bias)[0], whole.bias[0])
-    assert close((pattern.T * halves.gravity)[0], whole.gravity[0])
 
 
 def test_rest_curvature_does_not_depend_on_the_mesh():

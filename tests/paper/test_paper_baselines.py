@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from benchmarks.baselines import peers
 from benchmarks.paper.dynamics import RacedFinger, by_appendix, by_closed_forms
 from tests.truth import Rod, TruthFinger, to_numpy
 
@@ -68,26 +65,3 @@ def test_corrected_appendix_moves_the_finger_with_masses_and_forces(theta, toler
     xd = by_appendix(FULL)([*theta, *RATE], U, W, []).full()[:, 0]
     assert xd[:2].tolist() == list(RATE)
     assert relative(xd[2:], acceleration(FULL, theta)) < tolerance
-
-
-def test_absent_peers_are_reported_as_absent(monkeypatch):
-    monkeypatch.delenv(peers.VARIABLE, raising=False)
-    assert peers.measure("soromox")["status"] == "not installed"
-    assert peers.measure("jsrm", "/nowhere/python")["status"] == "not installed"
-    if "jsrm" not in sys.modules:
-        assert peers.measure("jsrm", sys.executable)["status"] == "not installed"
-
-
-@pytest.mark.skipif(not os.environ.get(peers.VARIABLE), reason="no interpreter with the peer libraries")
-@pytest.mark.parametrize("forces", [False, True])
-@pytest.mark.parametrize("library", peers.LIBRARIES)
-def test_peers_compute_the_same_rod(library, forces):
-    result = peers.measure(library, steps=10, repeats=1, forces=forces)
-    assert result["status"] == "ok", result
-    rod = peers.PeerRod()
-    inertia = rod.density * np.pi * rod.diameter**4 / 64
-    finger = RacedFinger(arc_damping=rod.arc_damping, base_angle=-np.pi / 2, rotary_inertia=inertia)
-    applied = [(0.3, *rod.forces[0]), (0.6, *rod.forces[1])] if forces else []
-    expected = to_numpy(exact(finger, rod.state[:2], rod.state[2:]).acceleration(applied, rod.tip_moment))
-    # SoRoMoX integrates with five nodes per segment.
-    assert relative(np.array(result["xd"][2:]), expected) < 1e-6

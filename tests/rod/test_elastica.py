@@ -331,16 +331,6 @@ def test_own_weight_agrees_with_scipys_collocation():
     assert found.tip == pytest.approx(run.y[2:, -1], abs=1e-9)
 
 
-def test_friction_follows_the_capstan_law():
-    friction, tension, offset = 0.4, 15.0, 0.1
-    tendons = {"offset": offset, "max_tension": 100.0, "friction": friction}
-    given = {"finger": {"tendons": tendons}, "actuation": {"tensions": [tension, 0.0]}}
-    found = solve_elastica(unit(family="clothoid", **given))
-    s = np.linspace(0.0, 1.0, 9)
-    bend = np.log1p(friction * tension * offset * s) / friction
-    assert found.angle(s) - HORIZONTAL == pytest.approx(bend, abs=2e-6)
-
-
 @pytest.mark.parametrize("case", [mixed, graded])
 def test_energy_changes_by_the_displacement_under_the_load(case):
     step, scene = 1e-4, case(follows=False)
@@ -526,17 +516,6 @@ def test_tendon_friction_makes_the_order_two(family, without_compiler):  # noqa:
         for elements in (2, 4, 8)
     ]
     assert np.all(np.abs(order(errors) - 2.0) < 0.2)
-
-
-@pytest.mark.parametrize(
-    ("share", "warned"), [(0.9, False), (0.995, True), (1.00005, True), (1.005, True), (1.2, False)]
-)
-def test_near_the_buckling_load_there_is_a_warning(share, warned, without_compiler):  # noqa: F811
-    loads = [force(1.0, (0.0, -share * math.pi**2 / 4))]
-    found = equilibrium(rod_scene(UNIT, None, 2, angle=UPRIGHT, gravity=NONE, loads=loads))
-    assert any("near a buckling load" in warning for warning in found.warnings) == warned
-    arcs = equilibrium(rod_scene(UNIT, "arc", 2, angle=UPRIGHT, gravity=NONE, loads=loads))
-    assert any("near a buckling load" in warning for warning in arcs.warnings) == (0.9 < share < 1.2)
 
 
 @pytest.mark.parametrize("s", [-1e-9, 1.0 + 1e-9])

@@ -1,4 +1,4 @@
-"""Natural frequencies of the exact rod: beam theory, and the finger model that converges to them."""
+"""Natural frequencies of the exact rod against beam theory."""
 
 from __future__ import annotations
 
@@ -9,10 +9,8 @@ import pytest
 
 from continuum_grasp.rod.elastica import solve_elastica
 from continuum_grasp.rod.frequencies import natural_frequencies
-from continuum_grasp.simulation import modes
 from tests.closed_forms.rods import beam_pulsations, roots
-from tests.marks import few
-from tests.rods import HANGING, HORIZONTAL, NITINOL, UNIT, UPRIGHT, force, order, rod_scene
+from tests.rods import UNIT, UPRIGHT, force, rod_scene
 
 FREE = (0.0, 0.0)
 
@@ -40,31 +38,6 @@ def test_a_mass_inside_counts_with_the_square_of_the_mode():
     scene = rod_scene(UNIT, gravity=FREE, finger={"masses": [{"at": at, "mass": mass}]})
     # The mode is normalized: the integral of its square over the unit rod is one.
     assert (exact(scene, 1)[0] / bare - 1.0) / mass == pytest.approx(-0.5 * mode(at) ** 2, rel=1e-4)
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize(
-    ("angle", "keys"),
-    few(
-        [
-            (HORIZONTAL, {"tip_mass": 0.02}),
-            (HANGING, {"loads": [force(0.6, (0.0, 0.1)), force(0.35, (0.05, -0.1))], "contacts": [0.35]}),
-            (UPRIGHT, {"finger": {"rest_curvature": 3.0}}),
-            (HORIZONTAL, {"loads": [force(0.6, (0.05, 0.02), follows=True)]}),
-        ],
-        2,
-    ),
-    ids=["mass", "loads", "preshape", "following"],
-)
-def test_the_finger_model_converges_to_it_at_the_familys_order(angle, keys):
-    counts = (3, 6, 12)
-    errors = []
-    for elements in counts:
-        scene = rod_scene(NITINOL, "clothoid", elements, angle=angle, fidelity={"accuracy": 1e-13}, **keys)
-        errors.append(np.abs(modes(scene).frequencies_hz[:2] / exact(scene) - 1.0))
-    assert np.all(errors[-1] < [3e-6, 3e-4])
-    if "contacts" not in keys:  # whose elements are unequal in other ways each time
-        assert order(np.array(errors)[:, 1])[-1] == pytest.approx(4.0, abs=0.6)
 
 
 def test_a_body_at_the_tip_is_that_of_beam_theory():

@@ -10,10 +10,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
 
 from continuum_grasp.core import Core
-from continuum_grasp.core.rollouts import signal as rows_of
 from continuum_grasp.errors import InputError, Interrupted, NumericalError
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import Tendons
@@ -171,56 +169,6 @@ def test_release_has_the_errors_of_the_table(family, elements):
         assert error == pytest.approx(expected, rel=0.02, abs=digit), tip_mass
 
 
-@pytest.mark.deep
-def test_two_matched_clothoids_do_with_steps_of_10_ms():
-    found = simulate(nitinol(step=1e-2, method="rk4"))
-    assert found.statistics["substeps"] <= 2
-    assert distance(found.tip, fine_release(0.0).tip[::10]) == pytest.approx(0.77, abs=0.1)
-
-
-def pulled(family, elements, moment, ramp, push=0.0, step=1e-3):
-    """The tip moment rises smoothly; then a force on the middle."""
-    push = force(0.3, {"times": [ramp, ramp + 0.2], "values": [[0.0, 0.0], [0.0, push]]})
-    moment = {"times": [0.0, ramp], "values": [0.0, moment]}
-    return nitinol(
-        family, elements, step=step, tip_mass=0.01, actuation={"tip_moment": moment}, contacts=[0.3], loads=[push]
-    )
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize(
-    ("case", "bounds"),
-    few(
-        [
-            # 2 arcs, 2 clothoids, 2 matched clothoids: no more than; the same without rates: no less than [mm]
-            ((0.05, 0.2), (31.0, 0.4, 0.55, 8.0)),
-            ((0.05, 0.02), (40.0, 1.5, 2.0, 9.0)),
-            ((0.1, 0.2, 0.5), (65.0, 4.0, 5.0, 15.0)),
-        ],
-        1,
-    ),
-)
-def test_a_moving_tip_moment_needs_its_rates(case, bounds):
-    fine = simulate(pulled("clothoid", 8, *case))
-    errors = [distance(simulate(pulled(family, 2, *case)).tip, fine.tip) for family in FAMILIES]
-    scene = pulled("matched_clothoid", 2, *case)
-    model = FingerModel(scene, input_rates=False)
-    core, t = Core(model), np.arange(2001) * 5e-4
-    forces = np.zeros((len(t), model.nw))
-    forces[:, -1] = (case[2] if len(case) > 2 else 0.0) * smoothstep(t - case[1], 0.2)[0]
-    inputs = case[0] * smoothstep(t, case[1])[0][:, None]
-    with pytest.raises(InputError, match=r"u: the tip moment varies.*family='clothoid', input_rates=True"):
-        core.rollout(np.zeros(model.nx), 1000, 1e-3, u=inputs, w=forces)
-    run, p = core.prepare_rollout("rk4"), np.array(model.p_nominal)
-    rows = [rows_of(name, v, v.shape[1], len(t), None) for name, v in (("u", inputs), ("w", forces))]
-    states = run(np.zeros((1, model.nx)), 1000, 1, 1e-3, *rows, p)[0][0]
-    dropped = distance(core.batch("tip", states[:, : model.n], inputs[::2], None), fine.tip)
-    for error, bound in zip(errors, bounds, strict=False):
-        assert error <= bound
-    assert dropped >= bounds[-1]
-    assert dropped > 5.0 * errors[2]
-
-
 def test_a_moment_that_varies_is_refused_where_the_model_takes_it_to_be_constant():
     """A bare finger does not say what its moment does, and has free clothoids; co-contraction is no moment."""
     finger = nitinol().finger
@@ -247,23 +195,6 @@ def test_a_moment_that_varies_is_refused_where_the_model_takes_it_to_be_constant
     for model in (FingerModel(finger), FingerModel(lagged), FingerModel(finger, input_rates=True)):
         u = growing @ np.eye(1, model.nu)
         assert np.all(np.isfinite(Core(model).rollout(np.zeros(model.nx), 10, 1e-3, u=u)))
-
-
-def test_work_and_energy_under_a_moving_moment():
-    """They balance where the tip is free; two matched clothoids miss about a per cent, four a seventh of that."""
-    missed = []
-    for family, elements in (("arc", 2), ("clothoid", 2), ("matched_clothoid", 2), ("matched_clothoid", 4)):
-        moment = {"tip_moment": {"times": [0.0, 0.2], "values": [0.0, 0.05]}}
-        scene = nitinol(family, elements, step=5e-4, tip_mass=0.01, actuation=moment, gravity=FREE)
-        found = simulate(scene)
-        bend = np.asarray(found.core.batch("bending", found.q, found.u, None)).sum(axis=1)
-        power = 0.05 * smoothstep(found.t, 0.2)[0] * CubicSpline(found.t, bend)(found.t, 1)
-        work = CubicSpline(found.t, power).integrate(0.0, 1.0)
-        gained = (found.kinetic + found.potential)[-1] - (found.kinetic + found.potential)[0]
-        missed.append(abs(gained - work) / work)
-    assert max(missed[:2]) < 1e-6
-    assert missed[2] == pytest.approx(0.0099, abs=3e-4)
-    assert missed[3] == pytest.approx(0.0015, abs=2e-4)
 
 
 # inputs and loads that vary
@@ -328,32 +259,6 @@ def test_a_slow_force_is_followed_in_equilibrium(family):
 
 
 TENDONS = {"offset": 0.005, "max_tension": 60.0, "time_constant": 0.02}
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_the_drive_is_a_critically_damped_lag(family):
-    """The answer to a ramp of rate r: r (t - 2 T + (t + 2 T) exp(-t / T))."""
-    ramp = {"times": [0.0, 0.3], "values": [2.0, 14.0], "interpolation": "linear"}
-    scene = nitinol(
-        family, duration=0.3, finger={"tendons": TENDONS}, actuation={"tensions": [ramp, 2.0]}, method="rk4"
-    )
-    found = simulate(scene)
-    t, lag, rate = found.t, TENDONS["time_constant"], 12.0 / 0.3 * TENDONS["offset"]
-    moment = rate * (t - 2 * lag + (t + 2 * lag) * np.exp(-t / lag))
-    moment_rate = rate * (1.0 - (1.0 + t / lag) * np.exp(-t / lag))
-    assert found.x_names[-2:] == ["tip_moment [N m]", "tip_moment_rate [N m/s]"]
-    assert found.x[:, -2] == pytest.approx(moment, abs=1e-9)
-    assert found.x[:, -1] == pytest.approx(moment_rate, abs=1e-6)
-    if family == "matched_clothoid":
-        assert found.tip[-1] == pytest.approx(tip_of(found, -1), abs=1e-13)
-
-
-def tip_of(found, k):
-    """Tip from a clothoid model with the matched curvature put in by hand."""
-    n, stiffness = found.n, found.scene.finger.rod.stiffness
-    model = FingerModel(found.scene, family="clothoid")
-    curvatures = [*found.x[k, :n], found.x[k, 2 * n] / stiffness]
-    return np.array(model.tip(curvatures, np.zeros(model.nu), [])).ravel()
 
 
 @pytest.mark.deep

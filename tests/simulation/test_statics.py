@@ -1,4 +1,4 @@
-"""Equilibria against elliptic integrals, closed forms of buckling, and the capstan law."""
+"""Equilibria against elliptic integrals and closed forms of buckling."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pytest
 from scipy import integrate, optimize
 
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.model import FingerModel
 from continuum_grasp.rod.elastica import solve_elastica
 from continuum_grasp.scene import ForceLoad
 from continuum_grasp.simulation import equilibrium, equilibrium_path
@@ -173,7 +172,9 @@ def test_weight_input_and_loads_of_a_path_grow_together():
     ("family", "elements", "share", "near"),
     [
         ("matched_clothoid", 2, 0.97, False),
-        ("matched_clothoid", 2, 0.99, True),
+        ("matched_clothoid", 2, 0.995, True),
+        ("matched_clothoid", 2, 1.005, True),
+        ("matched_clothoid", 2, 1.2, False),
         # Two arcs buckle at 1.05 of Euler's load: what is left there is their own error, which they warn of.
         ("arc", 2, 0.95, False),
         ("arc", 2, 1.0, True),
@@ -297,44 +298,6 @@ def test_a_following_force_across_the_tip_keeps_its_angle_to_it():
     assert found.tip == pytest.approx(tip, abs=1e-5)
 
 
-class TestTendonFriction:
-    """EI kappa(s) = tau exp(-mu * bend up to s), so exp(mu bend(s)) = 1 + mu tau s / EI."""
-
-    friction, tension, offset = 0.4, 15.0, 0.1
-
-    def error(self, family: str | None, elements: int | None) -> tuple[float, float]:
-        """Of the whole bend [rad] and of the tip [m]."""
-        tendons = {"offset": self.offset, "max_tension": 100.0, "friction": self.friction}
-        scene = rod_scene(
-            UNIT,
-            family,
-            elements,
-            gravity=NONE,
-            finger={"tendons": tendons},
-            actuation={"tensions": [self.tension, 0]},
-            initial={"pose": "straight", "reached_by": "pulling"},
-        )
-        found = equilibrium(scene)
-        assert found.stable
-        s = np.linspace(0.0, 1.0, 4001)
-        bend = np.log1p(self.friction * self.tension * self.offset * s) / self.friction
-        tip = [integrate.simpson(f(bend), x=s) for f in (np.cos, np.sin)]
-        total = float(np.array(found.model.bending(found.q, found.u, found.p)).sum())
-        return abs(total - bend[-1]), float(np.linalg.norm(found.tip - tip))
-
-    @pytest.mark.parametrize("family", ["arc", "clothoid", None])
-    def test_two_elements(self, family):
-        bend, tip = self.error(family, 2)
-        assert bend <= 6e-3
-        assert tip <= 1e-2
-
-    @pytest.mark.parametrize("family", ["arc", "clothoid"])
-    def test_refining_converges(self, family):
-        errors = np.array([self.error(family, n) for n in (4, 8, 16)])
-        assert np.all(order(errors[:, 1]) > 1.5)
-        assert np.all(errors[-1] < 2e-4)
-
-
 @pytest.mark.parametrize("family", ["clothoid", "matched_clothoid"])
 def test_an_absurd_load_says_so(family):
     """A finger that follows its load to rounding, by a bend at the base that its elements do not resolve."""
@@ -376,20 +339,3 @@ def test_a_loaded_preshape_with_jumps_converges_like_one_without(family):
         errors.append(np.linalg.norm(equilibrium(scene).tip - exact))
     assert order(errors)[-1] == pytest.approx(4.0, abs=0.5)
     assert errors[-1] < 1e-7
-
-
-@pytest.mark.parametrize("family", ["clothoid", "matched_clothoid"])
-def test_forces_are_gradients_also_where_the_rest_curvature_jumps(family):
-    scene = rod_scene(UNIT, family, None, finger={"rest_curvature": REST, "masses": [{"at": 0.9, "mass": 0.3}]})
-    model = FingerModel(scene, parameters=(), accuracy=1e-13)
-    q, h = np.array([0.7, -1.2, 0.9, 0.4, -0.5][: model.n]), 1e-5
-    rest = np.zeros(model.n)
-    slope, columns = [], []
-    for unit in np.eye(model.n):
-        up, down = (float(model.energy([*(q + s * h * unit), *rest], [0.0], [])[1]) for s in (1, -1))
-        slope.append((up - down) / (2 * h))
-        ahead, behind = (np.array(model.position(q + s * h * unit, [0.0], 0.7, [])).ravel() for s in (1, -1))
-        columns.append((ahead - behind) / (2 * h))
-    forces = np.array(model.gravity(q, [0.0], []) + model.elastic(q, [0.0], [])).ravel()
-    assert forces == pytest.approx(slope, rel=1e-7, abs=1e-9)
-    assert np.array(model.jacobian(q, [0.0], 0.7, [])) == pytest.approx(np.array(columns).T, rel=1e-7, abs=1e-9)
