@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -180,7 +181,11 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list
             )
             for k, (have, rows) in enumerate(points.patterns(one.measured))
         ]
-    t = _column(table, one.t, "s")
+    t, heading = _column(table, one.t, "s"), as_column(one.t).column
+    long = isinstance(one, TipTrajectory) and any(isinstance(of.at, Column) for of in one.measured)
+    groups = table.groups(heading if long else None)
+    first = np.array([rows[0] for rows in groups])
+    table.check_order(t[first], heading, first)
     inside = np.ones(t.size, dtype=bool) if one.window is None else (t >= one.window[0]) & (t <= one.window[1])
     if one.window is not None and not inside.any():
         start, end = one.window
@@ -188,10 +193,8 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list
         raise InputError(message, file=table.file)
     if isinstance(one, RingDown):
         return [_ring_downs(one, table, t, inside, scene, name)]
-    heading = as_column(one.t).column
-    long = any(isinstance(of.at, Column) for of in one.measured)
-    points = _Points(one, table, scene, key, table.groups(heading if long else None), heading)
-    t, inside = t[points.first], inside[points.first]
+    points = _Points(one, table, scene, key, groups, heading)
+    t, inside = t[first], inside[first]
     if one.conditions:
         given = _conditions(table, one.conditions, scene, key)
         scene = commanded(scene, t, {which: points.same(v, which) for which, v in given.items()}, table.file, key)
@@ -300,16 +303,29 @@ class _Points:
                     raise table.error(f"{len(mine)} rows of one {self.heading} at one place; {hint}", 0, int(mine[1]))
                 here[k] = mine[0] if len(mine) else -1
             for word, where in (("at", at), ("since", m.since)):
-                if where is not None and where > length * (1 + 1e-9):
-                    message = f"{where:g} m is beyond the finger's length of {length:g} m"
+                if where is not None and not 0.0 <= where <= length * (1 + 1e-9):
+                    message = f"{where:g} m is not on the finger of {length:g} m"
                     if word == "at" and places is not None:
                         raise table.error(message, table.index(as_column(cast(Column, m.at)).column), int(here.max()))
                     raise InputError(message, key=f"{self.key}.{key}.{word}")
             found = np.where(here < 0, np.nan, values[here])
-            own = np.nan_to_num(np.broadcast_to(offset, values.shape))[here]
+            own = np.broadcast_to(offset, values.shape)[here]
+            if isinstance(m.offset, Column):
+                self._check_offsets(m.offset.column, np.where(np.isfinite(found), own, 0.0), here)
+            own = np.nan_to_num(own)
             beside = np.where(here < 0, own.max(initial=0.0) if np.ptp(own[here >= 0]) == 0.0 else 0.0, own)
             same = float(beside[0]) if np.ptp(beside) == 0.0 else beside
             yield Reading(quantity, found, at, m.sigma, m.since, m.of, same)
+
+    def _check_offsets(self, heading: str, offsets: Array, rows: NDArray[np.intp]) -> None:
+        """Refuse markers without an offset, or one in another unit, in the rows (R,) that have them."""
+        at, length = self.table.index(heading), self.scene.finger.rod.length
+        for value, row in zip(offsets.tolist(), rows.tolist(), strict=True):
+            if np.isnan(value):
+                raise self.table.empty(at, row)
+            if abs(value) > length:
+                message = f"{value:g} m is farther from the backbone than the finger of {length:g} m is long"
+                raise self.table.error(message, at, row)
 
     def patterns(self, measured: Sequence[ReadingColumn]) -> Iterator[tuple[list[Reading], NDArray[np.bool_]]]:
         """Readings that groups have, and which groups have just these; in the order of their first group."""
@@ -333,8 +349,6 @@ def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, 
     missing = [name for name in names if name not in commands]
     if missing:
         raise InputError(f"no column gives {missing[0]}", key=f"{key}.conditions")
-    if np.any(np.diff(t) <= 0.0):
-        raise InputError("instants must increase", file=file)
     given = [{"times": t.tolist(), "values": commands[name].tolist()} for name in names]
     try:
         return scene.changed({"actuation": by_key(scene.finger.input_keys, given)})
@@ -433,6 +447,16 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
     known = _entries_of(scene)
     entries = {one: column for one, column in (commands or columns).items() if one in known}
     conditions = tuple(Condition(name=one, **column.model_dump(exclude_unset=True)) for one, column in entries.items())
+    expected = (*(name for name, _ in quantities), *_TIMES, "at", "pose", *known)
+    for name, column in columns.items() if measured and not commands else ():
+        at, near = table.index(column.column), difflib.get_close_matches(name, expected, n=1, cutoff=0.8)
+        # Notes have no unit; what has one was measured, and a load that is not read would be missing.
+        if name not in entries and (near or name == "frame" or column.unit or table.units[at]):
+            hint = f"; did you mean {near[0]}?" if near else f"; expected {', '.join(expected)}"
+            message = (
+                f"nothing reads the column {column.column!r}{hint}, or data: in a configuration that says what it is"
+            )
+            raise table.error(message, at)
     one: DataSet | None = None
     if measured and time is not None:
         one = TipTrajectory(kind="trajectory", t=time, measured=measured, conditions=conditions)
@@ -440,8 +464,8 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
         named = None if pose is None else pose.column
         one = StaticPoses(kind="static", measured=measured, pose=named, conditions=conditions)
     if one is None:
-        expected = "t, x, y, angle, bend, at, pose, frequency, decay_rate, tension_1, load_1_y, ..."
-        message = f"the headings do not say what was measured: expected some of {expected}, or data: in a configuration"
+        message = "the headings do not say what was measured: expected some of t, x, y, angle, bend, at, pose, "
+        message += "frequency, decay_rate, tension_1, load_1_y, ..., or data: in a configuration"
         raise InputError(message, file=str(file), line=table.header_line)
     return _read(one, table, plain_scene(scene), file.stem, "data")
 

@@ -13,6 +13,7 @@ import continuum_grasp as cg
 from continuum_grasp.cli import app
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import Poses, Reading, read_data, read_table
+from continuum_grasp.identification.periods import columns_of
 from continuum_grasp.scene.identify import IdentifyScene
 
 LENGTH, STIFFNESS = 0.2, 0.005
@@ -190,12 +191,14 @@ def test_tables_of_deeplabcut_and_tracker(tmp_path):
             "points.csv:3:1: tip_moment differs from the first row",
         ),
         ("pose,M,s,x,y\np0,0.01,0.1,0.1,0\np0,0.01,0.1,0.2,0\n", "points.csv:3:1: 2 rows of one pose at one place"),
-        ("pose,M,s,x,y\np0,0.01,0.1,0.1,0\np0,0.01,0.3,0.2,0\n", "0.3 m is beyond the finger's length of 0.2 m"),
+        ("pose,M,s,x,y\np0,0.01,0.1,0.1,0\np0,0.01,0.3,0.2,0\n", "0.3 m is not on the finger of 0.2 m"),
         ("pose,M,s,x,y\np0,0.01,0.1,,\n", "points.csv:2:13: column x: the cell is empty"),
         (
             "pose;M;s;x;y\np0;0.01;0.1;0,1;0\n",
             "column x: expected a number, got '0,1' (write a decimal point, not a comma)",
         ),
+        ("pose,M,s,x,y\np0,0.01,-0.1,0.1,0\n", "points.csv:2:9: -0.1 m is not on the finger of 0.2 m"),
+        ("pose,M,s,x,y\np0,0.01,0.1,0.1_5,0\n", "points.csv:2:13: column x: expected a number, got '0.1_5'"),
     ],
 )
 def test_tables_that_contradict_themselves_are_refused_by_place(tmp_path, text, message):
@@ -207,8 +210,47 @@ def test_tables_that_contradict_themselves_are_refused_by_place(tmp_path, text, 
 def test_headings_that_say_nothing_and_axes_along_one_line_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"points.csv:1: the headings do not say what was measured"):
         cg.compare(cg.Scene(**ROD), table(tmp_path, "a,b\n1,2\n"))
+    for heading, hint in {
+        "tip_momnt": "; did you mean tip_moment?",
+        "Time [s]": "",
+        "load [g]": "",
+        "frame": "",
+    }.items():
+        with pytest.raises(InputError, match=r"points.csv:1:5: nothing reads the column '.*'") as refused:
+            cg.compare(cg.Scene(**ROD), table(tmp_path, f"x,y,{heading}\n0.2,0,1\n"))
+        assert hint in str(refused.value)
+    assert len(cg.compare(cg.Scene(**ROD), table(tmp_path, "x,y,remark,trial\n0.2,0,good,1\n")).entries) == 2
     with pytest.raises(InputError, match="both are along x"):
         described({**LONG, "axes": ["x", "-x"]})
+
+
+@pytest.mark.parametrize(("cell", "words"), [("", "column o: the cell is empty"), ("20", "20 m is farther from")])
+def test_a_marker_whose_offset_is_missing_or_in_mm_is_refused(tmp_path, cell, words):
+    """Without a unit it would lie 20 m beside the finger, and without a number on its backbone."""
+    beside = [{**one, "at": 0.1, "offset": {"column": "o"}} for one in LONG["measured"]]
+    text = f"M,x,y,o\n0.01,0.1,0,0.02\n0.01,0.1,0,{cell}\n"
+    with pytest.raises(InputError) as refused:
+        cg.compare(described({"kind": "static", "measured": beside}), table(tmp_path, text))
+    assert words in str(refused.value)
+    assert "points.csv:3:12" in str(refused.value)
+
+
+@pytest.mark.parametrize("kind", ["trajectory", "ring_down", "log"])
+def test_instants_that_step_back_are_named_by_their_line(tmp_path, kind):
+    """Two runs in one file: sorted by time their samples would be mixed."""
+    text = "t [s],x,y\n" + "".join(f"{0.01 * k:.2f},0.2,0\n" for k in (*range(20), 9, 20))
+    of = {"trajectory": {}, "ring_down": {"signals": ["x"], "window": [0.0, 1.0]}}
+    with pytest.raises(InputError, match=r"points.csv:22:1: column t: 0.09 s is not after 0.19 s"):
+        if kind == "log":
+            columns_of(table(tmp_path, text), ["x [m]"])
+        else:
+            cg.compare(described({"kind": kind, **of[kind]}), table(tmp_path, text))
+
+
+def test_units_stand_in_parentheses_too_but_words_do_not(tmp_path):
+    one = read_table(table(tmp_path, "t (ms),x (mm),y (left),y (right)\n1,2,3,4\n"))
+    assert (one.headings, one.units) == (("t", "x", "y (left)", "y (right)"), ("ms", "mm", None, None))
+    assert [one.index("x (mm)"), one.index("x"), one.index("y (left)")] == [1, 1, 2]
 
 
 def test_a_comparison_is_drawn_with_points_on_the_finger():
