@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -239,12 +240,12 @@ def test_a_marker_whose_offset_is_missing_or_in_mm_is_refused(tmp_path, cell, wo
 def test_instants_that_step_back_are_named_by_their_line(tmp_path, kind):
     """Two runs in one file: sorted by time their samples would be mixed."""
     text = "t [s],x,y\n" + "".join(f"{0.01 * k:.2f},0.2,0\n" for k in (*range(20), 9, 20))
-    of = {"trajectory": {}, "ring_down": {"signals": ["x"], "window": [0.0, 1.0]}}
+    file, further = table(tmp_path, text), {"ring_down": {"signals": ["x"], "window": [0.0, 1.0]}}.get(kind, {})
+    read = partial(columns_of, file, ["x [m]"])
+    if kind != "log":
+        read = partial(cg.compare, described({"kind": kind, **further}), file)
     with pytest.raises(InputError, match=r"points.csv:22:1: column t: 0.09 s is not after 0.19 s"):
-        if kind == "log":
-            columns_of(table(tmp_path, text), ["x [m]"])
-        else:
-            cg.compare(described({"kind": kind, **of[kind]}), table(tmp_path, text))
+        read()
 
 
 def test_units_stand_in_parentheses_too_but_words_do_not(tmp_path):
