@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import SolverError
-from continuum_grasp.identification.data import UNIT_OF, Poses, TipPath
+from continuum_grasp.identification.data import UNIT_OF, Data, Poses, TipPath
 from continuum_grasp.identification.observation import at_rest, check_tensions
 from continuum_grasp.identification.rows import Resting, Rows, Shapes, symbols, with_slopes
 from continuum_grasp.identification.unknowns import Unknown
@@ -91,10 +91,12 @@ _DRAWN, _POINTS = 8, 60
 
 
 class Block:
-    """A set of measurements."""
+    """A set of measurements, and the scene whose model predicts it."""
 
     name: str
     entries: list[Entry]
+    data: Data
+    scene: Scene
     finger: Finger | None = None
     """Whose laws predict it."""
     own: Sequence[Unknown] = ()
@@ -110,6 +112,13 @@ class Block:
 
     begins_there = False
     """Whether a free motion begins at the first row, wherever that is in time."""
+
+    def __init__(self, scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> None:
+        self.name, self.data, self.scene, self.finger = data.name, data, scene, scene.finger
+
+    def again(self, unknowns: Sequence[Unknown], *, data: Data | None = None, scene: Scene | None = None) -> Self:
+        """The set with other unknowns, measured otherwise, or in another scene; errors as of a new one."""
+        return type(self)(scene or self.scene, data or self.data, unknowns)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last.
@@ -148,7 +157,8 @@ class PosesBlock(Block):
     """Shapes at rest, each row about an equilibrium of its own, and vibrations about them."""
 
     def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
-        self.name, self.finger, self.ordered = data.name, scene.finger, data.sequence
+        super().__init__(scene, data, unknowns)
+        self.ordered = data.sequence
         self._shapes = Shapes(Rows(scene, unknowns, data.name, data.conditions, data.rows), sequence=data.sequence)
         self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
         model, still = self._shapes.model, [one for one in data.measured if not one.of_mode]

@@ -348,8 +348,7 @@ def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report
     if paths:
         scene = scene.model_copy(update={"data": sets_of(scene, paths)})
     if given:
-        found = posed(scene, data, scene.estimate)
-        problem = found.build(found.given, found.unknowns)
+        problem = posed(scene, data, scene.estimate).problem
         solution = problem.solve(report)
         unknowns = [one._replace(start=value) for one, value in zip(problem.unknowns, solution.values, strict=True)]
         rows = problem.weighted(solution)[0][: problem.fitted.sum()]

@@ -16,8 +16,8 @@ from continuum_grasp.core import Core
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, signal
 from continuum_grasp.errors import NumericalError
-from continuum_grasp.identification.blocks import Bent, Block, entries_of
-from continuum_grasp.identification.data import TipPath, column
+from continuum_grasp.identification.blocks import Bent, Block, PosesBlock, entries_of
+from continuum_grasp.identification.data import Data, Poses, TipPath, column
 from continuum_grasp.identification.driven import Driven
 from continuum_grasp.identification.observation import check_tensions
 from continuum_grasp.identification.rows import Rows, Shapes
@@ -28,13 +28,19 @@ from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, sp
 from continuum_grasp.simulation.trajectory import acting_input
 
 
+def block_of(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
+    """The set of measurements of a kind, predicted by the model of a scene."""
+    return (PosesBlock if isinstance(data, Poses) else PathBlock)(scene, data, unknowns)  # type: ignore[arg-type]
+
+
 class PathBlock(Block):
     """Readings along one motion of the finger; ``own`` are the coordinates and rates of a start that is estimated."""
 
     moves = ordered = True
 
     def __init__(self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown]) -> None:
-        self.name, self.finger, readings = data.name, scene.finger, data.measured
+        super().__init__(scene, data, unknowns)
+        readings = data.measured
         self._t = t = column(f"{data.name}.t", data.t)
         driven = Driven(scene, unknowns, readings)
         check_tensions(driven.model, readings, data.name)

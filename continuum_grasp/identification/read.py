@@ -18,8 +18,8 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.log import COMMANDED
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.damped_sine import fit_damped_sine
 from continuum_grasp.identification.data import KIND_OF, OF_MODES, UNIT_OF, Data, Poses, Reading, TipPath
+from continuum_grasp.identification.vibrations import fit_damped_sine
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import (
@@ -449,14 +449,14 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
     conditions = tuple(Condition(name=one, **column.model_dump(exclude_unset=True)) for one, column in entries.items())
     expected = (*(name for name, _ in quantities), *_TIMES, "at", "pose", *known)
     for name, column in columns.items() if measured and not commands else ():
-        at, near = table.index(column.column), difflib.get_close_matches(name, expected, n=1, cutoff=0.8)
+        place, near = table.index(column.column), difflib.get_close_matches(name, expected, n=1, cutoff=0.8)
         # Notes have no unit; what has one was measured, and a load that is not read would be missing.
-        if name not in entries and (near or name == "frame" or column.unit or table.units[at]):
+        if name not in entries and (near or name == "frame" or column.unit or table.units[place]):
             hint = f"; did you mean {near[0]}?" if near else f"; expected {', '.join(expected)}"
             message = (
                 f"nothing reads the column {column.column!r}{hint}, or data: in a configuration that says what it is"
             )
-            raise table.error(message, at)
+            raise table.error(message, place)
     one: DataSet | None = None
     if measured and time is not None:
         one = TipTrajectory(kind="trajectory", t=time, measured=measured, conditions=conditions)

@@ -91,6 +91,15 @@ def test_errors_are_those_of_the_shift_that_was_written(tmp_path):
     assert distance.texts[1:6] == ("5", "5", "5", "mm", "2.5 %")
 
 
+def test_points_that_no_finger_reaches_are_warned_of(tmp_path):
+    """Millimeters without their unit, or an image whose origin is 0.3 m away; on the finger there is no warning."""
+    for scale, shift, words in ((1.0, 0.0, None), (1e3, 0.0, "is 200 m from the base"), (1.0, 0.3, "is 0.5 m from")):
+        x, y = (scale * one for one in on_arc(1e-9, LENGTH))
+        found = cg.compare(cg.Scene(**ROD), table(tmp_path, f"x,y\n{x + shift},{y}\n"))
+        assert len(found.warnings) == (words is not None)
+        assert all(words in one and "check units and axes" in one for one in found.warnings)
+
+
 def test_image_coordinates_a_shifted_origin_and_markers_beside_the_backbone(tmp_path):
     def write(k, moment, s):
         x, y = on_arc(moment, s, 0.01 * (k + 1))
