@@ -46,6 +46,8 @@ class Entry:
     """Quantity that was measured."""
     place: float | None = None
     """Position along the finger [m] where it was measured; None: not along the finger."""
+    offset: float = 0.0
+    """Distance of the marker from the backbone [m]."""
 
 
 def entries_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], length: float) -> list[Entry]:
@@ -63,7 +65,8 @@ def entries_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], leng
             place = None if one.of_drive or one.of_mode else length if one.at is None else one.at
             known = UNIT_OF[one.quantity], float(np.asarray(one.values)[row]), used, one.sigma
             label = what + (f" at {when:g} s" if moves else f", row {row + 1}")
-            found.append(Entry(label, group, *known, when, what, one.quantity, place))
+            offset = float(np.broadcast_to(one.offset, at.shape)[row])
+            found.append(Entry(label, group, *known, when, what, one.quantity, place, offset))
     return found
 
 

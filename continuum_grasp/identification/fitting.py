@@ -27,7 +27,7 @@ from continuum_grasp.identification.laws import LawTrial, choose_law
 from continuum_grasp.identification.path_block import block_of
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge, too_far
 from continuum_grasp.identification.problem import Problem, Solution
-from continuum_grasp.identification.read import folder_of, plain_scene, read_data
+from continuum_grasp.identification.read import changed_at, folder_of, plain_scene, read_data
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
@@ -128,16 +128,14 @@ def _solved(problem: Problem, report: Callable[[float], None]) -> Solution:
         if not causes:
             raise
         text = f"the parameters were not found; likely cause: {' or '.join(causes)}"
-        raise SolverError(text, status=IMPLAUSIBLE, advice="correct the data or the scene") from error
+        advice = "correct the data or the scene; or start nearer to the values, where these are right"
+        raise SolverError(text, status=IMPLAUSIBLE, advice=advice) from error
 
 
 def under_laws(scene: IdentifyScene) -> Iterator[IdentifyScene]:
     """The scene under each of its laws."""
     for k, law in enumerate(scene.laws):
-        try:
-            plain = scene.model_copy(update={"laws": ()}).changed(law.set)
-        except InputError as error:
-            raise InputError(error.message, key=f"laws[{k}].set" + (f".{error.key}" if error.key else "")) from None
+        plain = changed_at(scene.model_copy(update={"laws": ()}), law.set, f"laws[{k}].set")
         yield plain.replaced(estimate=(*scene.estimate, *law.estimate))
 
 

@@ -12,7 +12,7 @@ from copy import copy
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -156,8 +156,11 @@ def too_far(problem: Problem, values: Array, sigma: Array) -> str:
         sought = {one.target: float(value) for one, value in zip(problem.sought, own, strict=False)}
         base = [at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", finger.base.position, strict=True)]
         length = finger.rod.length
-        for place in dict.fromkeys(one.at for one in readings if one.quantity in ("x", "y")):
-            here = [k for k, one in enumerate(readings) if one.quantity in ("x", "y") and one.at == place]
+        markers: dict[Any, list[int]] = {}
+        for k, reading in enumerate(readings):
+            if reading.quantity in ("x", "y"):
+                markers.setdefault((reading.at, *np.ravel(reading.offset)), []).append(k)
+        for (place, *_), here in markers.items():
             away = [np.asarray(readings[k].values) - base["xy".index(readings[k].quantity)] for k in here]
             noise = sigma[part].reshape(-1, len(readings))[:, here].max(axis=1)
             distance, reach = np.linalg.norm(away, axis=0), length if place is None else place

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import cast
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,8 @@ from continuum_grasp.scene.identify import (
 from continuum_grasp.scene.loads import by_key
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.table import Table, read_table
+
+SomeScene = TypeVar("SomeScene", bound=Scene)
 
 
 @check_arguments
@@ -86,7 +88,7 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
         if not mine:
             raise InputError(f"no file {one.file or '*.csv'} among {', '.join(map(str, paths))}", key=f"{key}.file")
         used.update(mine)
-        own = _changed(scene, one.set, f"{key}.set")
+        own = changed_at(plain_scene(scene), one.set, f"{key}.set")
         for file in mine:
             table = read_table(file)
             for choice in one.where:
@@ -152,10 +154,10 @@ def plain_scene(scene: Scene) -> Scene:
     return Scene(**scene.model_dump(mode="json", exclude_unset=True, exclude=own))
 
 
-def _changed(scene: Scene, changes: Sequence[str], key: str) -> Scene:
-    """The scene without what is said of the data, changed."""
+def changed_at(scene: SomeScene, changes: Sequence[str], key: str) -> SomeScene:
+    """The scene with the changes of a key, which errors name."""
     try:
-        return plain_scene(scene).changed(changes)
+        return scene.changed(changes)
     except InputError as error:
         where = ".".join(part for part in (key, error.key) if part)
         raise InputError(error.message, key=where) from None
@@ -243,7 +245,7 @@ def choices_of(one: StaticPoses, scene: Scene, key: str) -> tuple[tuple[str, ...
     headings = (*fixed, *choices, *seen)
     cells = [(*fixed.values(), *(f"{v:.12g}" for v in row), *["0"] * len(seen)) for row in rows]
     plain = one.model_copy(update={"where": (), "holdout_rows": (), "use": "fit", "pose": None})
-    changed = _changed(scene, one.set, f"{key}.set")
+    changed = changed_at(plain_scene(scene), one.set, f"{key}.set")
     (poses,) = _read(plain, Table.of(headings, cells), changed, one.name or key, key)
     return headings, cells, cast(Poses, poses)
 
@@ -423,8 +425,10 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
     table, columns = read_table(file), dict[str, Column]()
     for heading, unit in zip(table.headings, table.units, strict=True):
         found = _SUFFIX.fullmatch(heading) if unit is None else None
-        own = {"Nm": "N m"}.get(found[2], found[2]) if found else None
-        columns[found[1] if found else heading] = Column(column=heading, unit=own)
+        own, name = ({"Nm": "N m"}.get(found[2], found[2]), found[1]) if found else (None, heading)
+        if name in columns:
+            raise table.error(f"two columns are called {name!r}", table.index(heading))
+        columns[name] = Column(column=heading, unit=own)
     if "mode" in columns:
         message = (
             "give each mode a column of its own, by data: in a configuration: {quantity: frequency, of: 2, column: ...}"
@@ -449,7 +453,7 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
     conditions = tuple(Condition(name=one, **column.model_dump(exclude_unset=True)) for one, column in entries.items())
     expected = (*(name for name, _ in quantities), *_TIMES, "at", "pose", *known)
     for name, column in columns.items() if measured and not commands else ():
-        place, near = table.index(column.column), difflib.get_close_matches(name, expected, n=1, cutoff=0.8)
+        place, near = table.index(column.column), difflib.get_close_matches(name, {*expected} - {name}, n=1, cutoff=0.8)
         # Notes have no unit; what has one was measured, and a load that is not read would be missing.
         if name not in entries and (near or name == "frame" or column.unit or table.units[place]):
             hint = f"; did you mean {near[0]}?" if near else f"; expected {', '.join(expected)}"

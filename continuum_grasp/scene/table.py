@@ -28,6 +28,8 @@ _UNITS = "|".join(re.escape(unit) for si in QUANTITIES for unit in units_of(si))
 _HEADING = re.compile(rf"^(.*?)\s*(?:[\[(]((?<=\[)[^\]]*(?=\])|(?<=\()(?:{_UNITS})(?=\)))[\])])?$")
 """Heading with a unit: any in brackets, those that are known in parentheses, where other words may stand."""
 _COMMA, _POINT = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?"), re.compile(r"[-+]?\d*\.\d*(?:[eE][-+]?\d+)?")
+_WEIGHTS = {"g": "gf", "kg": "kgf"}
+"""Masses that stand for their weight where a force is meant."""
 _SURE = 0.6
 """Likelihood from which a point of DeepLabCut is one [1]: the default of its own plots (``pcutoff``)."""
 
@@ -104,9 +106,11 @@ class Table:
         ``unit`` is that of the data where its heading does not say it. With gaps, empty cells are NaN.
         """
         at = self.index(heading)
-        own = self.units[at]
+        own, given = self.units[at], unit
+        if si == "N":
+            own, unit = (_WEIGHTS.get(one or "", one) for one in (own, unit))
         if unit is not None and own is not None and unit != own:
-            raise self.error(f"its heading says [{own}], the configuration {unit!r}", at)
+            raise self.error(f"its heading says [{self.units[at]}], the configuration {given!r}", at)
         try:
             factor = factor_to_si(unit or own or si, si)
         except InputError as error:
@@ -125,7 +129,8 @@ class Table:
     def error(self, message: str, at: int, row: int | None = None) -> InputError:
         """An error at a cell, or at the heading of a column."""
         line = self.header_line if row is None else self.lines[row]
-        cells = self.headings if row is None else self.rows[row]
+        headed = zip(self.headings, self.units, strict=True)
+        cells = [f"{name} [{unit}]" if unit else name for name, unit in headed] if row is None else self.rows[row]
         column = 1 + sum(len(cell) + 1 for cell in cells[:at])
         return InputError(message, file=self.file, line=line, column=column)
 

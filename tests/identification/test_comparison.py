@@ -13,8 +13,9 @@ from typer.testing import CliRunner
 import continuum_grasp as cg
 from continuum_grasp.cli import app
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification import Poses, Reading, read_data, read_table
+from continuum_grasp.identification import Poses, Reading, TipPath, read_data, read_table
 from continuum_grasp.identification.periods import columns_of
+from continuum_grasp.plotting.identification import plot_shapes
 from continuum_grasp.scene.identify import IdentifyScene
 
 LENGTH, STIFFNESS = 0.2, 0.005
@@ -98,6 +99,47 @@ def test_points_that_no_finger_reaches_are_warned_of(tmp_path):
         found = cg.compare(cg.Scene(**ROD), table(tmp_path, f"x,y\n{x + shift},{y}\n"))
         assert len(found.warnings) == (words is not None)
         assert all(words in one and "check units and axes" in one for one in found.warnings)
+
+
+def test_grams_are_weights_where_forces_are_meant(tmp_path):
+    text = "t [s],M,load [g],pull [kg]\n0,1,2,3\n"
+    one = read_table(table(tmp_path, text))
+    assert one.in_si("load", "N")[0] == pytest.approx(2e-3 * 9.80665, rel=1e-12)
+    assert one.in_si("load", "N", "g")[0] == one.in_si("load", "N", "gf")[0] == one.in_si("load", "N")[0]
+    assert one.in_si("pull", "N")[0] == pytest.approx(3 * 9.80665, rel=1e-12)
+    assert one.in_si("pull", "kg")[0] == 3.0
+    with pytest.raises(InputError, match=r"points.csv:1:9: its heading says \[g\], the configuration 'kg'"):
+        one.in_si("load", "N", "kg")
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_two_markers_of_one_section_are_two_points(moves):
+    """At the tip, 20 mm to either side: on the arc, and not twice as far from the base as the finger is long."""
+    sides, bends = (0.02, -0.02), np.array(MOMENTS) if not moves else np.full(40, 0.01)
+    points = np.array([[on_arc(moment, LENGTH, side) for moment in bends] for side in sides])
+    readings = [
+        Reading(axis, points[k, :, j], offset=side) for k, side in enumerate(sides) for j, axis in enumerate("xy")
+    ]
+    scene = cg.Scene(**{**ROD, "actuation": {"tip_moment": 0.01}}, initial={"pose": "equilibrium"})
+    data = TipPath(0.01 * np.arange(1.0, 41.0), readings) if moves else Poses(readings, {"tip_moment": bends})
+    found = cg.compare(scene, data)
+    assert np.abs(found.residuals).max() < 1e-6
+    assert found.warnings == ()
+    assert len(found.series) == 4
+    assert len(found.points) == 2 * bends.size
+    names = [one.name for one in found.channels if "distance" in one.name]
+    assert [name.rpartition(": ")[2] for name in names] == [
+        "distance at 0.2 m, +0.02 m beside",
+        "distance at 0.2 m, -0.02 m beside",
+    ]
+    assert [len(one.lines) for one in plot_shapes(found)] == [len(found.drawn[0].at) + 2 + 2 * moves]
+
+
+def test_what_would_count_twice_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"points.measured\[1\]: x of tip is given twice"):
+        cg.compare(cg.Scene(**ROD), table(tmp_path, "x [m],tip_x [m]\n0.2,0.2\n"))
+    with pytest.raises(InputError, match=r"points.csv:1:8: two columns are called 'x'"):
+        cg.compare(cg.Scene(**ROD), table(tmp_path, "x [mm],x_m\n200,0.2\n"))
 
 
 def test_image_coordinates_a_shifted_origin_and_markers_beside_the_backbone(tmp_path):
