@@ -294,6 +294,9 @@ class _Points:
             raise InputError(f"axes are those of x and y: give {quantity} by scale", key=f"{self.key}.axes")
         origin = one.origin["xy".index(quantity)] if quantity in ("x", "y") else 0.0
         values = sign * _column(table, m, UNIT_OF[quantity], gaps=True) + origin
+        if quantity in ("x", "y") and m.sigma is not None and m.sigma > length:
+            message = f"{m.sigma:g} m is more than the finger is long: a deviation is in m, whatever the column is in"
+            raise InputError(message, key=f"{self.key}.{key}.sigma")
         offset = _column(table, m.offset, "m", gaps=True) if isinstance(m.offset, Column) else m.offset
         places = _column(table, m.at, "m") if isinstance(m.at, Column) else None
         for at in [m.place] if places is None else np.unique(places).tolist():

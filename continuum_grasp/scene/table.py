@@ -29,7 +29,7 @@ _HEADING = re.compile(rf"^(.*?)\s*(?:[\[(]((?<=\[)[^\]]*(?=\])|(?<=\()(?:{_UNITS
 """Heading with a unit: any in brackets, those that are known in parentheses, where other words may stand."""
 _COMMA, _POINT = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?"), re.compile(r"[-+]?\d*\.\d*(?:[eE][-+]?\d+)?")
 _WEIGHTS = {"g": "gf", "kg": "kgf"}
-"""Masses that stand for their weight where a force is meant."""
+"""Masses that stand for their weight where a force is expected."""
 _SURE = 0.6
 """Likelihood from which a point of DeepLabCut is one [1]: the default of its own plots (``pcutoff``)."""
 

@@ -187,6 +187,7 @@ MEASURED = {"quantity": "y", "column": "drop"}
         (changed(measured=[{**MEASURED, "unit": "cm"}]), "its heading says [mm], the configuration 'cm'"),
         (changed(measured=[{**MEASURED, "quantity": "angle"}]), "expected a unit like rad"),
         (changed(measured=[{**MEASURED, "at": 9.0}]), "data[0].measured[0].at: 9 m is not on the finger"),
+        (changed(measured=[{**MEASURED, "sigma": 0.5}]), "data[0].measured[0].sigma: 0.5 m is more than the finger"),
         (changed(conditions=[{"name": "load_9", "column": "weight"}]), "data[0].conditions[0].name: no input or force"),
         (changed(holdout_rows=[9]), "data[0].holdout_rows: row 9 of 4"),
         (changed(file="nothing*.csv"), "data[0].file: no file nothing*.csv"),
