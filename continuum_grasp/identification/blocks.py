@@ -16,7 +16,7 @@ from continuum_grasp.core import Core
 from continuum_grasp.errors import SolverError
 from continuum_grasp.identification.data import UNIT_OF, Data, Poses, TipPath
 from continuum_grasp.identification.observation import at_rest, check_tensions
-from continuum_grasp.identification.rows import Resting, Rows, Shapes, symbols, with_slopes
+from continuum_grasp.identification.rows import Resting, Shapes, symbols, with_slopes
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.identification.vibrations import Vibrations
 from continuum_grasp.model import FingerModel
@@ -162,7 +162,8 @@ class PosesBlock(Block):
     def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
         super().__init__(scene, data, unknowns)
         self.ordered = data.sequence
-        self._shapes = Shapes(Rows(scene, unknowns, data.name, data.conditions, data.rows), sequence=data.sequence)
+        rows = data.conditions, data.rows
+        self._shapes = Shapes(scene, unknowns, data.name, *rows, sequence=data.sequence)
         self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
         model, still = self._shapes.model, [one for one in data.measured if not one.of_mode]
         check_tensions(model, still, data.name)
@@ -176,8 +177,8 @@ class PosesBlock(Block):
         rung = [one for one in data.measured if one.of_mode]
         self._vibrations = Vibrations(model, rung, len(unknowns), data.name) if rung else None
         self._places = np.argsort(np.argsort([one.of_mode for one in data.measured], kind="stable"))
-        rows = np.arange(1.0, data.rows + 1.0)
-        self.entries = entries_of(data, rows, self._fitted, scene.finger.rod.length)
+        numbers = np.arange(1.0, data.rows + 1.0)
+        self.entries = entries_of(data, numbers, self._fitted, scene.finger.rod.length)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         found = [self._row(row, resting) for row, resting in enumerate(self._shapes.all(values))]

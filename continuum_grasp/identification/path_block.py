@@ -20,7 +20,7 @@ from continuum_grasp.identification.blocks import Bent, Block, PosesBlock, entri
 from continuum_grasp.identification.data import Data, Poses, TipPath, column
 from continuum_grasp.identification.driven import Driven
 from continuum_grasp.identification.observation import check_tensions
-from continuum_grasp.identification.rows import Rows, Shapes
+from continuum_grasp.identification.rows import Shapes
 from continuum_grasp.identification.start import MeasuredStart
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.scene.simulate import Scene
@@ -109,7 +109,7 @@ def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> Shapes 
     scene = scene.model_copy(update={"loads": (*scene.loads, *scene.initial.held_by)})
     if pose == "rest":
         scene = scene.model_copy(update={"gravity": (0.0, 0.0), "actuation": None, "loads": ()})
-    return Shapes(Rows(scene, unknowns, name)) if pose in ("equilibrium", "rest") else None
+    return Shapes(scene, unknowns, name) if pose in ("equilibrium", "rest") else None
 
 
 _MOST_STEPS = 200_000
@@ -175,9 +175,9 @@ class _Motion:
         count = grid.steps * grid.substeps
         if count > _MOST_STEPS:
             raise NumericalError(
-                f"{count:.3g} steps are needed to follow this motion at these parameters; at most "
-                f"{_MOST_STEPS} are taken: use fewer elements, a shorter part of the data, or bounds on stiffness and "
-                "damping",
+                f"{count:.3g} steps are needed to follow this motion from {self._start:g} to {self._t[-1]:g} s at these "
+                f"parameters; at most {_MOST_STEPS} are taken: use fewer elements, a shorter part of the data, bounds "
+                "on stiffness and damping, or instants that count from the start of the motion (zero of t)",
                 time=0.0,
             )
         self._grid, self._settled = grid, (p, rate)
