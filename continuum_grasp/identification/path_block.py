@@ -175,9 +175,9 @@ class _Motion:
         count = grid.steps * grid.substeps
         if count > _MOST_STEPS:
             raise NumericalError(
-                f"{count:.3g} steps are needed to follow this motion from {self._start:g} to {self._t[-1]:g} s at these "
-                f"parameters; at most {_MOST_STEPS} are taken: use fewer elements, a shorter part of the data, bounds "
-                "on stiffness and damping, or instants that count from the start of the motion (zero of t)",
+                f"{count:.3g} steps are needed to follow this motion from {self._start:g} to {self._t[-1]:g} s at "
+                f"these parameters; at most {_MOST_STEPS} are taken: use fewer elements, a shorter part of the data, "
+                "bounds on stiffness and damping, or instants that count from the start of the motion (zero of t)",
                 time=0.0,
             )
         self._grid, self._settled = grid, (p, rate)

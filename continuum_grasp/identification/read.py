@@ -454,16 +454,9 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
     known = _entries_of(scene)
     entries = {one: column for one, column in (commands or columns).items() if one in known}
     conditions = tuple(Condition(name=one, **column.model_dump(exclude_unset=True)) for one, column in entries.items())
-    expected = (*(name for name, _ in quantities), *_TIMES, "at", "pose", *known)
-    for name, column in columns.items() if measured and not commands else ():
-        place, near = table.index(column.column), difflib.get_close_matches(name, {*expected} - {name}, n=1, cutoff=0.8)
-        # Notes have no unit; what has one was measured, and a load that is not read would be missing.
-        if name not in entries and (near or name == "frame" or column.unit or table.units[place]):
-            hint = f"; did you mean {near[0]}?" if near else f"; expected {', '.join(expected)}"
-            message = (
-                f"nothing reads the column {column.column!r}{hint}, or data: in a configuration that says what it is"
-            )
-            raise table.error(message, place)
+    if measured and not commands:
+        unread = [column for name, column in columns.items() if name not in entries]
+        _refuse_measured(table, unread, [*(name for name, _ in quantities), *_TIMES, "at", "pose", *known])
     one: DataSet | None = None
     if measured and time is not None:
         one = TipTrajectory(kind="trajectory", t=time, measured=measured, conditions=conditions)
@@ -475,6 +468,17 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
         message += "frequency, decay_rate, tension_1, load_1_y, ..., or data: in a configuration"
         raise InputError(message, file=str(file), line=table.header_line)
     return _read(one, table, plain_scene(scene), file.stem, "data")
+
+
+def _refuse_measured(table: Table, unread: Sequence[Column], expected: Sequence[str]) -> None:
+    """Refuse columns that nothing reads, but for notes: a load that is left out would be missing."""
+    for one in unread:
+        at = table.index(one.column)
+        others = [name for name in expected if name != table.headings[at]]
+        near = difflib.get_close_matches(table.headings[at], others, n=1, cutoff=0.8)
+        if near or one.unit or table.units[at] or one.column == "frame":
+            hint = f"did you mean {near[0]}?" if near else f"expected {', '.join(expected)}"
+            raise table.error(f"nothing reads the column {one.column!r}; {hint}, or data: in a configuration", at)
 
 
 def _entries_of(scene: Scene, *parameters: str) -> dict[str, str]:
