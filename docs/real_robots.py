@@ -186,12 +186,12 @@ def pulls() -> None:
 
 def distances(fit: Fit) -> None:
     """Mean distances of all markers, and of the tip."""
-    tip = max(place for _, _, place in fit.points)
+    tip = max(place for _, _, place, _ in fit.points)
     for word, fitted in (("fitted", True), ("hold-out", False)):
         own = {key: (x, y) for key, (x, y) in fit.points.items() if fit.fitted[x] == fitted}
         if own:
             missed = [1e3 * np.hypot(fit.residuals[x], fit.residuals[y]) for x, y in own.values()]
-            ends = [one for one, (_, _, place) in zip(missed, own, strict=True) if place == tip]
+            ends = [one for one, (_, _, place, _) in zip(missed, own, strict=True) if place == tip]
             print(f"  {word}: markers {np.mean(missed):.1f} mm, tip {np.mean(ends):.1f} mm on average")
 
 

@@ -18,7 +18,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.identification import Poses, Reading
-from continuum_grasp.identification.fitting import _block
+from continuum_grasp.identification.path_block import block_of
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.planning.search import Search
 from continuum_grasp.scene.consumer import CONSUMERS
@@ -230,7 +230,7 @@ def _fit(scene: Scene) -> Iterator[object]:
     whole = IdentifyScene(**{**dict(scene), "estimate": [{"name": "bending_stiffness"}]})
     given = {one.name: np.full(2, 1e-3) for one in scene.finger.inputs}
     poses = Poses([Reading("bend", [0.3, 0.6])], given)
-    yield _block(whole, poses, read_unknowns(whole, whole.estimate)).predict(np.ones(1))
+    yield block_of(whole, poses, read_unknowns(whole, whole.estimate)).predict(np.ones(1))
 
 
 def _at_rest(scene: Scene) -> Iterator[object]:

@@ -84,6 +84,20 @@ def path_of(trajectory, scene: Scene, noise: float, rng: np.random.Generator) ->
     return TipPath(trajectory.t[1:], at_tip(*tip[1:].T), scene=scene, name=str(scene.name))
 
 
+def built_once(block: Block) -> Block:
+    """The block, whose models with other unknowns are built once, whatever is measured."""
+    build, built = block.again, dict[tuple[str, ...], Block]()
+
+    def again(unknowns, **other) -> Block:
+        key = tuple(one.name for one in unknowns)
+        if key not in built:
+            built[key] = build(unknowns, **other)
+        return built[key]
+
+    block.again = again
+    return block
+
+
 def coverage(
     blocks: list[Block], unknowns: list[Unknown], truth: list[float], noise: float, repeats: int
 ) -> np.ndarray:

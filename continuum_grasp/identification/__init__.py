@@ -2,13 +2,13 @@
 
 from continuum_grasp.identification.commissioning import Commissioning, commission, design_commissioning
 from continuum_grasp.identification.comparison import Channel, Comparison
-from continuum_grasp.identification.damped_sine import DampedSine, fit_damped_sine
 from continuum_grasp.identification.data import Poses, Reading, TipPath
 from continuum_grasp.identification.experiments import ExperimentPlan, design_experiments
 from continuum_grasp.identification.fit import Fit
 from continuum_grasp.identification.fitting import compare, identify
 from continuum_grasp.identification.read import data_folder, read_data
 from continuum_grasp.identification.replayed import Replay
+from continuum_grasp.identification.vibrations import DampedSine, fit_damped_sine
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
 from continuum_grasp.scene.table import Table, read_table
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.core import Core
 from continuum_grasp.errors import SolverError
-from continuum_grasp.identification.data import UNIT_OF, Poses, TipPath
+from continuum_grasp.identification.data import UNIT_OF, Data, Poses, TipPath
 from continuum_grasp.identification.observation import at_rest, check_tensions
-from continuum_grasp.identification.rows import Resting, Rows, Shapes, symbols, with_slopes
+from continuum_grasp.identification.rows import Resting, Shapes, symbols, with_slopes
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.identification.vibrations import Vibrations
 from continuum_grasp.model import FingerModel
@@ -46,6 +46,8 @@ class Entry:
     """Quantity that was measured."""
     place: float | None = None
     """Position along the finger [m] where it was measured; None: not along the finger."""
+    offset: float = 0.0
+    """Distance of the marker from the backbone [m]."""
 
 
 def entries_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], length: float) -> list[Entry]:
@@ -63,7 +65,8 @@ def entries_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], leng
             place = None if one.of_drive or one.of_mode else length if one.at is None else one.at
             known = UNIT_OF[one.quantity], float(np.asarray(one.values)[row]), used, one.sigma
             label = what + (f" at {when:g} s" if moves else f", row {row + 1}")
-            found.append(Entry(label, group, *known, when, what, one.quantity, place))
+            offset = float(np.broadcast_to(one.offset, at.shape)[row])
+            found.append(Entry(label, group, *known, when, what, one.quantity, place, offset))
     return found
 
 
@@ -91,10 +94,12 @@ _DRAWN, _POINTS = 8, 60
 
 
 class Block:
-    """A set of measurements."""
+    """A set of measurements, and the scene whose model predicts it."""
 
     name: str
     entries: list[Entry]
+    data: Data
+    scene: Scene
     finger: Finger | None = None
     """Whose laws predict it."""
     own: Sequence[Unknown] = ()
@@ -110,6 +115,13 @@ class Block:
 
     begins_there = False
     """Whether a free motion begins at the first row, wherever that is in time."""
+
+    def __init__(self, scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> None:
+        self.name, self.data, self.scene, self.finger = data.name, data, scene, scene.finger
+
+    def again(self, unknowns: Sequence[Unknown], *, data: Data | None = None, scene: Scene | None = None) -> Self:
+        """The set with other unknowns, measured otherwise, or in another scene; errors as of a new one."""
+        return type(self)(scene or self.scene, data or self.data, unknowns)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         """Predictions (entries,) and their derivatives (entries, unknowns), those of its own last.
@@ -148,8 +160,10 @@ class PosesBlock(Block):
     """Shapes at rest, each row about an equilibrium of its own, and vibrations about them."""
 
     def __init__(self, scene: Scene, data: Poses, unknowns: Sequence[Unknown]) -> None:
-        self.name, self.finger, self.ordered = data.name, scene.finger, data.sequence
-        self._shapes = Shapes(Rows(scene, unknowns, data.name, data.conditions, data.rows), sequence=data.sequence)
+        super().__init__(scene, data, unknowns)
+        self.ordered = data.sequence
+        rows = data.conditions, data.rows
+        self._shapes = Shapes(scene, unknowns, data.name, *rows, sequence=data.sequence)
         self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
         model, still = self._shapes.model, [one for one in data.measured if not one.of_mode]
         check_tensions(model, still, data.name)
@@ -163,8 +177,8 @@ class PosesBlock(Block):
         rung = [one for one in data.measured if one.of_mode]
         self._vibrations = Vibrations(model, rung, len(unknowns), data.name) if rung else None
         self._places = np.argsort(np.argsort([one.of_mode for one in data.measured], kind="stable"))
-        rows = np.arange(1.0, data.rows + 1.0)
-        self.entries = entries_of(data, rows, self._fitted, scene.finger.rod.length)
+        numbers = np.arange(1.0, data.rows + 1.0)
+        self.entries = entries_of(data, numbers, self._fitted, scene.finger.rod.length)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         found = [self._row(row, resting) for row, resting in enumerate(self._shapes.all(values))]

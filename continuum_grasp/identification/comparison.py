@@ -156,12 +156,14 @@ class Predicted(Result):
         return {key: np.array(rows) for key, rows in found.items()}
 
     @property
-    def points(self) -> dict[tuple[str, float, float], tuple[int, int]]:
-        """Entries of x and y of each measured point, by set, row or instant, and position along the finger [m]."""
-        found: dict[tuple[str, float, float], dict[str, int]] = {}
+    def points(self) -> dict[tuple[str, float, float, float], tuple[int, int]]:
+        """Entries of x and y of each measured point, by set, row or instant, position along the finger and offset
+        [m].
+        """
+        found: dict[tuple[str, float, float, float], dict[str, int]] = {}
         for row, (name, entry) in enumerate(zip(self.set_of, self.entries, strict=True)):
             if entry.quantity in ("x", "y") and entry.place is not None:
-                found.setdefault((name, entry.at, entry.place), {})[entry.quantity] = row
+                found.setdefault((name, entry.at, entry.place, entry.offset), {})[entry.quantity] = row
         return {key: (of["x"], of["y"]) for key, of in found.items() if len(of) == 2}
 
     @property
@@ -181,12 +183,13 @@ class Predicted(Result):
             (f"{name}: {what}", self.entries[rows[0]].unit, rows, self.residuals[rows])
             for (name, what), rows in self.series.items()
         ]
-        places = dict[tuple[str, float], list[tuple[int, int]]]()
-        for (name, _, place), pair in self.points.items():
-            places.setdefault((name, place), []).append(pair)
-        for (name, place), pairs in places.items():
-            x, y = np.array(pairs).T
-            kinds.append((f"{name}: distance at {place:g} m", "m", x, np.hypot(self.residuals[x], self.residuals[y])))
+        places = dict[str, list[tuple[int, int]]]()
+        for (name, _, place, _), (x, y) in self.points.items():
+            beside = "".join(self.entries[x].series.partition(",")[1:])
+            places.setdefault(f"{name}: distance at {place:g} m{beside}", []).append((x, y))
+        for what, pairs in places.items():
+            rows, across = np.array(pairs).T
+            kinds.append((what, "m", rows, np.hypot(self.residuals[rows], self.residuals[across])))
         found = []
         for what, unit, rows, missed in kinds:
             length = self.scene.finger.rod.length if self.entries[rows[0]].quantity in ("x", "y") else None

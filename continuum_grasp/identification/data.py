@@ -87,7 +87,8 @@ class Reading:
         if self.of_drive:
             return f"{self.quantity} {self.of or 1}"
         end = "tip" if self.at is None else f"{self.at:g} m"
-        return f"{self.quantity} of {end if self.since is None else f'{self.since:g} to {end}'}"
+        beside = f", {self.offset:+g} m beside" if np.ndim(self.offset) == 0 and self.offset else ""
+        return f"{self.quantity} of {end if self.since is None else f'{self.since:g} to {end}'}{beside}"
 
     @property
     def kind(self) -> str:
@@ -210,6 +211,8 @@ def _check_readings(name: str, readings: Sequence[Reading], count: int | None = 
             raise InputError(message, key=f"{name}.measured[{k}].quantity")
         if reading.of is not None:
             whole(f"{name}.measured[{k}].of", reading.of)
+        if reading.what in [other.what for other in readings[:k]]:
+            raise InputError(f"{reading.what} is given twice: it would count twice", key=f"{name}.measured[{k}]")
         OF_BENDS.check(reading, f"{name}.measured[{k}]", {"since": reading.since is not None})
         values = column(f"{name}.measured[{k}].values", reading.values, count)
         if reading.quantity == "frequency" and np.any(values <= 0.0):

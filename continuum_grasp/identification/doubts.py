@@ -21,7 +21,7 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.data import KIND_OF
 from continuum_grasp.identification.inference import FALSE_ALARMS, infer, surely
-from continuum_grasp.identification.problem import Build, Given, Problem, Solution
+from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 
 Further = tuple[Unknown, Array]
@@ -46,14 +46,14 @@ off along an axis [m]."""
 _SLIPS = (_LATE, _BEFORE, _ORIGIN)
 
 
-def doubts(problem: Problem, solution: Solution, freedom: float, given: Given, build: Build) -> list[str]:
+def doubts(problem: Problem, solution: Solution, freedom: float) -> list[str]:
     """Evidence against normal, independent residuals, on which the intervals rest, and against the model."""
     weighted = (solution.predictions - problem.measured) / solution.sigma
     return [
         *(_outliers(problem, weighted, freedom) if freedom >= 5 else ()),
         *_series(problem, weighted),
         *_sets(problem, weighted),
-        *doubts_of_laws(problem, solution, given, build),
+        *doubts_of_laws(problem, solution),
     ]
 
 
@@ -115,13 +115,13 @@ def _series(problem: Problem, weighted: Array) -> list[str]:
     return found
 
 
-def doubts_of_laws(problem: Problem, solution: Solution, given: Given, build: Build) -> list[str]:
+def doubts_of_laws(problem: Problem, solution: Solution) -> list[str]:
     """Evidence of the residuals against the laws of stiffness, damping and memory that the model has."""
     further: list[Further] = []
     for name in ("quadratic_damping", "softening_ratio"):
         # A law that is estimated already, or that this finger cannot have, is not tried.
         with suppress(ContinuumGraspError):
-            further += _of_law(name, problem, solution, given, build)
+            further += _of_law(name, problem, solution)
     further += _widths(problem, solution.predictions)
     further += _late(problem, solution.predictions)
     further += _origins(problem)
@@ -273,23 +273,23 @@ def _directions(name: str, unit: str, target: str, slope: Array) -> list[Further
     return [(Unknown(name, unit, target, 1.0, True, 0.0, -math.inf, math.inf, 1.0), slope)] if slope.any() else []
 
 
-def _of_law(name: str, problem: Problem, solution: Solution, given: Given, build: Build) -> list[Further]:
+def _of_law(name: str, problem: Problem, solution: Solution) -> list[Further]:
     """A parameter of a law, and the derivative (m,) of shapes by it, where the law has no effect yet."""
     slope, count, unknown = np.zeros(len(problem.measured)), len(problem.sought), list[Unknown]()
     values, ranges = problem.by_block(solution.values), dict[int, list[float]]()
     for k, _, rows in _readings(problem):
         if problem.blocks[k].moves or name == "softening_ratio":
-            per = given[k][1].finger.rod.length if problem.entries[rows[0]].unit == "m" else 1.0
+            per = problem.blocks[k].scene.finger.rod.length if problem.entries[rows[0]].unit == "m" else 1.0
             ranges.setdefault(k, []).append(float(np.ptp(problem.measured[rows])) / per)
     for k, sizes in ranges.items():
-        data, scene = given[k]
+        scene = problem.blocks[k].scene
         added = name == "softening_ratio" and scene.finger.softening is None
         if added:
             # From half of the greatest curvature on, as the range of the readings says; the derivative at a ratio of 1.
             bent = {"curvature": 0.5 * max(sizes) / scene.finger.rod.length, "stiffness_ratio": 0.5}
             scene = scene.changed({"finger.softening": bent})
         unknown = read_unknowns(scene, [name])
-        (block,) = build([(data, scene)], [*problem.sought, *unknown]).blocks
+        block = problem.blocks[k].again([*problem.sought, *unknown], scene=scene)
         at = np.insert(values[k], count, 1.0 if added else unknown[0].start)
         slope[problem.parts[k]] = block.predict(at)[1][:, count]
     return [(one, slope) for one in unknown]

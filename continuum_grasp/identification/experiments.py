@@ -348,8 +348,7 @@ def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report
     if paths:
         scene = scene.model_copy(update={"data": sets_of(scene, paths)})
     if given:
-        found = posed(scene, data, scene.estimate)
-        problem = found.build(found.given, found.unknowns)
+        problem = posed(scene, data, scene.estimate).problem
         solution = problem.solve(report)
         unknowns = [one._replace(start=value) for one, value in zip(problem.unknowns, solution.values, strict=True)]
         rows = problem.weighted(solution)[0][: problem.fitted.sum()]
@@ -367,7 +366,7 @@ def _read_along(motion: Trajectory, k: int, one: TipTrajectory, known: _Known) -
     """Derivatives (T, readings, n) of what will be logged along a motion, per standard deviation."""
     t = motion.t[1:]
     none = np.zeros(t.size)
-    readings = [Reading(m.quantity, none, m.place, m.sigma, m.since, m.of) for m in one.measured]
+    readings = [Reading(m.quantity, none, m.place, m.sigma, m.since, m.of, cast(float, m.offset)) for m in one.measured]
     block = PathBlock(motion.scene, TipPath(t, measured=readings, name="excitation"), known.sought)
     _, slopes = block.predict(known.choice.values[known.columns[-1]])
     return known.whitened(-1, slopes.reshape(t.size, len(readings), -1), block, one, f"data[{k}]")

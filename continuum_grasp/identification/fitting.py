@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
 from pathlib import Path
 from time import perf_counter
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -17,18 +17,18 @@ from continuum_grasp.accuracy.space import refined
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError, InputError, NumericalError, SolverError
-from continuum_grasp.identification.blocks import Block, PosesBlock
+from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.comparison import Comparison
 from continuum_grasp.identification.data import Data, Poses, TipPath
 from continuum_grasp.identification.doubts import doubts
 from continuum_grasp.identification.fit import Fit, estimates
 from continuum_grasp.identification.inference import infer, model_error_warnings
 from continuum_grasp.identification.laws import LawTrial, choose_law
-from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge
-from continuum_grasp.identification.problem import Problem, Solution, Task
-from continuum_grasp.identification.read import folder_of, plain_scene, read_data
-from continuum_grasp.identification.unknowns import Unknown, read_unknowns
+from continuum_grasp.identification.path_block import block_of
+from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge, too_far
+from continuum_grasp.identification.problem import Problem, Solution
+from continuum_grasp.identification.read import changed_at, folder_of, plain_scene, read_data
+from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
 from continuum_grasp.scene.load import scene_of
@@ -105,36 +105,37 @@ def identify(
         names, plain = [law.name for law in known.laws], cast(IdentifyScene, resolved(known)[0])
         ways = [posed(one, data, one.estimate, beside) for one in under_laws(plain)]
         tried = dict(zip(names, ways, strict=True))
-        chosen, laws = choose_law(tried, lambda share: report(0.5 * share))
+        chosen, solution, laws = choose_law({name: one.problem for name, one in tried.items()}, report)
         task = tried[chosen]
     else:
-        sought = getattr(known, "estimate", ()) if parameters is None else parameters
-        task = posed(known, data, sought, beside)
-    problem = task.build(task.given, task.unknowns)
-    try:
-        solution = problem.solve(report)
-    except (SolverError, NumericalError) as error:
-        causes = explain(problem, task.given, task.build)
-        if not causes:
-            raise
-        text = f"the parameters were not found; likely cause: {' or '.join(causes)}"
-        raise SolverError(text, status=IMPLAUSIBLE, advice="correct the data or the scene") from error
+        task = posed(known, data, getattr(known, "estimate", ()) if parameters is None else parameters, beside)
+        solution = _solved(task.problem, report)
     statistics = {
         "iterations": solution.iterations,
         "evaluations": solution.evaluations,
         "total_s": perf_counter() - started,
         **({"fidelity": task.note} if task.note else {}),
     }
-    return _fit(task, problem, solution, accepted=accept_implausible, laws=laws, statistics=statistics)
+    return _fit(task, solution, accepted=accept_implausible, laws=laws, statistics=statistics)
+
+
+def _solved(problem: Problem, report: Callable[[float], None]) -> Solution:
+    """The parameters; where they are not found, and a slip in the data explains that, the error says so."""
+    try:
+        return problem.solve(report)
+    except (SolverError, NumericalError) as error:
+        causes = explain(problem)
+        if not causes:
+            raise
+        text = f"the parameters were not found; likely cause: {' or '.join(causes)}"
+        advice = "correct the data or the scene; or start nearer to the values, where these are right"
+        raise SolverError(text, status=IMPLAUSIBLE, advice=advice) from error
 
 
 def under_laws(scene: IdentifyScene) -> Iterator[IdentifyScene]:
     """The scene under each of its laws."""
     for k, law in enumerate(scene.laws):
-        try:
-            plain = scene.model_copy(update={"laws": ()}).changed(law.set)
-        except InputError as error:
-            raise InputError(error.message, key=f"laws[{k}].set" + (f".{error.key}" if error.key else "")) from None
+        plain = changed_at(scene.model_copy(update={"laws": ()}), law.set, f"laws[{k}].set")
         yield plain.replaced(estimate=(*scene.estimate, *law.estimate))
 
 
@@ -187,19 +188,24 @@ def compare(
     [-0.01, 0.01]
     """
     started = perf_counter()
-    found, blocks = posed(scene_of(scene), data, None, folder_of(scene)), list[Block]()
-    for one, own in found.given:
-        blocks.append(_block(own, one, ()))
-        if progress is not None:
-            progress(len(blocks) / len(found.given))
-    problem = Problem(blocks, ())
+    found = posed(scene_of(scene), data, None, folder_of(scene), progress)
+    problem = found.problem
     start = np.array([one.start for one in problem.unknowns])
+    beyond = too_far(problem, start, np.array([one.sigma or 0.0 for one in problem.entries]))
     return Comparison(
         **problem.predicted(start, problem.predict(start)[0]),
         scene=found.scene,
-        warnings=tuple(problem.warnings(start)),
+        warnings=(*problem.warnings(start), *([f"{beyond}: check units and axes of the data"] if beyond else ())),
         statistics={"total_s": perf_counter() - started, **({"fidelity": found.note} if found.note else {})},
     )
+
+
+class Task(NamedTuple):
+    """Task of an estimation: the scene, how its fidelity was chosen, and the problem of all sets of data."""
+
+    scene: Scene
+    note: str
+    problem: Problem
 
 
 def posed(
@@ -207,6 +213,7 @@ def posed(
     data: Measurements,
     sought: Sequence[Estimate | str] | None,
     beside: Path | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Task:
     """Read what `identify` is given, in the folder of the scene's file; arguments and errors are its own.
 
@@ -214,24 +221,24 @@ def posed(
     """
     scene, note = resolved(scene)
     unknowns = [] if sought is None else read_unknowns(scene, sought)
-    given = [(one, resolved(one.scene or scene)[0]) for one in _measurements(scene, data, beside)]
+    given, blocks = _measurements(scene, data, beside), list[Block]()
+    for one in given:
+        blocks.append(block_of(resolved(one.scene or scene)[0], one, unknowns))
+        if progress is not None:
+            progress(len(blocks) / len(given))
+    return Task(scene, note, Problem(blocks, unknowns))
 
-    def build(sets: Sequence[tuple[Data, Scene]], sought: Sequence[Unknown]) -> Problem:
-        return Problem([_block(own, one, sought) for one, own in sets], sought)
 
-    return Task(scene, note, unknowns, given, build)
-
-
-def _finer(given: Sequence[tuple[Data, Scene]], unknowns: Sequence[Unknown], sets: Sequence[Array]) -> Array | None:
+def _finer(problem: Problem, sets: Sequence[Array]) -> Array | None:
     """Predictions (m,) of models with twice the elements; None where one of them is not feasible."""
     found = []
-    for (one, scene), own in zip(given, sets, strict=True):
-        model = FingerModel(scene)
+    for block, own in zip(problem.blocks, sets, strict=True):
+        model = FingerModel(block.scene)
         # the start that was estimated is in coordinates of the coarser one
-        if len(model.lengths) > _MOST or (isinstance(one, TipPath) and one.start == "estimated"):
+        if len(model.lengths) > _MOST or block.own:
             return None
         try:
-            found.append(_block(refined(scene, model), one, unknowns).predict(own)[0])
+            found.append(block.again(problem.sought, scene=refined(block.scene, model)).predict(own)[0])
         except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
             return None
     return np.concatenate(found)
@@ -266,24 +273,18 @@ def listed(data: Measurements) -> list[Any]:
     return list(data) if isinstance(data, Sequence) and not isinstance(data, str) else [data]
 
 
-def _block(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
-    if isinstance(data, Poses):
-        return PosesBlock(scene, data, unknowns)
-    return PathBlock(scene, data, unknowns)
-
-
-def _fit(task: Task, problem: Problem, solution: Solution, **further: Any) -> Fit:
+def _fit(task: Task, solution: Solution, **further: Any) -> Fit:
     """The result: estimates, and how far they can be trusted."""
+    problem = task.problem
     sigma, unknowns, shared = solution.sigma, problem.unknowns, problem.shared
     rows = problem.weighted(solution)
     found = infer(unknowns, solution.values, *rows, shared, problem.series)
     doubted: tuple[str, ...] = ()
-    finer = _finer(task.given, task.unknowns, problem.by_block(solution.values))
+    finer = _finer(problem, problem.by_block(solution.values))
     if finer is not None:
         coarse, fine = ((part / sigma)[problem.fitted] for part in (solution.predictions, finer))
         doubted = model_error_warnings(unknowns, found.deviations, rows[0][: len(coarse)], coarse, fine)
-    evidence = doubts(problem, solution, found.freedom, task.given, task.build)
-    verdict = judge(problem, solution, task.given, task.build)
+    evidence, verdict = doubts(problem, solution, found.freedom), judge(problem, solution)
     return Fit(
         **estimates(unknowns[:shared], solution.values, found),
         set_names=tuple(f"{one.name} [{one.unit}]" for one in unknowns[shared:]),

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.identification.inference import middle
-from continuum_grasp.identification.problem import Problem, Solution, Task
+from continuum_grasp.identification.problem import Problem, Solution
 
 _SURE = 0.975
 """Probability, to one side, from which a difference of errors tells two laws apart [1]."""
@@ -34,13 +34,14 @@ class LawTrial(NamedTuple):
     """``chosen``, ``alike`` (the data cannot tell it from the chosen one), ``worse``, or why it could not be fitted."""
 
 
-def choose_law(tasks: Mapping[str, Task], report: Callable[[float], None]) -> tuple[str, tuple[LawTrial, ...]]:
-    """Name of the law that is chosen, of tasks by the names of laws, and how all of them did.
+def choose_law(
+    candidates: Mapping[str, Problem], report: Callable[[float], None]
+) -> tuple[str, Solution, tuple[LawTrial, ...]]:
+    """Name and fit of the law that is chosen, of problems by the names of laws, and how all of them did.
 
     InputError if there is nothing to hold out, SolverError if no law can be fitted.
     """
-    names, candidates = list(tasks), list(tasks.values())
-    problems = [one.build(one.given, one.unknowns) for one in candidates]
+    names, problems = list(candidates), list(candidates.values())
     if problems[0].fitted.all():
         raise InputError("laws are chosen by what they predict: hold rows or a set out", key="laws")
     fits, missed, failed = list[Solution | None](), list[Array | None](), list[str]()
@@ -54,14 +55,14 @@ def choose_law(tasks: Mapping[str, Task], report: Callable[[float], None]) -> tu
         fits.append(solution)
         missed.append(found)
         failed.append(why)
-        report((k + 1) / len(candidates))
+        report((k + 1) / len(problems))
     sigma = np.min([fit.sigma for fit in fits if fit is not None], axis=0, initial=math.inf)
     squares = [None if one is None else (one / sigma) ** 2 for one in missed]
     errors = [math.inf if one is None else float(np.sqrt(np.nanmean(one))) for one in squares]
     best = int(np.argmin(errors))
     if not math.isfinite(errors[best]):
         raise SolverError("no law could be fitted", status="no fit", violated=failed, advice="fit them one by one")
-    numbers = [sum(not one.per_set for one in candidate.unknowns) for candidate in candidates]
+    numbers = [problem.shared for problem in problems]
     alike = [
         k
         for k, one in enumerate(squares)
@@ -75,7 +76,8 @@ def choose_law(tasks: Mapping[str, Task], report: Callable[[float], None]) -> tu
         math.inf if fit is None else float(np.sqrt(np.mean(((fit.predictions - of.measured) / sigma)[of.fitted] ** 2)))
         for fit, of in zip(fits, problems, strict=True)
     ]
-    return names[chosen], tuple(map(LawTrial._make, zip(names, numbers, weighted, errors, verdicts, strict=True)))
+    trials = tuple(map(LawTrial._make, zip(names, numbers, weighted, errors, verdicts, strict=True)))
+    return names[chosen], cast(Solution, fits[chosen]), trials
 
 
 def _differ(problem: Problem, more: Array) -> bool:

@@ -16,16 +16,21 @@ from continuum_grasp.core import Core
 from continuum_grasp.core.integrators import step_function
 from continuum_grasp.core.rollouts import Rollouts, signal
 from continuum_grasp.errors import NumericalError
-from continuum_grasp.identification.blocks import Bent, Block, entries_of
-from continuum_grasp.identification.data import TipPath, column
+from continuum_grasp.identification.blocks import Bent, Block, PosesBlock, entries_of
+from continuum_grasp.identification.data import Data, Poses, TipPath, column
 from continuum_grasp.identification.driven import Driven
 from continuum_grasp.identification.observation import check_tensions
-from continuum_grasp.identification.rows import Rows, Shapes
+from continuum_grasp.identification.rows import Shapes
 from continuum_grasp.identification.start import MeasuredStart
 from continuum_grasp.identification.unknowns import Unknown
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.simulation.spectrum import TARGET_RADIUS, sample_shapes, spectral_radius
 from continuum_grasp.simulation.trajectory import acting_input
+
+
+def block_of(scene: Scene, data: Data, unknowns: Sequence[Unknown]) -> Block:
+    """The set of measurements of a kind, predicted by the model of a scene."""
+    return (PosesBlock if isinstance(data, Poses) else PathBlock)(scene, data, unknowns)  # type: ignore[arg-type]
 
 
 class PathBlock(Block):
@@ -34,7 +39,8 @@ class PathBlock(Block):
     moves = ordered = True
 
     def __init__(self, scene: Scene, data: TipPath, unknowns: Sequence[Unknown]) -> None:
-        self.name, self.finger, readings = data.name, scene.finger, data.measured
+        super().__init__(scene, data, unknowns)
+        readings = data.measured
         self._t = t = column(f"{data.name}.t", data.t)
         driven = Driven(scene, unknowns, readings)
         check_tensions(driven.model, readings, data.name)
@@ -103,7 +109,7 @@ def _start_rows(scene: Scene, unknowns: Sequence[Unknown], name: str) -> Shapes 
     scene = scene.model_copy(update={"loads": (*scene.loads, *scene.initial.held_by)})
     if pose == "rest":
         scene = scene.model_copy(update={"gravity": (0.0, 0.0), "actuation": None, "loads": ()})
-    return Shapes(Rows(scene, unknowns, name)) if pose in ("equilibrium", "rest") else None
+    return Shapes(scene, unknowns, name) if pose in ("equilibrium", "rest") else None
 
 
 _MOST_STEPS = 200_000
@@ -169,9 +175,9 @@ class _Motion:
         count = grid.steps * grid.substeps
         if count > _MOST_STEPS:
             raise NumericalError(
-                f"{count:.3g} steps are needed to follow this motion at these parameters; at most "
-                f"{_MOST_STEPS} are taken: use fewer elements, a shorter part of the data, or bounds on stiffness and "
-                "damping",
+                f"{count:.3g} steps are needed to follow this motion from {self._start:g} to {self._t[-1]:g} s at "
+                f"these parameters; at most {_MOST_STEPS} are taken: use fewer elements, a shorter part of the data, "
+                "bounds on stiffness and damping, or instants that count from the start of the motion (zero of t)",
                 time=0.0,
             )
         self._grid, self._settled = grid, (p, rate)

@@ -187,7 +187,9 @@ def columns_of(log: ControlLog | str | PathLike[str], wanted: Sequence[str]) -> 
         t, given = log.t, dict(zip(names, [*log.u.T, *log.y.T], strict=True))
     else:
         table = read_table(str(log))
-        t, given = table.in_si("t" if "t" in table.headings else "time", "s"), {}
+        heading = "t" if "t" in table.headings else "time"
+        t, given = table.in_si(heading, "s"), {}
+        table.check_order(t, heading, np.arange(t.size), strict=False)
         for label in wanted:
             name, unit = split_unit(label)
             if name in table.headings:

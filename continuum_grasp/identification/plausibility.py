@@ -12,7 +12,7 @@ from copy import copy
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,9 +20,10 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.data import KIND_OF, OF_MODES, Data, TipPath
-from continuum_grasp.identification.problem import Build, Given, Problem, Solution, spread
+from continuum_grasp.identification.problem import Problem, Solution, spread
 from continuum_grasp.identification.slips import Slip, slips_of, undone
-from continuum_grasp.identification.unknowns import ADDED, read_unknowns
+from continuum_grasp.identification.unknowns import ADDED, Unknown, read_unknowns
+from continuum_grasp.scene.simulate import Scene
 
 IMPLAUSIBLE = "implausible"
 """Status of a fit whose measurements cannot be those of the finger."""
@@ -84,11 +85,11 @@ class Verdict(NamedTuple):
     warnings: tuple[str, ...]
 
 
-def judge(problem: Problem, solution: Solution, given: Given, build: Build) -> Verdict:
+def judge(problem: Problem, solution: Solution) -> Verdict:
     """Judge a fit."""
     left = misfits(problem, solution.predictions)
-    reason, doubtful = _too_far(problem, solution, given), [one for one in left if one.doubtful]
-    causes = explain(problem, given, build, left) if reason or doubtful else ()
+    reason, doubtful = too_far(problem, solution.values, solution.sigma), [one for one in left if one.doubtful]
+    causes = explain(problem, left) if reason or doubtful else ()
     worst = max(left, key=lambda one: one.rms / one.limit)
     if worst.rms > worst.limit or (causes and not reason):
         plausible = "which a slip in the data explains"
@@ -107,7 +108,7 @@ def judge(problem: Problem, solution: Solution, given: Given, build: Build) -> V
     for one, value in zip(problem.unknowns, solution.values, strict=True):
         times = value / one.typical
         if one.target in _SCALES and not 1.0 / _FAR <= times <= _FAR:
-            slips = " or ".join(explain(problem, given, build)) or "none of the usual ones explains it"
+            slips = " or ".join(explain(problem)) or "none of the usual ones explains it"
             warnings.append(
                 f"{one.name} comes out as {times:.3g} times the scene's; slips that may be behind it: {slips}"
             )
@@ -147,19 +148,19 @@ def _limit(kind: str, measured: Array, length: float) -> float:
     return sizes.get(kind, size)
 
 
-def _too_far(problem: Problem, solution: Solution, given: Given) -> str:
+def too_far(problem: Problem, values: Array, sigma: Array) -> str:
     """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
     found, most = "", 0.0
-    sigma, sets = solution.sigma, problem.by_block(solution.values)
-    for (data, scene), block, part, values in zip(given, problem.blocks, problem.parts, sets, strict=True):
-        readings = data.measured
-        sought = {one.target: float(value) for one, value in zip(problem.sought, values, strict=False)}
-        base = [
-            at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", scene.finger.base.position, strict=True)
-        ]
-        length = scene.finger.rod.length
-        for place in dict.fromkeys(one.at for one in readings if one.quantity in ("x", "y")):
-            here = [k for k, one in enumerate(readings) if one.quantity in ("x", "y") and one.at == place]
+    for block, part, own in zip(problem.blocks, problem.parts, problem.by_block(values), strict=True):
+        readings, finger = block.data.measured, block.scene.finger
+        sought = {one.target: float(value) for one, value in zip(problem.sought, own, strict=False)}
+        base = [at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", finger.base.position, strict=True)]
+        length = finger.rod.length
+        markers: dict[Any, list[int]] = {}
+        for k, reading in enumerate(readings):
+            if reading.quantity in ("x", "y"):
+                markers.setdefault((reading.at, *np.ravel(reading.offset)), []).append(k)
+        for (place, *_), here in markers.items():
             away = [np.asarray(readings[k].values) - base["xy".index(readings[k].quantity)] for k in here]
             noise = sigma[part].reshape(-1, len(readings))[:, here].max(axis=1)
             distance, reach = np.linalg.norm(away, axis=0), length if place is None else place
@@ -174,7 +175,7 @@ def _too_far(problem: Problem, solution: Solution, given: Given) -> str:
     return found
 
 
-def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
+def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
     """Slips that explain the measurements, by trying them: those that are best at the start values are fitted anew.
 
     There are no misfits ``left`` where no parameters were found.
@@ -182,6 +183,7 @@ def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit]
     before = _total(left) if left else math.inf
     tried: dict[str, tuple[float, Callable[[], Problem]]] = {}
     everywhere, missed = {block.name for block in problem.blocks}, {one.set for one in left if one.doubtful}
+    given = [(block.data, block.scene) for block in problem.blocks]
     for slip, sets in product(slips_of(given), (everywhere, missed)):
         pairs = [undone(slip, *one) if one[0].name in sets else None for one in given]
         concerned = [block.name for block, pair in zip(problem.blocks, pairs, strict=True) if pair]
@@ -190,8 +192,8 @@ def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit]
             continue
         try:
             blocks = [
-                block if pair is None else _other_values(block, slip, data) or build([pair], problem.sought).blocks[0]
-                for block, (data, _), pair in zip(problem.blocks, given, pairs, strict=True)
+                block if pair is None else _undone(block, slip, *pair, problem.sought)
+                for block, pair in zip(problem.blocks, pairs, strict=True)
             ]
             trial = Problem(blocks, problem.sought)
             total = _total(misfits(trial, trial.predict(np.array([one.start for one in trial.unknowns]))[0]))
@@ -204,7 +206,7 @@ def explain(problem: Problem, given: Given, build: Build, left: Sequence[Misfit]
         if total <= max(_BETTER * ranked[0][1][0], _NOTHING):
             found += _refitted(words, undo, before)
     if not found and any(entry.quantity in ("x", "y") for entry in problem.entries):
-        found = _refitted("the base is elsewhere", partial(_elsewhere, problem, given, build), before)
+        found = _refitted("the base is elsewhere", partial(_elsewhere, problem), before)
     least = min((total for total, _ in found), default=0.0)
     return tuple(text for total, text in found if total <= max(_BETTER * least, _NOTHING))
 
@@ -227,18 +229,19 @@ def _refitted(words: str, undo: Callable[[], Problem], before: float) -> list[tu
     return [(_total(left), f"{words}{by}: undone, the model is off by {worst.rms:.3g} {worst.unit} r.m.s.")]
 
 
-def _elsewhere(problem: Problem, given: Given, build: Build) -> Problem:
+def _elsewhere(problem: Problem) -> Problem:
     """The problem with the place of the base, and its angle, sought as well."""
-    scene, sought = given[0][1], list(problem.sought)
-    known = {one.name for one in sought}
-    return build(given, [*sought, *read_unknowns(scene, [one for one in ADDED if one not in known])])
+    known = {one.name for one in problem.sought}
+    more = read_unknowns(problem.blocks[0].scene, [one for one in ADDED if one not in known])
+    sought = [*problem.sought, *more]
+    return Problem([block.again(sought) for block in problem.blocks], sought)
 
 
-def _other_values(block: Block, slip: Slip, data: Data) -> Block | None:
-    """The block with other measured values, without a new model, where predictions do not depend on them."""
+def _undone(block: Block, slip: Slip, data: Data, scene: Scene, sought: Sequence[Unknown]) -> Block:
+    """The block without a slip; its model is that of the block where predictions do not depend on what is other."""
     factors = {name: factor for name, (to, factor) in slip.columns.items() if name == to}
     if not factors or factors.keys() - _MEASURED or (isinstance(data, TipPath) and data.start != "scene"):
-        return None
+        return block.again(sought, data=data, scene=scene)
     found = copy(block)
     found.entries = [replace(one, value=factors.get(one.quantity, 1.0) * one.value) for one in block.entries]
     return found

@@ -12,14 +12,11 @@ from numpy.typing import NDArray
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.identification.blocks import Block
-from continuum_grasp.identification.data import Data
 from continuum_grasp.identification.least_squares import Minimum, least_squares
 from continuum_grasp.identification.unknowns import Unknown, prior
 from continuum_grasp.scene.finger import Finger
-from continuum_grasp.scene.simulate import Scene
 
 Progress = Callable[[float], None]
-Given = Sequence[tuple[Data, Scene]]
 
 _ROUNDS = 25
 """Most rounds of weights; standard deviations settle in two or three."""
@@ -278,17 +275,3 @@ class Problem:
 def spread(residuals: Array, freedom: float) -> float:
     """Standard deviation of residuals with so many degrees of freedom."""
     return float(np.sqrt(residuals @ residuals / freedom))
-
-
-Build = Callable[[Given, Sequence[Unknown]], Problem]
-"""The problem of sets of data with their scenes, and of what is sought in them."""
-
-
-class Task(NamedTuple):
-    """Task of an estimation: the scene, how its fidelity was chosen, unknowns, sets of data, and their problem."""
-
-    scene: Scene
-    note: str
-    unknowns: Sequence[Unknown]
-    given: Given
-    build: Build

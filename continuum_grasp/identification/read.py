@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import cast
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,8 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.log import COMMANDED
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification.damped_sine import fit_damped_sine
 from continuum_grasp.identification.data import KIND_OF, OF_MODES, UNIT_OF, Data, Poses, Reading, TipPath
+from continuum_grasp.identification.vibrations import fit_damped_sine
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import (
@@ -37,6 +38,8 @@ from continuum_grasp.scene.identify import (
 from continuum_grasp.scene.loads import by_key
 from continuum_grasp.scene.simulate import Scene
 from continuum_grasp.scene.table import Table, read_table
+
+SomeScene = TypeVar("SomeScene", bound=Scene)
 
 
 @check_arguments
@@ -85,7 +88,7 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
         if not mine:
             raise InputError(f"no file {one.file or '*.csv'} among {', '.join(map(str, paths))}", key=f"{key}.file")
         used.update(mine)
-        own = _changed(scene, one.set, f"{key}.set")
+        own = changed_at(plain_scene(scene), one.set, f"{key}.set")
         for file in mine:
             table = read_table(file)
             for choice in one.where:
@@ -151,10 +154,10 @@ def plain_scene(scene: Scene) -> Scene:
     return Scene(**scene.model_dump(mode="json", exclude_unset=True, exclude=own))
 
 
-def _changed(scene: Scene, changes: Sequence[str], key: str) -> Scene:
-    """The scene without what is said of the data, changed."""
+def changed_at(scene: SomeScene, changes: Sequence[str], key: str) -> SomeScene:
+    """The scene with the changes of a key, which errors name."""
     try:
-        return plain_scene(scene).changed(changes)
+        return scene.changed(changes)
     except InputError as error:
         where = ".".join(part for part in (key, error.key) if part)
         raise InputError(error.message, key=where) from None
@@ -180,7 +183,11 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list
             )
             for k, (have, rows) in enumerate(points.patterns(one.measured))
         ]
-    t = _column(table, one.t, "s")
+    t, heading = _column(table, one.t, "s"), as_column(one.t).column
+    long = isinstance(one, TipTrajectory) and any(isinstance(of.at, Column) for of in one.measured)
+    groups = table.groups(heading if long else None)
+    first = np.array([rows[0] for rows in groups])
+    table.check_order(t[first], heading, first)
     inside = np.ones(t.size, dtype=bool) if one.window is None else (t >= one.window[0]) & (t <= one.window[1])
     if one.window is not None and not inside.any():
         start, end = one.window
@@ -188,10 +195,8 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list
         raise InputError(message, file=table.file)
     if isinstance(one, RingDown):
         return [_ring_downs(one, table, t, inside, scene, name)]
-    heading = as_column(one.t).column
-    long = any(isinstance(of.at, Column) for of in one.measured)
-    points = _Points(one, table, scene, key, table.groups(heading if long else None), heading)
-    t, inside = t[points.first], inside[points.first]
+    points = _Points(one, table, scene, key, groups, heading)
+    t, inside = t[first], inside[first]
     if one.conditions:
         given = _conditions(table, one.conditions, scene, key)
         scene = commanded(scene, t, {which: points.same(v, which) for which, v in given.items()}, table.file, key)
@@ -240,7 +245,7 @@ def choices_of(one: StaticPoses, scene: Scene, key: str) -> tuple[tuple[str, ...
     headings = (*fixed, *choices, *seen)
     cells = [(*fixed.values(), *(f"{v:.12g}" for v in row), *["0"] * len(seen)) for row in rows]
     plain = one.model_copy(update={"where": (), "holdout_rows": (), "use": "fit", "pose": None})
-    changed = _changed(scene, one.set, f"{key}.set")
+    changed = changed_at(plain_scene(scene), one.set, f"{key}.set")
     (poses,) = _read(plain, Table.of(headings, cells), changed, one.name or key, key)
     return headings, cells, cast(Poses, poses)
 
@@ -289,6 +294,9 @@ class _Points:
             raise InputError(f"axes are those of x and y: give {quantity} by scale", key=f"{self.key}.axes")
         origin = one.origin["xy".index(quantity)] if quantity in ("x", "y") else 0.0
         values = sign * _column(table, m, UNIT_OF[quantity], gaps=True) + origin
+        if quantity in ("x", "y") and m.sigma is not None and m.sigma > length:
+            message = f"{m.sigma:g} m is more than the finger is long: a deviation is in m, whatever the column is in"
+            raise InputError(message, key=f"{self.key}.{key}.sigma")
         offset = _column(table, m.offset, "m", gaps=True) if isinstance(m.offset, Column) else m.offset
         places = _column(table, m.at, "m") if isinstance(m.at, Column) else None
         for at in [m.place] if places is None else np.unique(places).tolist():
@@ -300,16 +308,29 @@ class _Points:
                     raise table.error(f"{len(mine)} rows of one {self.heading} at one place; {hint}", 0, int(mine[1]))
                 here[k] = mine[0] if len(mine) else -1
             for word, where in (("at", at), ("since", m.since)):
-                if where is not None and where > length * (1 + 1e-9):
-                    message = f"{where:g} m is beyond the finger's length of {length:g} m"
+                if where is not None and not 0.0 <= where <= length * (1 + 1e-9):
+                    message = f"{where:g} m is not on the finger of {length:g} m"
                     if word == "at" and places is not None:
                         raise table.error(message, table.index(as_column(cast(Column, m.at)).column), int(here.max()))
                     raise InputError(message, key=f"{self.key}.{key}.{word}")
             found = np.where(here < 0, np.nan, values[here])
-            own = np.nan_to_num(np.broadcast_to(offset, values.shape))[here]
+            own = np.broadcast_to(offset, values.shape)[here]
+            if isinstance(m.offset, Column):
+                self._check_offsets(m.offset.column, np.where(np.isfinite(found), own, 0.0), here)
+            own = np.nan_to_num(own)
             beside = np.where(here < 0, own.max(initial=0.0) if np.ptp(own[here >= 0]) == 0.0 else 0.0, own)
             same = float(beside[0]) if np.ptp(beside) == 0.0 else beside
             yield Reading(quantity, found, at, m.sigma, m.since, m.of, same)
+
+    def _check_offsets(self, heading: str, offsets: Array, rows: NDArray[np.intp]) -> None:
+        """Refuse markers without an offset, or one in another unit, in the rows (R,) that have them."""
+        at, length = self.table.index(heading), self.scene.finger.rod.length
+        for value, row in zip(offsets.tolist(), rows.tolist(), strict=True):
+            if np.isnan(value):
+                raise self.table.empty(at, row)
+            if abs(value) > length:
+                message = f"{value:g} m is farther from the backbone than the finger of {length:g} m is long"
+                raise self.table.error(message, at, row)
 
     def patterns(self, measured: Sequence[ReadingColumn]) -> Iterator[tuple[list[Reading], NDArray[np.bool_]]]:
         """Readings that groups have, and which groups have just these; in the order of their first group."""
@@ -333,8 +354,6 @@ def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, 
     missing = [name for name in names if name not in commands]
     if missing:
         raise InputError(f"no column gives {missing[0]}", key=f"{key}.conditions")
-    if np.any(np.diff(t) <= 0.0):
-        raise InputError("instants must increase", file=file)
     given = [{"times": t.tolist(), "values": commands[name].tolist()} for name in names]
     try:
         return scene.changed({"actuation": by_key(scene.finger.input_keys, given)})
@@ -409,8 +428,10 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
     table, columns = read_table(file), dict[str, Column]()
     for heading, unit in zip(table.headings, table.units, strict=True):
         found = _SUFFIX.fullmatch(heading) if unit is None else None
-        own = {"Nm": "N m"}.get(found[2], found[2]) if found else None
-        columns[found[1] if found else heading] = Column(column=heading, unit=own)
+        own, name = ({"Nm": "N m"}.get(found[2], found[2]), found[1]) if found else (None, heading)
+        if name in columns:
+            raise table.error(f"two columns are called {name!r}", table.index(heading))
+        columns[name] = Column(column=heading, unit=own)
     if "mode" in columns:
         message = (
             "give each mode a column of its own, by data: in a configuration: {quantity: frequency, of: 2, column: ...}"
@@ -433,6 +454,9 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
     known = _entries_of(scene)
     entries = {one: column for one, column in (commands or columns).items() if one in known}
     conditions = tuple(Condition(name=one, **column.model_dump(exclude_unset=True)) for one, column in entries.items())
+    if measured and not commands:
+        unread = [column for name, column in columns.items() if name not in entries]
+        _refuse_measured(table, unread, [*(name for name, _ in quantities), *_TIMES, "at", "pose", *known])
     one: DataSet | None = None
     if measured and time is not None:
         one = TipTrajectory(kind="trajectory", t=time, measured=measured, conditions=conditions)
@@ -440,10 +464,21 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
         named = None if pose is None else pose.column
         one = StaticPoses(kind="static", measured=measured, pose=named, conditions=conditions)
     if one is None:
-        expected = "t, x, y, angle, bend, at, pose, frequency, decay_rate, tension_1, load_1_y, ..."
-        message = f"the headings do not say what was measured: expected some of {expected}, or data: in a configuration"
+        message = "the headings do not say what was measured: expected some of t, x, y, angle, bend, at, pose, "
+        message += "frequency, decay_rate, tension_1, load_1_y, ..., or data: in a configuration"
         raise InputError(message, file=str(file), line=table.header_line)
     return _read(one, table, plain_scene(scene), file.stem, "data")
+
+
+def _refuse_measured(table: Table, unread: Sequence[Column], expected: Sequence[str]) -> None:
+    """Refuse columns that nothing reads, but for notes: a load that is left out would be missing."""
+    for one in unread:
+        at = table.index(one.column)
+        others = [name for name in expected if name != table.headings[at]]
+        near = difflib.get_close_matches(table.headings[at], others, n=1, cutoff=0.8)
+        if near or one.unit or table.units[at] or one.column == "frame":
+            hint = f"did you mean {near[0]}?" if near else f"expected {', '.join(expected)}"
+            raise table.error(f"nothing reads the column {one.column!r}; {hint}, or data: in a configuration", at)
 
 
 def _entries_of(scene: Scene, *parameters: str) -> dict[str, str]:

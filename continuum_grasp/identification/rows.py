@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError, SolverError
-from continuum_grasp.identification.data import column
 from continuum_grasp.identification.unknowns import OF_DRIVE, START, Unknown
 from continuum_grasp.labels import split_unit
 from continuum_grasp.model import FingerModel
@@ -42,53 +41,6 @@ def set_by(unknowns: Sequence[Unknown], names: Sequence[str]) -> tuple[Array, Ar
     return own, derivative
 
 
-class Rows:
-    """The argument z = [u, w, p] of a model in every row, and its derivative with respect to the unknowns.
-
-    Conditions (rows,) are values by row, under the names of the model; all others are the scene's, at time zero.
-    ``name`` is that of the data, for errors. InputError if a condition is unknown, or is to be estimated.
-    """
-
-    def __init__(
-        self,
-        scene: Scene,
-        unknowns: Sequence[Unknown],
-        name: str,
-        conditions: Mapping[str, ArrayLike] | None = None,
-        rows: int = 1,
-    ) -> None:
-        self.scene, self.unknowns, self.count, key = scene, list(unknowns), rows, f"{name}.conditions"
-        given = dict(conditions or {})
-        plain = FingerModel(scene, parameters=runtime_names(scene, unknowns), input_rates=False)
-        entries = [split_unit(label)[0] for label in (*plain.u_names, *plain.w_names)]
-        more = [one for one in given if one not in entries]
-        for one in more:
-            if one in {unknown.target for unknown in unknowns if not unknown.added}:
-                raise InputError(f"{one} is to be estimated, and given by the data", key=key)
-        try:
-            # by the family of the model without these parameters: data must not change what is fitted
-            self.model = model = FingerModel(
-                scene, parameters=runtime_names(scene, unknowns, more), input_rates=False, family=plain.family
-            )
-        except InputError as error:
-            where = f"inputs and forces: {', '.join(entries)}" if entries else "no inputs and forces"
-            raise InputError(f"{error.message}; {where}", key=key) from None
-        signals = Signals(scene, model)
-        self.nominal = np.concatenate([signals.u(0.0)[0], signals.w(0.0)[0], model.p_nominal])
-        names = [split_unit(label)[0] for label in (*model.u_names, *model.w_names, *model.p_names)]
-        self._table = np.tile(self.nominal, (rows, 1))
-        for one, values in given.items():
-            numbers = column(f"{key}.{one}", values, rows)
-            if one not in names:
-                raise InputError(f"no entry {one!r}; expected one of {', '.join(names)}", key=key)
-            self._table[:, names.index(one)] = numbers
-        self._own, self._derivative = set_by(unknowns, names)
-
-    def at(self, row: int, values: Array) -> tuple[Array, Array]:
-        """Values z (nz,) of a row and their derivative (nz, unknowns)."""
-        return self._own * self._table[row] + self._derivative @ values, self._derivative
-
-
 _TOLERANCE = 1e-11
 """Last Newton step per bending range [1]: the search for parameters, which converges to 1e-9, must not see it."""
 _ITERATIONS = 25
@@ -109,24 +61,55 @@ class Resting(NamedTuple):
 
 
 class Shapes:
-    """Equilibria of rows of measurements.
+    """Equilibria of rows of measurements, and their derivatives by the unknowns.
 
-    Each is followed from the last one that was found for its row, in shorter steps of z where Newton's method fails:
-    a finger that can buckle keeps to its branch. Rows in ``sequence`` are followed from one to the next instead, and
-    the friction states with them. SolverError if the scene has no equilibrium.
+    Conditions (rows,) are values by row of the argument z = [u, w, p] of the model, by its names; all others are the
+    scene's, at time zero. Each equilibrium is followed from the last one that was found for its row, in shorter steps
+    of z where Newton's method fails: a finger that can buckle keeps to its branch. Rows in ``sequence`` are followed
+    from one to the next instead, and the friction states with them. ``name`` is that of the data, for errors.
+    InputError if a condition is unknown, or is to be estimated; SolverError if the scene has no equilibrium.
     """
 
-    def __init__(self, rows: Rows, *, sequence: bool = False) -> None:
-        self.rows, self.model, self._sequence = rows, rows.model, sequence
-        self._reach = self.model.structure.family.coordinate_size(min(self.model.ranges), max(self.model.lengths))
-        model, initial, signals = self.model, rows.scene.initial, Signals(rows.scene, rows.model)
+    def __init__(
+        self,
+        scene: Scene,
+        unknowns: Sequence[Unknown],
+        name: str,
+        conditions: Mapping[str, ArrayLike] | None = None,
+        rows: int = 1,
+        *,
+        sequence: bool = False,
+    ) -> None:
+        conditions, key, self._sequence = conditions or {}, f"{name}.conditions", sequence
+        plain = FingerModel(scene, parameters=runtime_names(scene, unknowns), input_rates=False)
+        entries = [split_unit(label)[0] for label in (*plain.u_names, *plain.w_names)]
+        more = [one for one in conditions if one not in entries]
+        for one in more:
+            if one in {unknown.target for unknown in unknowns if not unknown.added}:
+                raise InputError(f"{one} is to be estimated, and given by the data", key=key)
+        try:
+            # by the family of the model without these parameters: data must not change what is fitted
+            self.model = model = FingerModel(
+                scene, parameters=runtime_names(scene, unknowns, more), input_rates=False, family=plain.family
+            )
+        except InputError as error:
+            where = f"inputs and forces: {', '.join(entries)}" if entries else "no inputs and forces"
+            raise InputError(f"{error.message}; {where}", key=key) from None
+        signals = Signals(scene, model)
+        acting = signals.u(0.0)[0], signals.w(0.0)[0]
+        names = [split_unit(label)[0] for label in (*model.u_names, *model.w_names, *model.p_names)]
+        nominal = np.concatenate([*acting, model.p_nominal])
+        self._table = np.tile(nominal, (rows, 1))
+        for one, values in conditions.items():
+            if one not in names:
+                raise InputError(f"no entry {one!r}; expected one of {', '.join(names)}", key=key)
+            self._table[:, names.index(one)] = np.asarray(values, dtype=float)
+        self._own, self._derivative = set_by(unknowns, names)
         # Measured shapes were pulled, unless the scene says otherwise.
-        start = equilibrium_under(
-            model, signals.u(0.0)[0], signals.w(0.0)[0], **friction_of(initial, model, needed=False)
-        )
-        count = len(rows.unknowns)
-        flat = [np.zeros((size, count)) for size in (rows.nominal.size, model.n, start.history.size)]
-        self._last = [Resting(rows.nominal, start.q, start.history, *flat)] * rows.count
+        start = equilibrium_under(model, *acting, **friction_of(scene.initial, model, needed=False))
+        flat = [np.zeros((size, len(unknowns))) for size in (nominal.size, model.n, start.history.size)]
+        self._last = [Resting(nominal, start.q, start.history, *flat)] * rows
+        self._reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
         q, u, w, p = symbols(model)
         z, history = ca.vertcat(u, w, p), ca.SX.sym("history", start.history.size)
         still, given = ca.SX(model.n, 1), (history,) if start.history.size else ()
@@ -143,14 +126,14 @@ class Shapes:
     def all(self, values: Array) -> Iterator[Resting]:
         """The rows, one by one; SolverError if one cannot be followed there."""
         before = None
-        for row in range(self.rows.count):
+        for row in range(len(self._last)):
             # Of a sequence the first row has the scene's own history, each of the others that of the one before.
             before = self.row(row, values, before if self._sequence else None)
             yield before
 
     def row(self, row: int, values: Array, before: Resting | None = None) -> Resting:
         """One row, by itself or with the friction of the row before; errors as of ``all``."""
-        z, by_values = self.rows.at(row, values)
+        z, by_values = self._own * self._table[row] + self._derivative @ values, self._derivative
         if before is not None:
             return self._follow(before, z, by_values, carried=True)
         self._last[row] = self._follow(self._last[row], z, by_values, carried=False)

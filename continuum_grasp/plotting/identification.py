@@ -58,9 +58,10 @@ def plot_shapes(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
     """
     from continuum_grasp.plotting.drawing import bodies
 
-    finger, sets = found.scene.finger, dict[str, list[tuple[float, float, int, int]]]()
-    for (name, at, place), (x, y) in found.points.items():
-        sets.setdefault(name, []).append((at, place, x, y))
+    finger, sets = found.scene.finger, dict[str, list[tuple[float, int, int, int]]]()
+    markers = list(dict.fromkeys(found.entries[x].series for x, _ in found.points.values()))
+    for (name, at, *_), (x, y) in found.points.items():
+        sets.setdefault(name, []).append((at, markers.index(found.entries[x].series), x, y))
     drawn = dict(zip((name for name, _ in found.blocks), found.drawn, strict=True))
     names = [name for name in sets if len(drawn[name].at)][:_PANELS]
     panels = _panels(len(names), ax, 5.6, 4.4)

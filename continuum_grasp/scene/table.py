@@ -18,14 +18,18 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
 from continuum_grasp.scene.document import text_of
-from continuum_grasp.scene.units import factor_to_si
+from continuum_grasp.scene.units import QUANTITIES, factor_to_si, units_of
 
 MAX_BYTES = 200_000_000
 """Greatest size of a file: cells as Python texts take some ten times that in memory."""
 _LARGEST = 1e15
 """Greatest number in a file [its unit]: larger ones were never measured, and its square may overflow."""
-_HEADING = re.compile(r"^(.*?)\s*(?:\[([^\]]*)\])?$")
+_UNITS = "|".join(re.escape(unit) for si in QUANTITIES for unit in units_of(si))
+_HEADING = re.compile(rf"^(.*?)\s*(?:[\[(]((?<=\[)[^\]]*(?=\])|(?<=\()(?:{_UNITS})(?=\)))[\])])?$")
+"""Heading with a unit: any in brackets, those that are known in parentheses, where other words may stand."""
 _COMMA, _POINT = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?"), re.compile(r"[-+]?\d*\.\d*(?:[eE][-+]?\d+)?")
+_WEIGHTS = {"g": "gf", "kg": "kgf"}
+"""Masses that stand for their weight where a force is expected."""
 _SURE = 0.6
 """Likelihood from which a point of DeepLabCut is one [1]: the default of its own plots (``pcutoff``)."""
 
@@ -102,19 +106,31 @@ class Table:
         ``unit`` is that of the data where its heading does not say it. With gaps, empty cells are NaN.
         """
         at = self.index(heading)
-        own = self.units[at]
+        own, given = self.units[at], unit
+        if si == "N":
+            own, unit = (_WEIGHTS.get(one or "", one) for one in (own, unit))
         if unit is not None and own is not None and unit != own:
-            raise self.error(f"its heading says [{own}], the configuration {unit!r}", at)
+            raise self.error(f"its heading says [{self.units[at]}], the configuration {given!r}", at)
         try:
             factor = factor_to_si(unit or own or si, si)
         except InputError as error:
             raise self.error(f"column {self.headings[at]}: {error.message}", at) from None
         return factor * (self.numbers(heading, gaps=gaps) - zero)
 
+    def check_order(self, values: Array, heading: str, rows: NDArray[np.intp], *, strict: bool = True) -> None:
+        """Refuse instants (K,) [s] of some rows (K,) that step back, or repeat where that is not allowed."""
+        steps = np.diff(values)
+        back = np.flatnonzero(steps <= 0.0 if strict else steps < 0.0)
+        if back.size:
+            k, at = int(back[0]), self.index(heading)
+            message = f"column {self.headings[at]}: {values[k + 1]:g} s is not after {values[k]:g} s"
+            raise self.error(f"{message}; expected instants of one run, in their order", at, int(rows[k + 1]))
+
     def error(self, message: str, at: int, row: int | None = None) -> InputError:
         """An error at a cell, or at the heading of a column."""
         line = self.header_line if row is None else self.lines[row]
-        cells = self.headings if row is None else self.rows[row]
+        headed = zip(self.headings, self.units, strict=True)
+        cells = [f"{name} [{unit}]" if unit else name for name, unit in headed] if row is None else self.rows[row]
         column = 1 + sum(len(cell) + 1 for cell in cells[:at])
         return InputError(message, file=self.file, line=line, column=column)
 
@@ -242,7 +258,7 @@ def _sure(table: Table) -> Table:
 
 def _number_in(text: str) -> float | None:
     try:
-        return float(text)
+        return None if "_" in text else float(text)  # which Python takes between digits
     except ValueError:
         return None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ from typer.testing import CliRunner
 import continuum_grasp as cg
 from continuum_grasp.cli import app
 from continuum_grasp.errors import InputError
-from continuum_grasp.identification import Poses, Reading, read_data, read_table
+from continuum_grasp.identification import Poses, Reading, TipPath, read_data, read_table
+from continuum_grasp.identification.periods import columns_of
+from continuum_grasp.plotting.identification import plot_shapes
 from continuum_grasp.scene.identify import IdentifyScene
 
 LENGTH, STIFFNESS = 0.2, 0.005
@@ -87,6 +90,56 @@ def test_errors_are_those_of_the_shift_that_was_written(tmp_path):
     assert (distance.rms, distance.largest) == pytest.approx((0.005, 0.005), abs=1e-7)
     assert distance.share == pytest.approx(0.025, abs=1e-6)
     assert distance.texts[1:6] == ("5", "5", "5", "mm", "2.5 %")
+
+
+def test_points_that_no_finger_reaches_are_warned_of(tmp_path):
+    """Millimeters without their unit, or an image whose origin is 0.3 m away; on the finger there is no warning."""
+    for scale, shift, words in ((1.0, 0.0, None), (1e3, 0.0, "is 200 m from the base"), (1.0, 0.3, "is 0.5 m from")):
+        x, y = (scale * one for one in on_arc(1e-9, LENGTH))
+        found = cg.compare(cg.Scene(**ROD), table(tmp_path, f"x,y\n{x + shift},{y}\n"))
+        assert len(found.warnings) == (words is not None)
+        assert all(words in one and "check units and axes" in one for one in found.warnings)
+
+
+def test_grams_are_weights_where_forces_are_meant(tmp_path):
+    text = "t [s],M,load [g],pull [kg]\n0,1,2,3\n"
+    one = read_table(table(tmp_path, text))
+    assert one.in_si("load", "N")[0] == pytest.approx(2e-3 * 9.80665, rel=1e-12)
+    assert one.in_si("load", "N", "g")[0] == one.in_si("load", "N", "gf")[0] == one.in_si("load", "N")[0]
+    assert one.in_si("pull", "N")[0] == pytest.approx(3 * 9.80665, rel=1e-12)
+    assert one.in_si("pull", "kg")[0] == 3.0
+    with pytest.raises(InputError, match=r"points.csv:1:9: its heading says \[g\], the configuration 'kg'"):
+        one.in_si("load", "N", "kg")
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_two_markers_of_one_section_are_two_points(moves):
+    """At the tip, 20 mm to either side: on the arc, and not twice as far from the base as the finger is long."""
+    sides, bends = (0.02, -0.02), np.array(MOMENTS) if not moves else np.full(40, 0.01)
+    points = np.array([[on_arc(moment, LENGTH, side) for moment in bends] for side in sides])
+    readings = [
+        Reading(axis, points[k, :, j], offset=side) for k, side in enumerate(sides) for j, axis in enumerate("xy")
+    ]
+    scene = cg.Scene(**{**ROD, "actuation": {"tip_moment": 0.01}}, initial={"pose": "equilibrium"})
+    data = TipPath(0.01 * np.arange(1.0, 41.0), readings) if moves else Poses(readings, {"tip_moment": bends})
+    found = cg.compare(scene, data)
+    assert np.abs(found.residuals).max() < 1e-6
+    assert found.warnings == ()
+    assert len(found.series) == 4
+    assert len(found.points) == 2 * bends.size
+    names = [one.name for one in found.channels if "distance" in one.name]
+    assert [name.rpartition(": ")[2] for name in names] == [
+        "distance at 0.2 m, +0.02 m beside",
+        "distance at 0.2 m, -0.02 m beside",
+    ]
+    assert [len(one.lines) for one in plot_shapes(found)] == [len(found.drawn[0].at) + 2 + 2 * moves]
+
+
+def test_what_would_count_twice_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"points.measured\[1\]: x of tip is given twice"):
+        cg.compare(cg.Scene(**ROD), table(tmp_path, "x [m],tip_x [m]\n0.2,0.2\n"))
+    with pytest.raises(InputError, match=r"points.csv:1:8: two columns are called 'x'"):
+        cg.compare(cg.Scene(**ROD), table(tmp_path, "x [mm],x_m\n200,0.2\n"))
 
 
 def test_image_coordinates_a_shifted_origin_and_markers_beside_the_backbone(tmp_path):
@@ -190,12 +243,14 @@ def test_tables_of_deeplabcut_and_tracker(tmp_path):
             "points.csv:3:1: tip_moment differs from the first row",
         ),
         ("pose,M,s,x,y\np0,0.01,0.1,0.1,0\np0,0.01,0.1,0.2,0\n", "points.csv:3:1: 2 rows of one pose at one place"),
-        ("pose,M,s,x,y\np0,0.01,0.1,0.1,0\np0,0.01,0.3,0.2,0\n", "0.3 m is beyond the finger's length of 0.2 m"),
+        ("pose,M,s,x,y\np0,0.01,0.1,0.1,0\np0,0.01,0.3,0.2,0\n", "0.3 m is not on the finger of 0.2 m"),
         ("pose,M,s,x,y\np0,0.01,0.1,,\n", "points.csv:2:13: column x: the cell is empty"),
         (
             "pose;M;s;x;y\np0;0.01;0.1;0,1;0\n",
             "column x: expected a number, got '0,1' (write a decimal point, not a comma)",
         ),
+        ("pose,M,s,x,y\np0,0.01,-0.1,0.1,0\n", "points.csv:2:9: -0.1 m is not on the finger of 0.2 m"),
+        ("pose,M,s,x,y\np0,0.01,0.1,0.1_5,0\n", "points.csv:2:13: column x: expected a number, got '0.1_5'"),
     ],
 )
 def test_tables_that_contradict_themselves_are_refused_by_place(tmp_path, text, message):
@@ -207,8 +262,47 @@ def test_tables_that_contradict_themselves_are_refused_by_place(tmp_path, text, 
 def test_headings_that_say_nothing_and_axes_along_one_line_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"points.csv:1: the headings do not say what was measured"):
         cg.compare(cg.Scene(**ROD), table(tmp_path, "a,b\n1,2\n"))
+    for heading, hint in {
+        "tip_momnt": "; did you mean tip_moment?",
+        "Time [s]": "",
+        "load [g]": "",
+        "frame": "",
+    }.items():
+        with pytest.raises(InputError, match=r"points.csv:1:5: nothing reads the column '.*'") as refused:
+            cg.compare(cg.Scene(**ROD), table(tmp_path, f"x,y,{heading}\n0.2,0,1\n"))
+        assert hint in str(refused.value)
+    assert len(cg.compare(cg.Scene(**ROD), table(tmp_path, "x,y,remark,trial\n0.2,0,good,1\n")).entries) == 2
     with pytest.raises(InputError, match="both are along x"):
         described({**LONG, "axes": ["x", "-x"]})
+
+
+@pytest.mark.parametrize(("cell", "words"), [("", "column o: the cell is empty"), ("20", "20 m is farther from")])
+def test_a_marker_whose_offset_is_missing_or_in_mm_is_refused(tmp_path, cell, words):
+    """Without a unit it would lie 20 m beside the finger, and without a number on its backbone."""
+    beside = [{**one, "at": 0.1, "offset": {"column": "o"}} for one in LONG["measured"]]
+    text = f"M,x,y,o\n0.01,0.1,0,0.02\n0.01,0.1,0,{cell}\n"
+    with pytest.raises(InputError) as refused:
+        cg.compare(described({"kind": "static", "measured": beside}), table(tmp_path, text))
+    assert words in str(refused.value)
+    assert "points.csv:3:12" in str(refused.value)
+
+
+@pytest.mark.parametrize("kind", ["trajectory", "ring_down", "log"])
+def test_instants_that_step_back_are_named_by_their_line(tmp_path, kind):
+    """Two runs in one file: sorted by time their samples would be mixed."""
+    text = "t [s],x,y\n" + "".join(f"{0.01 * k:.2f},0.2,0\n" for k in (*range(20), 9, 20))
+    file, further = table(tmp_path, text), {"ring_down": {"signals": ["x"], "window": [0.0, 1.0]}}.get(kind, {})
+    read = partial(columns_of, file, ["x [m]"])
+    if kind != "log":
+        read = partial(cg.compare, described({"kind": kind, **further}), file)
+    with pytest.raises(InputError, match=r"points.csv:22:1: column t: 0.09 s is not after 0.19 s"):
+        read()
+
+
+def test_units_stand_in_parentheses_too_but_words_do_not(tmp_path):
+    one = read_table(table(tmp_path, "t (ms),x (mm),y (left),y (right)\n1,2,3,4\n"))
+    assert (one.headings, one.units) == (("t", "x", "y (left)", "y (right)"), ("ms", "mm", None, None))
+    assert [one.index("x (mm)"), one.index("x"), one.index("y (left)")] == [1, 1, 2]
 
 
 def test_a_comparison_is_drawn_with_points_on_the_finger():

@@ -16,7 +16,7 @@ from continuum_grasp.identification.path_block import PathBlock
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.scene import Scene
-from tests.identification_cases import LENGTH, ROD, STIFFNESS, at_tip, elastica, loaded_scene
+from tests.identification_cases import LENGTH, ROD, STIFFNESS, at_tip, built_once, elastica, loaded_scene
 from tests.marks import few
 from tests.rods import rod_scene
 
@@ -55,26 +55,21 @@ class Releases:
         if "finger.damping.dry_friction" in damping:
             damping["initial.reached_by"] = "pulling"
         run = cg.simulate(scene.changed({"fidelity.family": "clothoid", **damping}))
-        self.t, self.tip, self.scene, self.built = run.t[1:], run.tip[1:], scene, dict[Any, Problem]()
-        self.start = run.tip[0]
+        self.t, self.tip, self.start = run.t[1:], run.tip[1:], run.tip[0]
         self.unknowns = read_unknowns(scene, KNOWN)
-        self.problem = self.build([(self.path(0.0), scene)], self.unknowns)
+        self.problem = self.of(scene)
 
     def path(self, noise: float, seed: int = 0) -> TipPath:
         tip = self.tip + noise * np.random.default_rng(seed).standard_normal(self.tip.shape)
         return TipPath(self.t, at_tip(*tip.T))
 
-    def build(self, given, unknowns) -> Problem:
-        key = tuple(one.name for one in unknowns)
-        if key not in self.built:
-            self.built[key] = Problem([PathBlock(given[0][1], given[0][0], unknowns)], unknowns)
-        return self.built[key]
+    def of(self, scene: Scene) -> Problem:
+        return Problem([built_once(PathBlock(scene, self.path(0.0), self.unknowns))], self.unknowns)
 
     def doubts(self, noise: float, seed: int) -> list[str]:
-        path = self.path(noise, seed)
-        self.problem.measured = np.stack([one.values for one in path.measured], axis=1).ravel()
-        solution = self.problem.solve(lambda share: None)
-        return doubts_of_laws(self.problem, solution, [(path, self.scene)], self.build)
+        measured = self.path(noise, seed).measured
+        self.problem.measured = np.stack([one.values for one in measured], axis=1).ravel()
+        return doubts_of_laws(self.problem, self.problem.solve(lambda share: None))
 
 
 @pytest.mark.parametrize("noise", [1e-4, 1e-3])
@@ -121,8 +116,7 @@ def test_rows_that_are_late_and_an_origin_elsewhere_are_named(scene, noise, rows
     if rows < 0:
         releases.tip[0] = releases.start
     releases.t, releases.tip = releases.t[:-1], releases.tip[:-1]
-    releases.built.clear()
-    releases.problem = releases.build([(releases.path(0.0), scene)], releases.unknowns)
+    releases.problem = releases.of(scene)
     for seed in range(2):
         (found,) = releases.doubts(noise, seed)
         said, step, deviation = re.match(r"(.*) by (\S+) \+/- (\S+) ", found).groups()
@@ -138,19 +132,12 @@ def test_rows_and_origins_of_shapes_at_rest(names, seeds):
     loads = np.linspace(0.0, 0.2, 8)
     clean, scene = np.array([elastica(load)[:2] for load in loads]), loaded_scene(2)
     poses = Poses([Reading("x", clean[:, 0]), Reading("y", clean[:, 1])], {"load_1_y": -loads})
-    built: dict[Any, Problem] = {}
-
-    def build(given, unknowns) -> Problem:
-        key = tuple(one.name for one in unknowns)
-        if key not in built:
-            built[key] = Problem([PosesBlock(scene, poses, unknowns)], unknowns)
-        return built[key]
-
-    problem = build(None, read_unknowns(scene, names))
+    unknowns = read_unknowns(scene, names)
+    problem = Problem([built_once(PosesBlock(scene, poses, unknowns))], unknowns)
 
     def doubts(rows: np.ndarray, seed: int) -> list[str]:
         problem.measured = (rows + 1e-3 * np.random.default_rng(seed).standard_normal(clean.shape)).ravel()
-        return doubts_of_laws(problem, problem.solve(lambda share: None), [(poses, scene)], build)
+        return doubts_of_laws(problem, problem.solve(lambda share: None))
 
     assert sum(bool(doubts(clean, seed)) for seed in range(seeds)) <= 0.01 * seeds
     late, early = np.vstack([clean[:1], clean[:-1]]), np.vstack([clean[1:], clean[-1:]])
@@ -174,17 +161,17 @@ def test_rows_and_origins_of_shapes_at_rest(names, seeds):
 def test_a_law_matters_from_a_thousandth_of_the_motion_on(share, reported):
     """Motions that are off by so much along the derivative by the law, and not at all beside it."""
     releases = Releases(SLENDER)
-    problem, given = releases.problem, [(releases.path(0.0), SLENDER)]
+    problem = releases.problem
     values = np.array([one.start for one in releases.unknowns])
     predictions, jacobian = problem.predict(values)
     solution = Solution(values, predictions, jacobian, np.ones(predictions.size), 0, 0)
     laws = ("quadratic_damping", "softening_ratio")
-    slope, other = (_of_law(name, problem, solution, given, releases.build)[0][1] for name in laws)
+    slope, other = (_of_law(name, problem, solution)[0][1] for name in laws)
     others = np.column_stack([jacobian, other])
     slope -= others @ np.linalg.lstsq(others, slope, rcond=None)[0]
     moved = predictions.reshape(-1, 2) - predictions.reshape(-1, 2).mean(axis=0)
     problem.measured = predictions + share * 1e-3 * np.linalg.norm(moved) / np.linalg.norm(slope) * slope
-    assert bool(doubts_of_laws(problem, solution, given, releases.build)) == reported
+    assert bool(doubts_of_laws(problem, solution)) == reported
 
 
 @pytest.mark.parametrize(
@@ -215,19 +202,13 @@ def test_noise_alone_makes_no_law_of_shapes_at_rest_wrong(rows):
     """At most one false alarm in a hundred, there and back; the models are built once."""
     scene, half = rod_scene(ROD, "arc", 2, gravity=(0.0, 0.0)), rows // 2
     moments = 0.1 * np.concatenate([np.linspace(0.0, 1.0, half), np.linspace(0.95, 0.0, rows - half)])
-    given = [(Poses([Reading("bend", moments * LENGTH / STIFFNESS)], {"tip_moment": moments}), scene)]
-    built: dict[int, Problem] = {}
-
-    def build(given, unknowns) -> Problem:
-        if len(unknowns) not in built:
-            built[len(unknowns)] = Problem([PosesBlock(given[0][1], given[0][0], unknowns)], unknowns)
-        return built[len(unknowns)]
-
-    problem, found = build(given, read_unknowns(scene, KNOWN[:1])), 0
+    poses = Poses([Reading("bend", moments * LENGTH / STIFFNESS)], {"tip_moment": moments})
+    unknowns, found = read_unknowns(scene, KNOWN[:1]), 0
+    problem = Problem([built_once(PosesBlock(scene, poses, unknowns))], unknowns)
     clean = problem.measured
     for seed in range(300):
         problem.measured = clean + 4e-3 * np.random.default_rng(seed).standard_normal(rows)
-        found += bool(doubts_of_laws(problem, problem.solve(lambda share: None), given, build))
+        found += bool(doubts_of_laws(problem, problem.solve(lambda share: None)))
     assert found <= 3
 
 

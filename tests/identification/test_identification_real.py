@@ -155,7 +155,7 @@ def distances(fit: Fit, *, fitted: bool, tip: bool) -> float:
     """Mean distance of markers from the prediction [m], over all of them or at the tip."""
     chosen = [
         float(np.hypot(fit.residuals[x], fit.residuals[y]))
-        for (_, _, place), (x, y) in fit.points.items()
+        for (_, _, place, _), (x, y) in fit.points.items()
         if fit.fitted[x] == fitted and (place > 0.36 or not tip)
     ]
     return float(np.mean(chosen))
