@@ -1,0 +1,188 @@
+"""Commissioning of benches that are mounted at random: what is found of each, and where its tip then rests.
+
+Every plant has another stiffness, damping, payload, lag and delay than the model and friction in its tendons, of which
+the model has none; every third one is a chain of guides with the exact law of capstans. Its camera is shifted by up to
+10 mm, turned by 8 degrees, scaled by 0.9 to 1.1, and every other one mirrored; drives and load cells are in a random
+order, one in eight of the drives and every other load cell turned round, with zeros up to 0.5 N and 5 N. ``tip`` is how
+far the tip rests from where it does with a mounting that is known exactly; a setpoint beside the curve on which a tip
+can rest is missed by both.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+from typing import Any
+
+import numpy as np
+
+os.environ.setdefault("CONTINUUM_GRASP_QUICK_COMPILE", "1")
+
+from benchmarks.report import Report, Table
+from continuum_grasp.closed_loop.plant import Plant
+from continuum_grasp.closed_loop.plant_model import PlantModel
+from continuum_grasp.closed_loop.run import run_closed_loop
+from continuum_grasp.control.controller import Controller
+from continuum_grasp.errors import ContinuumGraspError
+from continuum_grasp.identification.commissioning import Commissioning, commission
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.load import load
+from continuum_grasp.scene.mounting import Camera, Connection, Mounting
+
+_SHIFT, _TURN, _SCALE, _CELL, _DRIVE = 0.010, math.radians(8.0), 0.1, 5.0, 0.5
+"""Greatest shift [m], turn [rad] and error of the scale [1] of the camera, and zeros of cells and drives [N]."""
+_NEAR = 2e-3
+"""Distance of the tip from its setpoint within which a bench counts as commissioned [m]."""
+_PLANT = ("bending_stiffness", "tip_mass", "material_damping", "drive_time_constant")
+
+
+def scene_of(name: str) -> ControlScene:
+    """The closed loop: a finger that sags in the plane of its camera, or one that lies flat."""
+    files = {"sagging": "benchmarks/commission_sagging.yaml", "flat": "configs/mpc/steady_tip.yaml"}
+    found = load(files[name])
+    assert isinstance(found, ControlScene)
+    return found
+
+
+def mounting_of(rng: np.random.Generator, mirrored: bool) -> Mounting:
+    """A bench that is mounted at random."""
+    sign: dict[bool, Any] = {True: -1, False: 1}
+    order, cells = rng.permutation(2) + 1, rng.permutation(2) + 1
+    shared = rng.uniform(-_DRIVE, _DRIVE)
+    drives = [(int(of), sign[bool(rng.random() < 0.125)], shared * (1 if of == 1 else -1)) for of in order]
+    return Mounting(
+        camera=Camera(
+            position=tuple(rng.uniform(-_SHIFT, _SHIFT, 2).tolist()),
+            angle=float(rng.uniform(-_TURN, _TURN)),
+            scale=float(rng.uniform(1.0 - _SCALE, 1.0 + _SCALE)),
+            mirrored=mirrored,
+        ),
+        drives=tuple(Connection(of=of, sign=s, zero=z) for of, s, z in drives),
+        tensions=tuple(
+            Connection(of=int(of), sign=sign[bool(rng.random() < 0.5)], zero=float(rng.uniform(-_CELL, _CELL)))
+            for of in cells
+        ),
+    )
+
+
+def judged(found: Commissioning, true: Mounting) -> tuple[list[str], dict[str, float]]:
+    """Connections that are wrong, and errors of numbers: of the camera [m, rad, 1], of drives and cells [N]."""
+    own = found.mounting
+    wrong = [] if own.camera.mirrored == true.camera.mirrored else ["mirrored"]
+    for key in ("drives", "tensions"):
+        pairs = [(one.of, one.sign) for one in getattr(own, key)], [(one.of, one.sign) for one in getattr(true, key)]
+        wrong += [key] if pairs[0] != pairs[1] else []
+    camera = own.camera, true.camera
+    off = {
+        "camera": math.dist(*(one.position for one in camera)),
+        "angle": abs(camera[0].angle - camera[1].angle),
+        "scale": abs(camera[0].scale / camera[1].scale - 1.0),
+    }
+    if not wrong:
+        for key in ("drives", "tensions"):
+            zeros = zip(getattr(own, key), getattr(true, key), strict=True)
+            off[key] = max(abs(a.zero - b.zero) for a, b in zeros)
+    return wrong, off
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--plants", type=int, default=100)
+    parser.add_argument("--first", type=int, default=0, help="number of the first plant")
+    parser.add_argument("--seed", type=int, default=33)
+    parser.add_argument("--scene", choices=("sagging", "flat"), default="sagging")
+    parser.add_argument("--no-loop", action="store_true", help="do not close the loop afterwards")
+    asked = parser.parse_args()
+    scene = scene_of(asked.scene)
+    kinds: dict[str, dict[str, Any]] = {
+        "elements": {"fidelity": {"family": "clothoid", "elements": 6}, "tendon_friction": 0.01},
+        "guides": {"guides": 24, "axial_stiffness": 3e4, "tendon_friction": 0.01},
+    }
+    models, nominal = dict[str, PlantModel](), dict[str, Any]()
+    rows: list[list[Any]] = []
+    for number in range(asked.first, asked.first + asked.plants):
+        rng = np.random.default_rng([asked.seed, number])
+        kind = "guides" if number % 3 == 2 else "elements"
+        mirrored = bool(rng.random() < 0.5)
+        true = mounting_of(rng, mirrored)
+        periods = float(rng.uniform(0.0, 2.0))
+        estimator = scene.estimator
+        assert estimator is not None
+        changes = {"delay": estimator.delay + periods * scene.controller.step, "seed": number}
+        plant = kinds[kind] | changes
+        tried = scene.changed({"plant": plant | {"mounting": true}})
+        if asked.scene == "flat":  # a flat finger does not show which side is up: the camera is known
+            tried = tried.changed({"mounting": {"camera": {"mirrored": mirrored}}})
+        if kind not in models:
+            models[kind] = PlantModel(tried, parameters=_PLANT if kind == "elements" else _PLANT[:1])
+            nominal[kind] = models[kind].p.copy()
+        model = models[kind]
+        model.p = nominal[kind].copy()
+        model.p[0] *= rng.uniform(0.85, 1.15)
+        if kind == "elements":
+            model.p[1] += rng.uniform(0.0, 2e-3)  # kg
+            model.p[2] *= rng.uniform(0.7, 1.5)
+            model.p[3] *= rng.uniform(0.6, 1.6)
+        row = [number, kind, *tried_bench(tried, model, true, not asked.no_loop)]
+        rows.append(row)
+        print(row, flush=True)
+    report = Report(f"commission_{asked.scene}", asked.seed)
+    columns = ["plant", "kind", "status", "wrong", "camera [mm]", "angle [mrad]", "scale [1e-3]", "drives [N]"]
+    columns += ["cells [N]", "beyond interval", "from the setpoint [mm]", "tip [mm]"]
+    report.tables.append(Table("Benches", columns, rows, __doc__ or ""))
+    known = [row for row in rows if row[2] == "identified"]
+    near = [row for row in known if row[-1] <= 1e3 * _NEAR]
+    false = [row for row in known if row[3]]
+    summary = [[len(rows), len(known), len(near), len(false)]]
+    report.tables.append(
+        Table("All", ["benches", "identified", "then within 2 mm", "wrong without a word"], summary, "")
+    )
+    for file in report.write():
+        print(file)
+    print(summary)
+
+
+def tried_bench(scene: ControlScene, model: PlantModel, true: Mounting, closed: bool) -> list[Any]:
+    """Status, errors and distance of the tip of one bench."""
+
+    def plant(of: ControlScene) -> Plant:
+        return Plant(of, model=model)
+
+    try:
+        found = commission(scene, plant=plant)
+    except ContinuumGraspError as error:
+        return [f"{type(error).__name__}", str(error)[:80], *[math.nan] * 5, "", math.nan, math.nan]
+    wrong, off = judged(found, true)
+    numbers = {
+        "camera_x": true.camera.position[0],
+        "camera_y": true.camera.position[1],
+        "camera_angle": true.camera.angle,
+        "camera_scale": true.camera.scale,
+    }
+    beyond = [
+        name
+        for name, value in numbers.items()
+        if not wrong
+        and not found.intervals[found.names.index(name)][0] <= value <= found.intervals[found.names.index(name)][1]
+    ]
+    tip = missed = math.nan
+    if found.usable and closed:
+        corrected = found.apply()
+        controller = Controller(corrected, deadline=math.inf)
+        ends = []
+        for one in (corrected, corrected.replaced(mounting=true)):
+            loop = run_closed_loop(one, controller=controller, plant=plant(one))
+            ends.append(loop.tip[-30:].mean(axis=0))
+        tip = 1e3 * float(np.hypot(*(ends[0] - ends[1])))
+        missed = 1e3 * float(np.hypot(*(ends[0] - np.array(corrected.reference.tip))))
+    scales = (1e3, 1e3, 1e3, 1.0, 1.0)
+    errors = [
+        factor * off.get(key, math.nan)
+        for key, factor in zip(("camera", "angle", "scale", "drives", "tensions"), scales, strict=True)
+    ]
+    return [found.status, " ".join(wrong), *errors, " ".join(beyond), missed, tip]
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,62 @@
+"""Hard cases: what the program makes of each, against a truth that it did not produce.
+
+Run ``python -m benchmarks.bench_hard_cases`` in the root of the repository. Statics are measured against the exact
+elastica and closed forms, motions against SciPy's integration under error control, swings by their energy. A case ends
+in a right answer, a warning or a refusal that says why; anything else is WRONG.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+
+from benchmarks.hard_cases.attempt import RIGHT, WRONG, Judged, judge
+from benchmarks.hard_cases.motion import motion_attempts
+from benchmarks.hard_cases.statics import static_attempts
+from benchmarks.report import Report, Table
+
+COLUMNS = ["case", "family", "method", "error", "limit", "steps", "time [s]", "verdict"]
+NOTE = """\
+Errors are those of the tip per length unless the case says otherwise: of the coordinates per greatest one (nearly
+straight), of the deflection (pushed by 1e-9), of the energy per energy of the swing. Methods: auto, rk4, rodas and
+reference are those of time.method. Times are of one run, with what had to be compiled and, where it was the first to
+need it, the truth.""".replace("\n", " ")
+
+
+def table(title: str, judged: list[Judged]) -> Table:
+    """Outcomes as a table."""
+    rows = [
+        [j.attempt.case, j.attempt.family, j.attempt.method, j.error, j.attempt.limit, j.steps, j.seconds, j.verdict]
+        for j in judged
+    ]
+    return Table(title, COLUMNS, rows, NOTE)
+
+
+def main() -> None:
+    """Make every attempt and write the report."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="attempts with this in case, family and method")
+    only = parser.parse_args().only
+    report, all_judged = Report("hard_cases", 0), []
+    for title, attempts in (("At rest", static_attempts()), ("In motion", motion_attempts())):
+        judged = []
+        for attempt in attempts:
+            if only in attempt.name:
+                judged.append(judge(attempt))
+                print(f"{attempt.name}: {judged[-1].verdict}", flush=True)
+        report.tables.append(table(title, judged))
+        all_judged += judged
+    counts = Counter(j.kind for j in all_judged)
+    rows = [[kind, counts[kind]] for kind in sorted(counts, key=lambda k: (k != RIGHT, k))]
+    report.tables.insert(0, Table("Verdicts", ["verdict", "attempts"], rows))
+    report.claim("wrong answers", counts[WRONG], "<=", 0)
+    report.claim("verdicts other than expected", sum(j.surprising for j in all_judged), "<=", 0)
+    if only:
+        report.missing.append(f"all attempts without {only!r}")
+    for file in report.write():
+        print(file)
+    print(report.status)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,229 @@
+"""Motions that are hard to follow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.hard_cases.attempt import REFUSED, RIGHT, WARNED, Attempt, Found
+from benchmarks.hard_cases.motion_truth import true_states
+from benchmarks.hard_cases.scenes import (
+    FAMILIES,
+    HANGING,
+    LENGTH,
+    MASS,
+    UPRIGHT,
+    WEIGHT,
+    coordinates,
+    nitinol,
+    push,
+)
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene import Scene
+from continuum_grasp.simulation import modes, simulate
+from continuum_grasp.simulation.trajectory import Trajectory
+
+METHODS = ("auto", "rk4", "rodas", "reference")
+Array = NDArray[np.float64]
+Make = Callable[[str], Scene]
+Measure = Callable[[Trajectory], float]
+
+
+def moved(scene: Scene, method: str, measure: Measure) -> Found:
+    """Simulate a scene, and measure the error."""
+    timing = scene.time.model_copy(update={"method": method})
+    path = simulate(scene.model_copy(update={"time": timing}))
+    steps = (len(path.t) - 1) * int(path.statistics["substeps"])
+    return Found(measure(path), steps, path.warnings)
+
+
+def tip_error(path: Trajectory, truth: str = "DOP853") -> float:
+    """Greatest error of the tip against the truth, per length."""
+    states = true_states(_timeless(path.scene), truth)
+    true = Trajectory(path.t, states, path.u, path.w, path.model, path.scene)
+    return float(np.hypot(*(path.tip - true.tip).T).max() / LENGTH)
+
+
+def wide_error(path: Trajectory) -> float:
+    """As ``tip_error``, against the truth of the same elements evaluated to rounding over six times the range."""
+    scene = _timeless(path.scene)
+    fidelity = scene.fidelity.model_copy(update={"bending_range": 6.0, "accuracy": 1e-13})
+    wide = scene.model_copy(update={"fidelity": fidelity})
+    true = Trajectory(path.t, true_states(wide), path.u, path.w, FingerModel(wide), wide)
+    return float(np.hypot(*(path.tip - true.tip).T).max() / LENGTH)
+
+
+def state_error(path: Trajectory) -> float:
+    """Greatest error of the coordinates against the truth, per greatest coordinate."""
+    true = true_states(_timeless(path.scene), "DOP853", 1e-11, 1e-20)[:, : path.n]
+    return float(np.abs(path.q - true).max() / np.abs(true).max())
+
+
+def _timeless(scene: Scene) -> Scene:
+    """The scene without the method, so that all methods share one truth."""
+    return scene.model_copy(update={"time": scene.time.model_copy(update={"method": "auto"})})
+
+
+def straightness(path: Trajectory, along: tuple[float, float]) -> float:
+    """Greatest distance of the tip from where a straight finger has it, per length."""
+    return float(np.hypot(*(path.tip / LENGTH - np.array(along)).T).max())
+
+
+def energy_drift(path: Trajectory, least: float) -> float:
+    """Greatest change of energy, per energy of the motion above the equilibrium's."""
+    total = path.kinetic + path.potential
+    return float(np.abs(total - total[0]).max() / (total[0] - least))
+
+
+# Scenes.
+
+
+def straight(family: str) -> Scene:
+    """No load at all."""
+    return nitinol(family, time={"duration": 0.5, "step": 0.01})
+
+
+def standing(family: str) -> Scene:
+    """Balanced exactly, under far more than the critical weight."""
+    return nitinol(family, angle=UPRIGHT, gravity=WEIGHT, tip_mass=0.1, time={"duration": 1.0, "step": 0.01})
+
+
+def nearly_straight(family: str) -> Scene:
+    """Bends of 1e-6 rad; far above the reference's absolute tolerance of 1e-12."""
+    q = coordinates(family, (1e-6, -0.5e-6), (0.3, 0.3))
+    return nitinol(family, initial={"q": q}, time={"duration": 0.1, "step": 1e-4})
+
+
+def short_element(family: str) -> Scene:
+    """One element 1 % of the other, with 20 g at its end."""
+    return _released(family, (0.594, 0.006), tip_mass=0.02)
+
+
+def light_tip(family: str) -> Scene:
+    """The same without the mass: modes of 30 kHz."""
+    return _released(family, (0.594, 0.006), duration=0.05)
+
+
+def heavy_tip(family: str) -> Scene:
+    """A tip of 100 times the rod's mass, hanging and let go."""
+    return _released(family, 2, tip_mass=100 * MASS, angle=HANGING, pull=(6.0, 0.0), duration=1.0)
+
+
+def _released(
+    family: str,
+    elements: object,
+    *,
+    tip_mass: float = 0.0,
+    angle: float = HANGING,
+    pull: tuple[float, float] = (0.1, 0.0),
+    duration: float = 0.2,
+) -> Scene:
+    initial = {"pose": "equilibrium", "held_by": [push(*pull)]}
+    time = {"duration": duration, "step": 0.001}
+    return nitinol(family, elements, angle=angle, gravity=WEIGHT, tip_mass=tip_mass, initial=initial, time=time)
+
+
+def swinging(family: str, periods: int) -> Scene:
+    """Undamped swing in the first mode, 50 states per period."""
+    scene = _released(family, 2, tip_mass=0.02)
+    period = 1.0 / float(modes(scene.replaced(initial={"pose": "straight"})).frequencies_hz[0])
+    step = round(period / 50, 6)
+    return scene.model_copy(
+        update={"time": scene.time.model_copy(update={"duration": round(50 * periods * step, 9), "step": step})}
+    )
+
+
+def reversed_contact(family: str, rise: float) -> Scene:
+    """A contact force of 0.5 N that is turned round within ``rise`` seconds."""
+    force = {"times": [0.0, 0.1, 0.1 + rise, 1.0], "values": [[0.0, 0.5], [0.0, 0.5], [0.0, -0.5], [0.0, -0.5]]}
+    load = {"kind": "force", "at": 0.3, "force": {**force, "interpolation": "linear"}}
+    keys = {"contacts": [0.3], "loads": [load], "time": {"duration": 0.3, "step": 0.001}}
+    return nitinol(family, damping=1e-4, tip_mass=0.01, bending_range=3.0, **keys)
+
+
+def tension_step(family: str, rise: float, interpolation: str = "linear", lag: float | None = None) -> Scene:
+    """The tension goes from its least to its greatest value within ``rise`` seconds."""
+    pulled = {"times": [0.0, 0.05, 0.05 + rise], "values": [0.0, 0.0, 40.0], "interpolation": interpolation}
+    tendons = {"offset": 0.005, "max_tension": 40.0, "time_constant": lag}
+    return nitinol(
+        family,
+        damping=1e-4,
+        tip_mass=0.01,
+        bending_range=4.0,
+        finger={"tendons": tendons},
+        actuation={"tensions": [pulled, 0.0]},
+        time={"duration": 0.3, "step": 0.001},
+    )
+
+
+# Attempts.
+
+
+def motion_attempts() -> Iterator[Attempt]:
+    """All attempts at motions."""
+    still = partial(straightness, along=(1.0, 0.0))
+    yield from _all("straight exactly", straight, still, 1e-15)
+    yield from _all("standing exactly, beyond buckling", standing, partial(straightness, along=(0.0, 1.0)), 1e-15)
+    yield from _all("nearly straight, 1e-6 rad", nearly_straight, state_error, 1e-4)
+    yield from _all("one element 1 % of the other", short_element, tip_error, 1e-4)
+    yield from _all("light short tip, 30 kHz", light_tip, tip_error, 1e-4)
+    yield from _all("100-fold tip mass", heavy_tip, tip_error, 1e-4)
+    for family in FAMILIES:
+        scene = swinging(family, 1000)
+        least = _least_energy(scene)
+        for method in METHODS:
+            run = partial(moved, scene, method, partial(energy_drift, least=least))
+            yield Attempt("1,000 periods without damping: energy", family, method, run, 0.01)
+    for rise, words in ((1e-3, "in 1 ms"), (2e-9, "in 2 ns")):
+        make = partial(reversed_contact, rise=rise)
+        sudden = None if rise == 1e-3 else dict.fromkeys(FAMILIES, (WARNED,))
+        yield from _all(f"contact force reversed {words}", make, tip_error, 1e-3, expected=sudden)
+    kinks = {"arc": (WARNED,), "clothoid": (WARNED,), "matched_clothoid": (REFUSED,)}
+    yield from _all("tension 0 to 40 N in 2 ns", partial(tension_step, rise=2e-9), tip_error, 1e-2, expected=kinks)
+    smooth = partial(tension_step, rise=0.02, interpolation="smooth")
+    yield from _all("tension 0 to 40 N in 20 ms", smooth, tip_error, 1e-3)
+    lagged = partial(tension_step, rise=1e-3, lag=5e-3)
+    yield from _all("tension 0 to 40 N in 1 ms, lag of 5 ms", lagged, tip_error, 1e-3)
+    yield from _beyond_the_range()
+
+
+def _all(
+    case: str,
+    make: Make,
+    measure: Measure,
+    limit: float,
+    *,
+    expected: dict[str, tuple[str, ...]] | None = None,
+) -> Iterator[Attempt]:
+    for family in FAMILIES:
+        verdicts = (expected or {}).get(family, (RIGHT,))
+        for method in METHODS:
+            yield Attempt(case, family, method, partial(_made, make, family, method, measure), limit, verdicts)
+
+
+def _made(make: Make, family: str, method: str, measure: Measure) -> Found:
+    return moved(make(family), method, measure)
+
+
+def _least_energy(scene: Scene) -> float:
+    """Potential energy of the hanging finger at rest [J]."""
+    model = FingerModel(scene)
+    return float(model.energy(np.zeros(model.nx), np.zeros(model.nu), model.p_nominal)[1])
+
+
+def _beyond_the_range() -> Iterator[Attempt]:
+    """A start bent to the range and beyond it, and let go."""
+    for share, verdicts in ((1.0, (RIGHT, WARNED)), (1.2, (WARNED,)), (2.9, (WARNED, REFUSED)), (3.1, (REFUSED,))):
+        for family in FAMILIES:
+            run = partial(_made, partial(_bent, share=share), family, "auto", wide_error)
+            yield Attempt(f"let go at {share:g} times the range", family, "auto", run, 1e-3, verdicts)
+
+
+def _bent(family: str, share: float) -> Scene:
+    reach = 1.0
+    q = coordinates(family, (share * reach, share * reach), (0.3, 0.3))
+    time = {"duration": 0.2, "step": 0.001}
+    return nitinol(family, bending_range=reach, damping=1e-3, tip_mass=0.02, initial={"q": q}, time=time)
