@@ -23,7 +23,9 @@ PAGES = Path(__file__).parents[1] / "docs" / "live"
 WIDTHS = (390, 900, 1280)
 HEIGHT = 1000
 """Of the windows, as the widths in CSS pixels."""
-READY = "window.page !== undefined && page.world.origin !== undefined && page.world.time > 0.3"
+READY = """window.page !== undefined && page.world.origin !== undefined
+  && page.world.time > (page.controller?.mission?.begin[4] ?? 0.3)"""
+"""A mission has lifted its object by then."""
 HELD = """(() => {
   const at = page.plant.object?.state ?? null, last = page.memory.section_x.length - 1;
   if (page.world.target) return page.world.target;
