@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from benchmarks.report import Report, Table
 from continuum_grasp.control import Estimator
-from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.mission.trials import variations
 from continuum_grasp.mission.verdict import force_estimate

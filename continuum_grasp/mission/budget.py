@@ -49,15 +49,6 @@ def certified_contact(assignments: Sequence[Assignment], name: str) -> Certified
     )
 
 
-def firmer(of: Assignment) -> float:
-    """Share by which the fingers of a task may press harder than in the grasp [1]: as far as the drive of ``of`` has
-    tension, and each contact may be pressed (``normal_force_max``).
-    """
-    contacts = of.grasp.contacts
-    most = min(of.mission.grasp.normal_force_max(one.name) / max(one.normal_force, 1e-9) for one in contacts)
-    return max(0.0, min(of.reserve, most - 1.0))
-
-
 def grasp_contact(assignments: Sequence[Assignment], name: str) -> str | None:
     """Name in the grasp of a contact of the plant; None where the grasp does not know it (``more_contacts``)."""
     body, _, own = name.partition(".")

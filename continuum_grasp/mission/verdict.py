@@ -138,12 +138,13 @@ def judge(
     errors, means, estimates, stds = list[Array](), list[float](), list[float](), list[float]()
     for one, run in zip(assignments, runs, strict=True):
         for name, wanted in one.forces.items():
-            share = run.tracked[:, run.r_names.index(f"contact_force_{name} [N]")] / wanted
+            force, setpoint = (each[:, run.r_names.index(f"contact_force_{name} [N]")] for each in (run.tracked, run.r))
+            share = force / np.where(setpoint > 0.0, setpoint, wanted)
             errors.append(np.abs(_smoothed(share, window)[still] - 1.0))
             means.append(_over(np.mean, share[still] - 1.0))
             if name == one.contact:
                 believed, std = force_estimate(one, run)
-                estimates.append(_over(np.mean, (believed / wanted - share[:-1])[still[:-1]]))
+                estimates.append(_over(np.mean, ((believed - force[:-1]) / wanted)[still[:-1]]))
                 stds.append(float(np.sqrt(_over(np.mean, std[still[:-1]] ** 2))) / wanted)
     worst = int(np.argmax(np.abs(estimates)))
     fingers = [k for k, name in enumerate(contacts.names) if contacts.on_finger(name)]

@@ -21,7 +21,7 @@ from continuum_grasp.export.web.plant import plant_of_loop
 from continuum_grasp.export.web.record import loop_record
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import trials
-from continuum_grasp.mission.assignment import _control_scene, assign
+from continuum_grasp.mission.assign import _control_scene, assign
 from continuum_grasp.mission.lift import NotLifted
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model

@@ -12,10 +12,9 @@ import pytest
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.status import Anomaly, Trip
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assignment import assign
-from continuum_grasp.mission.budget import firmer
+from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.lift import LiftCheck
-from continuum_grasp.mission.plant import Timetable, Variation
+from continuum_grasp.mission.plant import Timetable, Variation, reserve
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Slip
@@ -79,7 +78,7 @@ def test_what_sinks_is_squeezed_within_50_ms(names):
 
 def test_contacts_are_pressed_no_harder_than_they_may_be():
     check, _, wanted, _ = watched(lambda t: -1e-3 * (t > BEGINS), slip=Slip(height=1e-4), most=1.1 * CERTIFIED)
-    assert firmer(fingers("finger", most=1.1 * CERTIFIED)[0]) == pytest.approx(0.1)
+    assert reserve(fingers("finger", most=1.1 * CERTIFIED)[0]) == pytest.approx(0.1)
     assert max(forces[0] for forces in wanted.values()) == pytest.approx(1.1 * CERTIFIED)
     assert check.slipped.firmer == pytest.approx(0.1)
 

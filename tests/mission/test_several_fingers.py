@@ -12,7 +12,7 @@ from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.drop import find_drop
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
