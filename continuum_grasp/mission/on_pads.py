@@ -161,6 +161,16 @@ def _seen(known: Sequence[Assignment], views: Sequence[list[Array]]) -> Closed:
     return Closed(float(tension.max()), tuple(names), force, gap, away, views[0][4] - np.array(known[0].object_pose))
 
 
+def reserved(of: Assignment) -> tuple[str, ...]:
+    """What is said beforehand of fingers that could not answer slip in time."""
+    if not of.standing:
+        return ()
+    return (
+        "what slides leaves the hand before it could be squeezed, since without friction the fingers push it out: they "
+        f"press {100.0 * of.standing:.0f} % harder from the lift on, and what slips all the same may fall (slip)",
+    )
+
+
 def check_pads(assignments: Sequence[Assignment]) -> None:
     """Refuse a mission whose contacts, closed on its compliant pads, bear too little to lift at any tension.
 
