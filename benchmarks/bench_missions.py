@@ -26,10 +26,9 @@ from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.assignment import LARGEST, Assignment
-from continuum_grasp.mission.budget import plant_friction, plant_mass
+from continuum_grasp.mission.budget import held_resistance, plant_friction, plant_mass
 from continuum_grasp.mission.outcomes import Outcome
 from continuum_grasp.mission.plant import Variation, reserve
-from continuum_grasp.mission.resistance import held_resistance
 from continuum_grasp.mission.run import run_mission
 from continuum_grasp.mission.trials import run_trials
 from continuum_grasp.scene.load import load

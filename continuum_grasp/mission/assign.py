@@ -16,9 +16,9 @@ from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.quality.resistance import Resistance
 from continuum_grasp.grasp.result import GraspResult
 from continuum_grasp.mission.assignment import LARGEST, Assignment, object_of
+from continuum_grasp.mission.budget import promised
 from continuum_grasp.mission.commands import Commands
 from continuum_grasp.mission.on_pads import standing
-from continuum_grasp.mission.resistance import promised
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.control import ControlScene
 from continuum_grasp.scene.controller import Controller

@@ -239,7 +239,7 @@ class MissionRun(MotionResult):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings: about numbers beyond the certificate, slip that can not be answered, of the closed loop, and about a
+        """Warnings: of numbers beyond the certificate, of slip that can not be answered, of the closed loop, and of a
         finger in the object between its contacts.
         """
         known = [*(one.text for one in self.exceeded), *reserved(self.assignments[0])]
@@ -317,14 +317,8 @@ class MissionRun(MotionResult):
 def verdict_data(verdict: Verdict) -> dict[str, Any]:
     """A verdict as plain data, with the sentence on a drop."""
     found = {**asdict(verdict), "succeeded": verdict.succeeded}
-    for name, part in (
-        ("refused", verdict.refused),
-        ("slipped", verdict.slipped),
-        ("drop", verdict.drop),
-        ("turned", verdict.turned),
-    ):
-        if part is not None:
-            found[name] |= {"text": part.text}
+    for name, text in verdict.explained.items():
+        found[name] |= {"text": text}
     if verdict.turned is not None:
         found["turned"] |= {"achieved": verdict.turned.achieved}
     return found
