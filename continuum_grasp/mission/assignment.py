@@ -1,4 +1,4 @@
-"""What the controller of a finger has to know and do in a mission."""
+"""Task of a finger in a mission: knowledge and setpoints of its controller."""
 
 from __future__ import annotations
 

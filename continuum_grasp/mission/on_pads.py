@@ -162,7 +162,7 @@ def _seen(known: Sequence[Assignment], views: Sequence[list[Array]]) -> Closed:
 
 
 def reserved(of: Assignment) -> tuple[str, ...]:
-    """What is said beforehand of fingers that could not answer slip in time."""
+    """Warning, beforehand, of fingers that could not answer slip in time; none where they could."""
     if not of.standing:
         return ()
     return (

@@ -87,7 +87,7 @@ class Verdict:
 
     @property
     def texts(self) -> dict[str, str]:
-        """The same, by what happened, and why it was not turned as asked."""
+        """Sentences by what happened, and why it was not turned as asked."""
         why = "" if self.turned is None else self.turned.reason
         return {_WORDS[name]: text for name, text in self.explained.items()} | ({"not turned": why} if why else {})
 
