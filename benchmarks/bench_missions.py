@@ -24,11 +24,11 @@ import numpy as np
 from benchmarks.report import Report, Table
 from continuum_grasp.errors import ContinuumGraspError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assignment import LARGEST, Assignment, assign
-from continuum_grasp.mission.budget import firmer, plant_friction, plant_mass
+from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission.assignment import LARGEST, Assignment
+from continuum_grasp.mission.budget import held_resistance, plant_friction, plant_mass
 from continuum_grasp.mission.outcomes import Outcome
-from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.resistance import held_resistance
+from continuum_grasp.mission.plant import Variation, reserve
 from continuum_grasp.mission.run import run_mission
 from continuum_grasp.mission.trials import run_trials
 from continuum_grasp.scene.load import load
@@ -128,7 +128,7 @@ def holds(assignments: Sequence[Assignment], variation: Variation) -> str:
     friction = (1.0 - variation.friction_fall) * plant_friction(mission, variation, names)
     mass, evenly = plant_mass(mission, variation), of.grasp.quality.resistance.tendons != "locked"
     asked = mission.pull_share * np.minimum(of.resisted.factors, LARGEST)
-    for word, more in zip(HOLDS, (0.0, min(firmer(one) for one in assignments)), strict=False):
+    for word, more in zip(HOLDS, (0.0, min(reserve(one) for one in assignments)), strict=False):
         most = mission.drive_tension
         there = held_resistance(of.grasp, friction, mass / (1.0 + more), max_tension=most, evenly=evenly)
         if np.all((1.0 + more) * np.asarray(there.factors) >= asked * (1.0 - 1e-6)):

@@ -374,7 +374,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     # mission
     *_in(
-        "mission/assignment.py",
+        "mission/assign.py",
         (
             "first, last = stations[0], finger.rod.length - stations[-1]",
             "first, last = stations[0], finger.rod.length - stations[0]",
@@ -382,7 +382,7 @@ FAULTS: tuple[Fault, ...] = (
         tests="mission",
     ),
     *_in(
-        "mission/resistance.py",
+        "mission/budget.py",
         ("lift = lift * mass / scene.object.mass", "lift = lift * scene.object.mass / mass"),
         tests="mission/test_mission_certificate.py",
     ),

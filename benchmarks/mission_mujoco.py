@@ -30,7 +30,8 @@ from continuum_grasp.control.estimation.noise import measurement_std
 from continuum_grasp.errors import InputError
 from continuum_grasp.export.mjcf.surroundings import numbers
 from continuum_grasp.export.mjcf.write import export_mjcf
-from continuum_grasp.mission.assignment import Assignment, assign
+from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.budget import plant_mass
 from continuum_grasp.mission.drop import FALLEN
 from continuum_grasp.mission.plan import Plan

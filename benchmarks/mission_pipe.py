@@ -14,7 +14,7 @@ import numpy as np
 
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
 from continuum_grasp.scene.load import load
 

@@ -20,7 +20,8 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.export.control.loop import Phases
 from continuum_grasp.export.fields import Real
 from continuum_grasp.export.parts import ASKED_FOR, OF_LOOPS, PARTS
-from continuum_grasp.mission.assignment import Assignment, assign
+from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.plan import certified_forces, mission_settings
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.precheck import admit, exceeded

@@ -13,7 +13,7 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.budget import certified_contact, firmer
+from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.plan import (
     BEARS,
     LETS_GO,
@@ -26,7 +26,7 @@ from continuum_grasp.mission.plan import (
     blindness,
     certified_forces,
 )
-from continuum_grasp.mission.plant import Timetable
+from continuum_grasp.mission.plant import Timetable, reserve
 
 _AT_LIMIT = 0.999
 """Share of the greatest tension from which on a drive is at its limit [1]: commands reach it to solver accuracy."""
@@ -142,9 +142,10 @@ class Slipped:
     def text(self) -> str:
         """Sign of slip, its time, and the answer."""
         what = f"it sank by {1e3 * self.lost:.2g} mm" if self.noticed == "sinks" else "a contact parted"
-        end = (
-            f", and set down at {self.down:.2f} s, since it went on; it slid by {1e3 * self.slid:.2g} mm until it stood"
-        )
+        slid = f"it slid by {1e3 * self.slid:.2g} mm until it stood"
+        if not self.firmer:
+            return f"{what} at {self.time:.2f} s: set down, since the fingers have no more force; {slid}"
+        end = f", and set down at {self.down:.2f} s, since it went on; {slid}"
         end = ", which held it" if math.isinf(self.down) else end
         return f"{what} at {self.time:.2f} s: squeezed {100.0 * self.firmer:.0f} % harder{end}"
 
@@ -191,7 +192,7 @@ class LiftCheck:
         """The firmest grip of all fingers, which each takes over; notes what made it so."""
         plan = max(self._plans, key=lambda one: one.grip)
         if plan.grip != USUAL and self.slipped is None:
-            more = min(firmer(one) for one in self._of)
+            more = 0.0 if self._of[0].standing else min(reserve(one) for one in self._of)
             self.slipped = Slipped(t, NOTICED[plan.noticed], max(plan.lost, 0.0), more)
         if plan.grip == SETS_DOWN and self.slipped is not None and math.isinf(self.slipped.down):
             self.slipped = replace(self.slipped, down=t)

@@ -15,7 +15,8 @@ from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.errors import SolverError
 from continuum_grasp.mission.assignment import Assignment
 from continuum_grasp.mission.lift import Shortfall, shortfalls
-from continuum_grasp.mission.plant import MOVES, mission_plant_model
+from continuum_grasp.mission.plan import NOTICES
+from continuum_grasp.mission.plant import MOVES, mission_plant_model, reserve
 from continuum_grasp.scene.controller import Plant
 
 _STEP = 0.004
@@ -50,34 +51,81 @@ class Closed:
     moved: Array
 
 
-def closed(assignments: Sequence[Assignment], stiffer: float = 1.0) -> Iterator[Closed]:
-    """Close the fingers as the squeeze does, and on to their greatest tensions, on an object that stands in the grasp.
+class _Hand:
+    """Fingers that close on an object that stands in the grasp: on a table, free, on pads with friction.
 
-    Equations are those of the plant, with fingers as their controllers know them: rods, pads, ``stiffer`` times those
-    of the mission, friction of contacts and table, a free object. The first has the tensions of the grasp.
+    Equations are those of the plant, with fingers as their controllers know them: rods, and pads ``stiffer`` times
+    those of the mission.
     """
-    known = [_as_known(one, stiffer) for one in assignments]
-    phases, models = known[0].mission.phases, [mission_plant_model(one) for one in known]
-    whole = SharedModel(models)
-    starts = [model.start.copy() for model in models]
-    for start, model, one in zip(starts, models, known, strict=True):
-        start[model.system.object_states][:3] = one.object_pose
-    given = [ca.SX.sym(name, whole.forward_dynamics.size1_in(k)) for k, name in enumerate("xuwp")]
-    rate = whole.forward_dynamics(*given)
-    slope = ca.Function("slope", given, [rate, ca.densify(ca.jacobian(rate, given[0]))])
-    views = [_view(one, model) for one, model in zip(known, models, strict=True)]
-    x, w = whole.joined(starts), whole.forces(0.0)[0]
-    unit = np.eye(len(x)) / _STEP
-    ways = ((phases.approach, "rest", "before"), (phases.squeeze, "before", "held"), (phases.squeeze, "held", "tight"))
-    for duration, begin, end in ways:
-        low, high = (np.concatenate([getattr(one, name) for one in known]) for name in (begin, end))
-        count = math.ceil(duration / _STEP)
-        for k in range(1, count + 1):
-            share = min(k / (MOVES * count), 1.0)
-            f, a = slope(x, low + share * (high - low), w, whole.p)
-            x = x + np.linalg.solve(unit - np.array(a), np.array(f).ravel())
-            if end == "tight" or (end == "held" and k == count):
-                yield _seen(known, [view(own) for view, own in zip(views, whole.parts(x), strict=True)])
+
+    def __init__(self, assignments: Sequence[Assignment], stiffer: float = 1.0) -> None:
+        self.known = [_as_known(one, stiffer) for one in assignments]
+        self.models = [mission_plant_model(one) for one in self.known]
+        self.whole = SharedModel(self.models)
+        starts = [model.start.copy() for model in self.models]
+        for start, model, one in zip(starts, self.models, self.known, strict=True):
+            start[model.system.object_states][:3] = one.object_pose
+        given = [ca.SX.sym(name, self.whole.forward_dynamics.size1_in(k)) for k, name in enumerate("xuwp")]
+        rate = self.whole.forward_dynamics(*given)
+        self.slope = ca.Function("slope", given, [rate, ca.densify(ca.jacobian(rate, given[0]))])
+        self.start, self.forces = self.whole.joined(starts), self.whole.forces(0.0)[0]
+
+    def motion(self) -> Iterator[tuple[bool, Array, Array]]:
+        """States and inputs as the fingers close: whether they have the tensions of the grasp or more by then."""
+        phases = self.known[0].mission.phases
+        x, unit = self.start, np.eye(len(self.start)) / _STEP
+        ways = (
+            (phases.approach, "rest", "before"),
+            (phases.squeeze, "before", "held"),
+            (phases.squeeze, "held", "tight"),
+        )
+        for duration, begin, end in ways:
+            low, high = (np.concatenate([getattr(one, name) for one in self.known]) for name in (begin, end))
+            count = math.ceil(duration / _STEP)
+            for k in range(1, count + 1):
+                u = low + min(k / (MOVES * count), 1.0) * (high - low)
+                f, a = self.slope(x, u, self.forces, self.whole.p)
+                x = x + np.linalg.solve(unit - np.array(a), np.array(f).ravel())
+                yield end == "tight" or (end == "held" and k == count), x, u
+
+
+def closed(assignments: Sequence[Assignment], stiffer: float = 1.0) -> Iterator[Closed]:
+    """Close the fingers as the squeeze does, and on to their greatest tensions; the first has those of the grasp."""
+    hand = _Hand(assignments, stiffer)
+    views = [_view(one, model) for one, model in zip(hand.known, hand.models, strict=True)]
+    for done, x, _ in hand.motion():
+        if done:
+            parts = zip(views, hand.whole.parts(x), strict=True)
+            yield _seen(hand.known, [view(own) for view, own in parts])
+
+
+def pushed_out(assignments: Sequence[Assignment]) -> float:
+    """Rate [1/s] at which an object whose contacts slide leaves the hand: the motion of the closed hand without
+    friction grows by exp(rate t). Zero where the hand holds it in the plane all the same.
+    """
+    hand = _Hand(assignments)
+    x, u = next((x, u) for done, x, u in hand.motion() if done)
+    for model in hand.models:
+        model.p = model.p.copy()
+        model.p[-1] = 0.0  # friction, the last of the object's numbers
+    _, a = hand.slope(x, u, hand.forces, hand.whole.p)
+    return max(0.0, float(np.linalg.eigvals(np.array(a)).real.max()))
+
+
+def standing(assignments: Sequence[Assignment]) -> float:
+    """Share by which fingers press harder from the lift on [1], since what slides is gone before they could answer.
+
+    Where the hand pushes it out, it is e times as far by the time that the drives press harder. Zero where slip can be
+    answered.
+    """
+    of = assignments[0].mission
+    rise = [
+        float(np.abs(one.tight - one.held).max()) / (one.control.controller.input.rate_max or math.inf)
+        for one in assignments
+    ]
+    late = (of.estimator.delay or 0.0) + NOTICES * of.controller.period + max(rise)
+    late += max(one.control.lag or 0.0 for one in assignments)
+    return min(reserve(one) for one in assignments) if pushed_out(assignments) * late > 1.0 else 0.0
 
 
 def _as_known(one: Assignment, stiffer: float) -> Assignment:
@@ -111,6 +159,16 @@ def _seen(known: Sequence[Assignment], views: Sequence[list[Array]]) -> Closed:
     tension, force, gap, away = (np.concatenate([view[k] for view in views]) for k in range(4))
     names = [one.own_name(name) for one in known for name in one.control.contact_names]
     return Closed(float(tension.max()), tuple(names), force, gap, away, views[0][4] - np.array(known[0].object_pose))
+
+
+def reserved(of: Assignment) -> tuple[str, ...]:
+    """Warning, beforehand, of fingers that could not answer slip in time; none where they could."""
+    if not of.standing:
+        return ()
+    return (
+        "what slides leaves the hand before it could be squeezed, since without friction the fingers push it out: they "
+        f"press {100.0 * of.standing:.0f} % harder from the lift on, and what slips all the same may fall (slip)",
+    )
 
 
 def check_pads(assignments: Sequence[Assignment]) -> None:

@@ -221,11 +221,9 @@ def _row(outcome: Outcome) -> dict[str, Any]:
     x, y = own.pop("shift")
     judged: dict[str, Any] = {}
     if (verdict := outcome.verdict) is not None:
-        judged, texts, turned = asdict(verdict), verdict.texts, verdict.turned
+        judged = asdict(verdict) | dict.fromkeys(("refused", "slipped", "drop"), "") | verdict.explained
         del judged["turned"]
-        words = {"drop": "dropped", "refused": "not lifted", "slipped": "slipped"}
-        judged |= {name: texts.get(word, "") for name, word in words.items()}
-        if turned is not None:
+        if (turned := verdict.turned) is not None:
             judged |= {"turn_error": turned.error, "turn_end_error": turned.end_error, "turn_reason": turned.reason}
     return {**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")}
 

@@ -18,8 +18,8 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.control.parts import Settings
 from continuum_grasp.control.status import Anomaly
 from continuum_grasp.mission.assignment import Assignment
-from continuum_grasp.mission.budget import certified_contact, firmer
-from continuum_grasp.mission.plant import Timetable
+from continuum_grasp.mission.budget import certified_contact
+from continuum_grasp.mission.plant import Timetable, firmer, reserve
 from continuum_grasp.scene.mission import Slip
 
 _FOLLOWED = {"posture": ("bending_",), "force": ("contact_force",), "gap": ("gap_",), "angle": ("gap_", "object_angle")}
@@ -105,9 +105,9 @@ def mission_settings(
     return sizes | {"NU": len(stages.u_min), "NC": certified.size}, members
 
 
-_PARTS_IN = 3
+NOTICES = 3
 """Calls in a row in which a contact bears hardly anything until it counts as parted [1]: one update of an estimate that
-jumps is none."""
+jumps is none. As many heights tell what sinks fast from a glitch."""
 _STAYS = 0.1
 """Time for which a contact that parted may do so under a firm grip until the object is set down [s]: twice as long as
 drives of 400 N/s take to squeeze."""
@@ -138,21 +138,20 @@ def _slip_settings(of: Assignment, names: Sequence[str], certified: Array) -> Se
     std, step = max(asked.height or 0.0, 0.1 * asked.sunk), of.control.controller.step
     sunk = max(asked.sunk, 0.5 * std)
     limits = np.array([sunk, _AGAIN * sunk, asked.down])
-    firm, more = dict.fromkeys(names, 0.0), firmer(of)
-    part = more / of.reserve if of.reserve else 0.0
-    firm |= dict(zip((one.label for one in of.control.finger.inputs), part * (of.tight - of.held), strict=True))
-    firm |= {f"contact_force_{name} [N]": more * force for name, force in of.forces.items()}
+    more = 0.0 if of.standing else reserve(of)
+    firm = firmer(of, more)
     return {
         "watches": watches,
+        "answers": int(more > 0.0),
         "sunk": limits,
         "weight": 2.0 * limits / (std**2 * -math.log(_FALSE)),
         "glitch": _GLITCH,
         "fresh": min(1.0, step / _SMOOTHED),
         "settles": math.ceil(_SETTLES * _SMOOTHED / step),
-        "parts": _PARTS_IN,
-        "stays": _PARTS_IN + math.ceil(_STAYS / step),
+        "parts": NOTICES,
+        "stays": NOTICES + math.ceil(_STAYS / step),
         "lost": _share(asked.parted, certified),
-        "firm": [firm[name] for name in names],
+        "firm": [firm.get(name, 0.0) for name in names],
     }
 
 

@@ -160,6 +160,23 @@ def _clear_of_supports(equations: PlantModel, x: Array, shift: tuple[float, floa
     return moved
 
 
+def reserve(of: Assignment) -> float:
+    """Share by which the fingers of a task may press harder than in the grasp [1]: as far as the drive of ``of`` has
+    tension, and each contact may be pressed (``normal_force_max``).
+    """
+    contacts = of.grasp.contacts
+    most = min(of.mission.grasp.normal_force_max(one.name) / max(one.normal_force, 1e-9) for one in contacts)
+    return max(0.0, min(of.reserve, most - 1.0))
+
+
+def firmer(of: Assignment, share: float) -> dict[str, float]:
+    """Further setpoints, by name, of a finger that presses harder by a share of the forces of its grasp [1]."""
+    part = share / of.reserve if of.reserve else 0.0
+    inputs = [one.label for one in of.control.finger.inputs]
+    forces = {f"contact_force_{name} [N]": share * force for name, force in of.forces.items()}
+    return dict(zip(inputs, part * (of.tight - of.held), strict=True)) | forces
+
+
 @dataclass(frozen=True)
 class Span:
     """A phase by name, from its start to its end [s]."""
@@ -283,6 +300,9 @@ class Timetable:
         moves += [("approach", 1.0, "begun", 1.0), ("squeeze", 1.0, "closed", share)]
         if share < 1.0:
             moves += [("settle", 1.0, "closed", 1.0 - share)]
+        if of.standing:
+            by["firmer"] = firmer(of, of.standing)
+            moves += [("lift", MOVES, "firmer", 1.0), ("release", 1.0, "firmer", -1.0)]
         moves += [("release", 1.0, "closed", -1.0), ("release", 1.0, "begun", -1.0)]
         spans = [self._plan(name) for name, *_ in moves]
         return (

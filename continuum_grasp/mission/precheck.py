@@ -14,12 +14,12 @@ from continuum_grasp.arguments import check_arguments
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import BeyondCertificate, SolverError
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.mission.assignment import LARGEST, Assignment, assign
-from continuum_grasp.mission.budget import lowered_by_pulls, plant_friction, plant_mass
+from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission.assignment import LARGEST, Assignment
+from continuum_grasp.mission.budget import ROUNDING, held_resistance, lowered_by_pulls, plant_friction, plant_mass
 from continuum_grasp.mission.drop import FALLEN
 from continuum_grasp.mission.on_pads import check_pads
 from continuum_grasp.mission.plant import Variation
-from continuum_grasp.mission.resistance import ROUNDING, held_resistance
 from continuum_grasp.scene.load import scene_of
 from continuum_grasp.scene.mission import MissionScene
 

@@ -16,6 +16,7 @@ from continuum_grasp.control.ocp.stages import Stages
 from continuum_grasp.errors import InputError
 from continuum_grasp.mission.assignment import Assignment, object_of, present
 from continuum_grasp.mission.budget import plant_friction
+from continuum_grasp.mission.on_pads import reserved
 from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Span, Timetable, Variation
 from continuum_grasp.mission.precheck import Exceeded
@@ -239,10 +240,10 @@ class MissionRun(MotionResult):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings: about numbers beyond the certificate, of the closed loop, and about a finger in the object between
-        its contacts.
+        """Warnings: of numbers beyond the certificate, of slip that can not be answered, of the closed loop, and of a
+        finger in the object between its contacts.
         """
-        known = [one.text for one in self.exceeded]
+        known = [*(one.text for one in self.exceeded), *reserved(self.assignments[0])]
         for (name, run), scene in zip(self.fingers.items(), self.scenes, strict=True):
             whose = "" if self.run is not None else f"{name}: "
             known += [f"{whose}{text}" for text in run.warnings]
@@ -317,14 +318,8 @@ class MissionRun(MotionResult):
 def verdict_data(verdict: Verdict) -> dict[str, Any]:
     """A verdict as plain data, with the sentence on a drop."""
     found = {**asdict(verdict), "succeeded": verdict.succeeded}
-    for name, part in (
-        ("refused", verdict.refused),
-        ("slipped", verdict.slipped),
-        ("drop", verdict.drop),
-        ("turned", verdict.turned),
-    ):
-        if part is not None:
-            found[name] |= {"text": part.text}
+    for name, text in verdict.explained.items():
+        found[name] |= {"text": text}
     if verdict.turned is not None:
         found["turned"] |= {"achieved": verdict.turned.achieved}
     return found

@@ -15,7 +15,8 @@ from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control.controller import Controller
 from continuum_grasp.errors import Interrupted
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.mission.assignment import Assignment, assign, present
+from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission.assignment import Assignment, present
 from continuum_grasp.mission.lift import LiftCheck
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
 from continuum_grasp.mission.precheck import admit, exceeded

@@ -11,7 +11,9 @@ from continuum_grasp import interrupt
 from continuum_grasp.arguments import check_arguments
 from continuum_grasp.errors import ContinuumGraspError, InputError, Interrupted
 from continuum_grasp.grasp.result import GraspResult
-from continuum_grasp.mission.assignment import Assignment, assign
+from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.on_pads import reserved
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Variation
 from continuum_grasp.mission.precheck import admit, exceeded_by_trials
@@ -95,6 +97,7 @@ def run_trials(
     assignments = assign(mission, grasp)
     known = exceeded_by_trials(assignments, drawn)
     admit(assignments, known)
+    known += reserved(assignments[0])
     report = progress or (lambda share: None)
     done: dict[int, Outcome] = {}
     try:

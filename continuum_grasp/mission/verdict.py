@@ -27,6 +27,9 @@ _LOADED = 0.05
 _FALLBACKS = ("previous_plan", "safe_ramp")
 """Statuses of commands that are not of a new plan."""
 
+_WORDS = {"refused": "not lifted", "slipped": "slipped", "drop": "dropped", "turned": "turned"}
+"""Attributes of a verdict that explain something, and what that is called."""
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -78,12 +81,15 @@ class Verdict:
         return f"turned, {found}" if self.turned.achieved else f"not turned, {found}"
 
     @property
+    def explained(self) -> dict[str, str]:
+        """Sentences on a refused lift, slip, a drop and a turn, by attribute; without those that there are not."""
+        return {name: getattr(self, name).text for name in _WORDS if getattr(self, name) is not None}
+
+    @property
     def texts(self) -> dict[str, str]:
-        """Sentences on a refused lift, a drop and a turn, by name; without those that there are not."""
-        parts = {"not lifted": self.refused, "slipped": self.slipped, "dropped": self.drop, "turned": self.turned}
-        found = {name: part.text for name, part in parts.items() if part is not None}
+        """Sentences by what happened, and why it was not turned as asked."""
         why = "" if self.turned is None else self.turned.reason
-        return found | ({"not turned": why} if why else {})
+        return {_WORDS[name]: text for name, text in self.explained.items()} | ({"not turned": why} if why else {})
 
     def pairs(self) -> dict[str, str]:
         """Values with their units, by name."""
@@ -138,12 +144,13 @@ def judge(
     errors, means, estimates, stds = list[Array](), list[float](), list[float](), list[float]()
     for one, run in zip(assignments, runs, strict=True):
         for name, wanted in one.forces.items():
-            share = run.tracked[:, run.r_names.index(f"contact_force_{name} [N]")] / wanted
+            force, setpoint = (each[:, run.r_names.index(f"contact_force_{name} [N]")] for each in (run.tracked, run.r))
+            share = force / np.where(setpoint > 0.0, setpoint, wanted)
             errors.append(np.abs(_smoothed(share, window)[still] - 1.0))
             means.append(_over(np.mean, share[still] - 1.0))
             if name == one.contact:
                 believed, std = force_estimate(one, run)
-                estimates.append(_over(np.mean, (believed / wanted - share[:-1])[still[:-1]]))
+                estimates.append(_over(np.mean, ((believed - force[:-1]) / wanted)[still[:-1]]))
                 stds.append(float(np.sqrt(_over(np.mean, std[still[:-1]] ** 2))) / wanted)
     worst = int(np.argmax(np.abs(estimates)))
     fingers = [k for k, name in enumerate(contacts.names) if contacts.on_finger(name)]

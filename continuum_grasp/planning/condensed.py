@@ -34,6 +34,8 @@ _ACCEPTED, _GOOD, _POOR = 1e-3, 0.75, 0.25
 _RESTORED = 0.3
 """Share of the violation that a QP has to take away of what the radius lets it, lest the penalty is raised."""
 
+_REFINED = 3
+"""Times that steps are made finer for one motion, at most [1]: with other steps it is a little another one."""
 _PATIENCE, _PROGRESS = 10, 1e-2
 """Iterations in which the objective must fall by this share, where all is satisfied: along kinks it creeps for long."""
 
@@ -51,12 +53,13 @@ class _Point:
 class Condensed:
     """A problem of multiple shooting, with Hessians of Gauss and Newton, whose states are eliminated, and its solver.
 
-    It goes on while a QP predicts to reduce objective and violations by ``tolerance``, relative to the objective;
-    ``feasible`` is the greatest violation of a solution.
+    It goes on while a QP predicts to reduce objective and violations by ``tolerance``, relative to the objective, where
+    that is ``least`` at least; ``feasible`` is the greatest violation of a solution. Where a motion is too fast for the
+    steps of the problem, these become finer.
     """
 
-    def __init__(self, problem: PlanProblem, tolerance: float, feasible: float) -> None:
-        self.problem, self.tolerance, self.feasible = problem, tolerance, feasible
+    def __init__(self, problem: PlanProblem, tolerance: float, feasible: float, least: float = 1.0) -> None:
+        self.problem, self.tolerance, self.feasible, self.least = problem, tolerance, feasible, least
         assembly, grid = problem.assembly, problem.grid
         low, high = np.array(assembly.low), np.array(assembly.high)
         self._states = grid.s[1:].ravel()
@@ -71,9 +74,10 @@ class Condensed:
 
     def solve(self, w: Array, budget: Budget, most: int) -> Attempt:
         """Solve from unknowns, whose states are replaced by those of the motion, in so many iterations at most."""
-        began, nlp, start = time.perf_counter(), self.problem.assembly.nlp, self.problem.assembly.start(w)
+        began, start = time.perf_counter(), self.problem.assembly.start(w)
         self._start = start
-        point = self._moved(np.clip(w, start.low, start.high))
+        w = np.clip(w, start.low, start.high)
+        point = self._resolved(w, None if self.problem.outpaced(w) else self._moved(w))
         radius, penalty, count, outcome = _FIRST_RADIUS, _FIRST_PENALTY, 0, "Maximum_Iterations_Exceeded"
         passed: list[float] = []  # objectives of motions that satisfy all
         lam = Multipliers(np.zeros(start.x.size), np.zeros(start.lower.size))
@@ -88,7 +92,7 @@ class Condensed:
             lam = model.multipliers(own)
             predicted = -model.change(step) + penalty * (point.violated - slack)
             satisfied = start.violation(point.w, point.g) <= self.feasible
-            least = self.tolerance * max(1.0, abs(point.f))
+            least = self.tolerance * max(self.least, abs(point.f))
             if predicted <= least or (satisfied and -model.change(step) <= least):
                 outcome = "Solve_Succeeded" if satisfied else "Restoration_Failed"
                 break
@@ -108,7 +112,8 @@ class Condensed:
                 radius = min(2.5 * radius, _LARGEST)
             if new is not None:
                 passed = passed if satisfied else []
-                point, model = new, _Model(self, new)
+                point = self._resolved(new.w, new)
+                model = _Model(self, point) if point else None
             elif radius < _SMALLEST:
                 outcome = "Search_Direction_Becomes_Too_Small"
                 break
@@ -116,7 +121,7 @@ class Condensed:
             outcome = "Invalid_Number_Detected"
         x, g, f = (start.x, np.full(start.lower.size, np.nan), np.nan) if point is None else (point.w, point.g, point.f)
         violation = start.violation(x, g)
-        error = optimality_error(nlp, start, x, lam) if point else float("inf")
+        error = optimality_error(self.problem.assembly.nlp, start, x, lam) if point else float("inf")
         status = {
             "Solve_Succeeded": Status.SOLVED,
             "Maximum_Iterations_Exceeded": Status.ITERATION_LIMIT,
@@ -146,6 +151,18 @@ class Condensed:
         w = point.w.copy()
         w[self._free] += step
         return np.asarray(np.clip(w, self._start.low, self._start.high))
+
+    def _resolved(self, w: Array, point: _Point | None) -> _Point | None:
+        """The motion under the inputs of w, anew in finer steps where it is too fast for those of the problem, or where
+        there is none yet.
+        """
+        for _ in range(_REFINED):
+            at = w if point is None else point.w
+            if not self.problem.outpaced(at):
+                break
+            self.problem.refine(at)
+            point = self._moved(w)
+        return point
 
     def _moved(self, w: Array) -> _Point | None:
         """The motion under the inputs of w; None where it is not finite."""

@@ -16,7 +16,7 @@ from continuum_grasp.scene.reach import check_reach
 _STILL_WHEN_RELAXED = 1e4
 """Weight of rest against the distance from a goal that cannot be reached: the nearest plan ends at rest too."""
 
-_MET = 1e-5
+MET = 1e-5
 """Error of a goal, per its scale, with which it counts as reached where it has no weight [1]."""
 _MET_BY_WEIGHT = 0.1
 """Tolerance of a goal with a weight and no tolerance of its own [1]: 1 % of the finger's length, 0.05 rad."""
@@ -42,7 +42,7 @@ class GoalPart:
     scale: Array
     weight: float | None
     value: ca.SX
-    tolerance: float | Array = _MET
+    tolerance: float | Array = MET
 
     @property
     def at_rest(self) -> bool:
@@ -85,7 +85,7 @@ def goal_parts(motion: Motion, settles: bool) -> list[GoalPart]:
         if len(target) != size:
             raise InputError(f"expected {size} entries ({', '.join(names)}), got {len(target)}", key=key)
         aim = getattr(goal, name)
-        met = _MET if aim.weight is None else _MET_BY_WEIGHT if aim.tolerance is None else aim.tolerance / scale
+        met = MET if aim.weight is None else _MET_BY_WEIGHT if aim.tolerance is None else aim.tolerance / scale
         scales = np.full(size, scale)
         found.append(GoalPart(f"goal {name}", key, unit, names, np.array(target), scales, aim.weight, value, met))
 

@@ -56,12 +56,15 @@ class Grid:
         return np.hstack([s, self.v, np.repeat(self.time, self.intervals, axis=0)])
 
 
-def add_shooting(assembly: Assembly, motion: Motion, flow: Term, grid: Grid, weight: float) -> tuple[Term, list[ca.DM]]:
+def add_shooting(
+    assembly: Assembly, motion: Motion, flow: Term, grid: Grid, weight: float, resolution: tuple[int, int]
+) -> tuple[Term, list[ca.DM]]:
     """The end of each interval, by a flow, is the next node; the running objective is weighted by ``weight``.
 
-    Returns the motion over an interval, and the numbers that it reads in each.
+    ``resolution`` is the number of steps per interval, and of stages per step. Returns the motion over an interval, and
+    the numbers that it reads in each.
     """
-    intervals, (steps, stages) = grid.intervals, motion.steps
+    intervals, (steps, stages) = grid.intervals, resolution
     term = shooting_interval(flow, motion.ns, intervals, steps, stages)
     rows = _defects(assembly, motion, intervals)
     into = np.hstack([rows, np.full((intervals, 1), OBJECTIVE)])

@@ -116,10 +116,18 @@ class Motion:
         return np.concatenate([*parts, np.asarray(u) / self.scales.u] if self.linear else parts, axis=-1)
 
     @cached_property
+    def _rates(self) -> Array:
+        """Eigenvalues [1/s] that steps of single shooting are stable for."""
+        return self.prediction.eigenvalues(*(np.array(limit) for limit in self.scene.input_limits))
+
+    def hold(self, rates: Array) -> None:
+        """Take steps that are stable for eigenvalues [1/s] too, those of a motion that was found."""
+        self._rates = np.concatenate([self._rates, rates])
+
+    @property
     def steps(self) -> tuple[int, int]:
         """Steps per interval of single shooting, and stages of each, that the stiffness asks for."""
-        scene = self.scene
-        rates = self.prediction.eigenvalues(*(np.array(limit) for limit in scene.input_limits))
+        scene, rates = self.scene, self._rates
         longest = min(scene.duration_range[1], _LONGER * self.first_duration) / scene.intervals
         steps, stages = fewest_evaluations(rates, longest, scene.solver.substeps)
         if steps > MOST_STEPS:

@@ -14,7 +14,7 @@ from continuum_grasp.planning.goal import goal_parts
 from continuum_grasp.planning.grid import Grid, StateBounds, add_collocation, add_shooting
 from continuum_grasp.planning.guess import Path
 from continuum_grasp.planning.motion import Motion
-from continuum_grasp.planning.shooting import derived
+from continuum_grasp.planning.shooting import derived, unstable
 
 _BACKWARDS = 1e3
 """Unit of sliding, per the usual sliding [1]. Constraints hold to 1e-5; sliding back at a hundredth of the usual speed
@@ -53,24 +53,48 @@ class PlanProblem:
 
     def __init__(self, motion: Motion, x0: Array, *, relaxed: bool = False, one_way: OneWay | None = None) -> None:
         self.motion, self.relaxed, self.one_way = motion, relaxed, one_way
-        self.assembly = Assembly(semidefinite=not motion.exact)
         self.goal = goal_parts(motion, settles=one_way is None and bool(motion.friction_states))
-        first = np.array(x0)
+        self._first = np.array(x0)
         if one_way is not None and one_way.given:
-            first[motion.friction_states] = np.where(one_way.ways, one_way.ways, first[motion.friction_states])
-        self._add_unknowns(first)
-        weight = _EFFORT_WHEN_RELAXED if relaxed else 1.0
-        scene, self.motion_unknowns = motion.scene, self.assembly.size  # slacks follow
-        if scene.transcription == "collocation":
+            stuck = self._first[motion.friction_states]
+            self._first[motion.friction_states] = np.where(one_way.ways, one_way.ways, stuck)
+        self._assemble()
+
+    def _assemble(self) -> None:
+        """Unknowns, rows and terms, with the steps of the motion."""
+        motion, one_way = self.motion, self.one_way
+        self.assembly = Assembly(semidefinite=not motion.exact)
+        self._add_unknowns(self._first)
+        weight = _EFFORT_WHEN_RELAXED if self.relaxed else 1.0
+        self.motion_unknowns = self.assembly.size  # slacks follow
+        if motion.scene.transcription == "collocation":
             add_collocation(self.assembly, motion, self.grid, weight)
         else:
             flow = motion.flow_of_given_friction if one_way is not None and one_way.given else motion.flow
-            self.interval = add_shooting(self.assembly, motion, flow, self.grid, weight)
-        self.bounds = StateBounds(self.assembly, motion, self.grid, relaxed)
+            self.steps = motion.steps
+            self.interval = add_shooting(self.assembly, motion, flow, self.grid, weight, self.steps)
+        self.bounds = StateBounds(self.assembly, motion, self.grid, self.relaxed)
         self._add_rate_limit()
         self._add_sliding()
         self._add_goal()
         self._add_objective()
+
+    def rates(self, w: Array) -> Array:
+        """Eigenvalues [1/s] of the motion at the nodes of a plan by single shooting."""
+        (_, data), size, grid = self.interval, self.motion.ns, self.grid
+        places = zip(grid.reads(grid.s[:-1]), data, strict=True)
+        slopes = [np.array(self.motion.flow.jacobian(w[columns], d[:, 0]))[:size, :size] for columns, d in places]
+        return np.asarray(np.linalg.eigvals(np.array(slopes)).ravel()) / self.path(w).duration
+
+    def outpaced(self, w: Array) -> bool:
+        """Whether a motion is faster somewhere than the steps of single shooting are stable for."""
+        steps, stages = self.steps
+        return unstable(self.rates(w), self.path(w).duration / (self.grid.intervals * steps), stages)
+
+    def refine(self, w: Array) -> None:
+        """Take steps that hold along a motion; unknowns and rows keep their places."""
+        self.motion.hold(self.rates(w))
+        self._assemble()
 
     # -- unknowns -----------------------------------------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ from continuum_grasp.nlp import Attempt, Budget, Multipliers, Settings, Status, 
 from continuum_grasp.planning.condensed import Condensed
 from continuum_grasp.planning.diagnosis import Diagnosis, diagnose
 from continuum_grasp.planning.fine import simulated
+from continuum_grasp.planning.goal import MET
 from continuum_grasp.planning.guess import (
     Hint,
     Path,
@@ -270,8 +271,10 @@ class Search:
         assembly = problem.assembly
         with interrupt.held(quietly=True) as pressed:
             if self.scene.transcription == "single_shooting":
-                options = self.scene.solver
-                attempt = Condensed(problem, max(options.tolerance, 1e-5), self.feasible).solve(
+                options, tolerance = self.scene.solver, max(self.scene.solver.tolerance, 1e-5)
+                # Of a distance nothing may be left that counts as one.
+                least = 0.5 * MET**2 / tolerance if problem.relaxed else 1.0
+                attempt = Condensed(problem, tolerance, self.feasible, least).solve(
                     w, self.budget, min(most or options.max_iterations, options.max_iterations)
                 )
             else:

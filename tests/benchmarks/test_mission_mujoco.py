@@ -12,7 +12,7 @@ import pytest
 from benchmarks.mission_mujoco import STEP, Peer, scene_of_plant, with_pads
 from continuum_grasp.export.mjcf.write import export_mjcf
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.plant import Variation
 from continuum_grasp.scene.load import load
 

@@ -20,7 +20,7 @@ import continuum_grasp as cg
 from benchmarks.real_time_iteration import RealTimeIteration
 from continuum_grasp.control import stages_of
 from continuum_grasp.control.status import Anomaly, Status
-from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.assign import assign
 from tests.rti_problems import cart_pole, cart_pole_rates
 
 MUG = (0.0386, 0.00176)

@@ -19,7 +19,7 @@ from continuum_grasp.control.status import Anomaly
 from continuum_grasp.errors import InputError
 from continuum_grasp.export import export_c, export_fmu
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Timetable, Variation
 from continuum_grasp.mission.run import MissionRunner

@@ -21,7 +21,7 @@ from continuum_grasp.export.web.plant import plant_of_loop
 from continuum_grasp.export.web.record import loop_record
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import trials
-from continuum_grasp.mission.assignment import _control_scene, assign
+from continuum_grasp.mission.assign import _control_scene, assign
 from continuum_grasp.mission.lift import NotLifted
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant, mission_plant_model
@@ -274,8 +274,10 @@ def test_a_variation_is_that_of_the_equations(assignment, runner):
 # -- the verdict ------------------------------------------------------------------------------------------------------
 
 
-def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved", fall=0.0):
-    """A closed loop by hand: one contact of the finger and a palm, a force of 5 N; and the verdict on it."""
+def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved", fall=0.0, firmer=0.0):
+    """A closed loop by hand: one contact of the finger and a palm, a force of 5 N, from 2 s on firmer by a share; and
+    the verdict on it.
+    """
     asked = SimpleNamespace(
         contact_law=SimpleNamespace(friction=0.5),
         grasp=SimpleNamespace(places=(SimpleNamespace(name="palm", friction=1.0),)),
@@ -305,6 +307,7 @@ def judged(t, *, height=None, normal=5.0, shear=1.0, status="solved", fall=0.0):
         t=t,
         object_pose=pose,
         tracked=force[:, None],
+        r=np.where(t < 7.0, 5.0 * (1.0 + firmer * (t > 2.0)), 0.0)[:, None],
         r_names=("contact_force_finger.1 [N]",),
         period=0.1,
         status=(status,) * (len(t) - 1),
@@ -326,6 +329,7 @@ INSTANTS = np.arange(0.0, 8.05, 0.1)
     [
         ({}, {"held": True, "released": True, "force_error": 0.0, "sunk": 0.0, "force_estimate_error": 0.1}),
         ({"normal": 4.0}, {"force_error": 0.2, "force_mean_error": -0.2, "force_estimate_std": 0.04}),
+        ({"normal": 6.0, "firmer": 0.2}, {"force_error": 0.0, "force_mean_error": 0.0, "force_estimate_error": -0.1}),
         ({"shear": 1.0}, {"slip_margin": 1.0 - 1.0 / (0.8 * 0.5 * 5.0)}),
         ({"shear": 1.0, "fall": 0.3}, {"slip_margin": 1.0 - 1.0 / (0.7 * 0.8 * 0.5 * 5.0)}),
         ({"height": lambda t: -0.999 * 0.005 * (t > 3.0)}, {"held": True, "sunk": 0.999 * 0.005}),

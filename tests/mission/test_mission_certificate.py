@@ -16,7 +16,7 @@ import continuum_grasp as cg
 from continuum_grasp.cli import app
 from continuum_grasp.errors import BeyondCertificate, SolverError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.drop import find_drop
 from continuum_grasp.mission.plant import Timetable, Variation

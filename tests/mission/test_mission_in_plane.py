@@ -11,7 +11,8 @@ import pytest
 from continuum_grasp.core import Core
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assignment import assign, object_height
+from continuum_grasp.mission.assign import assign
+from continuum_grasp.mission.assignment import object_height
 from continuum_grasp.mission.budget import keep_position, lowered_by_pulls
 from continuum_grasp.mission.drop import find_drop
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model

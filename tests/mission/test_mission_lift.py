@@ -13,7 +13,7 @@ from continuum_grasp.control.status import Anomaly, Trip
 from continuum_grasp.errors import SolverError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import check_mission, on_pads
-from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.lift import LiftCheck, shortfalls
 from continuum_grasp.mission.plan import Plan
 from continuum_grasp.mission.plant import Timetable

@@ -12,10 +12,9 @@ import pytest
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.status import Anomaly, Trip
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assignment import assign
-from continuum_grasp.mission.budget import firmer
+from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.lift import LiftCheck
-from continuum_grasp.mission.plant import Timetable, Variation
+from continuum_grasp.mission.plant import Timetable, Variation, reserve
 from continuum_grasp.mission.run import MissionRunner
 from continuum_grasp.scene.load import load
 from continuum_grasp.scene.mission import Slip
@@ -79,9 +78,27 @@ def test_what_sinks_is_squeezed_within_50_ms(names):
 
 def test_contacts_are_pressed_no_harder_than_they_may_be():
     check, _, wanted, _ = watched(lambda t: -1e-3 * (t > BEGINS), slip=Slip(height=1e-4), most=1.1 * CERTIFIED)
-    assert firmer(fingers("finger", most=1.1 * CERTIFIED)[0]) == pytest.approx(0.1)
+    assert reserve(fingers("finger", most=1.1 * CERTIFIED)[0]) == pytest.approx(0.1)
     assert max(forces[0] for forces in wanted.values()) == pytest.approx(1.1 * CERTIFIED)
     assert check.slipped.firmer == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("names", [("finger",), ("lower", "upper")])
+def test_a_standing_reserve_presses_from_the_lift_on(names):
+    """Until the release; what sinks then is set down at once, since there is no more force."""
+    check, table, wanted, _ = watched(lambda t: 0.3, slip=Slip(height=1e-4), names=names, standing=0.2)
+    assert check.slipped is None
+    for t, forces in wanted.items():
+        if table.span("lift").end < t < table.span("release").start:
+            assert forces == pytest.approx([1.2 * CERTIFIED] * len(names))
+        elif table.span("squeeze").end < t < table.span("lift").start:
+            assert forces == pytest.approx([CERTIFIED] * len(names))
+    assert [*wanted.values()][-1] == pytest.approx([0.0] * len(names), abs=1e-9)
+    check, *_ = watched(lambda t: -0.02 * max(t - BEGINS, 0.0), slip=Slip(height=1e-4), names=names, standing=0.2)
+    found = check.slipped
+    assert (found.noticed, found.firmer) == ("sinks", 0.0)
+    assert BEGINS < found.time == found.down <= BEGINS + 0.05
+    assert "set down, since the fingers have no more force" in found.text
 
 
 @pytest.mark.parametrize("noise", [1e-4, 5e-4])

@@ -13,7 +13,7 @@ import pytest
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.mission import run_trials
-from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.outcomes import Outcome, TrialsResult
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
 from continuum_grasp.mission.precheck import exceeded, exceeded_by_trials

@@ -12,9 +12,10 @@ from continuum_grasp.closed_loop.shared_object import SharedModel
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.errors import InputError
 from continuum_grasp.grasp import optimize_grasp
-from continuum_grasp.mission.assignment import assign
+from continuum_grasp.mission.assign import assign
 from continuum_grasp.mission.budget import certified_contact
 from continuum_grasp.mission.drop import find_drop
+from continuum_grasp.mission.on_pads import pushed_out
 from continuum_grasp.mission.plant import Timetable, Variation, mission_plant_model
 from continuum_grasp.mission.precheck import exceeded
 from continuum_grasp.mission.run import MissionRunner, run_mission
@@ -41,6 +42,38 @@ def assignments(grasp):
 @pytest.fixture(scope="module")
 def models(assignments):
     return [mission_plant_model(one) for one in assignments]
+
+
+@pytest.mark.deep
+def test_two_tips_push_out_what_slides_between_them(grasp, assignments):
+    """A disc of mass m between opposed tips that press with N leaves them as exp(t sqrt(2 N / (R m))), where R is the
+    distance of its center from those of the tips; fingers that give slow it a little. A palm behind it holds it.
+    """
+    force = sum(contact.normal_force for contact in grasp.contacts)
+    mass, radius = load(PINCH).object_mass, grasp.scene.object.diameter / 2.0
+    rigid = np.sqrt(force / (mass * radius))
+    assert 0.8 * rigid < pushed_out(assignments) < rigid
+
+
+@pytest.mark.deep
+def test_what_is_pushed_out_is_pressed_harder_from_the_lift_on(grasp):
+    """As hard as the drives can, where slip is watched; a mug that a palm holds in the plane waits for slip."""
+    firm = assign(load(PINCH, [*COARSE, "slip={height: 0.1 mm}"]), grasp)
+    assert [one.standing for one in firm] == pytest.approx([one.reserve for one in firm], rel=1e-6)
+    mug = assign(load(PINCH.with_name("mug.yaml"), ["slip={height: 0.1 mm}", "grasp.solver.effort=quick"]))
+    assert (pushed_out(mug), mug[0].standing) == (pytest.approx(0.0, abs=1e-6), 0.0)
+
+
+@pytest.mark.deep
+def test_a_pinch_whose_friction_falls_is_held(grasp):
+    """A plant that fell 51 mm with squeezes that came when the tips slid: here it is pulled in the plane before."""
+    scene = load(PINCH, ["slip={height: 0.1 mm}"])
+    fallen = Variation(stiffness=0.945, mass=0.975, friction=1.042, friction_fall=0.3)
+    run = MissionRunner(assign(scene, grasp)).run(fallen)
+    verdict = run.verdict
+    assert any("they press 12 % harder from the lift on" in text for text in run.warnings)
+    assert (verdict.held, verdict.slipped) == (True, None)
+    assert verdict.sunk < 5e-4
 
 
 def random_state(models, seed):

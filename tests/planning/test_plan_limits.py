@@ -133,7 +133,7 @@ def test_more_steps_than_can_be_taken_are_refused_with_what_to_try(monkeypatch, 
     motion = Motion(small(method="single_shooting", intervals=4, solver={"substeps": given} if given else {}))
     monkeypatch.setattr(PlanScene, "sudden", sudden)
     for rate, refused in ((-40.0, False), (-1e12, True)):
-        motion.__dict__.pop("steps", None)
+        motion.__dict__.pop("_rates", None)
         motion.__dict__["prediction"] = SimpleNamespace(eigenvalues=lambda *_, rate=rate: np.array([rate + 0j]))
         if not refused:
             assert motion.steps == (given or 9, 2)  # 0.1 % of a mode of 40/s over 25 ms

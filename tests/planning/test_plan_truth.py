@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from plan_cases import held, linearized, small, two_arcs
@@ -9,9 +11,15 @@ from scipy.optimize import brentq, root
 
 import continuum_grasp as cg
 from continuum_grasp.planning import plan
+from continuum_grasp.planning.diagnosis import diagnose
+from continuum_grasp.planning.guess import smooth_path
+from continuum_grasp.planning.search import Search
+from continuum_grasp.planning.shooting import amplification
+from continuum_grasp.scene.load import load
 from tests.rods import ROOT
 
 TINY = 1e-3
+TIP, BY_SHOOTING = ROOT / "configs/plan/tip_to_point.yaml", ("method=single_shooting",)
 
 
 def least_effort_of_linear(a, b, h, count, goal):
@@ -154,3 +162,39 @@ def test_a_plan_presses_as_near_to_its_grasp_as_one_moment_can():
 
     assert missed(1.0) < min(missed(0.95), missed(1.05))
     assert np.linalg.norm(found.contact_forces[-1] - aim) == pytest.approx(missed(1.0), rel=1e-3)
+
+
+def test_a_goal_within_reach_is_not_called_out_of_reach():
+    """The least distance from where a plan of the same motion ends is none, sought from a path to one side."""
+    search = Search(load(TIP, [*BY_SHOOTING, "intervals=20"]))
+    path = smooth_path(search.motion, search.x0, search.first, search.last, 0.5)
+    nearest = search._near_goal
+    assert diagnose(nearest, search._solved(nearest, nearest.start(path))) is None
+
+
+@pytest.mark.parametrize("faster", [1.0, 20.0])
+def test_steps_follow_a_motion_that_is_faster_than_was_thought(faster):
+    """Where a motion would make the steps grow they become finer, and unknowns keep their places."""
+    search = Search(load(TIP, [*BY_SHOOTING, "intervals=20", "finger.damping.quadratic=1e-5"]))
+    problem = search.problem
+    path = smooth_path(search.motion, search.x0, search.first, search.last, 0.0)
+    w, size, before = problem.start(replace(path, x=faster * path.x)), problem.assembly.size, problem.steps
+    # Damping forces per rate grow with the rate; the motion itself is the truth of how fast it decays.
+    stiff = np.abs(problem.rates(w)[problem.rates(w).real < 0.0]).max()
+    step = path.duration / (problem.grid.intervals * before[0])
+    assert problem.outpaced(w) == bool(abs(amplification(before[1], -stiff * step)) > 1.0) == (faster > 1.0)
+    if faster > 1.0:
+        problem.refine(w)
+        assert problem.assembly.size == size
+        assert np.prod(problem.steps) > np.prod(before)
+        assert not problem.outpaced(w)
+
+
+@pytest.mark.deep
+def test_strong_quadratic_damping_has_a_plan_by_both_methods():
+    """Nine times as stiff in motion as at rest: single shooting said that the goal was out of reach."""
+    strong = "finger.damping.quadratic=1e-4"
+    shot, collocated = plan(load(TIP, [*BY_SHOOTING, strong])), plan(load(TIP, [strong]))
+    assert collocated.status == "optimal"
+    # It creeps to the optimum from above.
+    assert collocated.duration <= shot.duration < 1.06 * collocated.duration

@@ -95,7 +95,7 @@ void mission_see(mission_state *state, const mission_settings *o, real height)
   /* Contacts give way a little under the weight that the lift puts on them, and until they are squeezed. */
   const int usual = state->grip == MISSION_USUAL, lifting = state->phase <= o->confirm + 1;
   if (usual ? lifting : state->settled == o->settles) state->base = state->height;
-  const int test = usual ? lifting : state->settled < o->settles ? 2 : 1;
+  const int test = usual ? lifting || !o->answers : state->settled < o->settles ? 2 : 1;
   state->lost = state->base - height;
   real more = o->weight[test] * (state->lost - o->sunk[test]);
   if (more > o->glitch) more = o->glitch;
@@ -117,10 +117,11 @@ static void mission_watch(mission_state *state, const mission_settings *o, real 
   int open = 0;
   for (int c = 0; c < MISSION_NC; ++c) open |= !state->blind && forces[c] < o->lost[c];
   state->open = open ? state->open + 1 : 0;
-  if (state->grip != MISSION_USUAL && (sinks || state->open >= o->stays)) {
+  if ((state->grip != MISSION_USUAL || !o->answers) && (sinks || state->open >= o->stays)) {
+    if (state->grip == MISSION_USUAL) state->noticed = sinks ? MISSION_SINKS : MISSION_PARTS;
     state->grip = MISSION_SETS_DOWN;
     mission_release(state, o, t, u, 0);
-  } else if (sinks || state->open >= o->parts)
+  } else if (o->answers && (sinks || state->open >= o->parts))
     mission_squeeze(state, o, sinks ? MISSION_SINKS : MISSION_PARTS);
 }
 

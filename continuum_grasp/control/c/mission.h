@@ -41,6 +41,7 @@ typedef struct {
   real patience;                /* longest wait for forces [s] */
   real needed[MISSION_SIZE(MISSION_NC)];        /* least normal force at each contact [N] */
   int watches;                  /* whether slip is answered */
+  int answers;                  /* whether the fingers have more force for that; else what slips is set down at once */
   /* Page's test of lost height, doi:10.1093/biomet/41.1-2.100: while it is held; while it is lifted, or firmly held; while
    * the grip becomes firm. */
   real sunk[3];                 /* loss beyond which doubt grows: since the lift; of late, or since the grip was firm; since the lift [m] */

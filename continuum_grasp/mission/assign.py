@@ -1,0 +1,310 @@
+"""From a grasp to what a controller has to know and do."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from continuum_grasp.arrays import Array
+from continuum_grasp.core import Core
+from continuum_grasp.errors import InputError, Interrupted, SolverError
+from continuum_grasp.grasp import optimize_grasp
+from continuum_grasp.grasp.quality.resistance import Resistance
+from continuum_grasp.grasp.result import GraspResult
+from continuum_grasp.mission.assignment import LARGEST, Assignment, object_of
+from continuum_grasp.mission.budget import promised
+from continuum_grasp.mission.commands import Commands
+from continuum_grasp.mission.on_pads import standing
+from continuum_grasp.model import FingerModel
+from continuum_grasp.scene.control import ControlScene
+from continuum_grasp.scene.controller import Controller
+from continuum_grasp.scene.cost import Cost, ForceWeight, Reference, Weight
+from continuum_grasp.scene.families import default_family
+from continuum_grasp.scene.finger import BasePose, Finger
+from continuum_grasp.scene.grasp import FingerSetup
+from continuum_grasp.scene.mission import MissionScene
+from continuum_grasp.scene.objects import GraspObject
+from continuum_grasp.scene.simulate import Fidelity, Initial
+from continuum_grasp.scene.surroundings import Table
+from continuum_grasp.simulation.statics import equilibrium_under
+
+_CLEARANCE = 0.003
+"""Distance from the object at which the approach ends [m]."""
+_START_CALLS = 3
+"""Calls over which a start is spread [1]: its first one integrates a motion of a stiff model, which takes as long as
+four linearizations. The longest call of configs/mission/mug.yaml takes 0.61 instead of 1.11 ms, with commands within
+0.09 N."""
+_MARGIN = 1.5
+"""Greatest curvature per that of the free finger under the greatest tension: contact forces bend it further."""
+_MOST_BEND = 20.0
+"""Greatest bending range that a scene may declare [rad]."""
+_OPPOSED = 3.0
+"""Tension that the other tendon may have meanwhile beyond its least tension [N]."""
+_SLIP_SPEED = 0.005
+"""Slip speed of the controller's contacts with an object that is turned [m/s]: friction without a state, which is
+enough for horizons below a second. Below this speed the model creeps where the plant sticks, and the controller waits
+for a motion that does not come: with 0.01 m/s 3 of 12 plants of configs/mission/turn_block.yaml end 2 degrees short or
+more. At 0.003 m/s friction follows the noise of the estimated speed while the object is held: the estimated force is
+restless, and one of nine plants dropped the block.
+"""
+_DENSE = 60
+"""Places along the finger whose distance is looked at."""
+_INSIDE = 1e-4
+"""Depth in a support up to which an object stands beside it [m]: it is pressed in by as much."""
+_STEPS = 200
+"""Shares of the grasp's tensions that are tried."""
+
+
+def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Assignment, ...]:
+    """Optimize the grasp of a mission, where it has not been found already, and say what each controller has to do.
+
+    Raises a SolverError where there is no verified grasp, an InputError where a mission cannot carry it out.
+    """
+    found = optimize_grasp(mission.grasp) if grasp is None else grasp
+    if grasp is None and found.statistics["interrupted"]:
+        raise Interrupted("interrupted while the grasp was optimized")
+    if not found.solved:
+        raise SolverError("no grasp to carry out", status=found.status.value, advice=found.advice, result=found)
+    resistance = promised(found)
+    assigned = tuple(_assigned(mission, found, resistance, setup) for setup in mission.grasp.setups)
+    if mission.slip is None:
+        return assigned
+    more = standing(assigned)
+    return tuple(replace(one, standing=more) for one in assigned)
+
+
+def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance, setup: FingerSetup) -> Assignment:
+    """Task of one finger."""
+    name, posture = setup.name, found.fingers[setup.name]
+    contacts = {one.name: one for one in found.contacts if one.name.startswith(f"{name}.")}
+    tip = contacts.pop(setup.tip_name, None)
+    middles = sorted((c for c in contacts.values() if not np.isnan(c.station)), key=lambda contact: contact.station)
+    if tip is None:
+        raise InputError(f"a mission needs a contact of the tip of {name}", key="grasp.contacts")
+    forces = {f"finger.{k + 1}": contact.normal_force for k, contact in enumerate(middles)}
+    hardest = max(forces, key=lambda one: forces[one], default="finger.tip")
+    forces["finger.tip"] = tip.normal_force
+    asked = mission.controller.held
+    held = tuple(forces) if asked == "all" else (hardest if asked == "middle" else "finger.tip",)
+    given = setup.finger
+    base, pose = posture.base.tolist(), found.object_pose.tolist()
+    placed: Finger = given.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
+    finger = placed if mission.tendons is None else placed.replaced(tendons=mission.tendons)
+    if mission.drive_tension is not None:
+        finger = finger.with_tendons(max_tension=mission.drive_tension)
+    body = mission.grasp.object.replaced(position=(pose[0], pose[1]), angle=pose[2], free=None)
+    stations = tuple(contact.station for contact in middles)
+    control = _control_scene(mission, finger, body, stations, {one: forces[one] for one in held})
+    control = control.replaced(parameters=(*control.parameters, *_base_parameters(mission, found, setup)))
+    lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
+    # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
+    edges = np.minimum(np.cumsum([0.0, *lengths]), finger.rod.length)
+    own = ("time_constant", "drive", "axial_stiffness", "series_stiffness")
+    free = placed.with_tendons(**dict.fromkeys(own))
+    least = np.array([one.min_tension for one in placed.tendon_list])
+    most = np.array([one.max_tension for one in finger.tendon_list])
+    before, angles, _ = _about_to_touch(control, free, body, tensions, (least, most), edges)
+    if mission.turn is not None:
+        _check_start(control, _about_to_touch(control, free, object_of(control), tensions, (least, most), edges)[2])
+    commands, ends = (
+        Commands(finger, edges),
+        np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3])),
+    )
+    pulls = tensions > least + 1.0  # [N]: the tendon that closes the finger
+    firm = commands.of(np.where(pulls, mission.controller.retained * tensions, least), ends)
+    loose = commands.of(np.where(pulls, most, np.minimum(most, least + _OPPOSED)), ends)
+    closing, rise = commands.closing(pulls), np.maximum(tensions - before, 0.0)
+    reserve = float(np.min((most - tensions)[rise > 0.0] / rise[rise > 0.0], initial=math.inf))
+    reserve = max(0.0, reserve) if math.isfinite(reserve) else 0.0
+    factors = np.minimum(np.asarray(resistance.factors), LARGEST)
+    return Assignment(
+        mission=mission,
+        grasp=found,
+        name=name,
+        control=control,
+        object_pose=(pose[0], pose[1], pose[2]),
+        tensions=tensions,
+        held=commands.of(tensions, ends),
+        tight=commands.of(tensions + reserve * rise, ends),
+        reserve=reserve,
+        before=commands.of(before, angles),
+        rest=np.array(control.rest_input),
+        holding=(
+            np.where(closing > 0.0, firm, -np.inf),
+            np.where(closing > 0.0, np.inf, np.where(closing < 0.0, firm, loose)),
+        ),
+        bends=np.diff(angles),
+        posture=np.diff(ends),
+        forces={one: forces[one] for one in held},
+        middles=tuple(contact.name for contact in middles),
+        resisted=resistance,
+        pulls=mission.pull_share * factors[:, None] * np.asarray(resistance.wrenches),
+    )
+
+
+def _base_parameters(mission: MissionScene, found: GraspResult, setup: FingerSetup) -> tuple[str, ...]:
+    """Parameters that make fingers of one kind share the compiled code of their controllers: where they stand.
+
+    None for a finger that is the only one of its kind.
+    """
+    given = setup.finger
+    alike = [other.name for other in mission.grasp.setups if other.finger.replaced(base=given.base) == given]
+    if len(alike) == 1:
+        return ()
+    angles = {float(found.fingers[name].base[2]) for name in alike}
+    return ("base_position", "base_angle") if len(angles) > 1 else ("base_position",)
+
+
+def _control_scene(
+    mission: MissionScene, finger: Finger, body: GraspObject, stations: tuple[float, ...], held: dict[str, float]
+) -> ControlScene:
+    asked = mission.controller
+    before, after = asked.elements
+    between = [b - a for a, b in pairwise(stations)]
+    if stations:
+        first, last = stations[0], finger.rod.length - stations[-1]
+        lengths = (*[first / before] * before, *between, *[last / after] * after)
+    else:
+        lengths = (finger.rod.length / (before + after),) * (before + after)
+    edges = np.cumsum([0.0, *lengths])
+    free = [length * _greatest_curvature(finger, a, b) for length, a, b in zip(lengths, edges, edges[1:], strict=False)]
+    reach = min(_MARGIN * max(free), max(lengths) * finger.curvature_limit, _MOST_BEND)
+    turn = mission.turn
+    cost = Cost(
+        object_angle=None if turn is None else Weight(running=asked.object_angle),
+        gap=None if turn is None else ForceWeight(running=asked.gap, of=("finger.tip",)),
+        bending=Weight(running=asked.posture),
+        contact_force=ForceWeight(running=asked.force, of=tuple(held)),
+        speed=Weight(running=asked.speed) if asked.speed else None,
+        effort=asked.effort,
+        input_rate=asked.input_rate,
+    )
+    estimated, adapted = mission.estimator.disturbances.names, set[str]()
+    if mission.estimator.adapt is not None:
+        adapted = set(mission.estimator.adapt.spreads)
+    return ControlScene(
+        name=mission.name,
+        finger=finger,
+        gravity=mission.plane_gravity,
+        contacts=stations,
+        **_surroundings(mission, body),
+        fidelity=Fidelity(
+            family=default_family(free_tip=bool(finger.free_tip_reasons)), elements=lengths, bending_range=reach
+        ),
+        parameters=tuple(sorted(({"bending_stiffness", "tendon_friction"} & estimated) | adapted)),
+        controller=Controller(
+            period=asked.period,
+            horizon=asked.horizon,
+            cost=cost,
+            input=asked.input,
+            bounds=asked.bounds,
+            start_calls=_START_CALLS,
+            deadline=asked.deadline,
+        ),
+        reference=Reference(
+            contact_force=tuple(held.values()),
+            object_angle=None if turn is None else (body.angle,),
+            gap=None if turn is None else (0.0,),
+        ),
+        estimator=mission.estimator,
+        initial=Initial(pose="straight"),
+        plant=mission.plant,
+    )
+
+
+def _surroundings(mission: MissionScene, body: GraspObject) -> dict[str, Any]:
+    """Object and surroundings as the controller knows them, by keys of its scene.
+
+    It stays where the grasp has it, and is touched by the finger alone; where it is turned first, it begins where it
+    stands before that, moves, and is pushed on a table and against supports.
+    """
+    law, turn = mission.contact_law, mission.turn
+    if turn is None:
+        # An estimate of friction needs its limit; without one contacts are taken to be smooth.
+        unknown_friction = mission.estimator.disturbances.contact_friction is not None
+        return {"object": body, "contact_law": law if unknown_friction else law.replaced(friction=0.0)}
+    if law.slip_speed is None:
+        law = law.replaced(presliding=None, slip_speed=_SLIP_SPEED)
+    return {
+        "object": body.replaced(
+            position=turn.position, angle=body.angle - turn.angle, mass=mission.object_mass or body.mass
+        ),
+        "object_moves": True,
+        "contact_law": law,
+        "supports": mission.grasp.supports,
+        "out_of_plane_gravity": mission.gravity,
+        "table": Table(friction=mission.table_friction, friction_radius=mission.table_friction_radius, stays=True),
+    }
+
+
+def _greatest_curvature(finger: Finger, start: float, end: float) -> float:
+    """Greatest curvature of the free finger between two positions, under the greatest tensions of one side [1/m]."""
+    s, most = np.linspace(start, end, _DENSE), np.array([tendon.max_tension for tendon in finger.tendon_list])
+    sides = [
+        sum(np.maximum(side * np.array(channel.arms), 0.0) @ most * channel.shape(s) for channel in finger.channels)
+        for side in (1.0, -1.0)
+    ]
+    return float(np.max(np.maximum(*sides) / finger.profile.bending_stiffness(s)))
+
+
+def _about_to_touch(
+    control: ControlScene, finger: Finger, body: GraspObject, tensions: Array, limits: tuple[Array, Array], edges: Array
+) -> tuple[Array, Array, float]:
+    """Tensions [N], towards those of the grasp, at which the free finger comes close to the object, angles of its
+    sections at the edges [rad], and the place of the finger that is nearest [m]: negative where the finger overlaps the
+    object without them, infinite where it never comes close.
+    """
+    least, highest = limits
+    free = FingerModel(
+        finger,
+        gravity=control.gravity,
+        family=control.fidelity.family if not finger.has_tendon_friction else default_family(free_tip=True),
+        elements=control.fidelity.elements,
+        bending_range=control.fidelity.bending_range,
+        tip_force=False,
+        input_rates=False,  # nothing moves
+    )
+    places = np.linspace(0.0, finger.rod.length, _DENSE + 1)[1:]
+    half, core = finger.profile.half_thickness(places), Core(free, compiled=False)
+    away = tensions - least
+    pulls = away > 0.0
+    most = float(np.min((highest - least)[pulls] / away[pulls]))
+    before, q, nearest = least, np.zeros(free.n), math.inf
+    for share in np.linspace(0.0, most, _STEPS + 1):
+        u = least + share * away
+        shape = equilibrium_under(free, u, [], guess=q).q
+        points = core.batch("position", shape, u, places[:, None])
+        gaps = [body.distance((float(x), float(y))) - h for (x, y), h in zip(points, half, strict=True)]
+        if min(gaps) < _CLEARANCE:
+            nearest = float(places[int(np.argmin(gaps))]) * (-1.0 if share == 0.0 and min(gaps) < 0.0 else 1.0)
+            break
+        before, q = u, shape
+    return before, np.ravel(core.batch("orientation", q, before, edges[:, None])), nearest
+
+
+def _check_start(control: ControlScene, nearest: float) -> None:
+    """Refuse a turn that begins inside a support or the finger, or that the fingertip cannot begin.
+
+    ``nearest`` is the place of the finger that first comes close to the object, as `_about_to_touch` has it.
+    """
+    body, length, key = object_of(control), control.finger.rod.length, "turn.position"
+    for wall in control.walls:
+        down = wall.normal_angle + math.pi - body.angle
+        deep = max(part.support(down) for part in body.parts) - wall.height(body.position)
+        # Beside an edge of finite length it may stand lower.
+        if deep > _INSIDE and math.isinf(wall.half_length):
+            raise InputError(f"the object stands {1e3 * deep:.3g} mm inside of {wall.name} before its turn", key=key)
+    if nearest < 0.0:
+        raise InputError("the straight finger overlaps the object where it stands before its turn", key=key)
+    if math.isinf(nearest):
+        raise InputError("the finger does not reach the object where it stands before its turn", key=key)
+    if nearest < length - control.finger.profile.half_thickness(length) - length / _DENSE:
+        raise InputError(
+            f"the finger meets the object first at {nearest:.3g} m of its length, not with its tip ({length:.3g} m), "
+            "where it stands before its turn",
+            key=key,
+        )
