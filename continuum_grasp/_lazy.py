@@ -45,9 +45,9 @@ def checked_imports(package: str) -> dict[str, list[str]]:
     module: Any = sys.modules[package]
     # get_data, as get_source imports tokenize, which takes longer than all else here.
     source = module.__spec__.loader.get_data(module.__file__).decode("utf-8")
-    found: dict[str, list[str]] = {}
+    names: dict[str, list[str]] = {}
     for line in source.splitlines():
         words = line.split()
         if line.startswith("    from ") and words[4:] == ["as", words[3]]:
-            found.setdefault(words[1], []).append(words[3])
-    return found
+            names.setdefault(words[1], []).append(words[3])
+    return names

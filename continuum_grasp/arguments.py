@@ -31,7 +31,7 @@ def choice(key: str, value: Any, allowed: Iterable[Any]) -> Any:
     """A choice of some words or numbers."""
     known = tuple(allowed)
     # Not by ``in``: what compares to an array, as some foreign types do, has no truth.
-    if isinstance(value, str | Integral) and any(value is one or value == one for one in known):
+    if isinstance(value, str | Integral) and any(value is option or value == option for option in known):
         return value
     raise InputError(f"expected one of {', '.join(map(str, known))}, got {shown(value)}", key=key)
 
@@ -99,7 +99,9 @@ def check_arguments(function: Function) -> Function:
     alone are not looked up.
     """
     signature = inspect.signature(function)
-    more = next((name for name, one in signature.parameters.items() if one.kind is one.VAR_KEYWORD), "")
+    more = next(
+        (name for name, parameter in signature.parameters.items() if parameter.kind is parameter.VAR_KEYWORD), ""
+    )
     kinds: dict[str, Any] = {}
 
     @wraps(function)
@@ -107,12 +109,12 @@ def check_arguments(function: Function) -> Function:
         if not kinds:
             kinds.update(_annotations(function))
         try:
-            given = signature.bind(*arguments, **named).arguments
+            bound = signature.bind(*arguments, **named).arguments
         except TypeError:
             for name in GONE.keys() & named.keys() - signature.parameters.keys():
                 raise InputError(GONE[name], key=name) from None
             return function(*arguments, **named)  # raises it in the words of Python
-        for name, value in {**given, **given.get(more, {})}.items():
+        for name, value in {**bound, **bound.get(more, {})}.items():
             kind = kinds.get(name, Any)
             if not _fits(value, kind):
                 raise InputError(f"expected {_words(kind)}, got {shown(value)}", key=name)
@@ -132,17 +134,17 @@ def shown(value: Any, width: int = 60) -> str:
 
 def _annotations(function: Callable[..., Any]) -> dict[str, Any]:
     """Types of the parameters of a function; Any where a name is not there when it runs."""
-    found = dict[str, Any]()
+    types = dict[str, Any]()
     for name, parameter in inspect.signature(function).parameters.items():
         plain = parameter.kind in (parameter.POSITIONAL_OR_KEYWORD, parameter.KEYWORD_ONLY)
         if parameter.kind is parameter.VAR_KEYWORD and str(parameter.annotation).startswith("Unpack["):
-            found |= get_type_hints(*get_args(eval(parameter.annotation, function.__globals__)))
+            types |= get_type_hints(*get_args(eval(parameter.annotation, function.__globals__)))
         if plain and parameter.annotation is not parameter.empty:
             try:
-                found[name] = eval(parameter.annotation, function.__globals__)
+                types[name] = eval(parameter.annotation, function.__globals__)
             except NameError:
-                found[name] = Any
-    return found
+                types[name] = Any
+    return types
 
 
 def _fits(value: Any, kind: Any) -> bool:
@@ -161,7 +163,7 @@ def _fits(value: Any, kind: Any) -> bool:
         return _fits(value, inner[0])
     if origin in (Union, UnionType):
         # A union with ArrayLike is flat: it has all that numpy converts.
-        return set(get_args(ArrayLike)) <= set(inner) or any(_fits(value, one) for one in inner)
+        return set(get_args(ArrayLike)) <= set(inner) or any(_fits(value, option) for option in inner)
     if origin is Literal:
         return isinstance(value, str | int) and value in inner
     if origin is np.ndarray:
@@ -172,7 +174,7 @@ def _fits(value: Any, kind: Any) -> bool:
         if isinstance(value, str | bytes | Mapping) or not isinstance(value, abc.Iterable):
             return False
         # What can be read once only is read by the function.
-        return isinstance(value, abc.Iterator) or all(_fits(one, inner[0]) for one in value)
+        return isinstance(value, abc.Iterator) or all(_fits(entry, inner[0]) for entry in value)
     kind = origin or kind
     # A protocol that is not made for it cannot be looked for in a value.
     if getattr(kind, "_is_protocol", False) and not getattr(kind, "_is_runtime_protocol", False):
@@ -187,8 +189,8 @@ def _words(kind: Any) -> str:
     names: dict[Any, str] = {bool: "True or False", int: "a whole number", float: "a number", str: "a text"}
     origin, inner = get_origin(kind), get_args(kind)
     if origin in (Union, UnionType):
-        path = any(get_origin(one) is PathLike or one is Path for one in inner)
-        words = ["a path" if path and one is str else _words(one) for one in inner]
+        path = any(get_origin(option) is PathLike or option is Path for option in inner)
+        words = ["a path" if path and option is str else _words(option) for option in inner]
         return " or ".join(dict.fromkeys(words))
     if origin is Literal:
         return f"one of {', '.join(map(str, inner))}"

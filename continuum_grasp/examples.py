@@ -47,10 +47,10 @@ class Example:
         from continuum_grasp.scene.kinds import DEFINITIONS
 
         root = shipped_folder()
-        found = dict.fromkeys([self.path, *(file for file in _named(self.path) if isinstance(file, Path))])
-        schemas = [_schema_of(file, file.read_text(encoding="utf-8")) for file in found if file.suffix == ".yaml"]
+        files = dict.fromkeys([self.path, *(file for file in _named(self.path) if isinstance(file, Path))])
+        schemas = [_schema_of(file, file.read_text(encoding="utf-8")) for file in files if file.suffix == ".yaml"]
         schemas.append(schemas[0].with_name(DEFINITIONS))
-        return tuple(file.relative_to(root) for file in dict.fromkeys([*found, *schemas]))
+        return tuple(file.relative_to(root) for file in dict.fromkeys([*files, *schemas]))
 
     @cached_property
     def missing(self) -> tuple[str, ...]:
@@ -77,8 +77,8 @@ def examples() -> dict[str, Example]:
     """All shipped examples by name, in the order of their kinds."""
     from continuum_grasp.scene.kinds import KINDS
 
-    found = [_example(path) for path in sorted((shipped_folder() / "configs").glob("*/*.yaml"))]
-    return {one.name: one for one in sorted(found, key=lambda one: list(KINDS).index(one.kind))}
+    shipped = [_example(path) for path in sorted((shipped_folder() / "configs").glob("*/*.yaml"))]
+    return {entry.name: entry for entry in sorted(shipped, key=lambda entry: list(KINDS).index(entry.kind))}
 
 
 def example(name: str) -> Example:
@@ -97,10 +97,10 @@ def copy_example(name: str, folder: Path) -> list[Path]:
     the files in the folder, the example's own first. Where there is no such example, data that it needs are not
     shipped, or the folder has another file where one would be written, nothing is written: InputError.
     """
-    one = example(name)
-    if one.missing:
-        raise InputError(f"{name} needs measured data that are not shipped: {', '.join(one.missing)}")
-    return _copy(one.files, folder)
+    source = example(name)
+    if source.missing:
+        raise InputError(f"{name} needs measured data that are not shipped: {', '.join(source.missing)}")
+    return _copy(source.files, folder)
 
 
 def copy_notebooks(folder: Path) -> list[Path]:

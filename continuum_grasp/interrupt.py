@@ -116,19 +116,19 @@ def held(*, quietly: bool = False) -> Iterator[Callable[[], bool]]:
     if threading.current_thread() is not threading.main_thread() or not callable(usual):
         yield lambda: False
         return
-    found = False
+    interrupted = False
     if usual is not _press:
         signal.signal(signal.SIGINT, _press)
     _blocks += 1
     try:
-        yield lambda: found or pressed()
+        yield lambda: interrupted or pressed()
     finally:
         _blocks -= 1
-        found = pressed()
+        interrupted = pressed()
         if usual is not _press:
             signal.signal(signal.SIGINT, usual)
         # An outer block that holds it back raises it at its own end.
-        if found and (quietly or not _blocks):
+        if interrupted and (quietly or not _blocks):
             _noted = None
             if not quietly:
                 usual(signal.SIGINT, None) if usual is not _press else _raise()
@@ -172,13 +172,13 @@ def _press(number: int, frame: FrameType | None) -> None:
 
 def _carrier(frame: FrameType | None) -> FrameType | None:
     """The innermost frame with nothing above it that would lose an exception."""
-    found = frame
+    current = frame
     while frame is not None:
         names = _PARTS.get(frame.f_globals.get("__name__", ""), ())
         if names is None or frame.f_code.co_name in names or frame.f_code.co_name == "__del__":
-            found = frame.f_back
+            current = frame.f_back
         frame = frame.f_back
-    return found
+    return current
 
 
 def _deliver(frame: FrameType, event: str, argument: Any) -> Any:

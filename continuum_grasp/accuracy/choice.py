@@ -140,18 +140,18 @@ def _marks(scene: Scene) -> tuple[float, ...]:
     # Kinks of stiffness and rest curvature, as samples have at each of them, cost nothing.
     places += (*finger.profile.bending_stiffness.jumps, *finger.profile.rest_curvature.jumps)
     places += (at for channel in finger.channels for at in channel.shape.breaks)
-    found = list(scene.contacts)
+    marks = list(scene.contacts)
     for at in sorted(places):
-        if all(abs(at - other) >= SHORTEST * length for other in (0.0, *found, length)):
-            found.append(at)
-    return tuple(sorted(found))
+        if all(abs(at - other) >= SHORTEST * length for other in (0.0, *marks, length)):
+            marks.append(at)
+    return tuple(sorted(marks))
 
 
 def _bending_range(scene: Scene, truth: Truth, lengths: tuple[float, ...]) -> float | None:
     """Declared range that covers what the elements do with a margin; None where none does."""
-    given = scene.fidelity.bending_range
-    if given is not None:
-        return given
+    bending_range = scene.fidelity.bending_range
+    if bending_range is not None:
+        return bending_range
     moving, start, wanted = scene.time is not None, 0.0, 0.0
     for h in lengths:
         reach = _MARGIN * truth.curvature_reach(start, start + h, moving)
@@ -201,8 +201,8 @@ class Assessment(Errors):
 def assess(choice: Choice, truth: Truth, *, stop_at: float = math.inf) -> Assessment:
     """Measure errors and cost of a choice; from an error of shape ``stop_at`` on, the rest is unmeasured (NaN)."""
     scene = choice.scene.model_copy(update={"fidelity": choice.fidelity, "loads": truth.loads})
-    found = errors_of(FingerModel(scene, input_rates=False), truth, moves=scene.time is not None, stop_at=stop_at)
-    return Assessment(**vars(found), choice=choice, instructions=choice.instructions)
+    errors = errors_of(FingerModel(scene, input_rates=False), truth, moves=scene.time is not None, stop_at=stop_at)
+    return Assessment(**vars(errors), choice=choice, instructions=choice.instructions)
 
 
 def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float = math.inf) -> Errors:
@@ -212,16 +212,16 @@ def errors_of(model: FingerModel, truth: Truth, *, moves: bool, stop_at: float =
     frequencies = np.zeros(2)
     for true in truth.cases:
         try:
-            found = _at_rest(true, model)
+            at_rest = _at_rest(true, model)
         except (SolverError, InputError):
             return Errors(math.inf, math.inf, np.full(2, np.nan), math.inf)
-        off = np.linalg.norm(found.backbone(STATIONS) - true.backbone, axis=1) / length
+        off = np.linalg.norm(at_rest.backbone(STATIONS) - true.backbone, axis=1) / length
         tip, shape = max(tip, float(off[-1])), max(shape, float(off.max()))
         if shape > stop_at:
             return Errors(tip, shape, np.full(2, np.nan), math.nan)
         if true.frequencies_hz is not None and moves:
-            frequencies = np.fmax(frequencies, _frequency_errors(true, true.frequencies_hz, found))
-            radius = max(radius, spectral_radius(core, found.q[None], found.u, found.w, found.p))
+            frequencies = np.fmax(frequencies, _frequency_errors(true, true.frequencies_hz, at_rest))
+            radius = max(radius, spectral_radius(core, at_rest.q[None], at_rest.u, at_rest.w, at_rest.p))
     if model.n < 2:
         frequencies[1] = np.nan
     return Errors(tip, shape, frequencies, radius)
@@ -248,10 +248,10 @@ def coordinates_near(model: FingerModel, angle: Curve, curvature: Curve, inset: 
     return np.asarray(family.coordinates(np.diff(angle(edges)), curvatures)[: model.n])
 
 
-def _frequency_errors(true: TrueCase, truth: Array, found: Equilibrium) -> Array:
+def _frequency_errors(true: TrueCase, truth: Array, at_rest: Equilibrium) -> Array:
     """Relative errors of the first two frequencies; of one that is unstable in truth, per the second."""
-    own = np.append(modes(true.case.scene, about=found).frequencies_hz, [np.nan, np.nan])[:2]
-    return relative_errors(own, truth)
+    frequencies = np.append(modes(true.case.scene, about=at_rest).frequencies_hz, [np.nan, np.nan])[:2]
+    return relative_errors(frequencies, truth)
 
 
 def relative_errors(frequencies: Array, truth: Array, factor: float = 1.0) -> Array:

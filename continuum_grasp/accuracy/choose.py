@@ -137,8 +137,8 @@ def allowed_accuracies(scene: Scene, tolerance: float) -> tuple[float, ...]:
     """
     if scene.fidelity.accuracy is not None:
         return (scene.fidelity.accuracy,)
-    most = _TERMS_SHARE * tolerance if scene.time is not None else math.inf
-    return tuple(accuracy for accuracy in ACCURACIES if accuracy <= most) or ACCURACIES[-1:]
+    limit = _TERMS_SHARE * tolerance if scene.time is not None else math.inf
+    return tuple(accuracy for accuracy in ACCURACIES if accuracy <= limit) or ACCURACIES[-1:]
 
 
 @dataclass
@@ -204,7 +204,7 @@ def _none_meets(scene: Scene, tolerance: float, tried: list[Assessment]) -> Solv
     def worst(one: Assessment) -> float:
         return float(np.nanmax([one.shape, *one.frequencies[: scene.fidelity.frequencies]]))
 
-    closest = min((one for one in tried if math.isfinite(one.shape)), key=worst, default=None)
+    closest = min((assessment for assessment in tried if math.isfinite(assessment.shape)), key=worst, default=None)
     none = "no choice has the equilibria of the exact rod within the listed bending ranges"
     fixed = [name for name in ("family", "elements", "accuracy") if getattr(scene.fidelity, name) is not None]
     free = f", or leave fidelity.{' and '.join(fixed)} open" if fixed else ""

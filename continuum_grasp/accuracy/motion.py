@@ -106,13 +106,13 @@ def pace(scene: Scene, model: FingerModel, tolerance: float = 1e-4) -> Pace:
     for k, substeps in enumerate(_SUBSTEPS):
         try:
             tip(substeps, _FIRST)
-            found = tip(substeps)
+            path = tip(substeps)
         except NumericalError:
             continue
         # The first stable number, refined by four at least: fourth order leaves 1/256 of its error.
         if finest is None:
             finest = tip(max(4 * substeps, _SUBSTEPS[min(k + 6, len(_SUBSTEPS) - 1)]))
-        error = float(np.linalg.norm(found - finest, axis=1).max()) / model.finger.rod.length
+        error = float(np.linalg.norm(path - finest, axis=1).max()) / model.finger.rod.length
         if error <= tolerance:
             return Pace(round(substeps / step), INTEGRATORS["rk4"].evaluations * evaluation_ns(model), error, finest)
     raise NumericalError(f"more than {_SUBSTEPS[-1]} sub-steps of {step:g} s are needed")

@@ -134,8 +134,8 @@ class AccuracyReport(Result):
     def to_xarray(self) -> xarray.Dataset:
         """The table of the choices."""
         package("xarray")
-        found: xarray.Dataset = self.to_pandas().to_xarray()
-        return found
+        dataset: xarray.Dataset = self.to_pandas().to_xarray()
+        return dataset
 
     def front(self, cost: str = "evaluation [ns]", error: str = "tip / L") -> list[tuple[Any, ...]]:
         """Rows of ``choices`` that no other dominates in both cost and error (the Pareto front), cheapest first."""
@@ -205,10 +205,10 @@ def row_of(choice: Choice, truth: Truth, reference: Motion | None) -> tuple[Any,
     """Measure a choice: its row of the table; None where it cannot have as many nodes as its accuracy takes."""
     if not choice.open:
         return None
-    found, model = assess(choice, truth), choice.model
+    assessment, model = assess(choice, truth), choice.model
     scene = choice.scene.model_copy(update={"fidelity": choice.fidelity})
     time, factor, motion = math.nan, math.nan, math.nan
-    if found.instructions <= _LONGEST:
+    if assessment.instructions <= _LONGEST:
         time = evaluation_ns(model)
         if reference is not None:
             try:
@@ -216,10 +216,10 @@ def row_of(choice: Choice, truth: Truth, reference: Motion | None) -> tuple[Any,
                 factor, motion = run.real_time_factor, rms(run.tip - reference.tip) / model.finger.rod.length
             except ContinuumGraspError:  # no such start, or no motion that stays finite
                 motion = math.inf
-    frequencies = found.frequencies if reference is not None else (math.nan, math.nan)
+    frequencies = assessment.frequencies if reference is not None else (math.nan, math.nan)
     name = choice.family + (", aligned" if choice.aligned else "")
-    costs = (found.instructions, time, factor)
-    return (name, len(model.lengths), model.n, *costs, found.tip, found.shape, *frequencies, motion)
+    costs = (assessment.instructions, time, factor)
+    return (name, len(model.lengths), model.n, *costs, assessment.tip, assessment.shape, *frequencies, motion)
 
 
 @interrupt.computing()
@@ -270,13 +270,15 @@ def accuracy_report(
     """
     if not [whole("counts", count) for count in counts]:
         raise InputError("expected numbers of elements, got none", key="counts")
-    given = scene_of(scene)
-    EXACT_ROD.check(given)
-    given = given.model_copy(update={"fidelity": Fidelity(bending_range=given.fidelity.bending_range)})
-    truth = find_truth(given)
-    reference = reference_motion(given, truth) if given.time is not None else None
+    bare_scene = scene_of(scene)
+    EXACT_ROD.check(bare_scene)
+    bare_scene = bare_scene.model_copy(update={"fidelity": Fidelity(bending_range=bare_scene.fidelity.bending_range)})
+    truth = find_truth(bare_scene)
+    reference = reference_motion(bare_scene, truth) if bare_scene.time is not None else None
     listed = [
-        c for family in reversed(open_families(given)) for c in choices(given, truth, family, None, counts=counts)
+        c
+        for family in reversed(open_families(bare_scene))
+        for c in choices(bare_scene, truth, family, None, counts=counts)
     ]
     rows = []
     for k, choice in enumerate(listed, 1):
@@ -284,4 +286,4 @@ def accuracy_report(
         if progress is not None:
             progress(k / len(listed))
     table = Table("choices", COLUMNS, tuple(row for row in rows if row is not None), NOTE)
-    return AccuracyReport(given, truth, reference, table)
+    return AccuracyReport(bare_scene, truth, reference, table)

@@ -68,10 +68,10 @@ def refined(scene: Scene, model: FingerModel) -> Scene:
     u = Signals(scene, model).u(0.0)[0]
     q = np.array(initial.q)
     at = translated(model, q, u, finer)
-    given = {"q": tuple(at.tolist())}
+    state = {"q": tuple(at.tolist())}
     if initial.qd is not None:
-        given["qd"] = tuple((translated(model, q + initial.qd, u, finer) - at).tolist())
-    return same.replaced(initial=initial.replaced(**given))
+        state["qd"] = tuple((translated(model, q + initial.qd, u, finer) - at).tolist())
+    return same.replaced(initial=initial.replaced(**state))
 
 
 def translated(model: FingerModel, q: Array, u: Array, finer: FingerModel) -> Array:
@@ -142,10 +142,10 @@ def apart(one: Trajectory, other: Trajectory) -> float:
     cores = [Core(each.model, compiled=False) for each in (one, other)]
     pairs = zip(cores, (one, other), strict=True)
     shapes = [backbones(core, each.q[some], each.acting[some], _PLACES) for core, each in pairs]
-    found = float(np.linalg.norm(shapes[0] - shapes[1], axis=-1).max())
+    distance = float(np.linalg.norm(shapes[0] - shapes[1], axis=-1).max())
     if one.object_pose is not None and other.object_pose is not None and one.scene.object is not None:
-        found = max(found, greatest_motion(one.scene.object, one.object_pose, other.object_pose))
-    return found / one.length
+        distance = max(distance, greatest_motion(one.scene.object, one.object_pose, other.object_pose))
+    return distance / one.length
 
 
 def finer_equilibrium(found: Equilibrium) -> Equilibrium | float:
@@ -174,8 +174,8 @@ def error_of_equilibrium(found: Equilibrium) -> float:
 
 def error_of_modes(found: Modes) -> Array:
     """`Modes.space_error`."""
-    finer, own = finer_equilibrium(found.equilibrium), found.frequencies_hz
+    finer, frequencies = finer_equilibrium(found.equilibrium), found.frequencies_hz
     if not isinstance(finer, Equilibrium) or finer.scene is None:
-        return np.full(len(own), finer)
-    true = modes(finer.scene, about=finer).frequencies_hz[: len(own)]
-    return relative_errors(own, true, _whole(found.equilibrium.model))
+        return np.full(len(frequencies), finer)
+    true = modes(finer.scene, about=finer).frequencies_hz[: len(frequencies)]
+    return relative_errors(frequencies, true, _whole(found.equilibrium.model))

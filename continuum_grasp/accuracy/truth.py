@@ -56,7 +56,7 @@ class Truth:
         jumps = [at for at in problem.length * np.array(problem.breaks) if start + short < at < end - short]
         # Before jumps of the curvature too.
         s = np.sort([*np.linspace(start, end, 9)[:-1], *jumps, *(at - short for at in jumps), np.nextafter(end, start)])
-        curvatures = np.array([one.rod.curvature(s) for one in self.cases])
+        curvatures = np.array([case.rod.curvature(s) for case in self.cases])
         reach = np.abs(curvatures)
         if moving:
             starts = np.concatenate([curvatures, [np.broadcast_to(self.start_curvature(s), s.shape)]])
@@ -77,24 +77,24 @@ def find_truth(scene: Scene) -> Truth:
     """Solve the exact rod in every load case of a scene; the equilibrium at time zero must be found."""
     SEVERAL_MODELS.check(scene)
     s = np.linspace(0.0, scene.finger.rod.length, STATIONS)
-    found: list[TrueCase] = []
+    cases: list[TrueCase] = []
     omitted: list[str] = []
     for case in load_cases(scene):
         try:
             # Far below the errors of models: two matched clothoids have 6e-6 under P L^2 / EI = 1.
             rod = solve_elastica(case.scene, tolerance=1e-9)
         except SolverError as error:
-            if not found and case.rests:
+            if not cases and case.rests:
                 raise
             omitted.append(f"{case.name}: {str(error).splitlines()[0]}")
             continue
         turn = float(abs(rod.angle(s) - scene.finger.base.angle).max())
-        if found and turn > _LARGEST_BEND:
+        if cases and turn > _LARGEST_BEND:
             omitted.append(f"{case.name}: bends the finger by {turn:.3g} rad")
             continue
         frequencies = natural_frequencies(scene.finger, rod) if case.rests else None
-        found.append(TrueCase(case, rod, rod.position(s), frequencies))
-    return Truth(tuple(found), tuple(omitted))
+        cases.append(TrueCase(case, rod, rod.position(s), frequencies))
+    return Truth(tuple(cases), tuple(omitted))
 
 
 _EVENLY = 7
@@ -131,10 +131,10 @@ def load_cases(scene: Scene) -> list[LoadCase]:
         chosen |= {t for t in _extremes(value) if 0.0 < t <= end}
     if any(value.times[-1] > end for value in sampled):
         chosen.add(end)  # between two samples
-    found = [LoadCase(f"t = {t:g} s", _frozen(scene, t, held=False)) for t in (0.0, *sorted(chosen))]
+    cases = [LoadCase(f"t = {t:g} s", _frozen(scene, t, held=False)) for t in (0.0, *sorted(chosen))]
     if scene.initial.held_by:
-        found.append(LoadCase("held", _frozen(scene, 0.0, held=True), rests=False))
-    return found
+        cases.append(LoadCase("held", _frozen(scene, 0.0, held=True), rests=False))
+    return cases
 
 
 def _extremes(value: Samples | VectorSamples) -> set[float]:
@@ -160,5 +160,5 @@ def _with_value(load: Load, value: Any) -> Load:
 
 def _at(value: Any, t: float) -> Any:
     """A force (2 numbers) or another value at an instant."""
-    found = interpolate(value, [t])[0][0].tolist()
-    return tuple(found) if isinstance(found, list) else found
+    frozen = interpolate(value, [t])[0][0].tolist()
+    return tuple(frozen) if isinstance(frozen, list) else frozen

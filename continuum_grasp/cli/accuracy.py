@@ -20,9 +20,9 @@ def accuracy(
     from continuum_grasp.accuracy.report import COUNTS, accuracy_report
 
     with output.busy("measuring") as report:
-        found = accuracy_report(scene, counts=[count for count in COUNTS if count <= most], progress=report)
-    pictures = output.save(found)
-    files = [*(folder / text.name for text in found.texts), *pictures]
-    output.say(found.markdown())
+        comparison = accuracy_report(scene, counts=[count for count in COUNTS if count <= most], progress=report)
+    pictures = output.save(comparison)
+    files = [*(folder / text.name for text in comparison.texts), *pictures]
+    output.say(comparison.markdown())
     output.say(f"saved in {folder}: {', '.join(file.name for file in files)}")
-    output.result(choices=found.choices.as_dict(), folder=folder, files=files)
+    output.result(choices=comparison.choices.as_dict(), folder=folder, files=files)

@@ -49,10 +49,15 @@ def commission(
         return
     output.check_folder()
     with output.busy("commissioning") as report:
-        found = run(scene, log, duration=duration, reach=reach, progress=report)
-    files = output.save(found)
-    output.pairs({"status": found.status, **{f"way {k}": one.what for k, one in enumerate(found.alternatives, 1)}})
-    show_parameters(found, files, output)
-    output.warn(found.undetermined)
-    if not found.usable:
+        commissioning = run(scene, log, duration=duration, reach=reach, progress=report)
+    files = output.save(commissioning)
+    output.pairs(
+        {
+            "status": commissioning.status,
+            **{f"way {k}": alternative.what for k, alternative in enumerate(commissioning.alternatives, 1)},
+        }
+    )
+    show_parameters(commissioning, files, output)
+    output.warn(commissioning.undetermined)
+    if not commissioning.usable:
         raise typer.Exit(FAILED)

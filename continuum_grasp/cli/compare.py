@@ -36,18 +36,18 @@ def compared(scene: Scene, data: list[Path] | None, output: Output) -> None:
     from continuum_grasp.identification import compare as run
     from continuum_grasp.identification.read import located
 
-    given = list(data or located(scene, output.config.parent))
+    paths = list(data or located(scene, output.config.parent))
     with output.busy("comparing") as report:
-        found = run(scene, given, progress=report)
-    files = output.save(found)
-    show_channels(found, output)
-    output.warn(found.warnings)
+        prediction = run(scene, paths, progress=report)
+    files = output.save(prediction)
+    show_channels(prediction, output)
+    output.warn(prediction.warnings)
     output.pairs(output.saved_in(files))
-    output.conclude(found, files, **found.details())
+    output.conclude(prediction, files, **prediction.details())
 
 
 def show_channels(found: Predicted, output: Output) -> None:
     """Print the errors of each channel."""
     from continuum_grasp.identification.comparison import HEADINGS
 
-    output.table(HEADINGS, *(one.texts for one in found.channels))
+    output.table(HEADINGS, *(channel.texts for channel in found.channels))

@@ -13,16 +13,18 @@ def design(output: Output) -> None:
     from continuum_grasp.design import optimize_design
 
     with output.computing("designing") as report:
-        found = optimize_design(output.config, progress=report, raise_on_failure=False, overrides=output.changes or ())
-    files = output.save(found)
+        optimum = optimize_design(
+            output.config, progress=report, raise_on_failure=False, overrides=output.changes or ()
+        )
+    files = output.save(optimum)
     output.report(
-        found,
+        optimum,
         files,
-        set=found.values,
-        cost=None if found.best is None else found.best.cost,
-        cases=found.cases,
-        influences=[vars(one) for one in found.influences],
-        active=found.active,
+        set=optimum.values,
+        cost=None if optimum.best is None else optimum.best.cost,
+        cases=optimum.cases,
+        influences=[vars(influence) for influence in optimum.influences],
+        active=optimum.active,
     )
-    if not found.solved:
-        raise SolverError(found.message, status=found.status.value, result=found)
+    if not optimum.solved:
+        raise SolverError(optimum.message, status=optimum.status.value, result=optimum)

@@ -69,7 +69,7 @@ def export(
     which finger and controller run as WebAssembly (web), a chain of hinges for MuJoCo (mjcf). An option says which of
     these it is for.
     """
-    given = {
+    options = {
         key: value for key, value in locals().items() if key not in ("output", "to", "clock") and value is not None
     }
     from continuum_grasp import export as package
@@ -79,25 +79,25 @@ def export(
 
     write = getattr(package, f"export_{to}")
     taken = inspect.signature(write).parameters
-    for key in given.keys() - taken.keys():
+    for key in options.keys() - taken.keys():
         raise InputError(f"has no effect on --to {to}", key=f"--{_SPELLED.get(key, key)}")
     rates = [] if clock is None else [_frequency(clock, bool(measured))]
-    if "what" in given:
-        given["what"] = [part.strip() for part in given["what"].split(",")]
-    if "ranges" in given:
-        given["ranges"] = ranges_of(given["ranges"])
-    if "fmi" in given:
-        given["fmi"] = _VERSIONS[given["fmi"]]
+    if "what" in options:
+        options["what"] = [part.strip() for part in options["what"].split(",")]
+    if "ranges" in options:
+        options["ranges"] = ranges_of(options["ranges"])
+    if "fmi" in options:
+        options["fmi"] = _VERSIONS[options["fmi"]]
     output = replace(output, out=output.out or Path("runs/export") / to / f"{output.config.stem}{SUFFIXES[to]}")
     more = () if to == "mjcf" else (ControlScene, MissionScene)
     scene = resolved_scene(output, *more)[0]
     if to == "fmu":
         from continuum_grasp.export.fmu.write import identifier_of
 
-        given.setdefault("name", identifier_of(output.config, scene))
+        options.setdefault("name", identifier_of(output.config, scene))
     hold_folder(output.folder)
     with output.busy("writing"):
-        written = write(scene, output.out, **given)
+        written = write(scene, output.out, **options)
     _REPORTS[to](written, output, *rates)
 
 
@@ -126,7 +126,8 @@ def calls_per_period(made: Mapping[str, Any], clock: float) -> dict[str, tuple[f
         raise InputError("needs a closed loop or a mission, which has a period", key="--clock")
     cycles, counts = clock * made["loop"]["period_s"], made["measured"]["functions"]
     return {
-        name: (one["mean_instructions"] / cycles, one["most_instructions"] / cycles) for name, one in counts.items()
+        name: (count["mean_instructions"] / cycles, count["most_instructions"] / cycles)
+        for name, count in counts.items()
     }
 
 
@@ -146,28 +147,28 @@ def _report_package(package: Package, output: Output, clock: float | None = None
             **({"greatest relative error": f"{max(errors):g}"} if errors else {}),
         }
     )
-    for name, found in ((made["measured"] or {}).get("functions", {})).items():
-        output.say(f"{name}: {found['most_instructions']} instructions, {found['stack_bytes']} bytes of stack at most")
+    for name, usage in ((made["measured"] or {}).get("functions", {})).items():
+        output.say(f"{name}: {usage['most_instructions']} instructions, {usage['stack_bytes']} bytes of stack at most")
     shares = {} if clock is None else calls_per_period(made, clock)
-    for name, (mean, most) in shares.items():
-        verdict = "fits" if most <= 1.0 else "does not fit"
-        output.say(f"{name}: {mean:.0%} of the period in the mean, {most:.0%} at most: {verdict}")
+    for name, (mean, greatest) in shares.items():
+        verdict = "fits" if greatest <= 1.0 else "does not fit"
+        output.say(f"{name}: {mean:.0%} of the period in the mean, {greatest:.0%} at most: {verdict}")
     if clock is not None:
         output.say(f"at one instruction per cycle of {1e-6 * clock:g} MHz; waits for memory come on top")
     output.result(folder=package.folder, files=package.files, manifest=made, period_shares=shares)
-    if any(most > 1.0 for _, most in shares.values()):
+    if any(greatest > 1.0 for _, greatest in shares.values()):
         raise typer.Exit(1)
 
 
 def _limits(made: Mapping[str, Any]) -> dict[str, str]:
     """Longest step, where the package steps; memory of estimator and controller."""
-    found = {}
+    limits = {}
     if "step" in made["functions"]:
-        found["longest step [s]"] = f"{made['stability']['longest_step_s']:g}"
+        limits["longest step [s]"] = f"{made['stability']['longest_step_s']:g}"
     memory = {k: v for f in made["functions"].values() for k, v in f.get("memory_bytes", {}).items()}
     if memory:
-        found["memory [bytes]"] = ", ".join(f"{name} {size}" for name, size in memory.items())
-    return found
+        limits["memory [bytes]"] = ", ".join(f"{name} {size}" for name, size in memory.items())
+    return limits
 
 
 def _report_units(units: Sequence[FunctionalMockupUnit], output: Output) -> None:
@@ -226,14 +227,14 @@ _REPORTS: dict[str, Callable[..., None]] = {
 
 def ranges_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Ranges as NAME=MIN:MAX."""
-    found = {}
+    ranges = {}
     for word in words:
         name, _, pair = word.partition("=")
         try:
-            least, most = (float(part) for part in pair.split(":"))
+            least, greatest = (float(part) for part in pair.split(":"))
         except ValueError:
             raise InputError(f"--range: expected NAME=MIN:MAX, got {word!r:.60}") from None
-        if name in found:
+        if name in ranges:
             raise InputError(f"--range: {name} is given twice")
-        found[name] = (least, most)
-    return found
+        ranges[name] = (least, greatest)
+    return ranges

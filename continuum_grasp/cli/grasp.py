@@ -59,5 +59,5 @@ def grasp(
 
 def _numbers(reason: Reason) -> dict[str, Any]:
     """The numbers of a reason, and of those that go with it."""
-    own = {"name": reason.name, "key": reason.key, "limit": reason.limit, "needed": reason.needed}
-    return own | ({"also": [_numbers(other) for other in reason.also]} if reason.also else {})
+    numbers = {"name": reason.name, "key": reason.key, "limit": reason.limit, "needed": reason.needed}
+    return numbers | ({"also": [_numbers(other) for other in reason.also]} if reason.also else {})

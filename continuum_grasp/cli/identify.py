@@ -75,8 +75,8 @@ def identify(
     from continuum_grasp.identification.read import located
 
     with output.busy("identifying") as report:
-        given = data or located(scene, output.config.parent)
-        fit = run(scene, given, accept_implausible=accept_implausible, progress=report)
+        paths = data or located(scene, output.config.parent)
+        fit = run(scene, paths, accept_implausible=accept_implausible, progress=report)
     applied = [(path, fit.apply(target)) for path, target in targets if fit.usable]
     files = output.save(fit)
     files += [_written(changed, output.folder, path) for path, changed in applied]
@@ -91,13 +91,13 @@ def _targets(paths: Sequence[Path]) -> list[tuple[Path, FingerScene]]:
     from continuum_grasp.scene.load import load
     from continuum_grasp.scene.simulate import FingerScene
 
-    found: list[tuple[Path, FingerScene]] = []
+    targets: list[tuple[Path, FingerScene]] = []
     for path in paths:
         target = load(path)
         if not isinstance(target, FingerScene):
             raise InputError("estimates go into scenes of one finger", file=str(path))
-        found.append((path, target))
-    return found
+        targets.append((path, target))
+    return targets
 
 
 def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
@@ -107,7 +107,7 @@ def show_parameters(fit: Fit, files: Sequence[Path], output: Output) -> None:
     output.warn(fit.warnings)
     if fit.laws:
         rows = (
-            (one.name, str(one.numbers), f"{one.fitted:.3g}", f"{one.held_out:.3g}", one.verdict) for one in fit.laws
+            (law.name, str(law.numbers), f"{law.fitted:.3g}", f"{law.held_out:.3g}", law.verdict) for law in fit.laws
         )
         output.table(("law", "numbers", "fitted [deviations]", "held out [deviations]", ""), *rows)
     output.table(
@@ -153,13 +153,16 @@ def show_plan(design: Callable[[Progress], ExperimentPlan], output: Output) -> E
     if plan.segments:
         output.table(
             ("segment", "from", "to", "shows"),
-            *((one.name, f"{one.start:.3g} s", f"{one.end:.3g} s", one.shows) for one in plan.segments),
+            *(
+                (segment.name, f"{segment.start:.3g} s", f"{segment.end:.3g} s", segment.shows)
+                for segment in plan.segments
+            ),
         )
     columns = plan.names, plan.values, plan.before, plan.deviations, plan.units, plan.shown_by
     output.table(
         ("unknown", "assumed", "95 % now", "95 % then", "unit", "shown best by"),
         *(
-            (name, f"{value:.4g}", *(f"+/- {_SURE * one:.2g}" for one in deviations), unit, shown)
+            (name, f"{value:.4g}", *(f"+/- {_SURE * deviation:.2g}" for deviation in deviations), unit, shown)
             for name, value, *deviations, unit, shown in zip(*columns, strict=True)
         ),
     )

@@ -22,33 +22,33 @@ def modes(output: Output) -> None:
     from continuum_grasp.simulation import modes as find
 
     with output.busy("finding modes"):
-        found = find(scene)
+        spectrum = find(scene)
     if note:
-        found = replace(found, statistics={"fidelity": note})
-    output.warn(found.warnings)
-    if not found.stable:
+        spectrum = replace(spectrum, statistics={"fidelity": note})
+    output.warn(spectrum.warnings)
+    if not spectrum.stable:
         output.warn(["the equilibrium is unstable"])
-    files = output.save(found) if output.out is not None else []
+    files = output.save(spectrum) if output.out is not None else []
     columns = {
-        "frequency [Hz]": [f"{one:.5g}" for one in found.frequencies_hz],
-        "space error": [f"{one:.2g}" for one in found.space_error],
-        "damping ratio": ["-" if math.isnan(one) else f"{one:.3g}" for one in found.damping_ratios],
+        "frequency [Hz]": [f"{frequency:.5g}" for frequency in spectrum.frequencies_hz],
+        "space error": [f"{error:.2g}" for error in spectrum.space_error],
+        "damping ratio": ["-" if math.isnan(ratio) else f"{ratio:.3g}" for ratio in spectrum.damping_ratios],
     }
-    others = {"all stuck [Hz]": found.stuck_frequencies_hz, "motors free [Hz]": found.free_frequencies_hz}
-    columns |= {name: [f"{one:.5g}" for one in values] for name, values in others.items() if values is not None}
+    others = {"all stuck [Hz]": spectrum.stuck_frequencies_hz, "motors free [Hz]": spectrum.free_frequencies_hz}
+    columns |= {name: [f"{number:.5g}" for number in values] for name, values in others.items() if values is not None}
     rows = zip_longest(*columns.values(), fillvalue="-")
     output.table(("mode", *columns), *((str(k + 1), *row) for k, row in enumerate(rows)))
     if output.out is not None:
         output.say(f"saved in {output.out}")
     output.result(
-        stable=found.stable,
+        stable=spectrum.stable,
         fidelity=note or None,
-        warnings=found.warnings,
-        frequencies_hz=found.frequencies_hz,
-        space_error=found.space_error,
-        damping_ratios=found.damping_ratios,
-        stuck_frequencies_hz=found.stuck_frequencies_hz,
-        free_frequencies_hz=found.free_frequencies_hz,
+        warnings=spectrum.warnings,
+        frequencies_hz=spectrum.frequencies_hz,
+        space_error=spectrum.space_error,
+        damping_ratios=spectrum.damping_ratios,
+        stuck_frequencies_hz=spectrum.stuck_frequencies_hz,
+        free_frequencies_hz=spectrum.free_frequencies_hz,
         folder=output.out,
         files=files,
     )

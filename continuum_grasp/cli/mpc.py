@@ -64,29 +64,29 @@ def _control(scene: ControlScene, output: Output) -> None:
     with output.computing("controlling") as report:
         run = run_closed_loop(scene, progress=report)
     files = output.save(run)
-    found = run.metrics()
+    performance = run.metrics()
     output.warn(run.warnings)
     output.pairs({"status": run.outcome, "time": f"{run.t[-1]:g} s in {len(run.u)} periods of {1e3 * run.period:g} ms"})
     output.say("")
-    output.table(*found.rows())
+    output.table(*performance.rows())
     output.say("")
-    output.pairs(found.pairs())
+    output.pairs(performance.pairs())
     output.pairs(output.saved_in(files))
-    output.conclude(run, files, status=run.outcome, duration=run.t[-1], metrics=asdict(found))
+    output.conclude(run, files, status=run.outcome, duration=run.t[-1], metrics=asdict(performance))
     if run.outcome != "finished":
         raise typer.Exit(FAILED)
 
 
 def _settings(seed: int | None, trials: str | None) -> list[str]:
     """Entries of the configuration that have options of their own."""
-    found = [] if seed is None else [f"plant.seed={seed}"]
+    entries = [] if seed is None else [f"plant.seed={seed}"]
     if trials is not None and seed is not None:
-        found.append(f"trials.seed={seed}")
+        entries.append(f"trials.seed={seed}")
     if trials not in (None, "all"):
         if not trials.isdecimal():
             raise InputError(f"expected a number or all, got {trials!r}", key="--trials")
-        found.append(f"trials.count={trials}")
-    return found
+        entries.append(f"trials.count={trials}")
+    return entries
 
 
 def _carry_out(scene: MissionScene, output: Output) -> None:
@@ -97,20 +97,20 @@ def _carry_out(scene: MissionScene, output: Output) -> None:
     with output.computing("carrying it out") as report:
         run = run_mission(scene, grasp=grasp, progress=report)
     files = output.save(run)
-    said = {one.text for one in run.exceeded}  # before the run
+    said = {limit.text for limit in run.exceeded}  # before the run
     output.warn(text for text in run.warnings if text not in said)
     output.pairs(run.verdict.pairs())
     output.say("")
     output.table(*run.rows())
-    metrics = {name: one.metrics() for name, one in run.fingers.items()}
-    for name, found in metrics.items():
+    metrics = {name: finger.metrics() for name, finger in run.fingers.items()}
+    for name, finger_metrics in metrics.items():
         output.say("" if run.run is not None else f"\nfinger {name}")
-        output.table(*found.time_rows())
+        output.table(*finger_metrics.time_rows())
         output.say("")
-        pairs = found.pairs()
+        pairs = finger_metrics.pairs()
         output.pairs({key: pairs[key] for key in ("late", "status", "health", "anomalies", "mismatch")})
     output.pairs(output.saved_in(files))
-    counted = {name: asdict(found) for name, found in metrics.items()}
+    counted = {name: asdict(finger_metrics) for name, finger_metrics in metrics.items()}
     values = {"pulls": run.pulls, "metrics": counted if run.run is None else next(iter(counted.values()))}
     output.conclude(run, files, **run.findings(), **values)
     if not run.verdict.succeeded:
@@ -130,20 +130,20 @@ def _try_out(scene: MissionScene, jobs: int | None, output: Output) -> None:
         if not error.result:
             raise
         outcomes, stopped = error.result, error
-    found = outcomes.summary
+    summary = outcomes.summary
     files = [output.folder / "trials.csv", *output.save(outcomes)]
-    output.pairs(found.pairs())
-    for k in found.failed[:_SHOWN]:
+    output.pairs(summary.pairs())
+    for k in summary.failed[:_SHOWN]:
         output.say(f"plant {k + 1}: {outcomes[k].text}")
-    if len(found.failed) > _SHOWN:
-        output.say(f"and {len(found.failed) - _SHOWN} more: see trials.csv")
+    if len(summary.failed) > _SHOWN:
+        output.say(f"and {len(summary.failed) - _SHOWN} more: see trials.csv")
     output.pairs(output.saved_in(files, "files"))
-    failed = [{"plant": k + 1, "text": outcomes[k].text} for k in found.failed]
+    failed = [{"plant": k + 1, "text": outcomes[k].text} for k in summary.failed]
     output.result(
         folder=output.folder,
         files=files,
         asked=scene.trials.count,
-        summary=asdict(found),
+        summary=asdict(summary),
         failed=failed,
         warnings=outcomes.warnings,
     )
@@ -157,8 +157,8 @@ def _grasp(scene: MissionScene, output: Output) -> GraspResult:
     from continuum_grasp.grasp import optimize_grasp
 
     with output.busy("optimizing the grasp"):
-        found = optimize_grasp(scene.grasp)
+        grasp = optimize_grasp(scene.grasp)
     # A search that was stopped has a grasp, but not the one that a mission should be judged by.
-    if found.statistics["interrupted"]:
+    if grasp.statistics["interrupted"]:
         raise KeyboardInterrupt("interrupted while the grasp was optimized")
-    return found
+    return grasp

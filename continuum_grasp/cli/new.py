@@ -67,18 +67,18 @@ def _list(output: Output) -> None:
     from continuum_grasp.examples import examples
 
     all_ = examples().values()
-    width = max(len(one.name) for one in all_)
-    for command in dict.fromkeys(one.verb for one in all_):
+    width = max(len(example.name) for example in all_)
+    for command in dict.fromkeys(example.verb for example in all_):
         output.say(f"continuum-grasp {command}")
-        for one in all_:
-            if one.verb == command:
-                note = f" (not shipped: its data, {', '.join(one.missing)})" if one.missing else ""
-                output.line(f"  {one.name:<{width}}  {one.summary}{note}")
+        for example in all_:
+            if example.verb == command:
+                note = f" (not shipped: its data, {', '.join(example.missing)})" if example.missing else ""
+                output.line(f"  {example.name:<{width}}  {example.summary}{note}")
         output.say("")
     names = ("name", "kind", "summary", "missing")
-    rows = [{**{name: getattr(one, name) for name in names}, "command": _command(one)} for one in all_]
+    rows = [{**{name: getattr(example, name) for name in names}, "command": _command(example)} for example in all_]
     output.result(examples=rows)
 
 
-def _command(one: Example) -> list[str]:
-    return ["continuum-grasp", *one.arguments]
+def _command(example: Example) -> list[str]:
+    return ["continuum-grasp", *example.arguments]

@@ -114,24 +114,30 @@ def verb(*names: str, **other: Any) -> Callable[[Callable[..., None]], Callable[
 
     def decorate(function: Callable[..., None]) -> Callable[..., None]:
         shown = [*names, *(("format", "style") if "pictures" in names else ())]
-        _, *own = inspect.signature(function, eval_str=True).parameters.values()
-        for one in own:
-            if isinstance(one.default, OptionInfo):
-                one.default.param_decls = one.default.param_decls or (f"--{one.name.replace('_', '-')}",)
+        _, *declared = inspect.signature(function, eval_str=True).parameters.values()
+        for parameter in declared:
+            if isinstance(parameter.default, OptionInfo):
+                parameter.default.param_decls = parameter.default.param_decls or (
+                    f"--{parameter.name.replace('_', '-')}",
+                )
         first, last = list[inspect.Parameter](), list[inspect.Parameter]()
         for name in shown:
-            taken, given, default = _SHARED[name]
-            annotation = Annotated[taken, other.get(name, given)]  # type: ignore[valid-type]
-            one = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
-            (last if name in _LAST else first).append(one)
-        last.sort(key=lambda one: _LAST.index(one.name))
-        parameters = [*first, *(one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in own), *last]
+            taken, option_info, default = _SHARED[name]
+            annotation = Annotated[taken, other.get(name, option_info)]  # type: ignore[valid-type]
+            parameter = inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
+            (last if name in _LAST else first).append(parameter)
+        last.sort(key=lambda parameter: _LAST.index(parameter.name))
+        parameters = [
+            *first,
+            *(parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in declared),
+            *last,
+        ]
 
         @wraps(function)
-        def call(**given: Any) -> None:
-            shared = {name: given.pop(name) for name in shown}
+        def call(**arguments: Any) -> None:
+            shared = {name: arguments.pop(name) for name in shown}
             try:
-                function(Output(verb=function.__name__.replace("_", "-"), **shared), **given)
+                function(Output(verb=function.__name__.replace("_", "-"), **shared), **arguments)
             finally:
                 if "continuum_grasp.results.atomic" in sys.modules:
                     sys.modules["continuum_grasp.results.atomic"].release_folders()

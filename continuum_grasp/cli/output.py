@@ -166,8 +166,8 @@ class Output:
     ) -> None:
         """Print the statistics of a result, and ``more`` of them, where wanted, or its JSON object with ``values``."""
         self.statistics({**result.statistics, **(more or {})})
-        own = {"warnings": result.warnings, "statistics": result.statistics}
-        self.result(**{"status": result.status, "folder": self.folder, "files": files, **values, **own})
+        common = {"warnings": result.warnings, "statistics": result.statistics}
+        self.result(**{"status": result.status, "folder": self.folder, "files": files, **values, **common})
 
     @contextmanager
     def drawing(self) -> Iterator[None]:

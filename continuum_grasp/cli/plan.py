@@ -24,22 +24,22 @@ def plan(
     from continuum_grasp.planning import plan as run
 
     with output.computing("planning"):
-        found = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
-    files = output.save(found, speed)
+        motion = run(scene, warm=warm, grasp=grasp, raise_on_failure=False)
+    files = output.save(motion, speed)
     output.report(
-        found,
+        motion,
         files,
-        {f"{name} [s]": f"{value:.3f}" for name, value in found.times.items()},
-        objective=found.objective,
-        duration=found.duration,
-        tip=tuple(found.tip[-1]),
-        active=found.active_constraints,
-        iterations=found.iterations,
-        times=found.times,
-        violated=found.violated,
-        advice=found.advice,
+        {f"{name} [s]": f"{value:.3f}" for name, value in motion.times.items()},
+        objective=motion.objective,
+        duration=motion.duration,
+        tip=tuple(motion.tip[-1]),
+        active=motion.active_constraints,
+        iterations=motion.iterations,
+        times=motion.times,
+        violated=motion.violated,
+        advice=motion.advice,
     )
-    if found.status not in ("optimal", "feasible"):
+    if motion.status not in ("optimal", "feasible"):
         raise SolverError(
-            found.message, status=found.status.value, violated=found.violated, advice=found.advice, result=found
+            motion.message, status=motion.status.value, violated=motion.violated, advice=motion.advice, result=motion
         )

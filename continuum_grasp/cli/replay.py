@@ -29,10 +29,10 @@ def replay(
     from continuum_grasp.identification.replayed import replay as run
 
     with output.busy("replaying") as report:
-        found = run(scene, log, progress=report)
-    files = output.save(found)
-    show_channels(found, output)
+        prediction = run(scene, log, progress=report)
+    files = output.save(prediction)
+    show_channels(prediction, output)
     output.say("")
-    output.report(found, files, **found.details())
-    if found.status != "consistent":
+    output.report(prediction, files, **prediction.details())
+    if prediction.status != "consistent":
         raise typer.Exit(FAILED)

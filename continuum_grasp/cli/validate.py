@@ -56,7 +56,7 @@ def validate(
             checked.append({"file": str(file), "valid": True, "kind": kind})
             output.say(f"{file}: valid ({kind})")
     output.result(files=checked)
-    if not all(one["valid"] for one in checked):
+    if not all(verdict["valid"] for verdict in checked):
         raise typer.Exit(2)
 
 

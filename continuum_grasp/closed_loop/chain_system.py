@@ -102,12 +102,12 @@ class ChainSystem(HingeChain, Functions):
         # Position, velocity, angle and spin of each place, where contacts and loads act.
         self._motion = ca.SX.sym("places", 6, len(self.places))
         self._of_object = ca.SX.sym("p", len(self._object_parameters))
-        given = {name: self._of_object[k] for k, name in enumerate(self._object_parameters)}
+        object_parameters = {name: self._of_object[k] for k, name in enumerate(self._object_parameters)}
         half, stations = scene.finger.profile.half_thickness, list[Station]()
         for k, name in enumerate([*(f"finger.{k + 1}" for k in range(len(ways))), "finger.tip"]):
             m = self._motion[:, k]
             stations.append(Station(name, Vec(m[0], m[1]), float(half(self.places[k])), Vec(m[2], m[3]), m[5]))
-        touched = self._touched = Contacts(scene, stations, given)
+        touched = self._touched = Contacts(scene, stations, object_parameters)
         self.touch_names = [pair.name for pair in touched.pairs]
         self._states = ca.SX.sym("drives", sum(winch.states for winch in self.winches))
         self._others = ca.vertcat(self._states, touched.states)
@@ -143,7 +143,8 @@ class ChainSystem(HingeChain, Functions):
         """The winches with their states."""
         ends = np.cumsum([0, *(winch.states for winch in self.winches)]).tolist()
         return [
-            (one, [others[k] for k in range(a, b)]) for one, (a, b) in zip(self.winches, pairwise(ends), strict=True)
+            (winch, [others[k] for k in range(a, b)])
+            for winch, (a, b) in zip(self.winches, pairwise(ends), strict=True)
         ]
 
     @cached_property
@@ -151,10 +152,10 @@ class ChainSystem(HingeChain, Functions):
         """``(others, u) -> drum``: what each tendon has at its drive: a length wound up [m] where a gear neither yields
         nor has a play, or a tension [N].
         """
-        given: list[Scalar] = [] if self.winches else [self._u[j] for j in range(len(self.tendons))]
+        wound: list[Scalar] = [] if self.winches else [self._u[j] for j in range(len(self.tendons))]
         for winch, states in self._of_winches(self._states):
-            given += winch.wound(states[0])
-        return ca.Function("drums", [self._others, self._u], [column(given)], ["others", "u"], ["drum"])
+            wound += winch.wound(states[0])
+        return ca.Function("drums", [self._others, self._u], [column(wound)], ["others", "u"], ["drum"])
 
     @cached_property
     def around(self) -> ca.Function:
@@ -178,7 +179,7 @@ class ChainSystem(HingeChain, Functions):
                 c, s = ca.cos(self._motion[4, at]), ca.sin(self._motion[4, at])
                 fx, fy = c * fx - s * fy, s * fx + c * fy
             forces[at] += ca.vertcat(fx, fy, 0.0)
-        own = self._touched.pairs[: contacts + 1]
+        pairs = self._touched.pairs[: contacts + 1]
         for k, (force, couple) in enumerate(self._touched.on_stations):
             forces[k] += ca.vertcat(force.x, force.y, couple)
         rates: list[Scalar] = []
@@ -187,8 +188,8 @@ class ChainSystem(HingeChain, Functions):
             rates += winch.rates(states, self._u[k], [next(taken) for _ in winch.tendons])
         rates += self._touched.rates(Vec(*self.scene.gravity))
         inputs = [self._motion, self._tension, self._others, self._u, self._w, self._of_object]
-        exerted = [columns(pair.force.scaled(-1.0) for pair in own), columns(pair.point for pair in own)]
-        values = [ca.horzcat(*forces), column(rates), *exerted, column([pair.lift for pair in own])]
+        exerted = [columns(pair.force.scaled(-1.0) for pair in pairs), columns(pair.point for pair in pairs)]
+        values = [ca.horzcat(*forces), column(rates), *exerted, column([pair.lift for pair in pairs])]
         outputs = ca.cse([ca.densify(value) for value in values])
         names = ["places", "tension", "others", "u", "w", "p"]
         return ca.Function("around", inputs, outputs, names, ["force", "rate", "exerted", "point", "lift"])
@@ -234,8 +235,8 @@ class ChainSystem(HingeChain, Functions):
         """Tension of each tendon at its drive [N]."""
         x, n, paths = self._x, self.n, list[Scalar]()
         for j, tendon in enumerate(self.tendons):
-            own = x[2 * n + j * (n + 1) : 2 * n + (j + 1) * (n + 1)]
-            stretched = ca.dot(ca.DM(tendon.gives[1:]), own[: tendon.guides])
+            tendon_states = x[2 * n + j * (n + 1) : 2 * n + (j + 1) * (n + 1)]
+            stretched = ca.dot(ca.DM(tendon.gives[1:]), tendon_states[: tendon.guides])
             paths.append(ca.dot(ca.DM(tendon.arms), x[:n]) + stretched)
         return self._pulls(x[self.first_other :], self._u, [float(tendon.gives[0]) for tendon in self.tendons], paths)
 
@@ -243,26 +244,26 @@ class ChainSystem(HingeChain, Functions):
         self, others: ca.SX | Array, u: ca.SX | Array, compliances: Sequence[Scalar], paths: Sequence[Scalar]
     ) -> list[Scalar]:
         """Tensions at the drives [N] of tendons of compliances [m/N] that are drawn in by paths [m]."""
-        found: list[Scalar] = [] if self.winches else [u[j] for j in range(len(self.tendons))]
+        tensions: list[Scalar] = [] if self.winches else [u[j] for j in range(len(self.tendons))]
         for winch, states in self._of_winches(others):
             cables = winch.cables(compliances, paths)
             slacks = cables.slacks(winch.drum(states, cables, sharp=True))
-            found += [ca.fmax(slack, 0.0) / give for slack, give in zip(slacks, cables.compliances, strict=True)]
-        return found
+            tensions += [ca.fmax(slack, 0.0) / give for slack, give in zip(slacks, cables.compliances, strict=True)]
+        return tensions
 
     def friction_along(self, x: ca.SX, u: ca.SX, tendon: int, start: float, end: float) -> ca.SX:
         """Direction of friction on a tendon between two positions [m]: the loss there per the greatest one."""
-        own, n = self.tendons[tendon], self.n
-        first = int(own.conduit > 0.0)
+        cable, n = self.tendons[tendon], self.n
+        first = int(cable.conduit > 0.0)
         base = self.tensions(x[: self.nx], u[: self.nu], ca.SX.zeros(self.np))[tendon]
         at = 2 * n + tendon * (n + 1)
-        along = ca.fmax(ca.vertcat(base, x[at : at + own.guides]), _NO_TENSION)
-        inside = [k for k in range(own.guides - first) if start <= self.links.at[k] <= end]
-        if not inside or own.friction == 0.0:
+        along = ca.fmax(ca.vertcat(base, x[at : at + cable.guides]), _NO_TENSION)
+        inside = [k for k in range(cable.guides - first) if start <= self.links.at[k] <= end]
+        if not inside or cable.friction == 0.0:
             return ca.SX(0.0)
         loss = ca.log(along[inside[0] + first]) - ca.log(along[inside[-1] + first + 1])
-        most = own.friction * ca.sum1(ca.fabs(x[inside[0] : inside[-1] + 1])) + _NO_BEND
-        return ca.fmin(ca.fmax(loss / most, -1.0), 1.0)
+        greatest_loss = cable.friction * ca.sum1(ca.fabs(x[inside[0] : inside[-1] + 1])) + _NO_BEND
+        return ca.fmin(ca.fmax(loss / greatest_loss, -1.0), 1.0)
 
     # -- the start ----------------------------------------------------------------------------------------------------
 
@@ -318,8 +319,8 @@ _ON_AXIS = beside(
 
 def _check(scene: Scene, parameters: Sequence[str]) -> None:
     """Refuse what a chain does not have."""
-    for one in (_GUIDES, _ON_AXIS):
-        one.check(scene)
+    for feature in (_GUIDES, _ON_AXIS):
+        feature.check(scene)
     odd = [name for name in parameters if name not in OF_FINGER]
     if odd:
         raise InputError(f"a chain of guides has no run-time argument {odd[0]}", key="plant.guides")

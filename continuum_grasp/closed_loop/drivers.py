@@ -102,19 +102,19 @@ class SerialBoard:
         """The newest measurement that has arrived whole since the last call; None: there is none."""
         *lines, self._rest = (self._rest + self._port.read(self._port.in_waiting)).split(b"\n")
         self._rest = self._rest[-_LONGEST_LINE:]
-        found = None
+        measurement = None
         for line in lines:
             fields = _fields(line)
             try:
                 if fields is None or fields[0] != "y" or len(fields) != self._readings + 2:
                     raise ValueError
-                number, values = int(fields[1]), [float(one) if one else math.nan for one in fields[2:]]
+                number, values = int(fields[1]), [float(field) if field else math.nan for field in fields[2:]]
             except ValueError:
                 self.damaged += 1
                 continue
             self.missed += max(0, number - self._number - 1) if self._number >= 0 else 0
-            self._number, found = number, np.array(values)
-        return found
+            self._number, measurement = number, np.array(values)
+        return measurement
 
     def write(self, command: Command) -> None:
         """Send a command with its status."""

@@ -86,8 +86,8 @@ class HardwareRun:
         """Return how it ended, counts, and median, 99th percentile and maximum of jitter and latency [s]."""
         counts = {"cycles": len(self.jitter), "overruns": self.overruns, "skipped": self.skipped}
         spreads = {"jitter": spread(self.jitter), "latency": spread(self.latency)}
-        own = {"ended": self.ended, "cause": self.cause, "period": self.period, **counts, **spreads}
-        return {**own, "status": self.status, "health": self.health, "realtime": list(self.realtime)}
+        outcome = {"ended": self.ended, "cause": self.cause, "period": self.period, **counts, **spreads}
+        return {**outcome, "status": self.status, "health": self.health, "realtime": list(self.realtime)}
 
 
 @interrupt.computing()
@@ -182,14 +182,14 @@ def run_hardware(
         if not (hold and loop.ended == "finished"):
             with interrupt.held(quietly=True):
                 loop.ramp()
-    found = loop.found(granted)
+    run = loop.found(granted)
     if loop.ended == "interrupted":
-        raise Interrupted(f"interrupted after t = {len(loop.u) * period:g} s; the drives are at rest", result=found)
+        raise Interrupted(f"interrupted after t = {len(loop.u) * period:g} s; the drives are at rest", result=run)
     if error is not None and loop.ended == "failed":
         error.add_note(f"after t = {len(loop.u) * period:g} s of the loop; the command went to the input at rest")
-        error.result = found  # type: ignore[attr-defined]
+        error.result = run  # type: ignore[attr-defined]
         raise error
-    return found
+    return run
 
 
 def _first(controller: Controller, start: ArrayLike | Command | None) -> Array:
@@ -275,11 +275,11 @@ class _Loop:
 
     def _read(self) -> Array | None:
         self.arm(True)
-        given = self.driver.read()
+        reading = self.driver.read()
         self.arm(False)
-        if given is None:
+        if reading is None:
             return None
-        read = vector("read()", given, len(self.controller.measurement_names), check=False)
+        read = vector("read()", reading, len(self.controller.measurement_names), check=False)
         return read if self._wired is None else self._wired.readings.back(read)
 
     def _send(self, command: Command, u: Array, status: Status | None = None) -> None:

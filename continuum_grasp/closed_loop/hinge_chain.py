@@ -58,7 +58,9 @@ class HingeChain:
         self.winches = winches_of(finger.tendon_list, self.length)
         motors = [winch for winch in self.winches if isinstance(winch, Motor)]
         gears = {
-            one.tendons[0]: (gear[0] / one.radius**2, gear[1] * one.radius) for one in motors if (gear := one.gear)
+            motor.tendons[0]: (gear[0] / motor.radius**2, gear[1] * motor.radius)
+            for motor in motors
+            if (gear := motor.gear)
         }
         self.tendons = [
             self._guided(tendon, axial_stiffness, gears.get(k, (0.0, 0.0)))
@@ -109,6 +111,6 @@ class HingeChain:
             gives = np.zeros(self.hinges + 2)
             gives[: len(tendon.gives)] = tendon.gives
             friction = factors.get("tendon_friction", 1.0) * tendon.friction
-            own = [tendon.guides, tendon.wound, tendon.conduit > 0.0, friction, tendon.conduit, *tendon.gear]
-            parts += [own, tendon.arms, gives]
+            numbers = [tendon.guides, tendon.wound, tendon.conduit > 0.0, friction, tendon.conduit, *tendon.gear]
+            parts += [numbers, tendon.arms, gives]
         return np.concatenate([np.asarray(part, dtype=float).ravel() for part in parts])

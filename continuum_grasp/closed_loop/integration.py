@@ -79,9 +79,9 @@ class ChainIntegration(Integration):
         states = np.full((count + 1, model.nx), np.nan)
         states[0] = x
         numbers, p = model.chain_numbers, np.ascontiguousarray(model.around_p)
-        given = [pointer(each) for each in (numbers, u, rows)]
+        pointers = [pointer(each) for each in (numbers, u, rows)]
         begin = ctypes.c_longlong(count), ctypes.c_double(step)
-        done = self._run_steps(*begin, *given, ctypes.c_longlong(model.nw), pointer(p), pointer(states))
+        done = self._run_steps(*begin, *pointers, ctypes.c_longlong(model.nw), pointer(p), pointer(states))
         why = "the plant's step after t = {time} s has no solution: its loads or inputs move it too fast"
         return states, int(done), why
 
@@ -89,14 +89,14 @@ class ChainIntegration(Integration):
 def chain_source(model: SharedModel) -> str:
     """C of the motion of plants: what surrounds the chains, and their steps."""
     chains, names = model.chains, model.around.name_in()
-    given = {name: ca.SX.sym(name, *model.around.size_in(name)) for name in names}
-    places = ca.SX.sym("places", given["places"].numel())
-    tension, x, u = given["tension"], given["others"], given["u"]
-    force, rate = model.around(ca.reshape(places, given["places"].shape), *[given[name] for name in names[1:]])
+    symbols = {name: ca.SX.sym(name, *model.around.size_in(name)) for name in names}
+    places = ca.SX.sym("places", symbols["places"].numel())
+    tension, x, u = symbols["tension"], symbols["others"], symbols["u"]
+    force, rate = model.around(ca.reshape(places, symbols["places"].shape), *[symbols[name] for name in names[1:]])
     drum, values = model.drums(x, u), ca.vertcat(ca.vec(force), rate)
     slopes = ca.densify(ca.jacobian(values, ca.vertcat(places, tension, x)))
     drums = ca.Function("drums_of", [x, u], ca.cse([ca.densify(drum), ca.densify(ca.jacobian(drum, x))]))
-    arguments = [places, *[given[name] for name in names[1:]]]
+    arguments = [places, *[symbols[name] for name in names[1:]]]
     around = ca.Function("around", arguments, ca.cse([ca.densify(values), slopes]))
     sizes = []
     for name, function in (("drums", drums), ("around", around)):
@@ -107,7 +107,7 @@ def chain_source(model: SharedModel) -> str:
         "hinges": chains[0].n,
         "tendons": tension.numel(),
         "tendons_of": ", ".join(str(len(chain.tendons)) for chain in chains),
-        "places": given["places"].size2(),
+        "places": symbols["places"].size2(),
         "places_of": ", ".join(str(len(chain.places)) for chain in chains),
         "others": x.numel(),
         "nu": u.numel(),

@@ -69,9 +69,9 @@ class Links:
         lever = self.center - self.at
         beyond = np.append(np.cumsum(self.mass[::-1])[::-1], 0.0)[1:]
         carried = self.mass * lever + self.bars * beyond
-        own = self.inertia + self.mass * (lever**2 + self.across**2) + self.bars**2 * beyond
+        diagonal = self.inertia + self.mass * (lever**2 + self.across**2) + self.bars**2 * beyond
         above = np.triu(np.outer(self.bars, carried), 1)
-        return np.diag(own) + above + above.T, carried
+        return np.diag(diagonal) + above + above.T, carried
 
     @property
     def mass_matrix(self) -> Array:

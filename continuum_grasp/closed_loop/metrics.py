@@ -56,18 +56,16 @@ class Metrics:
 
     def rows(self) -> list[tuple[str, str, str, str]]:
         """Return a table of four columns: what, and three values with their units."""
-        found = [("tracking error", "r.m.s.", "max", "final")]
-        found += [
-            (t.name, amount(t.rms, t.unit), amount(t.max, t.unit), amount(t.final, t.unit)) for t in self.tracking
-        ]
-        found.append(("bound", "worst", "exceeded", ""))
-        found += [(v.name, amount(v.worst, v.unit), f"{100 * v.share:.1f} %", "") for v in self.violations]
-        return found + self.time_rows()
+        rows = [("tracking error", "r.m.s.", "max", "final")]
+        rows += [(t.name, amount(t.rms, t.unit), amount(t.max, t.unit), amount(t.final, t.unit)) for t in self.tracking]
+        rows.append(("bound", "worst", "exceeded", ""))
+        rows += [(v.name, amount(v.worst, v.unit), f"{100 * v.share:.1f} %", "") for v in self.violations]
+        return rows + self.time_rows()
 
     def time_rows(self) -> list[tuple[str, str, str, str]]:
         """Return the rows of that table which say how long the phases of a step and the whole step took."""
-        found = [(t.name, amount(t.median, "s"), amount(t.p99, "s"), amount(t.max, "s")) for t in self.times]
-        return [("time", "median", "99 %", "max"), *found]
+        rows = [(t.name, amount(t.median, "s"), amount(t.p99, "s"), amount(t.max, "s")) for t in self.times]
+        return [("time", "median", "99 %", "max"), *rows]
 
     def pairs(self) -> dict[str, str]:
         """Single values by name."""

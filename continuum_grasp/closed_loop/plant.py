@@ -138,8 +138,8 @@ class Plant:
     @property
     def command(self) -> Array:
         """Last command (nu)."""
-        found: Array = self._past_u[-1]
-        return found
+        command: Array = self._past_u[-1]
+        return command
 
 
 class SharedPlant:
@@ -164,8 +164,8 @@ class SharedPlant:
         model, method = self._joint or self.plants[0].model, self.plants[0].method.name
         if method not in model.integrations:
             model.integrations[method] = ChainIntegration(model) if method == GUIDES else Integration(model, method)
-        found: Integration = model.integrations[method]
-        return found
+        integration: Integration = model.integrations[method]
+        return integration
 
     @property
     def compiled(self) -> bool:
@@ -186,8 +186,8 @@ class SharedPlant:
             return [self.plants[0].advance(commands[0])]
         known = [plant.checked(u) for plant, u in zip(self.plants, commands, strict=True)]
         states = self.moved([plant.x for plant in self.plants], known, self.plants[0].t)
-        for plant, own, command in zip(self.plants, states, known, strict=True):
-            plant.reach(own, command)
+        for plant, plant_states, command in zip(self.plants, states, known, strict=True):
+            plant.reach(plant_states, command)
         return states
 
     def replayed(self, x: Sequence[Array], u: Sequence[Array], start: float) -> list[Array]:
@@ -198,10 +198,10 @@ class SharedPlant:
         """Return the states (substeps + 1, nx) of each over a period from states x, with ``finer`` times the steps."""
         first, joint = self.plants[0], self._joint
         u = [plant.acting(command) for plant, command in zip(self.plants, u, strict=True)]
-        given = start, first.period, finer * first.method.substeps
+        timing = start, first.period, finer * first.method.substeps
         if joint is None:
-            return [self._integration.advance(x[0], u[0], *given)]
-        return joint.parts(self._integration.advance(joint.joined(x), np.concatenate(u), *given))
+            return [self._integration.advance(x[0], u[0], *timing)]
+        return joint.parts(self._integration.advance(joint.joined(x), np.concatenate(u), *timing))
 
 
 _EXPLICIT_UP_TO = 40
@@ -304,8 +304,8 @@ def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:
     parts = [np.linspace(a, b, _PER_ELEMENT + 1)[1:] for a, b in pairwise(edges)]
     at = tuple(float(s) for s in np.minimum(np.concatenate(parts), length))
     angles = _angles(prediction, at)
-    own = plant.named_states | _friction_states(plant, prediction) | _section_states(plant, prediction)
-    others = [own[name] for name in prediction.x_names[2 * n :]]
+    plant_states = plant.named_states | _friction_states(plant, prediction) | _section_states(plant, prediction)
+    others = [plant_states[name] for name in prediction.x_names[2 * n :]]
     # With zero coordinates: the base's angle, and what a tip moment alone bends where the tip's curvature matches it.
     offset, rate = angles(ca.vertcat(ca.SX(2 * n, 1), *others))
     straight = np.array(angles(np.zeros(prediction.nx))[0])
@@ -318,7 +318,7 @@ def _nearest_state(plant: PlantModel, prediction: Prediction) -> ca.SX:
 
 def _friction_states(plant: PlantModel, prediction: Prediction) -> dict[str, ca.SX]:
     """Friction states of a controller's cells by name: those at which friction acts as along the plant's."""
-    found: dict[str, ca.SX] = {}
+    states: dict[str, ca.SX] = {}
     for number, cells in enumerate(prediction.system.finger_model.structure.cell_sets):
         edges = np.cumsum([0.0, *(cell.length for cell in cells.cells)])
         names, tendon, side = cells.names(number + 1), cells.tendons[0], cells.sides[0]
@@ -326,8 +326,8 @@ def _friction_states(plant: PlantModel, prediction: Prediction) -> dict[str, ca.
         for name, (a, b) in zip(names, parts, strict=True):
             # The inverse of the cubic by which a state acts.
             acts = side * plant.friction_along(tendon, a, b)
-            found[name] = 2.0 * ca.sin(ca.asin(acts) / 3.0)
-    return found
+            states[name] = 2.0 * ca.sin(ca.asin(acts) / 3.0)
+    return states
 
 
 def _angles(model: Prediction, at: tuple[float, ...]) -> ca.Function:
@@ -337,21 +337,21 @@ def _angles(model: Prediction, at: tuple[float, ...]) -> ca.Function:
     full = ca.Function("angles", [model.x, model.u, model.p], [angle, rate])
     x = ca.SX.sym("x", model.nx)
     values = full.call([x, ca.SX(ca.DM.zeros(model.nu)), ca.SX(ca.DM(model.p_nominal))])
-    found: ca.Function = ca.Function("angles", [x], values)
-    return found
+    angles: ca.Function = ca.Function("angles", [x], values)
+    return angles
 
 
 def _section_states(plant: PlantModel, prediction: Prediction) -> dict[str, ca.SX]:
     """States of laws of the sections of a controller by name: the mean of the plant's over the same part."""
-    found: dict[str, ca.SX] = {}
+    section_states: dict[str, ca.SX] = {}
     laws = zip(*(model.system.finger_model.structure.laws for model in (prediction, plant)), strict=False)
-    for own, other in laws:
-        if not own.names(1):
+    for plant_law, other in laws:
+        if not plant_law.names(1):
             continue
-        edges, known = (np.cumsum([0.0, *(float(port.measure) for port in law.ports)]) for law in (own, other))
+        edges, known = (np.cumsum([0.0, *(float(port.measure) for port in law.ports)]) for law in (plant_law, other))
         states = [[plant.named_states[name] for name in other.names(k + 1)] for k in range(len(other.ports))]
         for k, (start, end) in enumerate(pairwise(edges.tolist()), start=1):
             shares = np.clip(np.minimum(known[1:], end) - np.maximum(known[:-1], start), 0.0, None) / (end - start)
-            for name, every in zip(own.names(k), zip(*states, strict=True), strict=True):
-                found[name] = ca.dot(ca.DM(shares), ca.vertcat(*every))
-    return found
+            for name, every in zip(plant_law.names(k), zip(*states, strict=True), strict=True):
+                section_states[name] = ca.dot(ca.DM(shares), ca.vertcat(*every))
+    return section_states

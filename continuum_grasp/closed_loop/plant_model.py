@@ -144,17 +144,17 @@ class PlantModel(Remade):
         jumps = self._lag is None or self._order == 1 or bool(finger.chambers)
         family = scene.plant.fidelity.family or default_family(free_tip=jumps or bool(finger.free_tip_reasons))
         # The lag is the plant's own, whose sensors read every tension: the system's x has what bends it alone.
-        own = self.scene.replaced(finger=finger.with_tendons(time_constant=None))
+        unlagged = self.scene.replaced(finger=finger.with_tendons(time_constant=None))
         guides = scene.plant.guides
         self.system: System | ChainSystem
         varied_lag = _LAG in parameters and not finger.winches and self._lag is not None
         if varied_lag:
             parameters = [name for name in parameters if name != _LAG]
         if guides is not None:
-            self.system = ChainSystem(own, guides, scene.plant.axial_stiffness, parameters, object_parameters)
+            self.system = ChainSystem(unlagged, guides, scene.plant.axial_stiffness, parameters, object_parameters)
         else:
             self.system = System(
-                own,
+                unlagged,
                 family=family,
                 input_rates=FAMILIES[family].matches_tip or None,
                 parameters=parameters,
@@ -217,28 +217,28 @@ class PlantModel(Remade):
     @property
     def named_states(self) -> dict[str, ca.SX]:
         """Entries of x by name; of a drive that lags also the moments that act, and their rates."""
-        found = dict(zip(self.x_names, ca.vertsplit(self._x), strict=True))
+        states = dict(zip(self.x_names, ca.vertsplit(self._x), strict=True))
         if self._lag is None:
-            return found
+            return states
         channels = [channel for channel in self.scene.finger.channels if channel.time_constant is not None]
         tensions = [channel.arms[: self._lags] for channel in channels if any(channel.arms[: self._lags])] or [(1.0,)]
         for k, of in enumerate(tensions):
             name = "tip_moment" if len(channels) < 2 else f"moment_{k + 1}"
-            found[f"{name} [N m]"] = ca.mtimes(ca.DM(of).T, self.drive[: self._lags])
-            found[f"{name}_rate [N m/s]"] = ca.mtimes(ca.DM(of).T, self._drive_rates[: self._lags])
-        return found
+            states[f"{name} [N m]"] = ca.mtimes(ca.DM(of).T, self.drive[: self._lags])
+            states[f"{name}_rate [N m/s]"] = ca.mtimes(ca.DM(of).T, self._drive_rates[: self._lags])
+        return states
 
     @cached_property
     def tensions(self) -> ca.SX:
         """Tension of each tendon at its drive [N]."""
         x, u, p = self._of_system
         finger = self.system.finger_model
-        found = self.drive[: self.nu - len(self.scene.finger.chambers)]
+        tensions = self.drive[: self.nu - len(self.scene.finger.chambers)]
         if isinstance(self.system, ChainSystem):
-            found = self.system.tensions(x, u, p)
+            tensions = self.system.tensions(x, u, p)
         elif finger.structure.own_tendons:
-            found = finger.tensions()(x[: finger.nx], u, p[: finger.np])[0]
-        return ca.SX(found)
+            tensions = finger.tensions()(x[: finger.nx], u, p[: finger.np])[0]
+        return ca.SX(tensions)
 
     def friction_along(self, tendon: int, start: float, end: float) -> ca.SX:
         """Direction of friction on a tendon between two positions [m], on average: 1 where it slides to the base."""
@@ -274,8 +274,8 @@ class PlantModel(Remade):
     @cached_property
     def drums(self) -> ca.Function:
         """``(others, u) -> drum``: what each tendon of a chain has at its drive: a length [m], or a tension [N]."""
-        others, own = self._others
-        value = ca.densify(self.chain.drums(own, self.acting))
+        others, chain_states = self._others
+        value = ca.densify(self.chain.drums(chain_states, self.acting))
         return ca.Function("drums", [others, self._u], [value], ["others", "u"], ["drum"])
 
     @cached_property
@@ -283,14 +283,14 @@ class PlantModel(Remade):
         """``(places, tension, others, u, w, p) -> rate, exerted, force``: rates of the other states with the lag, what
         the finger exerts on the object, and forces on the places; parameters are without those of the finger.
         """
-        chain, (others, own) = self.chain, self._others
+        chain, (others, chain_states) = self.chain, self._others
         places, tension = ca.SX.sym("places", 6, len(chain.places)), ca.SX.sym("tension", len(chain.tendons))
         p = self._now[self.finger_parameters :]
-        force, rate, *exerted = chain.around(places, tension, own, self.acting, self._loads, p)
+        force, rate, *exerted = chain.around(places, tension, chain_states, self.acting, self._loads, p)
         names = ["places", "tension", "others", "u", "w", "p"]
         values = [ca.vertcat(rate, self._drive_rates), self._wrench(*exerted), force]
-        given = [places, tension, others, self._u, self._w, self._p[self.finger_parameters :]]
-        return ca.Function("around", given, values, names, ["rate", "exerted", "force"])
+        inputs = [places, tension, others, self._u, self._w, self._p[self.finger_parameters :]]
+        return ca.Function("around", inputs, values, names, ["rate", "exerted", "force"])
 
     # -- functions ----------------------------------------------------------------------------------------------------
 
@@ -342,8 +342,10 @@ class PlantModel(Remade):
 
     @property
     def _exerted(self) -> ca.SX:
-        own = [k for k, name in enumerate(self.system.touch_names) if name.startswith("finger.")]
-        return self._wrench(self.touch["force"][:, own], self.touch["point"][:, own], self.touch["lift"][own])
+        indices = [k for k, name in enumerate(self.system.touch_names) if name.startswith("finger.")]
+        return self._wrench(
+            self.touch["force"][:, indices], self.touch["point"][:, indices], self.touch["lift"][indices]
+        )
 
     def _wrench(self, force: ca.SX, point: ca.SX, lift: ca.SX) -> ca.SX:
         """World force [N], moment about the object's center of mass [N m], and force out of the plane [N], of forces
@@ -409,7 +411,7 @@ class PlantModel(Remade):
     def tracked(self, key: str, name: str) -> ca.SX:
         """An output of ``System.touch`` at the contacts that a term of the controller's cost follows, in its order."""
         contacts = self.control.controller.cost.tracked_contacts(key, self.control.contact_names)
-        return self.touch[name][[self.system.touch_names.index(self._own_name(one)) for one in contacts]]
+        return self.touch[name][[self.system.touch_names.index(self._own_name(contact)) for contact in contacts]]
 
     @property
     def object_pose(self) -> ca.SX:
@@ -429,8 +431,8 @@ class PlantModel(Remade):
     @cached_property
     def rest_input(self) -> Array:
         """Input at time zero: least tensions, or no moment."""
-        found: Array = self._signals.u(0.0)[0][: self.nu]
-        return found
+        inputs: Array = self._signals.u(0.0)[0][: self.nu]
+        return inputs
 
     @cached_property
     def start(self) -> Array:
@@ -441,16 +443,16 @@ class PlantModel(Remade):
         """State at time zero (nx) of a scene that differs from that of this plant by values of parameters."""
         model, pose = self.system.finger_model, self._start_pose(scene)
         finger = initial_state(scene, model)
-        own = np.zeros(self.nx - self.system.nx)
-        own[: self.nu] = self.rest_input[: own.size]
+        drive_states = np.zeros(self.nx - self.system.nx)
+        drive_states[: self.nu] = self.rest_input[: drive_states.size]
         if isinstance(self.system, ChainSystem):
             q, qd = finger[: model.n], finger[model.n : 2 * model.n]
             drives = finger[2 * model.n : 2 * model.n + model.structure.drive_states]
             x = self.system.start(q, qd, drives, self.rest_input, scene.initial)
             if pose is not None:
                 x[self.system.object_states] = pose
-            return np.concatenate([x, own])
-        return np.concatenate([finger, self.system.state(pose=pose)[model.nx :], own])
+            return np.concatenate([x, drive_states])
+        return np.concatenate([finger, self.system.state(pose=pose)[model.nx :], drive_states])
 
     @staticmethod
     def _start_pose(around: Surroundings) -> list[float] | None:

@@ -139,18 +139,18 @@ class Readings:
         unit = self._stages.u_names[0].split("[")[1][:-1]
         beyond = np.maximum(u - self._stages.u_max, self._stages.u_min - u).max(axis=1)
         span = float(np.max(self._stages.u_max - self._stages.u_min))
-        found = [Bound("input", unit, beyond, span)]
-        most = scene.controller.input.rate_max
-        if most is not None:
+        exceeded = [Bound("input", unit, beyond, span)]
+        limit = scene.controller.input.rate_max
+        if limit is not None:
             change = np.abs(u - held).max(axis=1) / period
-            found.append(Bound("input rate", f"{unit}/s", change - most, most))
+            exceeded.append(Bound("input rate", f"{unit}/s", change - limit, limit))
         limits, _ = curvature_limits(bounds, self.plant.system.finger_model)
         if np.all(np.isfinite(limits)):
             kappa = self._rows(self.plant.curvature, x, u, w)
-            found.append(Bound("curvature", "1/m", (np.abs(kappa) - limits).max(axis=1), float(limits.min())))
+            exceeded.append(Bound("curvature", "1/m", (np.abs(kappa) - limits).max(axis=1), float(limits.min())))
         if bounds.speed is not None:
-            rates, most = quantities_of(self.plant, self._prediction, u, None).bending_rate(), bounds.speed
-            found.append(Bound("speed", "rad/s", np.abs(self._rows(rates, x, u, w)).max(axis=1) - most, most))
+            rates, limit = quantities_of(self.plant, self._prediction, u, None).bending_rate(), bounds.speed
+            exceeded.append(Bound("speed", "rad/s", np.abs(self._rows(rates, x, u, w)).max(axis=1) - limit, limit))
         if bounds.keep_out:
             at = np.linspace(0.0, self._length, _FINE + 1)[1:]
             fine, half = self._sections(at, x, u, w), self.plant.scene.finger.profile.half_thickness(at)
@@ -158,5 +158,5 @@ class Readings:
                 of = slice(None) if zone.of == "backbone" else slice(-1, None)
                 # The surface, half a thickness from the backbone, without the clearance that is asked for.
                 depth = half[of] - distance_from(zone, *fine[:, of].transpose(2, 0, 1))
-                found.append(Bound(name, "m", depth.max(axis=1), self._length))
-        return found
+                exceeded.append(Bound(name, "m", depth.max(axis=1), self._length))
+        return exceeded

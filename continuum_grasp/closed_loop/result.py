@@ -164,14 +164,14 @@ class ControlRun(MotionResult):
 
     def pairs(self) -> dict[str, str]:
         """Time, errors of what is tracked, times of the controller, counts."""
-        found = self.metrics()
+        metrics = self.metrics()
         errors = {
-            f"error of the {one.name}": f"{one.rms:.3g} {one.unit} r.m.s., {one.max:.3g} {one.unit} at most"
-            for one in found.tracking[:2]
+            f"error of the {term.name}": f"{term.rms:.3g} {term.unit} r.m.s., {term.max:.3g} {term.unit} at most"
+            for term in metrics.tracking[:2]
         }
         total = 1e3 * self.phase_times.sum(axis=1)
         times = f"{np.median(total):.3g} ms in the median, {total.max():.3g} ms at most" if total.size else "none"
-        counts = found.pairs()
+        counts = metrics.pairs()
         return {
             "time": f"{self.t[-1]:g} s in {len(self.u)} periods of {1e3 * self.period:g} ms",
             **errors,
@@ -198,8 +198,8 @@ class ControlRun(MotionResult):
     @property
     def object_pose(self) -> Array | None:
         """Pose of an object that moves (K + 1, 3 or 4): x, y [m], angle [rad], height [m]; None without one."""
-        found = self.x[:, self.readings.plant.system.object_states]
-        return found if found.shape[1] else None
+        pose = self.x[:, self.readings.plant.system.object_states]
+        return pose if pose.shape[1] else None
 
     @cached_property
     def contacts(self) -> ContactForces | None:
@@ -284,12 +284,12 @@ class ControlRun(MotionResult):
     @cached_property
     def incidents(self) -> tuple[tuple[float, str, str], ...]:
         """Time [s], health and text of each change of the health to something that is not ok."""
-        found, before = [], "ok"
+        incidents, before = [], "ok"
         for t, health, text in zip(self.t, self.health, self.health_texts, strict=False):
             if health not in (before, "ok"):
-                found.append((float(t), health, text))
+                incidents.append((float(t), health, text))
             before = health
-        return tuple(found)
+        return tuple(incidents)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -297,19 +297,19 @@ class ControlRun(MotionResult):
         first: dict[str, str] = {}
         for t, health, text in self.incidents:
             first.setdefault(health, f"{health} at {t:.3g} s: {text}")
-        found = list(first.values())
+        warnings = list(first.values())
         odd = {word: n for word, n in self.metrics().statuses.items() if word not in _GOOD}
         if odd:
             counts = ", ".join(f"{n} {word}" for word, n in odd.items())
-            found.append(f"of {len(self.status)} commands, {counts}")
-        found += self.missed
+            warnings.append(f"of {len(self.status)} commands, {counts}")
+        warnings += self.missed
         use = self.readings.range_use(self.x, self._inputs, self.w)
         if use.max(initial=0.0) > 1.0:
-            found.append(
+            warnings.append(
                 f"the plant is bent to {use.max():.2f} times its declared range, where its model loses accuracy: raise "
                 "plant.fidelity.bending_range"
             )
-        return tuple(found)
+        return tuple(warnings)
 
     @property
     def _inputs(self) -> Array:
@@ -351,12 +351,12 @@ class ControlRun(MotionResult):
 
     def report(self) -> str:
         """The table as text."""
-        found = self.metrics()
+        metrics = self.metrics()
         lines = [self.name or "closed loop", f"{self.outcome}: {self.t[-1]:g} s in {len(self.u)} periods", ""]
-        rows = found.rows()
+        rows = metrics.rows()
         widths = [max(len(row[k]) for row in rows) for k in range(4)]
         lines += ["  ".join([row[0].ljust(widths[0]), *(row[k].rjust(widths[k]) for k in (1, 2, 3))]) for row in rows]
-        pairs = found.pairs() | {name: str(value) for name, value in self.adapted.items()}
+        pairs = metrics.pairs() | {name: str(value) for name, value in self.adapted.items()}
         wide = max(map(len, pairs))
         return "\n".join([*lines, "", *(f"{key:<{wide}}  {value}" for key, value in pairs.items())]) + "\n"
 

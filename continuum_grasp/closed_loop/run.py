@@ -156,16 +156,16 @@ def run_fingers(
     making of what is given began, by ``perf_counter`` [s].
     """
     started = perf_counter() if began is None else began
-    for one in loops:
-        one.control.reset(u=one.plant.model.rest_input)
+    for loop in loops:
+        loop.control.reset(u=loop.plant.model.rest_input)
     compiled = shared.compiled  # which makes what integrates the plants
     made_s = perf_counter() - started
     steps: list[list[_Step]] = []
-    first = [(one.plant.t, one.plant.x) for one in loops]
+    first = [(loop.plant.t, loop.plant.x) for loop in loops]
     count = round(duration / loops[0].control.period)
     error = _loop(loops, shared, steps, count, progress or (lambda share: None))
     with interrupt.held(quietly=True) as pressed:
-        known = [_result(one, first[k], [of[k] for of in steps], error is None) for k, one in enumerate(loops)]
+        known = [_result(loop, first[k], [of[k] for of in steps], error is None) for k, loop in enumerate(loops)]
         runs = []
         for run, off in zip(known, _plant_errors(shared, known), strict=True):
             of_plant = {"plant_compiled": compiled, "plant_error_m": off, "made_s": made_s}
@@ -183,24 +183,24 @@ def _loop(
     progress: Callable[[float], None],
 ) -> NumericalError | Interrupted | None:
     """Run until the end, or until what stopped it."""
-    ahead = [s.stage * np.arange(s.stages + 1.0) for s in (one.control.stages for one in loops)]
-    for one in loops:
-        one.plan.enter(one.plant.t, one.control, one.plant)
+    ahead = [s.stage * np.arange(s.stages + 1.0) for s in (loop.control.stages for loop in loops)]
+    for loop in loops:
+        loop.plan.enter(loop.plant.t, loop.control, loop.plant)
     try:
         for k in range(steps):
             asked = []
-            for one, later in zip(loops, ahead, strict=True):
-                plant, plan = one.plant, one.plan
+            for loop, later in zip(loops, ahead, strict=True):
+                plant, plan = loop.plant, loop.plan
                 reference, measured, p = plan.rows(plant.t + later), plant.measure(), plan.phase.p
-                command = one.control.step(measured, reference, p=p)
-                asked.append((measured, reference[0], one.control.stages.p_nominal if p is None else p, command))
+                command = loop.control.step(measured, reference, p=p)
+                asked.append((measured, reference[0], loop.control.stages.p_nominal if p is None else p, command))
             states = shared.advance([of[-1].u for of in asked])
             # The period is recorded at once and whole, wherever an interruption falls.
-            done.append([_Step(*of, own[-1]) for of, own in zip(asked, states, strict=True)])
+            done.append([_Step(*of, plant_states[-1]) for of, plant_states in zip(asked, states, strict=True)])
             progress((k + 1) / steps)
             ended = [
-                not one.plan.advance(one.plant.t, one.control, one.plant, of[-1])
-                for one, of in zip(loops, asked, strict=True)
+                not loop.plan.advance(loop.plant.t, loop.control, loop.plant, of[-1])
+                for loop, of in zip(loops, asked, strict=True)
             ]
             if any(ended):
                 break
@@ -211,9 +211,9 @@ def _loop(
     return None
 
 
-def _result(one: FingerLoop, first: tuple[float, Array], steps: list[_Step], finished: bool) -> ControlRun:
+def _result(loop: FingerLoop, first: tuple[float, Array], steps: list[_Step], finished: bool) -> ControlRun:
     """Collect what was recorded since the ``first`` instant and state, and read off the plant what was tracked."""
-    scene, control, plant, plan = one
+    scene, control, plant, plan = loop
     model, stages, count = control.prediction, control.stages, len(steps)
     commands, rest = [step.command for step in steps], plant.model.rest_input
     t = np.asarray(first[0] + plant.period * np.arange(count + 1), dtype=float)
@@ -301,9 +301,9 @@ def _plant_errors(shared: SharedPlant, runs: Sequence[ControlRun]) -> list[float
         shared.replayed([run.x[k] for run in runs], [run.u[k] for run in runs], float(runs[0].t[k])) for k in chosen
     ]
     after = chosen + 1
-    found = []
+    errors = []
     for run, states in zip(runs, zip(*finer, strict=True), strict=True):
         w = run.readings.plant.forces(run.t[after])
         moved = run.readings.tip(np.array(states), run.u[chosen], w) - run.readings.tip(run.x[after], run.u[chosen], w)
-        found.append(float(np.linalg.norm(moved, axis=1).max()))
-    return found
+        errors.append(float(np.linalg.norm(moved, axis=1).max()))
+    return errors

@@ -96,12 +96,12 @@ class Schedule:
     def rows(self, t: Array) -> Array:
         """Setpoints (T, nr) as they are foreseen now at instants (T,) [s]."""
         k, start = self.current, self.start
-        found = self.phases[k].rows(t - start)
+        rows = self.phases[k].rows(t - start)
         # What ends at a time is foreseen; what ends at an event is foreseen to go on.
         while self.phases[k].until is None and k + 1 < len(self.phases):
             start, k = start + self.phases[k].duration, k + 1
             later = t >= start - 1e-9
             if not np.any(later):
                 break
-            found[later] = self.phases[k].rows(t[later] - start)
-        return found
+            rows[later] = self.phases[k].rows(t[later] - start)
+        return rows

@@ -44,12 +44,14 @@ class SharedModel:
         shared = [_shared(plant) if len(plants) > 1 else np.zeros(0, dtype=np.intp) for plant in plants]
         self._first, start = [_first_other(plant) for plant in plants], 0
         self._at = [np.zeros(plant.nx, dtype=np.intp) for plant in plants]
-        ends = [(0, one.system.n, 2 * one.system.n, at, one.nx) for one, at in zip(plants, self._first, strict=True)]
+        ends = [
+            (0, plant.system.n, 2 * plant.system.n, at, plant.nx) for plant, at in zip(plants, self._first, strict=True)
+        ]
         for k in range(4):  # bends, rates, tensions, and what else is each finger's own
             for place, end, common in zip(self._at, ends, shared, strict=True):
-                own = np.setdiff1d(np.arange(end[k], end[k + 1]), common)
-                place[own] = start + np.arange(own.size)
-                start += own.size
+                separate = np.setdiff1d(np.arange(end[k], end[k + 1]), common)
+                place[separate] = start + np.arange(separate.size)
+                start += separate.size
         for place, common in zip(self._at, shared, strict=True):
             place[common] = start + np.arange(common.size)
         self.nx = start + shared[0].size
@@ -59,10 +61,10 @@ class SharedModel:
 
     def joined(self, states: Sequence[Array]) -> Array:
         """The common state (..., nx) of the plants' states; of what they share, the first one's."""
-        found: Array = np.empty((*np.shape(states[0])[:-1], self.nx))
-        for place, own in reversed([*zip(self._at, states, strict=True)]):
-            found[..., place] = own
-        return found
+        joined: Array = np.empty((*np.shape(states[0])[:-1], self.nx))
+        for place, state in reversed([*zip(self._at, states, strict=True)]):
+            joined[..., place] = state
+        return joined
 
     def parts(self, x: Array) -> list[Array]:
         """The state of each plant in common states (..., nx)."""
@@ -97,18 +99,18 @@ class SharedModel:
         return self._common("implicit", [lead.implicit(), *(plant.implicit(touching=True) for plant in others)], "k")
 
     def _common(self, name: str, functions: Sequence[ca.Function], output: str) -> ca.Function:
-        given, parts = self._arguments(functions)
+        symbols, parts = self._arguments(functions)
         rate, _ = self._rates(functions, parts, [place.tolist() for place in self._at], "x")
-        return ca.Function(name, [*given.values()], ca.cse([ca.densify(rate)]), [*given], [output])
+        return ca.Function(name, [*symbols.values()], ca.cse([ca.densify(rate)]), [*symbols], [output])
 
     @cached_property
     def internal(self) -> ca.Function:
         """(x, u, p) -> mass matrix of the fingers, their stiffness and their damping, a block for each."""
         functions = [plant.internal for plant in self.plants]
-        given, parts = self._arguments(functions)
-        blocks = [function(*own.values()) for function, own in zip(functions, parts, strict=True)]
+        symbols, parts = self._arguments(functions)
+        blocks = [function(*part.values()) for function, part in zip(functions, parts, strict=True)]
         values = [ca.densify(ca.diagcat(*each)) for each in zip(*blocks, strict=True)]
-        return ca.Function("internal", [*given.values()], ca.cse(values), [*given], ["M", "K", "D"])
+        return ca.Function("internal", [*symbols.values()], ca.cse(values), [*symbols], ["M", "K", "D"])
 
     # -- chains of guides ---------------------------------------------------------------------------------------------
 
@@ -131,9 +133,9 @@ class SharedModel:
     def drums(self) -> ca.Function:
         """``(others, u) -> drum``: what each tendon has at its drive: a length [m], or a tension [N]."""
         functions = [plant.drums for plant in self.plants]
-        given, parts = self._arguments(functions)
-        values = [function(*own.values()) for function, own in zip(functions, parts, strict=True)]
-        return ca.Function("drums", [*given.values()], [ca.vertcat(*values)], [*given], ["drum"])
+        symbols, parts = self._arguments(functions)
+        values = [function(*part.values()) for function, part in zip(functions, parts, strict=True)]
+        return ca.Function("drums", [*symbols.values()], [ca.vertcat(*values)], [*symbols], ["drum"])
 
     @cached_property
     def around(self) -> ca.Function:
@@ -141,10 +143,10 @@ class SharedModel:
         and the rates of all other states.
         """
         functions = [plant.around for plant in self.plants]
-        given, parts = self._arguments(functions)
-        rate, found = self._rates(functions, parts, self._others_at, "others")
-        values = [ca.horzcat(*(force for *_, force in found)), rate]
-        return ca.Function("around", [*given.values()], values, [*given], ["force", "rate"])
+        symbols, parts = self._arguments(functions)
+        rate, outputs = self._rates(functions, parts, self._others_at, "others")
+        values = [ca.horzcat(*(force for *_, force in outputs)), rate]
+        return ca.Function("around", [*symbols.values()], values, [*symbols], ["force", "rate"])
 
     @property
     def _others_at(self) -> list[list[int]]:
@@ -156,24 +158,24 @@ class SharedModel:
 
     def _arguments(self, functions: Sequence[ca.Function]) -> tuple[dict[str, ca.SX], list[dict[str, ca.SX]]]:
         """Symbols of a function of all plants by the names of the plants' ``functions``, and those of each."""
-        given, parts = dict[str, ca.SX](), list[dict[str, ca.SX]]([{} for _ in functions])
+        symbols, parts = dict[str, ca.SX](), list[dict[str, ca.SX]]([{} for _ in functions])
         states = {"x": [place.tolist() for place in self._at], "others": self._others_at}
         for name in functions[0].name_in():
             sizes = [function.size_in(name) for function in functions]
             if name in states:
-                given[name] = ca.SX.sym(name, _size(states[name]))
-                own = [given[name][places] for places in states[name]]
+                symbols[name] = ca.SX.sym(name, _size(states[name]))
+                pieces = [symbols[name][places] for places in states[name]]
             elif name == "part":  # one step for all
-                given[name] = ca.SX.sym(name)
-                own = [given[name]] * len(functions)
+                symbols[name] = ca.SX.sym(name)
+                pieces = [symbols[name]] * len(functions)
             else:  # side by side or one below the other
                 axis = int(name == "places")
                 ends = np.cumsum([0, *(size[axis] for size in sizes)]).tolist()
-                given[name] = ca.SX.sym(name, *((sizes[0][0], ends[-1]) if axis else (ends[-1], 1)))
-                own = (ca.horzsplit if axis else ca.vertsplit)(given[name], ends)
-            for part, value in zip(parts, own, strict=True):
+                symbols[name] = ca.SX.sym(name, *((sizes[0][0], ends[-1]) if axis else (ends[-1], 1)))
+                pieces = (ca.horzsplit if axis else ca.vertsplit)(symbols[name], ends)
+            for part, value in zip(parts, pieces, strict=True):
                 part[name] = value
-        return given, parts
+        return symbols, parts
 
     def _rates(
         self, functions: Sequence[ca.Function], parts: Sequence[dict[str, ca.SX]], at: list[list[int]], states: str
@@ -183,22 +185,22 @@ class SharedModel:
         The functions give the rates of a plant's ``states``, of other plants than the first then what it exerts on the
         object: force [N], moment about its center of mass [N m] and force out of the plane [N].
         """
-        rates, found, exerted = ca.SX(_size(at), 1), list[list[ca.SX]](), ca.SX(4, 1)
-        for function, own, places in zip(functions[1:], parts[1:], at[1:], strict=True):
-            rate, wrench, *rest = function.call([*own.values()])
+        rates, outputs, exerted = ca.SX(_size(at), 1), list[list[ca.SX]](), ca.SX(4, 1)
+        for function, part, places in zip(functions[1:], parts[1:], at[1:], strict=True):
+            rate, wrench, *rest = function.call([*part.values()])
             rates[places], exerted = rate, exerted + wrench
-            found.append(rest)
+            outputs.append(rest)
         lead, first, more = self.plants[0], parts[0], ca.SX(self.plants[0].nw, 1)
         for name, total in zip(WRENCH, ca.vertsplit(exerted), strict=False):
-            if found:
+            if outputs:
                 more[lead.w_names.index(name)] = total
         rate, *of_lead = functions[0].call([*(first | {"w": first["w"] + more}).values()])
-        if found and _RISE in lead.x_names:
+        if outputs and _RISE in lead.x_names:
             before, known = (0, lead.finger_parameters) if states == "x" else (self._first[0], 0)
             mass = first["p"][known + lead.object_parameters.index("object_mass")]
             rate[lead.x_names.index(_RISE) - before] += exerted[3] / mass
         rates[at[0]] = rate  # last: what is shared moves as the first plant says
-        return rates, [of_lead, *found]
+        return rates, [of_lead, *outputs]
 
 
 def _size(at: list[list[int]]) -> int:

@@ -31,14 +31,14 @@ def named(key: str, value: Mapping[str, Any], names: Sequence[str], default: Arr
     if unknown or missing:
         odd = f"there is no {', '.join(map(shown, unknown))}" if unknown else f"{', '.join(missing)} missing"
         raise InputError(f"{odd}: expected {', '.join(order)}", key=key)
-    found = np.zeros(len(order)) if default is None else np.array(default, dtype=float)
+    entries = np.zeros(len(order)) if default is None else np.array(default, dtype=float)
     for k, name in enumerate(order):
         if name in value:
             try:
-                found[k] = numbers(value[name])
+                entries[k] = numbers(value[name])
             except (TypeError, ValueError) as error:
                 raise InputError(f"expected a number, got {shown(value[name])}", key=f"{key}.{name}") from error
-    return found
+    return entries
 
 
 def vector(name: str, value: ArrayLike, size: int, *, check: bool = True) -> Array:
@@ -64,7 +64,7 @@ def numbers(value: ArrayLike) -> Array:
         with np.errstate(over="ignore"):
             return array.astype(float)
     except OverflowError:  # a Python integer or fraction beyond 1.8e308
-        return np.array([_double(one) for one in array.ravel().tolist()]).reshape(array.shape)
+        return np.array([_double(number) for number in array.ravel().tolist()]).reshape(array.shape)
 
 
 def _double(value: Any) -> float:

@@ -195,8 +195,10 @@ class Command(Summarized):
         """Parameters of ``estimator.adapt`` by name: value, standard deviation, and whether measurements tell it."""
         estimate, then, filtered = self.estimate, self._part("then"), self._control.estimation
         return {
-            one.name: one.read(estimate.p[one.parameter], then[one.state], estimate.std[one.state])
-            for one in (() if filtered is None else filtered.adapted)
+            adapted_state.name: adapted_state.read(
+                estimate.p[adapted_state.parameter], then[adapted_state.state], estimate.std[adapted_state.state]
+            )
+            for adapted_state in (() if filtered is None else filtered.adapted)
             if estimate.std is not None
         }
 

@@ -22,13 +22,13 @@ def macros(parts: ControlParts, *, controls: bool) -> list[str]:
     """Write the dimensions of what a controller has beside its iterations; without ``controls`` of the filter alone."""
     s, e, c, sizes = parts.stages, parts.estimation, parts.contact, dict[str, int]()
     if controls:
-        own = {"ND": s.nd, "NM": len(parts.measurement_names), "ESTIMATES": int(e is not None)}
-        own |= {"TOUCHES": int(c is not None), "NS": len(parts.sensor_names)}
-        sizes |= {f"CONTROLLER_{name}": size for name, size in own.items()}
+        dimensions = {"ND": s.nd, "NM": len(parts.measurement_names), "ESTIMATES": int(e is not None)}
+        dimensions |= {"TOUCHES": int(c is not None), "NS": len(parts.sensor_names)}
+        sizes |= {f"CONTROLLER_{name}": size for name, size in dimensions.items()}
     if e is not None:
-        own = {"NZ": e.nz, "NX": e.nx, "NU": s.nu, "NP": s.np, "NY": e.ny, "NS": len(e.sensor_names), "NM": e.nm}
-        own |= {"DELAY": parts.periods, "AHEAD": parts.ahead, "NF": len(e.friction), "NA": len(e.adapted)}
-        sizes |= {f"EKF_{name}": size for name, size in own.items()}
+        dimensions = {"NZ": e.nz, "NX": e.nx, "NU": s.nu, "NP": s.np, "NY": e.ny, "NS": len(e.sensor_names), "NM": e.nm}
+        dimensions |= {"DELAY": parts.periods, "AHEAD": parts.ahead, "NF": len(e.friction), "NA": len(e.adapted)}
+        sizes |= {f"EKF_{name}": size for name, size in dimensions.items()}
     if c is not None:
         sizes |= {f"CONTACT_{name}": size for name, size in c.sizes.items()}
     return [f"#define {name} {size}" for name, size in sizes.items()]
@@ -81,8 +81,8 @@ def mission_source(sizes: dict[str, int], settings: Settings) -> str:
     # Setpoints to the bit as in exported C: products and sums are not fused.
     unfused = '#ifdef __clang__\n#pragma STDC FP_CONTRACT OFF\n#else\n#pragma GCC optimize("fp-contract=off")\n#endif'
     macros = [f"#define MISSION_{name} {size}" for name, size in sizes.items()]
-    own = _templates("checks.h", "mission.h", "mission.c"), _setter("mission_settings", settings)
-    return "\n".join([unfused, _joined("double", *macros, *own, _templates("doubles.h", "mission_python.c"))])
+    parts = _templates("checks.h", "mission.h", "mission.c"), _setter("mission_settings", settings)
+    return "\n".join([unfused, _joined("double", *macros, *parts, _templates("doubles.h", "mission_python.c"))])
 
 
 def _joined(real: str, *texts: str) -> str:
@@ -117,8 +117,8 @@ def _templates(*names: str) -> str:
 def _setter(structure: str, settings: Settings) -> str:
     """Write ``cg_fill``, which reads settings from the concatenated values of all members."""
     lines = [f"static void cg_fill({structure} *o, const double *v)", "{", "  memset(o, 0, sizeof *o);"]
-    for member, given in settings.items():
-        values = np.asarray(given)
+    for member, setting in settings.items():
+        values = np.asarray(setting)
         kind = "int" if is_whole(values) else "real"
         if values.ndim == 0:
             lines.append(f"  o->{member} = ({kind})*v++;")

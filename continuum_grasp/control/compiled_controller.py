@@ -67,13 +67,13 @@ class CompiledController(Remade, Summarized):
         self._settings = parts.settings_in(self.precision)
         nz, ny = (0, 0) if estimation is None else (estimation.nz, estimation.ny)
         nm = len(self.measurement_names)
-        given = {"measurement": nm, "p": s.np, "applied": s.nu, "setpoints": (n + 1) * s.nr, "elapsed": 1}
+        inputs = {"measurement": nm, "p": s.np, "applied": s.nu, "setpoints": (n + 1) * s.nr, "elapsed": 1}
         sizes = dict.fromkeys(_NUMBERS, 1) | {"ticks": 3, "u": s.nu, "x": s.nx, "p": s.np, "verdict": nm}
         sizes |= {"excess": s.nc, "then": nz, "upper": nz * nz, "diagonal": nz}
         sizes |= {"innovation": ny, "innovation_variance": ny}
         sizes |= {} if contact is None else contact_parts(contact)
         sizes |= {"plan_x": (n + 1) * s.nx, "plan_u": n * s.nu}
-        self._c = Compiled(controller_source(parts, self.precision), self._settings, given, sizes, self._what)
+        self._c = Compiled(controller_source(parts, self.precision), self._settings, inputs, sizes, self._what)
         self._measurement, self._p, self._applied, rows, self._elapsed = self._c.given
         self._setpoints = rows.reshape(n + 1, s.nr)
         self._call = self._c.library.cg_controller_step
@@ -179,11 +179,11 @@ class CompiledController(Remade, Summarized):
         within it, steps report ``Anomaly.BEYOND_LIMIT``.
         """
         changed = dict(self._settings)
-        for name, given in settings.items():
+        for name, setting in settings.items():
             if name not in CHANGEABLE:
                 raise InputError(f"expected some of {', '.join(CHANGEABLE)}, got {name!r:.60}", key=name)
             nominal = getattr(self.stages, name)
-            value = vector(name, given, nominal.size)
+            value = vector(name, setting, nominal.size)
             if name[:2] not in ("u_", "c_") and np.any(value < 0.0):
                 raise InputError(f"expected no negative entry, got {value.tolist()}", key=name)
             # The safe ramp and the supervisor's scales are those of the nominal limits.
@@ -194,13 +194,13 @@ class CompiledController(Remade, Summarized):
         self._settings = changed
         self._c.configure(changed)
 
-    def _check_settings(self, settings: Settings, given: tuple[str, ...]) -> None:
+    def _check_settings(self, settings: Settings, changed: tuple[str, ...]) -> None:
         """Refuse crossed limits and a QP without a unique solution."""
         for kind, names in (("u", self.stages.u_names), ("c", self.stages.c_names)):
             low, high = (np.asarray(settings[f"rti.{kind}_{end}"]) for end in ("min", "max"))
             crossed = [f"{n}: {a:g} > {b:g}" for n, a, b in zip(names, low, high, strict=True) if a > b]
             if crossed:
-                key = next(name for name in given if name.startswith(f"{kind}_"))
+                key = next(name for name in changed if name.startswith(f"{kind}_"))
                 raise InputError(f"a lower limit is above its upper one ({'; '.join(crossed)})", key=key)
         of_inputs = slice(self.stages.nt, None)
         # A problem may leave inputs to the dynamics alone: then no weight can be taken away.
@@ -266,13 +266,13 @@ class CompiledController(Remade, Summarized):
         >>> controller.reference(tip=None)  # as in the scene
         """
         now = self._now
-        own = {key: (value, now) for key, value in setpoints.items() if value is not None}
+        requested = {key: (value, now) for key, value in setpoints.items() if value is not None}
         others = {key: value for key, value in self._own.items() if key not in setpoints}
-        unknown = dict.fromkeys(set(setpoints) - set(own), ((), 0.0))
+        unknown = dict.fromkeys(set(setpoints) - set(requested), ((), 0.0))
         if not set(unknown) <= set(self.nominal_setpoints.parts):
             self._replaced(unknown)  # raises
-        moved = self._replaced({**others, **own})
-        self._own, self._targets = {**others, **own}, moved
+        moved = self._replaced({**others, **requested})
+        self._own, self._targets = {**others, **requested}, moved
 
     @property
     def current_setpoints(self) -> dict[str, Array]:
@@ -291,19 +291,19 @@ class CompiledController(Remade, Summarized):
             self._targets, self._chunk = self._replaced(self._own), -1
         return self._targets
 
-    def _replaced(self, given: Mapping[str, tuple[Any, float]]) -> Setpoints:
-        found, self._chunk = self.nominal_setpoints, -1
-        for key, (value, since) in given.items():
-            found = found.replaced({key: value}, since, self.stages.stage)
-        return found
+    def _replaced(self, replacements: Mapping[str, tuple[Any, float]]) -> Setpoints:
+        setpoints, self._chunk = self.nominal_setpoints, -1
+        for key, (value, since) in replacements.items():
+            setpoints = setpoints.replaced({key: value}, since, self.stages.stage)
+        return setpoints
 
     @property
     def _ahead(self) -> Array:
         return self.stages.stage * np.arange(self.stages.stages + 1.0)
 
-    def _rows_with(self, given: Mapping[str, Any]) -> Array:
+    def _rows_with(self, replacements: Mapping[str, Any]) -> Array:
         """Rows of the next step with some setpoints replaced in this step alone."""
-        return self._following().replaced(given, self._now, self.stages.stage).rows(self._now + self._ahead)
+        return self._following().replaced(replacements, self._now, self.stages.stage).rows(self._now + self._ahead)
 
     def _scheduled(self) -> Array:
         following = self._following()
@@ -315,7 +315,7 @@ class CompiledController(Remade, Summarized):
         rows: Array = self._rows[at]
         return rows
 
-    def _shape_error(self, **given: Any) -> InputError:
+    def _shape_error(self, **arguments: Any) -> InputError:
         """Name what has another shape than expected, or everything where the shapes fit but entries are no numbers."""
         s = self.stages
         shapes: dict[str, tuple[Any, ...]] = {
@@ -325,7 +325,7 @@ class CompiledController(Remade, Summarized):
             "applied": ((s.nu,),),
             "time": ((),),
         }
-        present = {name: value for name, value in given.items() if value is not None}
+        present = {name: value for name, value in arguments.items() if value is not None}
         wrong = [name for name, value in present.items() if _shape(value) not in shapes[name]] or list(present)
         messages = []
         for name in wrong:

@@ -192,16 +192,16 @@ class ControlParts:
         iteration |= {"tolerance": float(real(rti.TOLERANCE[precision]))}
         iteration |= {"regularization": float(real(rti.REGULARIZATION)), **rti.scenario_settings(s)}
         limits = {"applied": ranges.applied, "r": ranges.r, "p": ranges.p, "x": ranges.x}
-        own: Settings = {"period": calls.period, "u_rate": self.rate, "u_safe": calls.safe}
+        settings: Settings = {"period": calls.period, "u_rate": self.rate, "u_safe": calls.safe}
         # The C refuses a rate of zero, which an input that cannot move would have.
-        own["safe_rate"] = np.maximum((s.u_max - s.u_min) / calls.ramp, 1e-9)
+        settings["safe_rate"] = np.maximum((s.u_max - s.u_min) / calls.ramp, 1e-9)
         for name, pairs in limits.items():
-            own |= {f"{name}_min": pairs[:, 0], f"{name}_max": pairs[:, 1]}
-        own |= {name: getattr(calls, name) for name in ("sqp_iterations", "start_iterations", "start_calls")}
+            settings |= {f"{name}_min": pairs[:, 0], f"{name}_max": pairs[:, 1]}
+        settings |= {name: getattr(calls, name) for name in ("sqp_iterations", "start_iterations", "start_calls")}
         contact = {} if self.contact is None else self.contact.settings_within(self.measurement_names)
         return {
             **_nested("rti", iteration),
-            **own,
+            **settings,
             **_nested("supervisor", self.supervisor),
             **_nested("ekf", self.filter),
             **_nested("contact", contact),
@@ -246,7 +246,7 @@ def _filter(scene: ControlScene, model: Prediction, stages: Stages, estimation: 
     period = scene.controller.step
     # At a limit for long, others are beyond what is plausible: there is no friction below none and none beyond its
     # limit, and an adapted parameter may be as far off as the range that it is adapted in.
-    adapted = [one.state for one in estimation.adapted]
+    adapted = [adapted_state.state for adapted_state in estimation.adapted]
     natural = [
         int(k in adapted or name.startswith(("tendon_friction", "unknown_contact_friction")))
         for k, name in enumerate(estimation.z_names)
@@ -254,7 +254,7 @@ def _filter(scene: ControlScene, model: Prediction, stages: Stages, estimation: 
     drives = {drive.state for drive in model.driven}
     # Steps as long as those of the stages, which the stiffness allows; rounding must not add one.
     substeps = max(1, math.ceil(stages.substeps * period / stages.stage - 1e-9))
-    found: Settings = {
+    settings: Settings = {
         "noise": process,
         "initial": initial,
         "z_min": states[:, 0],
@@ -272,10 +272,10 @@ def _filter(scene: ControlScene, model: Prediction, stages: Stages, estimation: 
         "fade": 2.0 / _window(scene),
     }
     if estimation.friction:
-        found["friction"] = estimation.friction
+        settings["friction"] = estimation.friction
     if adapted:
-        found |= {"adapted": adapted, "quiet": quiet_sensitivities(scene, model, estimation, substeps)}
-    return found
+        settings |= {"adapted": adapted, "quiet": quiet_sensitivities(scene, model, estimation, substeps)}
+    return settings
 
 
 def _unsupervised(stages: Stages) -> Settings:

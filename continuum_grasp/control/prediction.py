@@ -136,8 +136,8 @@ class Prediction(Remade):
             input_rates=(matches_tip and self._own_lag is not None) or None,
         )
         system = self.system
-        own = ["tip_moment [N m]", "tip_moment_rate [N m/s]"] if self._own_lag is not None else []
-        self.x_names = (*system.x_names, *own)
+        lag_names = ["tip_moment [N m]", "tip_moment_rate [N m/s]"] if self._own_lag is not None else []
+        self.x_names = (*system.x_names, *lag_names)
         self.u_names = tuple(system.u_names[: len(scene.input_limits[0])])
         extra = {"missing_tip_moment [N m]": 0.0} if self._couple else {}
         if self._own_lag is not None and _LAG in scene.model_parameters:
@@ -154,7 +154,7 @@ class Prediction(Remade):
         channels = [c for c in finger.channels if any(c.arms)]
         if not channels:
             return _greatest((1.0,), self.scene.input_limits)
-        limits = [one.least for one in finger.pulls], [one.most for one in finger.pulls]
+        limits = [pull.least for pull in finger.pulls], [pull.most for pull in finger.pulls]
         return sum(abs(c.gain) * _greatest(c.arms, limits) for c in channels)
 
     @property
@@ -168,18 +168,18 @@ class Prediction(Remade):
         states = [k for k, name in enumerate(self.x_names) if re.fullmatch(driven, name)]
         winches, limits = self.system.finger_model.structure.winches, self.scene.input_limits
         drives = [(arms, lag) for arms, lag in _drives(self.scene) if lag is not None]
-        found = [
+        drive_states = [
             DriveState(state, arms, _greatest(arms, limits), lag, self._rate_of(state))
             for state, (arms, lag) in zip(states, drives, strict=False)
         ]
         wound = zip(winches, states[len(drives) :], strict=True)
-        return (*(self._wound(k, winch, state) for k, (winch, state) in enumerate(wound)), *found)
+        return (*(self._wound(k, winch, state) for k, (winch, state) in enumerate(wound)), *drive_states)
 
     def _wound(self, number: int, winch: Winch, state: int) -> DriveState:
         """Position of a winch: commanded, or as far as a motor turns when it bends the finger over its range."""
-        least, most = self.scene.input_limits
+        least, greatest = self.scene.input_limits
         follows = tuple(float(k == number) for k in range(self.nu)) if np.isinf(winch.drive.limit) else ()
-        reach = max(-least[number], most[number])
+        reach = max(-least[number], greatest[number])
         if isinstance(winch, Motor) and not follows:
             finger = self.scene.finger
             bend = sum(self.system.finger_model.ranges)
@@ -285,20 +285,20 @@ class Prediction(Remade):
         """Tension of each tendon at its drive [N], of fingers with tendon friction or winches."""
         x, _, p = self._of_system
         finger = self.system.finger_model
-        found = finger.tensions()(x[: finger.nx], ca.SX.zeros(finger.nu), p[: finger.np])[0]
-        return self._function("tensions", tensions=found)
+        tensions = finger.tensions()(x[: finger.nx], ca.SX.zeros(finger.nu), p[: finger.np])[0]
+        return self._function("tensions", tensions=tensions)
 
     @property
     def servo_torques(self) -> ca.SX:
         """Torques that position servos ask for, as shares of what their motors have; none without such servos [1]."""
-        found: list[ca.SX] = []
+        shares: list[ca.SX] = []
         drives = self.scene.finger.winches
         for k, (drive, at) in enumerate(zip(drives, self.driven, strict=False)):
             if isinstance(drive, MotorDrive) and drive.position_gain is not None:
                 angle, rate = self.x[at.state], self.x[at.state + 1]
                 asked = drive.position_gain * (self.u[k] - angle) - drive.rate_gain * rate
-                found.append(asked / drive.torque_max)
-        return ca.vertcat(ca.SX(0, 1), *found)
+                shares.append(asked / drive.torque_max)
+        return ca.vertcat(ca.SX(0, 1), *shares)
 
     # -- states -------------------------------------------------------------------------------------------------------
 
@@ -311,12 +311,12 @@ class Prediction(Remade):
         slid. ``pulled``: winches not where u leaves them, but where (the first of) their tendons have this tension [N].
         """
         shape, inputs = np.asarray(q, dtype=float), np.asarray(u, dtype=float)
-        own = [] if self._own_lag is None else [inputs[0], 0.0]
+        lag_states = [] if self._own_lag is None else [inputs[0], 0.0]
         # The system's inputs may go on with their rates and a missing moment, both zero.
-        given = np.zeros(self.system.nu)
-        given[: inputs.size] = inputs
-        state = self.system.state(q=shape.tolist(), u=given.tolist(), friction=friction, pulled=pulled)
-        return np.array([*state, *own])
+        padded = np.zeros(self.system.nu)
+        padded[: inputs.size] = inputs
+        state = self.system.state(q=shape.tolist(), u=padded.tolist(), friction=friction, pulled=pulled)
+        return np.array([*state, *lag_states])
 
     def shapes(self, count: int | None = None) -> Array:
         """Sample coordinates (count, n) of the straight finger and of shapes within half the bending range; all by
@@ -333,29 +333,29 @@ class Prediction(Remade):
         contacts closed where there is an object, and with tendons that stick and that slide; ``NumericalError`` where
         the model's numbers are not finite.
         """
-        given = [self.x, self.u, self.p]
+        symbols = [self.x, self.u, self.p]
         law = None if self.system.surroundings is None else self.system.surroundings.contact_law
         if law is None:
-            jacobian = ca.jacobian(self.dynamics(*given), self.x)
+            jacobian = ca.jacobian(self.dynamics(*symbols), self.x)
         else:
             # As if every contact were pressed, wherever the finger is: open contacts are not stiff.
             gap = self.system.touch(*self.arguments)[0]
             pressed = gap + (law.rounding + PRESSED / law.stiffness)
             jacobian = self.system.pressed_linearization(*self.arguments, pressed)
-        linearized, n = ca.Function("jacobian", given, [jacobian]), self.system.n
-        of_system = ca.Function("of_system", given, [*self._of_system])
+        linearized, n = ca.Function("jacobian", symbols, [jacobian]), self.system.n
+        of_system = ca.Function("of_system", symbols, [*self._of_system])
         # The seed is fixed: the number of steps follows, and with it the generated C, which must repeat.
         rng = np.random.default_rng(0)
-        found = [np.zeros(1) if self.scene.lag is None else np.array([-1.0 / self.scene.lag])]
-        finger, most = (
+        eigenvalues = [np.zeros(1) if self.scene.lag is None else np.array([-1.0 / self.scene.lag])]
+        finger, greatest_tension = (
             self.system.finger_model,
-            max((one.max_tension for one in self.scene.finger.tendon_list), default=0.0),
+            max((tendon.max_tension for tendon in self.scene.finger.tendon_list), default=0.0),
         )
         cells = len(finger.friction_names)
         parameters = np.array(self.p_nominal) if p is None else p
         for shape in self.shapes():
             u = rng.uniform(u_min, u_max)
-            pull = rng.uniform(0.0, most) if finger.structure.winches else None
+            pull = rng.uniform(0.0, greatest_tension) if finger.structure.winches else None
             for friction in (0.0, SLIDING) if cells else (0.0,):
                 # Winches are not where u leaves them, by which tendons would be far too tight in most of the shapes.
                 x = self.at_rest(shape, u, np.full(cells, friction), pulled=pull)
@@ -365,8 +365,8 @@ class Prediction(Remade):
                 a = np.array(linearized(x, u, parameters))
                 if not np.all(np.isfinite(a)):
                     raise NumericalError("the linearized motion is not finite", state=shape)
-                found.append(np.linalg.eigvals(a))
-        return np.concatenate(found).astype(complex)
+                eigenvalues.append(np.linalg.eigvals(a))
+        return np.concatenate(eigenvalues).astype(complex)
 
     def fastest_rate(self, u_min: Array, u_max: Array, p: Array | None = None) -> float:
         """Largest absolute value of the `eigenvalues` [1/s]."""
@@ -384,17 +384,17 @@ def _drives(scene: ModelScene) -> list[tuple[tuple[float, ...], float | None]]:
     inputs = len(finger.input_keys)
     if "tip_moment" in finger.input_keys:
         return [((1.0,), scene.lag)]
-    own = [(channel.arms, channel.time_constant) for channel in finger.channels if any(channel.arms)]
+    drives = [(channel.arms, channel.time_constant) for channel in finger.channels if any(channel.arms)]
     if finger.has_tendon_friction or finger.winches:
         lags = [] if finger.winches else [tendon.time_constant for tendon in finger.tendon_list]
         lags += [chamber.time_constant for chamber in finger.chambers]
-        own = [(tuple(np.eye(inputs)[k - len(lags)].tolist()), lag) for k, lag in enumerate(lags)]
-    return own
+        drives = [(tuple(np.eye(inputs)[k - len(lags)].tolist()), lag) for k, lag in enumerate(lags)]
+    return drives
 
 
 def _greatest(arms: tuple[float, ...], limits: tuple[Sequence[float], Sequence[float]]) -> float:
-    found = np.array(limits) * np.array(arms)
-    return float(max(found.max(axis=0).sum(), -found.min(axis=0).sum()))
+    extremes = np.array(limits) * np.array(arms)
+    return float(max(extremes.max(axis=0).sum(), -extremes.min(axis=0).sum()))
 
 
 def first_state(scene: ControlScene, model: Prediction) -> Array:
@@ -405,8 +405,8 @@ def first_state(scene: ControlScene, model: Prediction) -> Array:
     ``SolverError`` where an initial equilibrium is not found.
     """
     initial, finger = scene.initial, model.system.finger_model
-    given, cells = initial.q, initial.friction_states
-    if given is not None and len(given) != finger.n:
+    coordinates, cells = initial.q, initial.friction_states
+    if coordinates is not None and len(coordinates) != finger.n:
         initial = initial.replaced(pose="rest", q=None, qd=None)
     if cells is not None and len(cells) != len(finger.friction_names):
         initial = initial.replaced(reached_by=None, friction_states=None)
@@ -428,14 +428,14 @@ def start_state(
         initial=initial,
         loads=tuple(loads),
     )
-    own = FingerModel(
+    rest_model = FingerModel(
         alone,
         family=finger.family,
         elements=finger.lengths,
         accuracy=finger.structure.accuracy,
         input_rates=False,  # nothing moves
     )
-    start = initial_state(alone, own)
-    x = model.at_rest(start[: finger.n], u, start[own.nx - len(own.friction_names) :])
+    start = initial_state(alone, rest_model)
+    x = model.at_rest(start[: finger.n], u, start[rest_model.nx - len(rest_model.friction_names) :])
     x[finger.n : 2 * finger.n] = start[finger.n : 2 * finger.n]
     return x

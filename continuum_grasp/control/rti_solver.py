@@ -153,8 +153,8 @@ class RtiSolver(CompiledController):
         InputError
             If something has another size or other names, or is not finite.
         """
-        given = named("u", u, self.stages.u_names) if isinstance(u, Mapping) else self.safe if u is None else u
-        before = vector("u", given, self.stages.nu)
+        initial_input = named("u", u, self.stages.u_names) if isinstance(u, Mapping) else self.safe if u is None else u
+        before = vector("u", initial_input, self.stages.nu)
         self._start(np.zeros(self.stages.nd), before)
         if guess is not None:
             self._c.give("cg_guess", *self._guessed(guess, before))
@@ -168,8 +168,10 @@ class RtiSolver(CompiledController):
         for name, value in guess.items():
             if name not in courses:
                 raise InputError(f"expected some of {', '.join(courses)}, got {name!r:.60}", key="guess")
-            own = courses[name]
-            own[:] = vector(f"guess.{name}", np.full(own.size, value) if np.ndim(value) == 0 else value, own.size)
+            course = courses[name]
+            course[:] = vector(
+                f"guess.{name}", np.full(course.size, value) if np.ndim(value) == 0 else value, course.size
+            )
         x[:, s.nd :] = np.vstack([before, u])[:, : s.nx - s.nd]
         return x.ravel(), u.ravel()
 

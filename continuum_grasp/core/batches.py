@@ -108,13 +108,13 @@ class Scan:
             here, following = (t + 1, t) if back else (t, t + 1)
             now = [carry[:, here], *(signal[:, t * signal.shape[1] // steps] for signal in signals)]
             try:
-                found = [np.array(value).T for value in mapped.call([ca.DM(value.T) for value in now])]
+                computed = [np.array(value).T for value in mapped.call([ca.DM(value.T) for value in now])]
             except (
                 RuntimeError
             ):  # a row that runs away may leave a matrix singular, which the machine takes for an error
-                found = [np.full((len(start), out.shape[2]), np.nan) for out in outputs]
-            carry[:, following] = found[0]
-            for result, value in zip(results, found[1:], strict=True):
+                computed = [np.full((len(start), out.shape[2]), np.nan) for out in outputs]
+            carry[:, following] = computed[0]
+            for result, value in zip(results, computed[1:], strict=True):
                 result[:, t * result.shape[1] // steps] += value
 
 

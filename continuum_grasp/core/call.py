@@ -129,8 +129,8 @@ class Caller:
     def call(self, rows: Sequence[Any]) -> list[Array]:
         """Evaluate on one row per input; None stands for the default."""
         if self._code is None:
-            given = [d if row is None else row for row, d in zip(rows, self._defaults, strict=True)]
-            results = self.function.call([ca.DM(row) for row in given])
+            arguments = [d if row is None else row for row, d in zip(rows, self._defaults, strict=True)]
+            results = self.function.call([ca.DM(row) for row in arguments])
             return [np.array(r.nonzeros()) for r in results]
         with self._lock:  # the buffers belong to all threads, and ctypes releases the interpreter's lock
             for buffer, row, default in zip(self._inputs, rows, self._defaults, strict=True):

@@ -21,8 +21,8 @@ def straight_function(name: str, given: Mapping[str, ca.SX], found: Mapping[str,
 
 def call(function: ca.Function, *given: ca.MX) -> list[ca.MX]:
     """Results of a call that stays a call."""
-    found: list[ca.MX] = function.call([*given], False, True)
-    return found
+    results: list[ca.MX] = function.call([*given], False, True)
+    return results
 
 
 _CALLS_ONLY = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_CALL}
@@ -32,10 +32,10 @@ _SUMS = {ca.OP_ADD}
 
 def straight_functions(functions: Iterable[ca.Function]) -> list[ca.Function]:
     """The SX functions that functions are or call, each once; InputError where one computes more than sums beside."""
-    found: dict[str, ca.Function] = {}
+    straight: dict[str, ca.Function] = {}
     for function in functions:
         if function.is_a("SXFunction"):
-            found.setdefault(function.name(), function)
+            straight.setdefault(function.name(), function)
             continue
         operations = range(function.n_instructions())
         if not function.is_a("MXFunction") or {function.instruction_id(k) for k in operations} - _CALLS_ONLY - _SUMS:
@@ -43,8 +43,8 @@ def straight_functions(functions: Iterable[ca.Function]) -> list[ca.Function]:
         for k in operations:
             if function.instruction_id(k) == ca.OP_CALL:
                 called = function.instruction_MX(k).which_function()
-                found |= {f.name(): f for f in straight_functions([called])}
-    return list(found.values())
+                straight |= {f.name(): f for f in straight_functions([called])}
+    return list(straight.values())
 
 
 def calls_source(function: ca.Function, kind: str, real: Callable[[float], str], suffix: str = "") -> str:
@@ -69,19 +69,19 @@ def calls_source(function: ca.Function, kind: str, real: Callable[[float], str],
                 lines.append(f"  const {kind} c{k}[] = {{{numbers}}};")
             values[places[0]] = f"c{k}" if numbers else "0"
         elif operation in _SUMS:
-            one = function.instruction_MX(k)
-            if any(one.dep(j).sparsity() != one.sparsity() for j in range(2)):
+            expression = function.instruction_MX(k)
+            if any(expression.dep(j).sparsity() != expression.sparsity() for j in range(2)):
                 raise InputError(f"{function.name()}: expected sums of equal sparsity")
             first, second = (values[place] for place in function.instruction_input(k))
             name = results.get((k, 0), f"w{places[0]}")
             if (k, 0) not in results:
-                sizes[name] = max(sizes.get(name, 1), one.nnz())
-            lines.append(f"  for (int j = 0; j < {one.nnz()}; ++j) ({name})[j] = ({first})[j] + ({second})[j];")
+                sizes[name] = max(sizes.get(name, 1), expression.nnz())
+            lines.append(f"  for (int j = 0; j < {expression.nnz()}; ++j) ({name})[j] = ({first})[j] + ({second})[j];")
             values[places[0]] = name
         elif operation == ca.OP_CALL:
             called = function.instruction_MX(k).which_function()
-            given = ", ".join(values[place] for place in function.instruction_input(k))
-            found = []
+            inputs = ", ".join(values[place] for place in function.instruction_input(k))
+            outputs = []
             last = max(j for j, place in enumerate(places) if place >= 0)
             for j, place in enumerate(places):
                 name = results.get((k, j), f"w{place}" if place >= 0 else f"unused{k}_{j}")
@@ -90,9 +90,9 @@ def calls_source(function: ca.Function, kind: str, real: Callable[[float], str],
                 elif (k, j) not in results:
                     sizes[name] = max(sizes.get(name, 1), called.nnz_out(j))
                 values[place] = name
-                found.append(name)
-            lines.append(f"  {{ const {kind} *const in[] = {{{given}}};")
-            lines.append(f"    {kind} *const out[] = {{{', '.join(found)}}};")
+                outputs.append(name)
+            lines.append(f"  {{ const {kind} *const in[] = {{{inputs}}};")
+            lines.append(f"    {kind} *const out[] = {{{', '.join(outputs)}}};")
             lines.append(f"    {called.name()}{suffix}(in, out); }}")
         elif operation == ca.OP_OUTPUT:
             # What is given, constant, or a result twice.
@@ -105,7 +105,7 @@ def calls_source(function: ca.Function, kind: str, real: Callable[[float], str],
     for name, size in sizes.items():
         spots[name] = f"w + {at}" if at else "w"
         at += size
-    lines = [re.sub(r"\b(w|unused)\d+(_\d+)?\b", lambda found: spots[found.group()], line) for line in lines]
+    lines = [re.sub(r"\b(w|unused)\d+(_\d+)?\b", lambda match: spots[match.group()], line) for line in lines]
     # Analyzers do not see that it is written to through the arrays of pointers.
     work = [f"  {kind} w[{at}];", f"  w[0] = {real(0.0)};"] if at else []
     head = f"static int {function.name()}{suffix}(const {kind} *const arg[], {kind} *const res[])"
@@ -115,10 +115,12 @@ def calls_source(function: ca.Function, kind: str, real: Callable[[float], str],
 def _results(function: ca.Function) -> dict[tuple[int, int], str]:
     """Destination of each output of an instruction that is a result, by the numbers of both."""
     written: dict[int, tuple[int, int]] = {}
-    found = dict[tuple[int, int], str]()
+    destinations = dict[tuple[int, int], str]()
     for k in range(function.n_instructions()):
         if function.instruction_id(k) == ca.OP_OUTPUT:
-            found.setdefault(written[function.instruction_input(k)[0]], f"res[{function.instruction_output(k)[0]}]")
+            destinations.setdefault(
+                written[function.instruction_input(k)[0]], f"res[{function.instruction_output(k)[0]}]"
+            )
         else:
             written |= {place: (k, j) for j, place in enumerate(function.instruction_output(k))}
-    return found
+    return destinations

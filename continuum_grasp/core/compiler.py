@@ -138,7 +138,7 @@ def quick_compile() -> bool:
 
 def find_compiler() -> Compiler | None:
     """The compiler named by ``CC``, else the first of cc, gcc and clang; None if there is none."""
-    return next((found for _, found in _tried() if isinstance(found, Compiler)), None)
+    return next((compiler for _, compiler in _tried() if isinstance(compiler, Compiler)), None)
 
 
 def why_no_compiler() -> str:
@@ -246,7 +246,7 @@ def _single_assignment(body: str) -> str:
     """
     lines, names, count = [], dict[str, str](), 0
     for line in body.split("\n")[:-2]:
-        used = _VARIABLE.sub(lambda found: names.get(found[0], found[0]), line)
+        used = _VARIABLE.sub(lambda match: names.get(match[0], match[0]), line)
         if assigned := _ASSIGNMENT.fullmatch(line):
             count += 1
             names[assigned[1]] = f"v{count}"

@@ -85,14 +85,14 @@ def _shared_divisors(function: ca.Function) -> set[int]:
     One division of vectors takes as long as some ten products, and CasADi writes x (1 / y) as x / y.
     """
     holders: dict[int, int] = {}
-    found: dict[int, list[int]] = {}
+    divisions: dict[int, list[int]] = {}
     for k in range(function.n_instructions()):
         operation, arguments = function.instruction_id(k), function.instruction_input(k)
         if operation == ca.OP_DIV:
-            found.setdefault(holders[arguments[1]], []).append(k)
+            divisions.setdefault(holders[arguments[1]], []).append(k)
         if operation != ca.OP_OUTPUT:
             holders[function.instruction_output(k)[0]] = k
-    return {k for same in found.values() if len(same) > 1 for k in same}
+    return {k for same in divisions.values() if len(same) > 1 for k in same}
 
 
 def _expression(operation: int, operands: list[str], fixed: list[bool]) -> str:
@@ -102,5 +102,5 @@ def _expression(operation: int, operands: list[str], fixed: list[bool]) -> str:
         raise InputError(f"no vector code for CasADi operation {operation}")
     pairs = zip(operands, fixed, strict=True)
     return (
-        f"{_CALLS[operation]}({', '.join(f'(cg_lanes){{0}} + {one}' if is_fixed else one for one, is_fixed in pairs)})"
+        f"{_CALLS[operation]}({', '.join(f'(cg_lanes){{0}} + {arg}' if is_fixed else arg for arg, is_fixed in pairs)})"
     )

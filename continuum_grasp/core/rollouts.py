@@ -64,15 +64,15 @@ class Rollouts:
     ) -> tuple[Array, NDArray[np.int64]]:
         """States (rollouts, keep + 1, nx) from x0 (rollouts, nx), and how many after the first are finite, of each."""
         if self._single:
-            (one,), valid = self.levels(x0, (1,), 1, keep, sub, h, u, w, p)
-            return one[None], valid
+            (trajectory,), valid = self.levels(x0, (1,), 1, keep, sub, h, u, w, p)
+            return trajectory[None], valid
         states = np.full((len(x0), keep + 1, x0.shape[1]), np.nan)
         valid = np.zeros(len(x0), dtype=np.int64)
         if self._code is None:
             for r, start in enumerate(x0):
                 # One signal for all rollouts, or one each.
-                own = u.rows[r % len(u.rows)], w.rows[r % len(w.rows)]
-                valid[r] = self._on_virtual_machine(states[r], start, keep, sub, h, *own, p)
+                signals = u.rows[r % len(u.rows)], w.rows[r % len(w.rows)]
+                valid[r] = self._on_virtual_machine(states[r], start, keep, sub, h, *signals, p)
             return states, valid
         whole = ctypes.c_longlong
         begin = (whole(len(x0)), whole(keep), whole(sub), ctypes.c_double(h), pointer(x0))
@@ -107,11 +107,11 @@ class Rollouts:
         valid = np.zeros(len(states), dtype=np.int64)
         if self._code is None:
             for k, (r, count) in enumerate(zip(ratios, counts, strict=True)):
-                own = sub if r == 1 else sub * every // r
-                us, ws = (one.rows[0][:: r if one.in_time else 1] for one in (u, w))
+                substeps = sub if r == 1 else sub * every // r
+                us, ws = (course.rows[0][:: r if course.in_time else 1] for course in (u, w))
                 states[k][0] = x0[k]
                 if count:
-                    valid[k] = self._on_virtual_machine(states[k], x0[k], count, own, h * r, us, ws, p)
+                    valid[k] = self._on_virtual_machine(states[k], x0[k], count, substeps, h * r, us, ws, p)
             return states, valid
         whole, start, lengths = ctypes.c_longlong, np.ascontiguousarray(x0), np.array(ratios, dtype=np.int64)
         begin = (whole(len(ratios)), _whole_numbers(lengths), whole(every), whole(keep), whole(sub), ctypes.c_double(h))
@@ -186,5 +186,5 @@ def signal(name: str, value: ArrayLike | None, size: int, rows: int, count: int 
         return Signal(array[:, None], 0, size)
     if count is not None and array.shape == (count, rows, size):
         return Signal(array, size, rows * size)
-    own = "" if count is None else f", ({count}, {size}) or ({count}, {rows}, {size})"
-    raise InputError(f"{name}: expected ({size},) or ({rows}, {size}){own}, got {array.shape}")
+    shapes = "" if count is None else f", ({count}, {size}) or ({count}, {rows}, {size})"
+    raise InputError(f"{name}: expected ({size},) or ({rows}, {size}){shapes}, got {array.shape}")

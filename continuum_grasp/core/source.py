@@ -60,24 +60,24 @@ def _part(of: Any, name: str) -> Any:
 
 
 def _written(pieces: list[Any], words: Mapping[str, object]) -> str:
-    found: list[str] = []
+    texts: list[str] = []
     for piece in pieces:
         if isinstance(piece, str):
-            found.append(piece)
+            texts.append(piece)
             continue
         mark, (block, other) = piece
         first, *names = (mark["word"] or mark["if"] or mark["in"]).split(".")
         value: Any = reduce(_part, names, words[first])
         if mark["word"]:
-            found.append(format(value, mark["format"]))
+            texts.append(format(value, mark["format"]))
         elif mark["if"]:
-            found.append(_written(block if bool(value) != bool(mark["no"]) else other, words))
+            texts.append(_written(block if bool(value) != bool(mark["no"]) else other, words))
         else:
-            own = mark["names"].split(", ")
-            rows = [dict(zip(own, each if len(own) > 1 else (each,), strict=True)) for each in value]
+            block_names = mark["names"].split(", ")
+            rows = [dict(zip(block_names, each if len(block_names) > 1 else (each,), strict=True)) for each in value]
             between = (mark["between"] or "").replace("\\n", "\n")
-            found.append(between.join(_written(block, {**words, **row}) for row in rows))
-    return "".join(found)
+            texts.append(between.join(_written(block, {**words, **row}) for row in rows))
+    return "".join(texts)
 
 
 @cache
@@ -165,7 +165,7 @@ def plain_source(name: str, functions: Sequence[ca.Function], real: str = "doubl
 def _until_null(body: str) -> str:
     """A body that returns at a null result; CasADi writes the results one after the other."""
     lines = body.split("\n")
-    last = {found[1]: k for k, line in enumerate(lines) if (found := _WRITTEN.search(line))}
+    last = {match[1]: k for k, line in enumerate(lines) if (match := _WRITTEN.search(line))}
     for result, k in last.items():
         if (following := str(int(result) + 1)) in last:
             lines[k] += f"\n  if (!res[{following}]) return 0;"
@@ -228,8 +228,8 @@ def scan_source(function: ca.Function) -> str:
     if lanes:
         code = f"{lanes}{template('core', 'gather.c')}"
     else:
-        own = _fill("one_lane.c", **_names(function), **_row_words(function), gather=template("core", "gather.c"))
-        code = f"{generated(function.name(), function)}\n{own}"
+        scan = _fill("one_lane.c", **_names(function), **_row_words(function), gather=template("core", "gather.c"))
+        code = f"{generated(function.name(), function)}\n{scan}"
     return f"{code}\n{_fill('scan.c', **_names(function), carry=function.nnz_in(0))}"
 
 

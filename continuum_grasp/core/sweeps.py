@@ -23,16 +23,16 @@ def with_loops(source: str, fill: Callable[..., str], prelude: str) -> str:
 
     ``fill`` is that of the templates, ``prelude`` is what lanes need.
     """
-    found = dict[str, re.Match[str]]()
+    kernels = dict[str, re.Match[str]]()
     for match in _FUNCTION.finditer(source):
-        found.setdefault(match[1], match)  # equal kernels of several sweeps: the first stands before all of them
+        kernels.setdefault(match[1], match)  # equal kernels of several sweeps: the first stands before all of them
     # Backwards, so that the places of those before stay as they are.
-    for name, match in reversed(found.items()):
+    for name, match in reversed(kernels.items()):
         if name not in SWEEPS:
             continue
         made = SWEEPS[name]
-        symbols = {f.name(): found[f.name()][2] if f.name() in found else f.name() for f in made.functions}
-        folded = "\n".join(_constant(f) for f in made.functions if f.name() not in found)
+        symbols = {f.name(): kernels[f.name()][2] if f.name() in kernels else f.name() for f in made.functions}
+        folded = "\n".join(_constant(f) for f in made.functions if f.name() not in kernels)
         end = source.index("\n}\n", match.end()) + 3
         head = source[match.start() : match.end()].rstrip("{\n").replace("* w,", "* work,")
         body = f"{_PRELUDE}{folded}{lane_function(made.outward)}\n{head}\n{fill('sweep.c', **_words(made, symbols))}\n"
@@ -59,10 +59,10 @@ def _used(source: str) -> str:
     rest += source[last:]
     # A macro gives each of them a prefix.
     calls = {name: set(_NAME.findall(text)) & parts.keys() - {name} for name, text in parts.items()}
-    used, found = set[str](), set(_NAME.findall(_MACRO.sub("", rest))) & parts.keys()
-    while found:
-        used |= found
-        found = {called for name in found for called in calls[name]} - used
+    used, reached = set[str](), set(_NAME.findall(_MACRO.sub("", rest))) & parts.keys()
+    while reached:
+        used |= reached
+        reached = {called for name in reached for called in calls[name]} - used
     return _STATIC.sub(lambda match: match[0] if match[1] in used else "", source)
 
 

@@ -110,8 +110,8 @@ class Evaluation:
         weight = 1e3 * max(float(np.abs(columns[:n]).max(initial=0.0)), 1e-9)
         total = weight * np.array([1.0] * len(costs) + [0.0] * (len(limits) + n))
         shares = nnls(np.vstack([np.hstack([columns[:n], walls]), total]), np.append(np.zeros(n), weight))[0]
-        found: Array = columns @ shares[: columns.shape[1]]
-        return found
+        slope: Array = columns @ shares[: columns.shape[1]]
+        return slope
 
     @property
     def left(self) -> float:
@@ -149,14 +149,14 @@ class DesignProblem:
 
     def values(self, coordinates: Sequence[float]) -> list[float]:
         """Values of the variables at coordinates."""
-        return [one.value(float(u)) for one, u in zip(self.space.coordinates, coordinates, strict=True)]
+        return [coordinate.value(float(u)) for coordinate, u in zip(self.space.coordinates, coordinates, strict=True)]
 
     def scene(self, case: str, coordinates: Sequence[float], signs: Sequence[float]) -> GraspScene:
         """The scene of a case; `InputError` where it makes no sense."""
         values = self.values(coordinates)
         errors = [
-            sign * one.amount(one.nominal if one.variable is None else values[one.variable])
-            for sign, one in zip(signs, self.space.tolerated, strict=True)
+            sign * tolerance.amount(tolerance.nominal if tolerance.variable is None else values[tolerance.variable])
+            for sign, tolerance in zip(signs, self.space.tolerated, strict=True)
         ]
         return self.space.scene(case, values, errors)
 
@@ -172,8 +172,8 @@ class DesignProblem:
     @property
     def results(self) -> dict[str, GraspResult]:
         """The grasps of the last full searches without errors, by case."""
-        nominal = (one for (signs, _), one in self._grasps.items() if not any(signs))
-        return {one.name: one.found for one in nominal if one.found is not None}
+        nominal = (case_grasps for (signs, _), case_grasps in self._grasps.items() if not any(signs))
+        return {case_grasps.name: case_grasps.found for case_grasps in nominal if case_grasps.found is not None}
 
     def forget(self) -> None:
         """Drop all grasps."""
@@ -183,12 +183,14 @@ class DesignProblem:
 
     def snapshot(self) -> dict[tuple[Signs, str], CaseGrasps]:
         """The grasps at hand."""
-        return {key: replace(one, held=dict(one.held)) for key, one in self._grasps.items()}
+        return {key: replace(case_grasps, held=dict(case_grasps.held)) for key, case_grasps in self._grasps.items()}
 
     def restore(self, grasps: dict[tuple[Signs, str], CaseGrasps]) -> None:
         """Take up the grasps of a snapshot."""
         self.forget()
-        self._grasps.update({key: replace(one, held=dict(one.held)) for key, one in grasps.items()})
+        self._grasps.update(
+            {key: replace(case_grasps, held=dict(case_grasps.held)) for key, case_grasps in grasps.items()}
+        )
 
     def evaluate(self, coordinates: Array, *, search: bool = False) -> Evaluation:
         """Cost, limits and derivatives; with a full search for grasps, or from those at hand.
@@ -238,9 +240,9 @@ class DesignProblem:
                 column.append(slopes[name])
             tangents.append(unknowns)
         self._tangents[signs, case] = tangents
-        found = {name: np.array(column) for name, column in columns.items()}
+        derivatives = {name: np.array(column) for name, column in columns.items()}
         acting = tuple(row for held in grasps.held.values() for row in held.acting)
-        return CaseValues(case, signs, quantities, found, acting)
+        return CaseValues(case, signs, quantities, derivatives, acting)
 
     def _directions(self, case: str, at: Array, signs: Signs) -> list[Along]:
         """Scenes along each coordinate, and along each tolerated error."""
@@ -266,20 +268,20 @@ class DesignProblem:
             return {}
         step = at - before
         return {
-            aim: held.attempt.x + np.sum([s * one[aim] for s, one in zip(step, tangents, strict=False)], axis=0)
+            aim: held.attempt.x + np.sum([s * tangent[aim] for s, tangent in zip(step, tangents, strict=False)], axis=0)
             for aim, held in grasps.held.items()
-            if all(aim in one for one in tangents)
+            if all(aim in tangent for tangent in tangents)
         }
 
     def _row(self, text: str, values: CaseValues, chosen: list[float]) -> Row:
         """An expression of a case; of a variable's name, the value that is chosen, without its error."""
         coordinates, m = self.space.coordinates, len(self.space.tolerated)
         quantities, slopes = dict(values.quantities), dict(values.slopes)
-        for k, one in enumerate(coordinates):
-            if one.name is not None:
-                quantities[one.name] = chosen[k]
-                slopes[one.name] = np.zeros(len(coordinates) + m)
-                slopes[one.name][k] = one.slope(chosen[k])
+        for k, coordinate in enumerate(coordinates):
+            if coordinate.name is not None:
+                quantities[coordinate.name] = chosen[k]
+                slopes[coordinate.name] = np.zeros(len(coordinates) + m)
+                slopes[coordinate.name][k] = coordinate.slope(chosen[k])
         expression = self.expressions[text]
         return Row(
             text, values.case, values.signs, expression.value(quantities), expression.gradient(quantities, slopes)
@@ -287,27 +289,27 @@ class DesignProblem:
 
     def _costs(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[Row, ...]:
         """Per combination of errors, the cost of the worst case or the mean."""
-        design, found = self.space.design, []
+        design, costs = self.space.design, []
         for signs in self.scenarios:
-            rows = [self._row(design.minimize, one, chosen) for one in cases if one.signs == signs]
+            rows = [self._row(design.minimize, case, chosen) for case in cases if case.signs == signs]
             if design.over == "worst":
-                found += rows
+                costs += rows
             else:
                 value, slope = float(np.mean([row.value for row in rows])), np.mean([row.slope for row in rows], axis=0)
-                found.append(Row(design.minimize, "mean", signs, value, slope))
-        return tuple(found)
+                costs.append(Row(design.minimize, "mean", signs, value, slope))
+        return tuple(costs)
 
     def _limits(self, cases: tuple[CaseValues, ...], chosen: list[float]) -> tuple[Row, ...]:
         """Distances from the limits, as parts of them."""
-        found = []
+        limits = []
         for text, limit in self.space.design.limits.items():
-            for one in cases:
-                row = self._row(text, one, chosen)
+            for case in cases:
+                row = self._row(text, case, chosen)
                 for bound, side, word in ((limit.min, 1.0, "at least"), (limit.max, -1.0, "at most")):
                     if bound is not None:
                         scale = side / max(abs(bound), 1e-9)
                         name = f"{text} {word} {bound:g}"
-                        found.append(
+                        limits.append(
                             replace(row, name=name, value=scale * (row.value - bound), slope=scale * row.slope)
                         )
-        return tuple(found)
+        return tuple(limits)

@@ -27,7 +27,7 @@ from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import Robust
 
-MASS = next(one for one in RELAXATIONS if one.name == "mass")
+MASS = next(relaxation for relaxation in RELAXATIONS if relaxation.name == "mass")
 _SETTLED = 1e-9
 """Relative change of a quantity at which another run from the same point is not worth it [1]."""
 _SEARCH, _LEAST_SEARCH = 5, 1000
@@ -108,8 +108,10 @@ class CaseGrasps:
         effort = self.effort
         effort.searches += 1
         # Why there is no grasp is not asked, which takes longer than finding one.
-        most = min(scene.solver.max_total_iterations, max(_LEAST_SEARCH, _SEARCH * effort.most))
-        limited = scene.model_copy(update={"solver": scene.solver.model_copy(update={"max_total_iterations": most})})
+        iterations = min(scene.solver.max_total_iterations, max(_LEAST_SEARCH, _SEARCH * effort.most))
+        limited = scene.model_copy(
+            update={"solver": scene.solver.model_copy(update={"max_total_iterations": iterations})}
+        )
         result = optimize_grasp(limited if effort.most else scene, raise_on_failure=False)
         if not result.solved:
             raise LostGrasp(f"{self.name}: {result.message}")
@@ -120,12 +122,12 @@ class CaseGrasps:
         """The grasp of a full search, its guarded places moved until they stand still."""
         scene, start = result.scene, start_from(result.scene, dict(result.arrays))
         if result.robustness is not None:
-            found = self._run_joint(scene, start, result.robustness.active, result.robustness.touching)
+            grasp = self._run_joint(scene, start, result.robustness.active, result.robustness.touching)
         else:
-            found = self._run(scene, start)
-        if found is None:
+            grasp = self._run(scene, start)
+        if grasp is None:
             raise LostGrasp(f"{self.name}: the grasp was found but not again from its own numbers")
-        return found
+        return grasp
 
     def _near(self, aim: str, scene: GraspScene, guess: Array | None) -> HeldGrasp | None:
         """The grasp at hand at a scene nearby; from a guess, from its own unknowns, or from its posture alone."""
@@ -141,21 +143,21 @@ class CaseGrasps:
         guesses = ([] if guess is None else [guess]) + [before.attempt.x]
         for x0 in guesses:
             if isinstance(before.solver, JointSolverRun):
-                found = self._run_joint(scene, start, before.solver.errors, before.solver.touching, x0, features)
+                grasp = self._run_joint(scene, start, before.solver.errors, before.solver.touching, x0, features)
             else:
-                found = self._run(scene, start, x0=x0, features=features, **options)
-            if found is not None:
-                full = before.relaxed and found.full
-                return self._heaviest(scene, found.attempt.start, found.quantities["payload"]) if full else found
+                grasp = self._run(scene, start, x0=x0, features=features, **options)
+            if grasp is not None:
+                full = before.relaxed and grasp.full
+                return self._heaviest(scene, grasp.attempt.start, grasp.quantities["payload"]) if full else grasp
         return None
 
     def _run(self, scene: GraspScene, start: Start, **options: Any) -> HeldGrasp | None:
         """A certified grasp from a start; None where there is none."""
-        found = self._converged(scene, start, solver_for(ProblemSpec.of(scene, start.contacts)), rung=2, **options)
-        if found is None:
+        grasp = self._converged(scene, start, solver_for(ProblemSpec.of(scene, start.contacts)), rung=2, **options)
+        if grasp is None:
             return None
-        checked = scene if not found.relaxed else _with_mass(scene, found.quantities["payload"])
-        return found if certify(checked, found.arrays).passed else None
+        checked = scene if not grasp.relaxed else _with_mass(scene, grasp.quantities["payload"])
+        return grasp if certify(checked, grasp.arrays).passed else None
 
     def _converged(
         self, scene: GraspScene, start: Start, solver: GraspSolverRun | JointSolverRun, **options: Any
@@ -168,12 +170,12 @@ class CaseGrasps:
             self.effort.iterations += attempt.iterations
             if not attempt.converged or not np.isfinite(attempt.x).all():
                 return None
-            found = HeldGrasp(scene, solver, attempt, solver.arrays(scene, attempt), "relaxed" in options)
-            same = before is not None and _same(before.quantities, found.quantities, _SETTLED)
-            if same or not _probed(found):
+            grasp = HeldGrasp(scene, solver, attempt, solver.arrays(scene, attempt), "relaxed" in options)
+            same = before is not None and _same(before.quantities, grasp.quantities, _SETTLED)
+            if same or not _probed(grasp):
                 break
-            before, options = found, {**options, "x0": attempt.x.copy(), "features": attempt.features}
-        return found
+            before, options = grasp, {**options, "x0": attempt.x.copy(), "features": attempt.features}
+        return grasp
 
     def _run_joint(
         self,
@@ -187,28 +189,28 @@ class CaseGrasps:
         """A certified grasp that holds for all errors and friction states that are tried, from a start with those that
         matter there; ones that fail become part of its problem. None where there is none.
         """
-        found = self._converged(scene, start, JointSolverRun(scene, start, errors, touching), x0=x0, features=features)
-        if found is None:
+        grasp = self._converged(scene, start, JointSolverRun(scene, start, errors, touching), x0=x0, features=features)
+        if grasp is None:
             return None
         budget, bounds = Budget.of(scene.solver), scene.robust or Robust.model_construct()
-        exchange = Exchange(scene, bounds, found.arrays, budget, list(errors))
-        while active := exchange.active(found.arrays):
+        exchange = Exchange(scene, bounds, grasp.arrays, budget, list(errors))
+        while active := exchange.active(grasp.arrays):
             contacts = [response.begin.contacts for response in active]
             solver = JointSolverRun(scene, start, np.array([response.error for response in active]), contacts)
-            x0 = np.concatenate([found.nominal, *(response.attempt.x for response in active)])
-            found = self._converged(scene, start, solver, x0=x0, features=features)
-            if found is None:
+            x0 = np.concatenate([grasp.nominal, *(response.attempt.x for response in active)])
+            grasp = self._converged(scene, start, solver, x0=x0, features=features)
+            if grasp is None:
                 return None
         if not exchange.holds:
             return None
-        found = replace(found, arrays=with_postures(scene, found.arrays, exchange.responses, budget))
-        return found if certify(scene, found.arrays).passed else None
+        grasp = replace(grasp, arrays=with_postures(scene, grasp.arrays, exchange.responses, budget))
+        return grasp if certify(scene, grasp.arrays).passed else None
 
-    def _take(self, aim: str, found: HeldGrasp) -> None:
+    def _take(self, aim: str, grasp: HeldGrasp) -> None:
         """Keep a grasp unless the one at hand is better."""
         before = self.held.get(aim)
-        if before is None or before.scene != found.scene or found.attempt.objective < before.attempt.objective:
-            self.held[aim] = found
+        if before is None or before.scene != grasp.scene or grasp.attempt.objective < before.attempt.objective:
+            self.held[aim] = grasp
 
     # -- payload
 
@@ -228,34 +230,34 @@ class CaseGrasps:
                 mass *= 0.5
                 continue
             start = start_from(result.scene, dict(result.arrays))
-            found = self._heaviest(result.scene, start, mass)
-            if found is None:
+            grasp = self._heaviest(result.scene, start, mass)
+            if grasp is None:
                 raise LostGrasp(f"{self.name}: no payload was found from the grasp of {mass:.3g} kg")
-            if best is not None and found.quantities["payload"] < best.quantities["payload"] * (1.0 + SAME):
+            if best is not None and grasp.quantities["payload"] < best.quantities["payload"] * (1.0 + SAME):
                 break
-            best, mass = found, found.quantities["payload"] * (1.0 + 10.0 * SAME)
+            best, mass = grasp, grasp.quantities["payload"] * (1.0 + 10.0 * SAME)
         if best is None:
             raise LostGrasp(f"{self.name}: no mass down to {mass:.3g} kg can be held")
         self.held["payload"] = best
         if "objective" not in self.wanted:
             payload = best.quantities["payload"]
-            most, message = _with_mass(scene, payload), f"at most {payload:.4g} kg are held"
-            self.found = GraspResult(most, Status.OPTIMAL, message, best.arrays, certify(most, best.arrays))
+            heaviest, message = _with_mass(scene, payload), f"at most {payload:.4g} kg are held"
+            self.found = GraspResult(heaviest, Status.OPTIMAL, message, best.arrays, certify(heaviest, best.arrays))
 
     def _heaviest(self, scene: GraspScene, start: Start, payload: float) -> HeldGrasp | None:
         """The greatest mass from a start that holds a payload; None where a solver finds none.
 
         It is sought below a multiple of that payload, again where it is all of that.
         """
-        found: HeldGrasp | None = None
+        grasp: HeldGrasp | None = None
         for _ in range(_MASSES):
             most = _MORE * payload
             more = self._run(_with_mass(scene, most), start, relaxed=[(MASS, 1.0 - payload / most)])
-            found = more or found
+            grasp = more or grasp
             if more is None or not more.full:
                 break
             payload, start = more.quantities["payload"], more.attempt.start
-        return found
+        return grasp
 
     # -- how all change
 
@@ -279,9 +281,9 @@ def _with_mass(scene: GraspScene, mass: float) -> GraspScene:
     return scene.model_copy(update={"object": scene.object.model_copy(update={"mass": mass})})
 
 
-def _probed(found: HeldGrasp) -> bool:
+def _probed(grasp: HeldGrasp) -> bool:
     """Whether limits of guarded places act, which move with the grasp."""
-    forces = found.attempt.multipliers.constraints[found.solver.guarded]
+    forces = grasp.attempt.multipliers.constraints[grasp.solver.guarded]
     return bool(np.abs(forces).max(initial=0.0) > 1e-6)
 
 
@@ -292,4 +294,4 @@ def _same(one: dict[str, float], two: dict[str, float], tolerance: float) -> boo
 def fingers_mass(scene: GraspScene) -> float:
     """Mass of all fingers with what is fastened to them [kg]."""
     fingers: Sequence[Any] = tuple(scene.named_fingers.values())
-    return float(sum(finger.rod.mass + sum(one.mass for one in finger.masses) for finger in fingers))
+    return float(sum(finger.rod.mass + sum(fastened.mass for fastened in finger.masses) for finger in fingers))

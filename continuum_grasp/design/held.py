@@ -105,10 +105,10 @@ class HeldGrasp:
         if self.relaxed:
             return {"payload": scene.object.mass * (1.0 - float(x[self.solver.problem.x.at["relaxed mass"]][0]))}
         tensions, forces, margins = _parts(scene, arrays)
-        most, pressed, least = self._extremes
+        tightest, pressed, least = self._extremes
         return {
             "tension": float(tensions.sum()),
-            "tension_max": float(tensions[most]),
+            "tension_max": float(tensions[tightest]),
             "normal_force_max": float(forces[pressed]),
             "friction_margin": float(margins[least]),
         }
@@ -152,12 +152,12 @@ class HeldGrasp:
         bounds = [self.solver.bounds(scene, *own) for scene, own in beside]
         low, high = (near.difference([_finite(pair[k]) for pair in bounds]) for k in (0, 1))
         x = self._tangent(near, numbers, low, high)
-        found: list[dict[str, float]] = []
+        samples: list[dict[str, float]] = []
         for offset, scene, there in zip(near.offsets, near.scenes, numbers, strict=True):
             at = self.attempt.x + offset * _STEP * x
             arrays = self.solver.arrays(scene, replace(self.attempt, x=at, numbers=there))
-            found.append(self._quantities(scene, at, arrays))
-        quantities = {name: float(near.difference([one[name] for one in found])) for name in self.quantities}
+            samples.append(self._quantities(scene, at, arrays))
+        quantities = {name: float(near.difference([sample[name] for sample in samples])) for name in self.quantities}
         if not self.relaxed and self.scene.objective == "least_tension":
             quantities["tension"] = self._envelope(near, near.difference(numbers), low, high)
         return x, quantities
@@ -179,11 +179,11 @@ class HeldGrasp:
         jacobian = np.array(functions["jac_g"](x, attempt.numbers)[1])
         upper = np.array(ca.DM(functions["hess_lag"](x, attempt.numbers, 1.0, forces)))
         hessian = np.triu(upper) + np.triu(upper, 1).T
-        least, most = self.solver.bounds(self.scene, *self._beside(self.scene))
+        least, greatest = self.solver.bounds(self.scene, *self._beside(self.scene))
         # A relaxed limit is beyond the bounds that the scene gives without it.
-        most = np.where(x > most + 1e-6, np.inf, most)
+        greatest = np.where(x > greatest + 1e-6, np.inf, greatest)
         under = np.where(bound_forces < 0.0, -bound_forces, 0.0) / np.maximum(x - least, _LEAST)
-        over = np.where(bound_forces > 0.0, bound_forces, 0.0) / np.maximum(most - x, _LEAST)
+        over = np.where(bound_forces > 0.0, bound_forces, 0.0) / np.maximum(greatest - x, _LEAST)
         rows_low, rows_high = self.solver.row_bounds
         g = attempt.g
         spare = np.where(forces < 0.0, g - rows_low, rows_high - g)
@@ -192,7 +192,7 @@ class HeldGrasp:
             slack = np.where(rows_low == rows_high, 0.0, spare / np.maximum(np.abs(forces), _LEAST))
         slack = np.minimum(slack, 1.0 / _LEAST)
         n = x.size
-        fixed = most <= least  # unknowns without a choice follow their bounds
+        fixed = greatest <= least  # unknowns without a choice follow their bounds
         matrix = np.block([[hessian + np.diag(under + over + _REGULAR), jacobian.T], [jacobian, -np.diag(slack)]])
         right = -np.concatenate([near.difference(gradients) - under * low - over * high, near.difference(values)])
         matrix[:n][fixed] = 0.0
@@ -202,10 +202,10 @@ class HeldGrasp:
             # The multipliers of limits that do not matter make the matrix look singular; what is sought is not.
             warnings.simplefilter("ignore", LinAlgWarning)
             try:
-                found = solve(matrix, right)
+                solution = solve(matrix, right)
             except LinAlgError:
-                found = lstsq(matrix, right)[0]
-        return np.asarray(found[:n])
+                solution = lstsq(matrix, right)[0]
+        return np.asarray(solution[:n])
 
     def _envelope(self, near: Stencil, change: Array, low: Array, high: Array) -> float:
         """Change of the sum of tensions [N], where that is least."""
@@ -224,17 +224,17 @@ def _parts(scene: GraspScene, arrays: dict[str, Array]) -> tuple[Array, Array, A
     tensions = np.concatenate([arrays[f"{name}.tensions"] for name in scene.named_fingers])
     forces = arrays["contact_forces"]
     friction = np.array([scene.friction(str(name)) for name in arrays["contact_names"]])
-    most = np.maximum(friction * forces[:, 0], _LEAST)
-    return tensions, forces[:, 0], 1.0 - np.hypot(forces[:, 1], forces[:, 2]) / most
+    limits = np.maximum(friction * forces[:, 0], _LEAST)
+    return tensions, forces[:, 0], 1.0 - np.hypot(forces[:, 1], forces[:, 2]) / limits
 
 
 def moved_start(before: GraspScene, after: GraspScene, start: Start) -> Start:
     """A start of a scene in another one, whose fingers may have other lengths and whose object other dimensions."""
     fingers = {}
     for old, new in zip(before.setups, after.setups, strict=True):
-        one, share = start.fingers[old.name], new.finger.rod.length / old.finger.rod.length
-        joints, knots = (tuple(share * at for at in places) for places in (one.joints, one.knots))
-        fingers[old.name] = replace(one, joints=joints, knots=knots)
+        finger_start, share = start.fingers[old.name], new.finger.rod.length / old.finger.rod.length
+        joints, knots = (tuple(share * at for at in places) for places in (finger_start.joints, finger_start.knots))
+        fingers[old.name] = replace(finger_start, joints=joints, knots=knots)
     contacts = dict(start.contacts)
     if after.object.free is None:
         # Where a fixed object touches a support is no unknown but given.

@@ -30,17 +30,17 @@ def worst_cases(problem: DesignProblem, best: Evaluation) -> tuple[WorstCase, ..
     nominal = [row for row in best.costs if not any(row.signs)]
     bound = max(row.value + float(np.abs(row.slope[n:]).sum()) for row in nominal)
     scenarios = problem.scenarios
-    found: list[WorstCase] = []
+    cases: list[WorstCase] = []
     for signs in _corners(problem, best):
         problem.scenarios = [signs]
         try:
             there = problem.evaluate(best.coordinates)
         except LostGrasp as error:
-            found.append(WorstCase(signs, np.inf, np.inf, bound, str(error)))
+            cases.append(WorstCase(signs, np.inf, np.inf, bound, str(error)))
             continue
-        found.append(WorstCase(signs, there.cost, there.violation, bound, ""))
+        cases.append(WorstCase(signs, there.cost, there.violation, bound, ""))
     problem.scenarios = scenarios
-    return tuple(sorted(found, key=lambda one: (-one.violation if one.violation > HOLDS else 0.0, -one.cost)))
+    return tuple(sorted(cases, key=lambda case: (-case.violation if case.violation > HOLDS else 0.0, -case.cost)))
 
 
 def _corners(problem: DesignProblem, best: Evaluation) -> list[Signs]:
@@ -56,10 +56,10 @@ def worse_than_known(worst: Sequence[WorstCase], known: Sequence[Signs], best: E
     """The combination of errors with the greatest cost and that with the greatest violation, each where it is worse
     than the best design with those that are ``known``; costs closer than ``same`` are equal.
     """
-    bad = [one for one in worst if one.signs not in known and np.isfinite(one.cost)]
+    bad = [case for case in worst if case.signs not in known and np.isfinite(case.cost)]
     if not bad:
         return []
-    costly, broken = max(bad, key=lambda one: one.cost), max(bad, key=lambda one: one.violation)
-    change = max(abs(one.cost - best.cost) for one in bad)
+    costly, broken = max(bad, key=lambda case: case.cost), max(bad, key=lambda case: case.violation)
+    change = max(abs(case.cost - best.cost) for case in bad)
     add = [costly.signs] if costly.cost > best.cost + max(_FIRST_ORDER * change, same) else []
     return [*add, broken.signs] if broken.violation > max(best.violation, 0.0) + HOLDS else add

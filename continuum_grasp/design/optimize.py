@@ -150,7 +150,7 @@ class _DesignSearch:
                 break
         best = self._best
         if best.violation > HOLDS:
-            row = min(best.limits, key=lambda one: one.value)
+            row = min(best.limits, key=lambda limit: limit.value)
             message = f"no design satisfies {row.name} ({row.case}): off by {best.violation:.3g} of it at the closest"
             return self._result(best, Status.LIMITS_VIOLATED, message, worst)
         status = Status.OPTIMAL if settled and self._converged else Status.FEASIBLE
@@ -173,21 +173,21 @@ class _DesignSearch:
 
     def _start(self) -> Evaluation | None:
         """The best of the trial designs, each searched in full."""
-        own = np.array([one.coordinate(one.start) for one in self.space.coordinates])
-        trials, best = [own, *self._others()], None
+        start = np.array([coordinate.coordinate(coordinate.start) for coordinate in self.space.coordinates])
+        trials, best = [start, *self._others()], None
         grasps = self.problem.snapshot()
         for k, at in enumerate(trials):
             self.progress(0.4 * k / len(trials), f"trial design {k + 1} of {len(trials)}")
             self.problem.forget()
             try:
-                found = self._evaluate(at, search=True)
+                evaluation = self._evaluate(at, search=True)
             except LostGrasp as error:
                 self._why = self._why or str(error)
                 continue
             if self._first is None:
-                self._first, self._before = found, self.problem.results
-            if best is None or self._better(found, best):
-                best, grasps = found, self.problem.snapshot()
+                self._first, self._before = evaluation, self.problem.results
+            if best is None or self._better(evaluation, best):
+                best, grasps = evaluation, self.problem.snapshot()
         if best is not None:
             self.problem.restore(grasps)
             self._scale = max(abs(best.cost), 1e-9)
@@ -205,26 +205,26 @@ class _DesignSearch:
         trace.coordinates.append(np.array(at))
         trace.rounds.append(self._round)
         try:
-            found = self.problem.evaluate(at, search=search)
+            evaluation = self.problem.evaluate(at, search=search)
         except LostGrasp:
             trace.costs.append(np.nan)
             trace.violations.append(np.nan)
             raise
-        for case in found.cases:
+        for case in evaluation.cases:
             if case.acting and not any(case.signs):
                 trace.acting.setdefault(case.case, set()).add(case.acting)
-        trace.costs.append(found.cost)
-        trace.violations.append(found.violation)
-        return found
+        trace.costs.append(evaluation.cost)
+        trace.violations.append(evaluation.violation)
+        return evaluation
 
-    def _better(self, one: Evaluation, than: Evaluation) -> bool:
+    def _better(self, candidate: Evaluation, than: Evaluation) -> bool:
         """Whether a design is better: by the violation of limits, then by the cost."""
-        if max(one.violation, than.violation) > HOLDS:
-            return one.violation < than.violation
-        return one.cost < than.cost
+        if max(candidate.violation, than.violation) > HOLDS:
+            return candidate.violation < than.violation
+        return candidate.cost < than.cost
 
-    def _take(self, found: Evaluation) -> None:
-        self.best, self._grasps = found, self.problem.snapshot()
+    def _take(self, evaluation: Evaluation) -> None:
+        self.best, self._grasps = evaluation, self.problem.snapshot()
 
     # -- improvement
 
@@ -252,29 +252,29 @@ class _DesignSearch:
             key = u.tobytes()
             if key not in memo:
                 try:
-                    memo[key] = found = self._evaluate(u)
+                    memo[key] = evaluation = self._evaluate(u)
                     self.progress(
                         min(0.4 + 0.01 * len(self.trace.costs), 0.95),
-                        f"design {len(self.trace.costs)}, cost {found.cost:.6g}",
+                        f"design {len(self.trace.costs)}, cost {evaluation.cost:.6g}",
                     )
-                    if self._better(found, self._best):
-                        self._take(found)
+                    if self._better(evaluation, self._best):
+                        self._take(evaluation)
                 except LostGrasp:
                     memo[key], lost = None, True
                     self.problem.restore(self._grasps)
-                    if sum(one is None for one in memo.values()) >= _MOST_LOST:
+                    if sum(known is None for known in memo.values()) >= _MOST_LOST:
                         raise
             return memo[key]
 
         def rows(z: Array) -> tuple[Array, Array, Array, Array]:
             """Cost and limits with their slopes; where there are several costs, z has a bound of them behind it."""
-            found, count = at(z), len(start.limits) + epigraph * len(start.costs)
-            if found is None:
+            evaluation, count = at(z), len(start.limits) + epigraph * len(start.costs)
+            if evaluation is None:
                 return np.array([_LOST]), np.zeros((1, n)), np.full(count, -_LOST), np.zeros((count, z.size))
-            costs = np.array([row.value for row in found.costs]) / self._scale
-            by_cost = np.array([row.slope[:n] for row in found.costs]) / self._scale
-            limits = np.array([row.value for row in found.limits])
-            by_limits = np.array([row.slope[:n] for row in found.limits]).reshape(-1, n)
+            costs = np.array([row.value for row in evaluation.costs]) / self._scale
+            by_cost = np.array([row.slope[:n] for row in evaluation.costs]) / self._scale
+            limits = np.array([row.value for row in evaluation.limits])
+            by_limits = np.array([row.slope[:n] for row in evaluation.limits]).reshape(-1, n)
             if not epigraph:
                 return costs, by_cost, limits, by_limits
             by_bound = np.append(np.ones(len(costs)), np.zeros(len(limits)))
@@ -289,17 +289,17 @@ class _DesignSearch:
 
         z0 = np.append(start.coordinates, start.cost / self._scale) if epigraph else start.coordinates
         ends = Bounds(np.append(low, [-np.inf] * epigraph), np.append(high, [np.inf] * epigraph))
-        given: dict[str, Any] = {}
+        keywords: dict[str, Any] = {}
         if epigraph or start.limits:
-            given["constraints"] = [{"type": "ineq", "fun": lambda z: rows(z)[2], "jac": lambda z: rows(z)[3]}]
+            keywords["constraints"] = [{"type": "ineq", "fun": lambda z: rows(z)[2], "jac": lambda z: rows(z)[3]}]
         options = {"maxiter": self.options.max_iterations, "ftol": self.options.tolerance}
         try:
-            found = minimize(cost, z0, jac=cost_slope, bounds=ends, method="SLSQP", options=options, **given)
+            optimum = minimize(cost, z0, jac=cost_slope, bounds=ends, method="SLSQP", options=options, **keywords)
         except LostGrasp:
             return True
         # 8: no descent along the step any more, which ends a search at a kink or at rounding.
-        self._converged = found.status in (0, 8)
-        self._ended = str(found.message)
+        self._converged = optimum.status in (0, 8)
+        self._ended = str(optimum.message)
         self.problem.restore(self._grasps)
         return lost
 
@@ -309,11 +309,11 @@ class _DesignSearch:
         """Search in full at the best design; whether other grasps are better there, from which to go on."""
         before, self._round = self._best, self._round
         self.progress(0.95, "full search at the best design")
-        found = self._evaluate(before.coordinates, search=True)
-        self._take(found)
-        gain = before.cost - found.cost
-        if gain > SAME * self._scale or found.violation < before.violation - HOLDS:
-            name = f"round {self._round}: a full search found other grasps, cost {before.cost:.6g} to {found.cost:.6g}"
+        after = self._evaluate(before.coordinates, search=True)
+        self._take(after)
+        gain = before.cost - after.cost
+        if gain > SAME * self._scale or after.violation < before.violation - HOLDS:
+            name = f"round {self._round}: a full search found other grasps, cost {before.cost:.6g} to {after.cost:.6g}"
             self.trace.switches.append(name)
             return True
         return False
@@ -322,9 +322,9 @@ class _DesignSearch:
 
     def _worst_cases(self) -> tuple[WorstCase, ...]:
         """Cost and limits of the best design at the greatest errors."""
-        found = worst_cases(self.problem, self._best)
+        cases = worst_cases(self.problem, self._best)
         self.problem.restore(self._grasps)
-        return found
+        return cases
 
     def _missed(self, worst: tuple[WorstCase, ...]) -> bool:
         """Take the worst combination of errors into the search, unless it is there; whether there is one to add."""

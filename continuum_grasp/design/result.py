@@ -172,24 +172,27 @@ class DesignResult(Result):
     @property
     def keys(self) -> list[str]:
         """Key paths of the variables."""
-        return [one.key for one in self.space.coordinates]
+        return [coordinate.key for coordinate in self.space.coordinates]
 
     @property
     def labels(self) -> list[str]:
         """Key paths of the variables with their units."""
-        return [f"{one.key} [{one.unit or '1'}]" for one in self.space.coordinates]
+        return [f"{coordinate.key} [{coordinate.unit or '1'}]" for coordinate in self.space.coordinates]
 
     @property
     def values(self) -> dict[str, float]:
         """Values of the variables and of what follows them at the best design, by key, SI; empty without one."""
         if self.best is None:
             return {}
-        found = dict(zip(self.keys, self._values(self.best.coordinates).tolist(), strict=True))
-        return found | {one.key: one.times * found[one.source] + one.plus for one in self.space.following}
+        values = dict(zip(self.keys, self._values(self.best.coordinates).tolist(), strict=True))
+        return values | {
+            following.key: following.times * values[following.source] + following.plus
+            for following in self.space.following
+        }
 
     def _values(self, coordinates: Array) -> Array:
         pairs = zip(self.space.coordinates, coordinates, strict=True)
-        return np.array([one.value(float(u)) for one, u in pairs])
+        return np.array([coordinate.value(float(u)) for coordinate, u in pairs])
 
     @property
     def start(self) -> Array:
@@ -204,12 +207,16 @@ class DesignResult(Result):
     @property
     def tried(self) -> Array:
         """Values of the variables that were tried (designs, n), SI."""
-        return np.array([self._values(one) for one in self.coordinates]).reshape(-1, len(self.keys))
+        return np.array([self._values(design) for design in self.coordinates]).reshape(-1, len(self.keys))
 
     @property
     def gradient(self) -> Array | None:
         """Change of the cost per SI unit of each variable (n,)."""
-        return None if self.best is None else np.array([one.slope for one in self.influences[: len(self.keys)]])
+        return (
+            None
+            if self.best is None
+            else np.array([influence.slope for influence in self.influences[: len(self.keys)]])
+        )
 
     @property
     def influences(self) -> tuple[Influence, ...]:
@@ -219,19 +226,19 @@ class DesignResult(Result):
         """
         if self.best is None:
             return ()
-        total, found = self.best.slope, []
-        for k, (one, value) in enumerate(zip(self.space.coordinates, _numbers(self.optimum), strict=True)):
-            slope, u = float(total[k]) / one.slope(value), float(self.best.coordinates[k])
+        total, influences = self.best.slope, []
+        for k, (coordinate, value) in enumerate(zip(self.space.coordinates, _numbers(self.optimum), strict=True)):
+            slope, u = float(total[k]) / coordinate.slope(value), float(self.best.coordinates[k])
             at = "least" if u < 1e-6 else "greatest" if u > 1.0 - 1e-6 else ""
-            found.append(Influence(one.key, one.unit, value, slope, 0.01 * float(total[k]), at))
+            influences.append(Influence(coordinate.key, coordinate.unit, value, slope, 0.01 * float(total[k]), at))
         count = len(self.space.coordinates)
         for k, tolerated in enumerate(self.space.tolerated):
             if tolerated.variable is None:
                 value = tolerated.nominal
                 change = float(total[count + k])
                 slope = change / tolerated.amount(value)
-                found.append(Influence(tolerated.key, tolerated.unit, value, slope, 0.01 * change, ""))
-        return tuple(found)
+                influences.append(Influence(tolerated.key, tolerated.unit, value, slope, 0.01 * change, ""))
+        return tuple(influences)
 
     @property
     def active(self) -> tuple[str, ...]:
@@ -244,7 +251,7 @@ class DesignResult(Result):
         """Quantities of the best design without errors, by case and name, SI."""
         if self.best is None:
             return {}
-        return {one.case: dict(one.quantities) for one in self.best.cases if not any(one.signs)}
+        return {case.case: dict(case.quantities) for case in self.best.cases if not any(case.signs)}
 
     @property
     def kinks(self) -> tuple[str, ...]:
@@ -253,17 +260,21 @@ class DesignResult(Result):
         """
         if self.best is None or self.first is None:
             return ()
-        first = {one.case: set(one.acting) for one in self.first.cases if not any(one.signs)}
-        last = {one.case: set(one.acting) for one in self.best.cases if not any(one.signs)}
-        found = []
+        first = {
+            case_values.case: set(case_values.acting) for case_values in self.first.cases if not any(case_values.signs)
+        }
+        last = {
+            case_values.case: set(case_values.acting) for case_values in self.best.cases if not any(case_values.signs)
+        }
+        kinks = []
         for case, count in self.acting.items():
             if count > 1:
                 words = "others than" if first.get(case) != last.get(case) else "the same as"
-                found.append(
+                kinks.append(
                     f"{case}: {count} different sets of errors or friction states decide the grasps of the designs "
                     f"tried, {words} at the start those of the best; the cost has kinks between them"
                 )
-        return tuple(found)
+        return tuple(kinks)
 
     def parts(self) -> Mapping[str, Result]:
         """The grasps, in folders of their own."""
@@ -272,25 +283,28 @@ class DesignResult(Result):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings before the design is built."""
-        found = [f"{name}: {text}" for name, grasp in self.grasps.items() for text in grasp.warnings]
-        if len(found) > _MOST_WARNINGS:
-            found = [*found[:_MOST_WARNINGS], f"and {len(found) - _MOST_WARNINGS} more of this kind, see grasp_CASE/"]
-        lost = [one for one in self.worst_cases if one.message]
+        warnings = [f"{name}: {text}" for name, grasp in self.grasps.items() for text in grasp.warnings]
+        if len(warnings) > _MOST_WARNINGS:
+            warnings = [
+                *warnings[:_MOST_WARNINGS],
+                f"and {len(warnings) - _MOST_WARNINGS} more of this kind, see grasp_CASE/",
+            ]
+        lost = [case for case in self.worst_cases if case.message]
         if lost:
-            found.append(
+            warnings.append(
                 f"{len(lost)} of {len(self.worst_cases)} combinations of errors lose a grasp: {lost[0].message}"
             )
-        return tuple(found)
+        return tuple(warnings)
 
     def pairs(self) -> dict[str, str]:
         """Values of the variables, cost before and after, and what limits the design."""
         if self.best is None:
             return {"message": self.message}
         rows = {}
-        for one, before in zip(self.influences, self.start.tolist(), strict=False):
-            bound = f", at its {one.at} value" if one.at else ""
-            unit = f" {one.unit}" if one.unit else ""
-            rows[one.key] = f"{one.value:.6g}{unit} (start {before:.6g}{bound})"
+        for influence, before in zip(self.influences, self.start.tolist(), strict=False):
+            bound = f", at its {influence.at} value" if influence.at else ""
+            unit = f" {influence.unit}" if influence.unit else ""
+            rows[influence.key] = f"{influence.value:.6g}{unit} (start {before:.6g}{bound})"
         before = "" if self.first is None else f" (start {self.first.cost:.6g})"
         rows["cost"] = f"{self.best.cost:.6g}{before}: {self.scene.minimize}, {self.best.worst.case}"
         for name, values in list(self.cases.items())[:6]:
@@ -319,11 +333,15 @@ class DesignResult(Result):
             "values": self.values,
             "cost": None if self.best is None else self.best.cost,
             "cases": self.cases,
-            "influences": [dict(vars(one)) for one in self.influences],
+            "influences": [dict(vars(influence)) for influence in self.influences],
             "active": list(self.active),
             "worst_cases": [
-                {**vars(one), "signs": list(one.signs), **{k: _finite(getattr(one, k)) for k in ("cost", "violation")}}
-                for one in self.worst_cases
+                {
+                    **vars(case),
+                    "signs": list(case.signs),
+                    **{k: _finite(getattr(case, k)) for k in ("cost", "violation")},
+                }
+                for case in self.worst_cases
             ],
             "switches": list(self.switches),
             "kinks": list(self.kinks),

@@ -71,8 +71,8 @@ def rows_of(table: NDArray[Any], drawn: NDArray[np.int64], at: NDArray[np.int64]
     if len(flat) == 1:
         return np.repeat(flat, len(drawn), axis=0)
     places = drawn * (times * (scenes > 1)) + np.minimum(at, times - 1) * (times > 1)
-    found: NDArray[Any] = flat.take(places, axis=0)
-    return found
+    rows: NDArray[Any] = flat.take(places, axis=0)
+    return rows
 
 
 def scenes_of(
@@ -170,7 +170,7 @@ def plants_of(
         table = table[:, :1]
     if np.all(table == table[:1]):
         table = table[:1]
-    found = Plants(
+    plants = Plants(
         tuple(scenes),
         keys,
         values,
@@ -178,24 +178,24 @@ def plants_of(
         prediction,
         outputs,
         np.ascontiguousarray(p),
-        np.array([model.start_of(one) for one in around]),
-        np.array([_forces(model, one) for one in around]),
+        np.array([model.start_of(variant) for variant in around]),
+        np.array([_forces(model, variant) for variant in around]),
         np.ascontiguousarray(table),
         periods,
         first.controller.step,
     )
     for k in _that_differ(values):
-        _check_plant(found, k)
-    return found
+        _check_plant(plants, k)
+    return plants
 
 
 def _that_differ(values: Sequence[tuple[Any, ...]]) -> list[int]:
     """Few scenes that have another value than the first one of every key that varies."""
-    found: list[int] = []
-    for key, own in enumerate(values[0]):
-        if not any(values[k][key] != own for k in found):
-            found += [k for k in reversed(range(len(values))) if values[k][key] != own][:1]
-    return found
+    chosen: list[int] = []
+    for key, first in enumerate(values[0]):
+        if not any(values[k][key] != first for k in chosen):
+            chosen += [k for k in reversed(range(len(values))) if values[k][key] != first][:1]
+    return chosen
 
 
 def _of_contact(scene: ControlScene) -> tuple[Any, ...]:
@@ -226,9 +226,11 @@ def _check_fixed(first: ControlScene, scene: ControlScene, keys: Sequence[str]) 
 
 def _finger_parameters(around: Sequence[Scene]) -> tuple[list[str], dict[str, list[list[float]]]]:
     """Names of the finger's parameters that differ between scenes, and their values by scene."""
-    own = [_values(scene) for scene in around]
-    names = [name for name, value in own[0].items() if any(one.get(name) != value for one in own)]
-    return names, {name: [one.get(name, own[0][name]) for one in own] for name in names}
+    by_scene = [_values(scene) for scene in around]
+    names = [
+        name for name, value in by_scene[0].items() if any(scene_values.get(name) != value for scene_values in by_scene)
+    ]
+    return names, {name: [scene_values.get(name, by_scene[0][name]) for scene_values in by_scene] for name in names}
 
 
 def _values(scene: Scene) -> dict[str, list[float]]:
@@ -244,7 +246,9 @@ def _object_parameters(scenes: Sequence[ControlScene]) -> tuple[tuple[str, ...],
     friction = [_friction_of(scene) / (_friction_of(first) or 1.0) for scene in scenes]
     if first.object_moves:  # parameters of every plant with such an object
         masses = [scene.object.mass * scene.plant.object_mass for scene in scenes if scene.object is not None]
-        factors = [one * scene.plant.object_friction for one, scene in zip(friction, scenes, strict=True)]
+        factors = [
+            coefficient * scene.plant.object_friction for coefficient, scene in zip(friction, scenes, strict=True)
+        ]
         return (), [list(row) for row in zip(masses, factors, strict=True)]
     rows = {"friction_factor": friction}
     for k, name in enumerate(("object_x", "object_y")):
@@ -267,17 +271,20 @@ def _forces(model: PlantModel, scene: Scene) -> Array:
 def _check_plant(plants: Plants, k: int) -> None:
     """Refuse a scene of which the model with its parameters is not that which is built from the scene itself."""
     scene, shared = plants.scenes[k], plants.model
-    own = PlantModel(scene)
+    separate = PlantModel(scene)
     why = None
-    if own.x_names != shared.x_names or own.w_names != shared.w_names:
+    if separate.x_names != shared.x_names or separate.w_names != shared.w_names:
         why = "its plant has other states or forces"
     else:
         prediction = Prediction(scene)
-        if not np.allclose(own.start, plants.start[k], rtol=_ROUNDING, atol=1e-12):
+        if not np.allclose(separate.start, plants.start[k], rtol=_ROUNDING, atol=1e-12):
             why = "its plant starts elsewhere"
         else:
-            given = _probes(plants, k)
-            pair = _probed(own, prediction, own.p, given), _probed(shared, plants.prediction, plants.p[k], given)
+            probes = _probes(plants, k)
+            pair = (
+                _probed(separate, prediction, separate.p, probes),
+                _probed(shared, plants.prediction, plants.p[k], probes),
+            )
             why = None if _equal(*pair) else "its plant moves otherwise"
     if why is not None:
         varied = ", ".join(f"{key} = {value}" for key, value in zip(plants.keys, plants.values[k], strict=True))
@@ -308,8 +315,8 @@ def _probes(plants: Plants, k: int) -> tuple[Array, Array, Array, Array]:
     w = model.forces(0.0)[0] + 0.1 * rng.uniform(-1.0, 1.0, (_SHAPES, model.nw))  # [N], [N m]
     chosen = np.arange(_PROBES)
     if system.touch_names:
-        given = model.symbols
-        read = ca.Function("read", [*given], [model.tip, ca.vec(model.touch["gap"])])
+        symbols = model.symbols
+        read = ca.Function("read", [*symbols], [model.tip, ca.vec(model.touch["gap"])])
         mapped = [
             np.array(value).T for value in read.map(_SHAPES)(states.T, u.T, w.T, np.tile(plants.p[k], (_SHAPES, 1)).T)
         ]
@@ -322,14 +329,14 @@ def _probes(plants: Plants, k: int) -> tuple[Array, Array, Array, Array]:
     return states[chosen], u[chosen], held[chosen], w[chosen]
 
 
-def _probed(model: PlantModel, prediction: Prediction, p: Array, given: tuple[Array, Array, Array, Array]) -> Array:
+def _probed(model: PlantModel, prediction: Prediction, p: Array, probes: tuple[Array, Array, Array, Array]) -> Array:
     """Rates, and what is read off the shape (count, size)."""
     x, u, w, parameters = model.symbols
     held = ca.SX.sym("held", model.nu)
     tracked = tracked_expression(model, prediction, held, model.control.controller.horizon.stage)
     values = ca.vertcat(model.forward_dynamics(x, u, w, parameters), tracked, model.tip)
     function = ca.Function("probed", [x, u, held, w, parameters], [values])
-    return np.array([np.array(function(*row, p)).ravel() for row in zip(*given, strict=True)])
+    return np.array([np.array(function(*row, p)).ravel() for row in zip(*probes, strict=True)])
 
 
 def _equal(one: Array, other: Array) -> bool:

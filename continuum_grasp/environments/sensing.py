@@ -68,16 +68,16 @@ class Periods:
         count = len(x)
         cost, ended = np.empty(count), np.empty(count, dtype=np.int8)
         whole = ctypes.c_longlong
-        arrays = [pointer(one) for one in (x, u, held, w, p, r, bounds, cost, readings)]
+        arrays = [pointer(array) for array in (x, u, held, w, p, r, bounds, cost, readings)]
         self._code(whole(count), whole(substeps), ctypes.c_double(h), *arrays, ctypes.c_void_p(ended.ctypes.data))
         return cost, ended
 
 
 def _lane_functions(*functions: ca.Function) -> str:
-    found = in_lanes(functions, "double")
-    if not found:
+    lanes = in_lanes(functions, "double")
+    if not lanes:
         raise InputError("this plant has an operation without vector code, so that environments cannot run it in lanes")
-    return found
+    return lanes
 
 
 @dataclass(frozen=True)
@@ -128,12 +128,12 @@ def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
     error = tracked_expression(model, plants.prediction, held, scene.controller.horizon.stage) - r
     # The running cost of a controller, over a period of which it holds the command.
     cost = 0.5 * plants.period * ca.dot(ca.DM(plants.outputs.weights[:, 0]), error**2)
-    given = {"x": x, "u": u, "w": w, "p": p}
+    inputs = {"x": x, "u": u, "w": w, "p": p}
     readings = ca.vertcat(*read.values(), *forces, ca.mmax(ca.fabs(model.range_use)), model.tip)
     periods = Periods(
-        _function("slope", given, model.forward_dynamics(x, u, w, p)),
+        _function("slope", inputs, model.forward_dynamics(x, u, w, p)),
         _function("cost", {"x": x, "u": u, "held": held, "w": w, "p": p, "r": r}, cost),
-        _function("readings", given, readings),
+        _function("readings", inputs, readings),
         len(read) + len(touched),
     )
     contacts = tuple(model.system.touch_names[k] for k in touched)
@@ -141,6 +141,6 @@ def sensing_of(plants: Plants, sensors: str | Sequence[str] | None) -> Sensing:
     return Sensing(asked, tuple(read), np.array(std), late, at_once, contacts, periods)
 
 
-def _function(name: str, given: dict[str, ca.SX], value: ca.SX) -> ca.Function:
+def _function(name: str, inputs: dict[str, ca.SX], value: ca.SX) -> ca.Function:
     values: Sequence[ca.SX] = ca.cse([ca.densify(ca.SX(value))])
-    return ca.Function(f"environment_{name}", [*given.values()], values, [*given], ["y"])
+    return ca.Function(f"environment_{name}", [*inputs.values()], values, [*inputs], ["y"])

@@ -36,8 +36,10 @@ class Observed:
 def observed_of(plants: Plants, sensing: Sensing, of_state: Array) -> Observed:
     """List what is observed; ``of_state`` (nx, 2) are the bounds of states."""
     scene, model = plants.scenes[0], plants.model
-    own = dict(zip(model.x_names, of_state, strict=True)) if STATE in sensing.sensors else {}
-    sensed = [own[n] if n in own else measurement_range(scene, plants.prediction, n) for n in sensing.names]
+    state_ranges = dict(zip(model.x_names, of_state, strict=True)) if STATE in sensing.sensors else {}
+    sensed = [
+        state_ranges[n] if n in state_ranges else measurement_range(scene, plants.prediction, n) for n in sensing.names
+    ]
     cost = scene.controller.cost
     terms = [term for term in plants.outputs.terms if term.of_state]
     # Rates have no setpoint but zero, of which nothing is to be seen.
@@ -96,12 +98,12 @@ def state_bounds(plants: Plants, radius: float) -> Array:
     lags = [t.time_constant for scene in scenes for t in scene.finger.tendon_list]
     lags += [scene.plant.time_constant or scene.controller.input.time_constant for scene in scenes]
     fastest = min((lag for lag in lags if lag is not None), default=math.inf)
-    own = model.x_names[system.nx :]
+    further_names = model.x_names[system.nx :]
     for k, limits in enumerate(np.transpose(scenes[0].input_limits)):
-        if k >= len(own):
+        if k >= len(further_names):
             break
         bounds[system.nx + k] = limits
-        if len(own) > model.nu:
+        if len(further_names) > model.nu:
             # Of a critically damped lag of time T under commands that jump: range / (e T), at most.
             bounds[system.nx + model.nu + k] = np.ptp(limits) / (math.e * fastest) * np.array([-1.0, 1.0])
     return bounds

@@ -89,11 +89,11 @@ def _tips(
         rows_of(plants.setpoints, chosen, np.zeros(count, dtype=np.int64)),
     )
     everything = np.tile([-np.inf, np.inf], (x.shape[1], 1)).T.copy()
-    found, lost = np.full((len(commands), count, 2), np.nan), np.zeros(count, dtype=np.bool_)
+    tips, lost = np.full((len(commands), count, 2), np.nan), np.zeros(count, dtype=np.bool_)
     for k, asked in enumerate(commands):
         u = np.clip(asked, held - change, held + change)
         _, stopped = periods(x, u, held, w, p, rows, everything, readings, substeps, plants.period / substeps)
         lost |= stopped > 0
-        found[k, ~lost] = readings[~lost, -2:]
+        tips[k, ~lost] = readings[~lost, -2:]
         x[lost], held = plants.start[chosen][lost], u
-    return found
+    return tips

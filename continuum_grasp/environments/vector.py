@@ -131,8 +131,8 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         self.metadata = {"autoreset_mode": AutoresetMode(autoreset_mode), "render_modes": []}
         self._mode = self.metadata["autoreset_mode"]
         self._low, self._high = np.array(first.input_limits)
-        most = first.controller.input.rate_max
-        self._change = math.inf if most is None else most * plants.period
+        rate_limit = first.controller.input.rate_max
+        self._change = math.inf if rate_limit is None else rate_limit * plants.period
         model = plants.model
         self.x_names, self.action_names = model.x_names, model.u_names
         radius = choose_method(model, plants.period).radius
@@ -215,10 +215,10 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
         if number is None:
             drawn = self.np_random.integers(count, size=len(lanes)) if count > 1 else np.zeros(len(lanes), np.int64)
         else:
-            given = np.asarray(number)
-            if given.dtype.kind not in "iu" or given.shape not in ((), (self.num_envs,)):
+            numbers = np.asarray(number)
+            if numbers.dtype.kind not in "iu" or numbers.shape not in ((), (self.num_envs,)):
                 raise InputError(f"expected one number or ({self.num_envs},), got {number!r:.60}", key="options.scene")
-            drawn = np.broadcast_to(given, self.num_envs)[lanes].astype(np.int64)
+            drawn = np.broadcast_to(numbers, self.num_envs)[lanes].astype(np.int64)
             if not np.all((drawn >= 0) & (drawn < count)):
                 raise InputError(f"expected numbers from 0 to {count - 1}, got {number!r:.60}", key="options.scene")
         self.drawn[lanes], self._at[lanes], self._done[lanes] = drawn, 0, False
@@ -338,14 +338,14 @@ class FingerVectorEnv(gymnasium.vector.VectorEnv[Array, Array, Array]):
 
     def _observation(self) -> NDArray[np.float32]:
         a, b = self._past.shape[2], self._past.shape[2] + self._u.shape[1]
-        found = np.empty((self.num_envs, len(self._least)), dtype=np.float32)
+        observation = np.empty((self.num_envs, len(self._least)), dtype=np.float32)
         sensed = self._past[0]
         if self._noisy:
             noise = self.np_random.standard_normal(sensed.shape, dtype=np.float32)
             noise *= self._std
             noise += sensed
             sensed = noise
-        np.clip(sensed, self._least[:a], self._most[:a], out=found[:, :a])
-        found[:, a:b] = self._u
-        found[:, b:] = rows_of(self._observed.setpoints, self.drawn, self._at)
-        return found
+        np.clip(sensed, self._least[:a], self._most[:a], out=observation[:, :a])
+        observation[:, a:b] = self._u
+        observation[:, b:] = rows_of(self._observed.setpoints, self.drawn, self._at)
+        return observation

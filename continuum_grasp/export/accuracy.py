@@ -68,7 +68,7 @@ def error_bounds(subject: Subject, narrow: Call, wide: Call, seed: int) -> tuple
         greatest = np.maximum(greatest, size.max(axis=0))
         for j, held in enumerate(best):
             held += [(float(off[i, j]), rows[i]) for i in np.argsort(off[:, j])[-_BEST:]]
-            held.sort(key=lambda one: -one[0])
+            held.sort(key=lambda entry: -entry[0])
             del held[_BEST:]
     return _by_field(narrow.output, np.array([held[0][0] for held in best]), greatest)
 
@@ -87,11 +87,11 @@ def _differences(narrow: Call, wide: Call, rows: Array, arguments: list[Argument
 
     Zero in rows that are refused, and in those of which a code warns that they are out of range or leave it.
     """
-    found, codes = narrow.reference(split(rows, arguments))
+    computed, codes = narrow.reference(split(rows, arguments))
     true, _ = wide.reference(split(rows.astype(REALS["double"].dtype), arguments))
     good = ((codes >= 0) & (codes != Code.WARN_LEFT_RANGE))[:, None]
     with np.errstate(invalid="ignore"):
-        return np.where(good, np.abs(found - true), 0.0), np.where(good, np.abs(true), 0.0)
+        return np.where(good, np.abs(computed - true), 0.0), np.where(good, np.abs(true), 0.0)
 
 
 def _around(rows: Sequence[Array], low: Array, high: Array, rng: np.random.Generator) -> Array:
@@ -102,22 +102,22 @@ def _around(rows: Sequence[Array], low: Array, high: Array, rng: np.random.Gener
 
 
 def _by_field(output: Argument, off: Array, greatest: Array) -> tuple[OutputError, ...]:
-    found, at = [], 0
+    errors, at = [], 0
     for field in output.fields:
         here = slice(at, at + field.size)
         bound = to_digits(_MARGIN * float(off[here].max()), 2, math.ceil)  # upwards: it is to remain a bound
-        found.append(OutputError(field.name, field.unit, float(f"{bound:.2g}"), float(f"{greatest[here].max():.2g}")))
+        errors.append(OutputError(field.name, field.unit, float(f"{bound:.2g}"), float(f"{greatest[here].max():.2g}")))
         at += field.size
-    return tuple(found)
+    return tuple(errors)
 
 
 def check_errors(real: Real, errors: Mapping[str, tuple[OutputError, ...]], asked: float) -> None:
     """Refuse functions of which one has a greater relative error than asked."""
-    found = {name: max(one.relative for one in outputs) for name, outputs in errors.items()}
-    worst = max(found, key=lambda name: found[name], default="")
-    if found and found[worst] > asked:
+    relative = {name: max(output.relative for output in outputs) for name, outputs in errors.items()}
+    worst = max(relative, key=lambda name: relative[name], default="")
+    if relative and relative[worst] > asked:
         raise InputError(
-            f"{real.name} gives {worst} a relative error of {found[worst]:.1g} within the ranges, "
+            f"{real.name} gives {worst} a relative error of {relative[worst]:.1g} within the ranges, "
             f"{asked:.1g} was asked for: take real='double', or a smaller bending_range, or fewer elements",
             key="error",
         )

@@ -57,18 +57,18 @@ def _interface(contents: Contents) -> dict[str, object]:
 
 def _beginnings(contents: Contents) -> dict[str, dict[str, object]]:
     """First values of structs that have a function to fill them; others begin with zeros."""
-    subject, loop, found = contents.subject, contents.subject.loop, dict[str, dict[str, object]]()
+    subject, loop, beginnings = contents.subject, contents.subject.loop, dict[str, dict[str, object]]()
     if contents.calls and subject.touching is not None:
-        found["state"] = dict(zip((f.name for f in subject.state.fields), map(float, subject.start), strict=True))
+        beginnings["state"] = dict(zip((f.name for f in subject.state.fields), map(float, subject.start), strict=True))
     if loop is not None and contents.stateful:
         wanted, before = zip(loop.reference.fields, loop.wanted, strict=True), map(float, loop.before)
-        own: dict[str, dict[str, object]] = {
+        defaults: dict[str, dict[str, object]] = {
             "measurement": {field.name: math.nan for field in loop.measurement.fields},
             "reference": {field.name: [float(value)] * field.size for field, value in wanted},
             "command": dict(zip((field.name for field in loop.command.fields), before, strict=True)),
         }
-        found |= {struct.name: own[struct.name] for struct in contents.structs if struct.name in own}
-    return found
+        beginnings |= {struct.name: defaults[struct.name] for struct in contents.structs if struct.name in defaults}
+    return beginnings
 
 
 def _members(subject: Subject, function: Stateful) -> list[str]:
@@ -115,8 +115,8 @@ def wasm_files(contents: Contents) -> dict[str, str]:
         "use": "".join(used).rstrip("\n"),
         "example": example,
     }
-    found = {f"wasm/{name}": contents.fill(f"wasm/{name}", **more) for name in _WASM}
-    return {**found, f"wasm/{prefix}.mjs": contents.fill("wasm/wrapper.mjs", **more)}
+    files = {f"wasm/{name}": contents.fill(f"wasm/{name}", **more) for name in _WASM}
+    return {**files, f"wasm/{prefix}.mjs": contents.fill("wasm/wrapper.mjs", **more)}
 
 
 _WASM = ("build.sh", "test.mjs", "string.h", "string.c", "vectors.c")
@@ -127,7 +127,12 @@ def _arguments(call: Call) -> str:
 
 
 def _use_of_call(contents: Contents, call: Call) -> str:
-    first, given = call.inputs[0], _arguments(call)
+    first, arguments = call.inputs[0], _arguments(call)
     spoilt = f'{{ ...finger.begin("{first.kind.name}"), {first.fields[0].name}: NaN }}' if first.is_struct else "NaN"
-    words = {"name": call.name, "given": given, "bad": given.replace("{}", spoilt, 1), "output": call.output.name}
+    words = {
+        "name": call.name,
+        "given": arguments,
+        "bad": arguments.replace("{}", spoilt, 1),
+        "output": call.output.name,
+    }
     return contents.fill("wasm/use_call.mjs", **words)

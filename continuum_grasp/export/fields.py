@@ -122,8 +122,8 @@ class Field:
     @property
     def sampled(self) -> tuple[float, float]:
         """Least and greatest value to try: of its range, and of usual values where it has none of its own."""
-        most = REACH * self.scale
-        return self.low if self.low > -most else -self.scale, self.high if self.high < most else self.scale
+        reach = REACH * self.scale
+        return self.low if self.low > -reach else -self.scale, self.high if self.high < reach else self.scale
 
 
 @dataclass(frozen=True)
@@ -175,10 +175,10 @@ def to_digits(value: float, digits: int, rounding: Callable[[float], float]) -> 
 
 def each_once(structs: Iterable[Struct]) -> list[Struct]:
     """Structs by their names, the first of each."""
-    found: dict[str, Struct] = {}
+    unique: dict[str, Struct] = {}
     for struct in structs:
-        found.setdefault(struct.name, struct)
-    return list(found.values())
+        unique.setdefault(struct.name, struct)
+    return list(unique.values())
 
 
 def outside(struct: Struct, rows: NDArray[Any]) -> NDArray[np.bool_]:

@@ -100,8 +100,8 @@ class Kernel:
         symbols = function.sx_in()
         values = zip(function.name_out(), function.call(symbols), strict=True)
         # Structural zeros too are written to arrays and structs, of which C must fill every entry.
-        found = {n: value if called else ca.densify(value) for n, value in values if value.numel()}
-        self._function = f = ca.Function(name, symbols, list(found.values()), function.name_in(), list(found))
+        outputs = {n: value if called else ca.densify(value) for n, value in values if value.numel()}
+        self._function = f = ca.Function(name, symbols, list(outputs.values()), function.name_in(), list(outputs))
         check_size(name, f.n_instructions())
         self._operations = [f.instruction_id(k) for k in range(f.n_instructions())]
         for operation in self._operations:
@@ -132,8 +132,8 @@ class Kernel:
 
     def call(self, prefix: str | None, **arguments: str) -> str:
         """C that calls it, with an expression for each input and output, its own name where none is given."""
-        given = ", ".join(arguments.get(name, name) for name in (*self.inputs, *self.outputs))
-        return f"{self._symbol(prefix)}({given});"
+        operands = ", ".join(arguments.get(name, name) for name in (*self.inputs, *self.outputs))
+        return f"{self._symbol(prefix)}({operands});"
 
     def _symbol(self, prefix: str | None) -> str:
         return f"{self.name}_lanes" if prefix is None else f"{prefix}_kernel_{self.name}"

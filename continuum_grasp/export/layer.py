@@ -52,8 +52,8 @@ class Contents:
     @cached_property
     def structs(self) -> list[Struct]:
         """Structs of the header, each once, those of the model first."""
-        own = [self.subject.parameters] if self.subject.parameters and self.calls else []
-        return each_once([*own, *(struct for part in self.parts for struct in part.structs)])
+        parameters = [self.subject.parameters] if self.subject.parameters and self.calls else []
+        return each_once([*parameters, *(struct for part in self.parts for struct in part.structs)])
 
     @cached_property
     def codes(self) -> list[Code]:
@@ -74,8 +74,8 @@ class Contents:
 
     def fill(self, template: str, **words: object) -> str:
         """A template with the shared words, what is exported, and further ones."""
-        own = {"contents": self, "subject": self.subject, "loop": self.subject.loop, "calls": self.calls}
-        return fill(template, {**self.words, **own, **words})
+        shared = {"contents": self, "subject": self.subject, "loop": self.subject.loop, "calls": self.calls}
+        return fill(template, {**self.words, **shared, **words})
 
 
 def _declared(call: Call, prefix: str) -> list[str]:
@@ -106,8 +106,8 @@ def abi_of(contents: Contents) -> str:
     """
     ignored = ["abi", "hash", "title", "version", *(name for name in contents.words if name.endswith("_bytes"))]
     texts = [_header(replace(contents, words={**contents.words, **dict.fromkeys(ignored, "")}))]
-    own = [item for part in contents.parts for item in part.sources.items()]
-    texts += [text for path, text in own if path.startswith("include/")]
+    sources = [item for part in contents.parts for item in part.sources.items()]
+    texts += [text for path, text in sources if path.startswith("include/")]
     return "0x" + hashlib.sha256("\n".join(texts).replace(__version__, "").encode()).hexdigest()[:8] + "u"
 
 
@@ -151,8 +151,8 @@ def _begun(contents: Contents) -> list[Struct]:
 
 def _documented(call: Call, prefix: str) -> str:
     said = [f"{prefix.upper()}_{code.name}" for code in call.codes]
-    own = f" Beyond the codes of every function: {', '.join(said)}." if said else ""
-    text = "\n".join(textwrap.wrap(call.text + own, LINE - 6, initial_indent="/* ", subsequent_indent="   "))
+    codes = f" Beyond the codes of every function: {', '.join(said)}." if said else ""
+    text = "\n".join(textwrap.wrap(call.text + codes, LINE - 6, initial_indent="/* ", subsequent_indent="   "))
     return f"{text} */\n{prefix.upper()}_API {_prototype(call, prefix)};\n"
 
 
@@ -201,9 +201,9 @@ def _layer_source(contents: Contents) -> str:
 
 def library_files(contents: Contents) -> dict[str, str]:
     """The library, and the header of its check program; adds the hash of what it computes to the words."""
-    prefix, own = contents.subject.prefix, contents.sources
+    prefix, sources = contents.subject.prefix, contents.sources
     kernels, layer = _kernels_source(contents), _layer_source(contents)
-    computed = "".join([kernels, layer, *(text for path, text in sorted(own.items()) if path.endswith(".c"))])
+    computed = "".join([kernels, layer, *(text for path, text in sorted(sources.items()) if path.endswith(".c"))])
     counts = "".join(f"{name} {value}\n" for part in contents.parts for name, value in part.constants.items())
     hashed = f"{contents.subject.real.name}\n{counts}{computed}"
     contents.words["hash"] = hashlib.sha256(hashed.encode()).hexdigest()[:16]
@@ -213,7 +213,7 @@ def library_files(contents: Contents) -> dict[str, str]:
         f"src/{prefix}.c": layer,
         f"src/{prefix}_kernels.c": kernels,
         "tests/check.h": contents.fill("tests/check.h"),
-        **own,
+        **sources,
     }
 
 

@@ -171,25 +171,28 @@ def _errors(outputs: Sequence[OutputError], what: str) -> dict[str, Any]:
     if not outputs:
         return {}
     return {
-        "relative_error": float(f"{max(one.relative for one in outputs):.1g}"),
-        "errors": {one.name: {what: one.bound, "unit": one.unit, "greatest_value": one.greatest} for one in outputs},
+        "relative_error": float(f"{max(output.relative for output in outputs):.1g}"),
+        "errors": {
+            output.name: {what: output.bound, "unit": output.unit, "greatest_value": output.greatest}
+            for output in outputs
+        },
     }
 
 
 def entry(field: Field) -> dict[str, Any]:
     """Name, unit, and what else is known of a number."""
-    found: dict[str, Any] = {"name": field.name, "unit": field.unit}
+    description: dict[str, Any] = {"name": field.name, "unit": field.unit}
     if field.text:
-        found["text"] = field.text
+        description["text"] = field.text
     if field.shape:
-        found["shape"] = list(field.shape)
+        description["shape"] = list(field.shape)
     if field.low > -math.inf:
-        found["low"] = float(field.low)
+        description["low"] = float(field.low)
     if field.high < math.inf:
-        found["high"] = float(field.high)
+        description["high"] = float(field.high)
     if field.scale != 1.0 and 0.0 < field.scale < math.inf:
-        found["nominal"] = float(f"{field.scale:.6g}")
-    return found
+        description["nominal"] = float(f"{field.scale:.6g}")
+    return description
 
 
 MANIFEST = "MANIFEST.json"
@@ -236,7 +239,10 @@ def _earlier(folder: Path) -> dict[str, list[str]]:
     path = folder / MANIFEST
     try:
         listed = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-        digests = {str(name): [one] if isinstance(one, str) else list(one) for name, one in listed["sha256"].items()}
+        digests = {
+            str(name): [checksum] if isinstance(checksum, str) else list(checksum)
+            for name, checksum in listed["sha256"].items()
+        }
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
     return digests | {MANIFEST: [_digest(path)]} if "configuration_hash" in listed else {}

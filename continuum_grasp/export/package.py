@@ -219,13 +219,13 @@ def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[d
     counts = {v.name: v.count for v in vectors}
     if tested:
         files |= _further_files(contents, target, vectors)
-    found = measure(files, target) if asked.measured else None
+    measured = measure(files, target) if asked.measured else None
     if tested:
         files["README.md"] = readme(
             contents,
             errors=errors,
             vectors=counts,
-            measured=found,
+            measured=measured,
             source=source.name,
             wasm=target == "wasm",
         )
@@ -235,7 +235,7 @@ def package_files(given: Given, asked: Asked, *, tested: bool = True) -> tuple[d
         files=files,
         errors=errors,
         vectors=counts,
-        measured=found,
+        measured=measured,
         configuration=source.configuration,
     )
     files[MANIFEST] = manifest_text(values)
@@ -270,8 +270,8 @@ def _subject(source: Source, names: Sequence[str], kind: Real, asked: Asked, lon
     subject = Subject.of(source.finger, prefix, kind, ranges, around, longest=longest, count=count)
     if source.loop is None:
         return subject
-    own = [name for name in names if name in OF_LOOPS]
-    return replace(subject, loop=Loop.of(source.loop, kind, own, source.phases))
+    loop_parts = [name for name in names if name in OF_LOOPS]
+    return replace(subject, loop=Loop.of(source.loop, kind, loop_parts, source.phases))
 
 
 def _further_files(contents: Contents, target: str, vectors: Sequence[Vectors]) -> dict[str, str]:
@@ -300,8 +300,8 @@ def _contents(subject: Subject, parts: Sequence[Part], title: str, what: str = "
     match = re.match(r"\d+(\.\d+)*", __version__)
     prefix, number, single = subject.prefix, match[0] if match else "0", subject.real.name == "float"
     contents = Contents(subject, parts, {})
-    own = [path for path in contents.sources if path.startswith("src/") and path.endswith(".c")]
-    sources = [prefix, f"{prefix}_kernels", *(path.removeprefix("src/").removesuffix(".c") for path in own)]
+    paths = [path for path in contents.sources if path.startswith("src/") and path.endswith(".c")]
+    sources = [prefix, f"{prefix}_kernels", *(path.removeprefix("src/").removesuffix(".c") for path in paths)]
     contents.words.update(
         {
             "p": prefix,

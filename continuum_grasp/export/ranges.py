@@ -39,20 +39,22 @@ def parameter_fields(model: FingerModel | System, given: Mapping[str, Sequence[f
     InputError if a range is none, goes below zero where the parameter cannot, leaves out the nominal value, is for no
     parameter, or is missing where the nominal value of zero gives no scale.
     """
-    own, found = finger_of(model), []
-    for field, nominal in zip(_fields(own, model.p_names), model.p_nominal, strict=True):
-        low, high = _given(field.name, given[field.name]) if field.name in given else _usual(field.name, nominal, own)
+    finger, fields = finger_of(model), []
+    for field, nominal in zip(_fields(finger, model.p_names), model.p_nominal, strict=True):
+        low, high = (
+            _given(field.name, given[field.name]) if field.name in given else _usual(field.name, nominal, finger)
+        )
         if low < 0.0 and not field.name.startswith(_SIGNED):
             raise InputError(f"it cannot be below zero, got a range from {low:g}", key=f"ranges.{field.name}")
         if not low <= nominal <= high:
             message = f"range {low:g} to {high:g} leaves out the nominal value {nominal:g} {field.unit}"
             raise InputError(message, key=f"ranges.{field.name}")
-        found.append(field.within(low, high, max(abs(low), abs(high))))
-    unknown = sorted(set(given) - {field.name for field in found})
+        fields.append(field.within(low, high, max(abs(low), abs(high))))
+    unknown = sorted(set(given) - {field.name for field in fields})
     if unknown:
-        names = ", ".join(field.name for field in found) or "none"
+        names = ", ".join(field.name for field in fields) or "none"
         raise InputError(f"{unknown[0]!r} is no run-time parameter of this model (it has {names})", key="ranges")
-    return tuple(found)
+    return tuple(fields)
 
 
 def finger_of(model: FingerModel | System) -> FingerModel:
@@ -67,19 +69,19 @@ def state_fields(moving: FingerModel | System, parameters: Sequence[Field]) -> t
     stiffness = _greatest(parameters, "bending_stiffness", model.finger.rod.stiffness)
     # E I / L times an angle is the moment that bends the whole rod by it.
     usual_moment = stiffness * max(model.ranges) / model.finger.rod.length
-    found = []
+    fields = []
     for k, field in enumerate(_fields(model, model.x_names)):
         if k < model.n:
-            found.append(field.within(-reach[k], reach[k], reach[k]))
+            fields.append(field.within(-reach[k], reach[k], reach[k]))
         elif k < 2 * model.n:
-            found.append(field.around(_USUAL_RATE * reach[k - model.n]))
+            fields.append(field.around(_USUAL_RATE * reach[k - model.n]))
         elif field.name in states:
-            found.append(field.around(_SLIDING))
+            fields.append(field.around(_SLIDING))
         else:
             rate = field.name.endswith("_rate")
             size = _usual_drive(model, field.name.removesuffix("_rate")) or usual_moment
-            found.append(field.around(size * (_USUAL_RATE if rate else 1.0)))
-    return (*found, *_object_fields(moving.x_names[model.nx :], model.finger.rod.length))
+            fields.append(field.around(size * (_USUAL_RATE if rate else 1.0)))
+    return (*fields, *_object_fields(moving.x_names[model.nx :], model.finger.rod.length))
 
 
 _USUAL_OBJECT = {"rad": math.pi, "m/s": 0.1, "rad/s": 1.0, "1": 1.5, "N": 1.0, "N m": 0.01}
@@ -104,9 +106,9 @@ def _usual_drive(model: FingerModel, name: str) -> float | None:
         return None
     kind, number = match[1], int(match[2]) - 1
     if kind in ("tension", "pressure"):
-        least, most, channel, arm = _pulled(model, match)
+        least, greatest, channel, arm = _pulled(model, match)
         usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
-        return min(max(-least, most), usual_moment / abs(channel.gain * arm))
+        return min(max(-least, greatest), usual_moment / abs(channel.gain * arm))
     winch = model.structure.winches[number]
     if kind == "torque":
         return winch.drive.limit if math.isfinite(winch.drive.limit) else None
@@ -118,18 +120,18 @@ def _usual_drive(model: FingerModel, name: str) -> float | None:
 def input_fields(model: FingerModel) -> tuple[Field, ...]:
     """Entries of the input: tensions from zero on, up to the greatest; pressures and torques in theirs."""
     usual_moment = model.finger.rod.stiffness * max(model.ranges) / model.finger.rod.length
-    found = []
+    fields = []
     for field in _fields(model, model.u_names):
         size, drive = _usual_drive(model, field.name), re.fullmatch(_DRIVE, field.name)
         if size is None or drive is None:
-            found.append(field.around(usual_moment))
+            fields.append(field.around(usual_moment))
         elif drive[1] in ("tension", "pressure"):
-            least, most, *_ = _pulled(model, drive)
-            found.append(field.within(min(least, 0.0), max(most, 0.0), size))
+            least, greatest, *_ = _pulled(model, drive)
+            fields.append(field.within(min(least, 0.0), max(greatest, 0.0), size))
         else:
             high = model.structure.winches[int(drive[2]) - 1].drive.limit
-            found.append(field.within(-high, high, size) if math.isfinite(high) else field.around(size))
-    return tuple(found)
+            fields.append(field.within(-high, high, size) if math.isfinite(high) else field.around(size))
+    return tuple(fields)
 
 
 def force_fields(moving: FingerModel | System) -> tuple[Field, ...]:
@@ -137,8 +139,8 @@ def force_fields(moving: FingerModel | System) -> tuple[Field, ...]:
     model = finger_of(moving)
     rod = model.finger.rod
     usual = {"N": rod.stiffness / rod.length**2, "N m": rod.stiffness / rod.length}
-    own = tuple(field.around(usual[field.unit]) for field in _fields(model, model.w_names))
-    return (*own, *_object_fields(moving.w_names[model.nw :], _HEIGHT))
+    finger_fields = tuple(field.around(usual[field.unit]) for field in _fields(model, model.w_names))
+    return (*finger_fields, *_object_fields(moving.w_names[model.nw :], _HEIGHT))
 
 
 def _fields(model: FingerModel, labels: Sequence[str]) -> list[Field]:
@@ -179,8 +181,8 @@ def _usual(name: str, nominal: float, model: FingerModel) -> tuple[float, float]
     if "mass" in name:
         return 0.0, max(_SPREAD * nominal, model.finger.rod.mass_per_length * model.finger.rod.length)
     if name == "rest_curvature":
-        most = max(_SPREAD * abs(nominal), 0.5 * min(model.ranges) / max(model.lengths))
-        return -most, most
+        bound = max(_SPREAD * abs(nominal), 0.5 * min(model.ranges) / max(model.lengths))
+        return -bound, bound
     if nominal <= 0.0:
         raise InputError("its nominal value is zero: give its least and greatest value", key=f"ranges.{name}")
     return nominal / _SPREAD, _SPREAD * nominal
@@ -271,8 +273,8 @@ def _of_tensions(model: FingerModel, equations: Equations) -> tuple[ca.SX, str, 
     use = ca.SX(0.0)
     for tension, tendon in zip(equations.moving.tendons.tensions, tendons, strict=True):
         use = ca.fmax(use, (1.0 / tendon.max_tension) * tension)
-    most = ", ".join(f"{tendon.max_tension:g} N" for tendon in tendons)
-    note = f" Tensions that follow from it must be in their range, up to {most} (max_tension)."
+    limits = ", ".join(f"{tendon.max_tension:g} N" for tendon in tendons)
+    note = f" Tensions that follow from it must be in their range, up to {limits} (max_tension)."
     return ca.cse(use), "Share of its greatest that the greatest tension takes.", {"state": note}
 
 
@@ -281,10 +283,10 @@ def _of_curvature(
 ) -> tuple[ca.SX | None, str, dict[str, str], dict[str, tuple[float, float]]]:
     """Share that the curvature of a matched tip takes of its range, or the range of the one number that sets it."""
     use = ca.SX(equations.full[-1]) * equations.lengths[-1] / model.ranges[-1]
-    given = ca.vertcat(equations.x, equations.u)
-    slopes = ca.Function("slopes", [given, equations.p], [ca.jacobian(use, given), use])
+    variables = ca.vertcat(equations.x, equations.u)
+    slopes = ca.Function("slopes", [variables, equations.p], [ca.jacobian(use, variables), use])
     nominal = np.pad(model.p_nominal, (0, equations.p.numel() - model.np))
-    slope, rest = (np.array(value).ravel() for value in slopes(np.zeros(given.numel()), nominal))
+    slope, rest = (np.array(value).ravel() for value in slopes(np.zeros(variables.numel()), nominal))
     count = equations.x.numel()
     names = [label.split(" ")[0] for label in (*model.x_names, *[""] * (count - model.nx), *model.u_names)]
     # The curvature is linear in state and input: its range is that of one number, or a half-space condition.

@@ -28,8 +28,9 @@ def readme(
     finger, names = subject.finger, {part.name for part in contents.parts}
     note = "" if finger is None else moment_note(subject)
     both: list[Call | Stateful] = [*contents.calls, *stateful]
-    found = [
-        [(f.name, one) for f in functions for one in errors.get(f.name, ())] for functions in (contents.calls, stateful)
+    error_rows = [
+        [(f.name, error) for f in functions for error in errors.get(f.name, ())]
+        for functions in (contents.calls, stateful)
     ]
     return contents.fill(
         "README.md",
@@ -42,8 +43,8 @@ def readme(
         measured=measured,
         counts=[(name, *v.values()) for name, v in measured["functions"].items()] if measured else (),
         sizes=[(name, *v.values()) for name, v in measured["sizes"].items()] if measured else (),
-        bounds=found[0],
-        differences=found[1],
+        bounds=error_rows[0],
+        differences=error_rows[1],
         unbounded=_unbounded(subject),
         **_usage(contents),
         stateful=_stateful(contents),

@@ -153,14 +153,14 @@ def assigned(given: MissionScene | MissionRun) -> tuple[Assignment, ...]:
     if isinstance(given, MissionRun):
         return given.assignments
     assignments = assign(given)
-    admit(assignments, [one.text for one in exceeded(assignments, Variation())])
+    admit(assignments, [limit.text for limit in exceeded(assignments, Variation())])
     return assignments
 
 
-def _of_mission(given: MissionScene | MissionRun, real: Real, finger: str | None) -> Source:
+def _of_mission(mission: MissionScene | MissionRun, real: Real, finger: str | None) -> Source:
     """The controller of a finger with the phases of its mission."""
-    assignments = assigned(given)
-    by_name = {one.name: one for one in assignments}
+    assignments = assigned(mission)
+    by_name = {assignment.name: assignment for assignment in assignments}
     if finger not in by_name and (finger is not None or len(by_name) > 1):
         expected = f"one of {', '.join(by_name)}, which have a package each"
         raise InputError(f"expected {expected}, got {finger!r:.60}", key="finger")
@@ -237,8 +237,8 @@ def parts_of(what: Sequence[str] | None, source: Source) -> list[str]:
     if "metadata" in what:
         raise InputError("names, units and ranges of all fields are in MANIFEST.json: leave metadata out", key="what")
     names = chosen(what, PARTS, "part", "what")
-    for one in _PARTS:
-        one.check(source, of={f"what={name}": "what" for name in names})
+    for part in _PARTS:
+        part.check(source, of={f"what={name}": "what" for name in names})
     return [name for name in PARTS if name in names or (name == "mpc" and "mission" in names)]
 
 

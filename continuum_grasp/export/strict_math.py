@@ -116,19 +116,19 @@ def c_source(names: Iterable[str], real: Real, prefix: str) -> str:
         **{f"{name}_series": f"{{{', '.join(map(real.literal, getattr(n, name)))}}}" for name in _TERMS},
         **{f"{name}_last": len(getattr(n, name)) - 1 for name in _TERMS},
     }
-    found: dict[str, str] = {}
+    sources: dict[str, str] = {}
 
     def add(name: str) -> None:
         """Add a function behind what it calls."""
         text = fill(f"strict/{name}.c", words)
-        for called in sorted(set(_CALL.findall(text)) - {name, *found}):
+        for called in sorted(set(_CALL.findall(text)) - {name, *sources}):
             add(called)
-        found[name] = text
+        sources[name] = text
 
     for name in sorted(set(names)):
-        if name not in found:
+        if name not in sources:
             add(name)
-    return "\n".join(found.values())
+    return "\n".join(sources.values())
 
 
 _CALL = re.compile(r"\bstrict_(\w+)\(")
@@ -289,8 +289,8 @@ FUNCTIONS: dict[str, Callable[..., Array]] = {
 def reference(name: str, *arguments: Array, real: Real) -> Array:
     """A function of ``FUNCTIONS`` on arrays of the precision, as its C computes it."""
     with np.errstate(all="ignore"):
-        found = FUNCTIONS[name](*arguments, _constants(real))
+        results = FUNCTIONS[name](*arguments, _constants(real))
     if name in ("cos", "exp", "sin", "sqrt"):  # which pass on what is not finite
-        return found
+        return results
     finite = np.logical_and.reduce([np.isfinite(a) for a in arguments])
-    return np.where(finite, found, real.dtype(np.nan))
+    return np.where(finite, results, real.dtype(np.nan))

@@ -101,8 +101,8 @@ class Subject:
         if real.name == "float":
             check_solvable(model)
         moving = touching or model
-        given = {name: pair for name, pair in ranges.items() if name != CONTACT_FORCE or touching is None}
-        parameters, forces = parameter_fields(moving, given), force_fields(moving)
+        model_ranges = {name: pair for name, pair in ranges.items() if name != CONTACT_FORCE or touching is None}
+        parameters, forces = parameter_fields(moving, model_ranges), force_fields(moving)
         states = state_fields(moving, parameters)
         equations = Equations(moving.structure)
         pressed = 0.0 if touching is None else contact_depth(touching, ranges.get(CONTACT_FORCE))
@@ -149,8 +149,8 @@ class Subject:
     @cached_property
     def system(self) -> System:
         """The subject as a system."""
-        given, options = self.model.structure.asked
-        return self.touching or System(given, **options)
+        finger, options = self.model.structure.asked
+        return self.touching or System(finger, **options)
 
     @property
     def start(self) -> list[float]:
@@ -213,15 +213,15 @@ class Subject:
 
         Those that are ``drawn`` may be out of their ranges.
         """
-        found = [Argument("state", self.state, "x", drawn=drawn), Argument("input", self.input, "u", drawn=drawn)]
+        arguments = [Argument("state", self.state, "x", drawn=drawn), Argument("input", self.input, "u", drawn=drawn)]
         if forces and self.forces is not None:
-            found.append(Argument("forces", self.forces, "w"))
-        return tuple(found)
+            arguments.append(Argument("forces", self.forces, "w"))
+        return tuple(arguments)
 
     def passed_to(self, call: Call) -> list[Argument]:
         """Parameters and inputs of a function, in the order of the rows of its vectors."""
-        own = [] if self.parameters is None else [Argument("parameters", self.parameters, "p")]
-        return [*own, *call.inputs]
+        parameters = [] if self.parameters is None else [Argument("parameters", self.parameters, "p")]
+        return [*parameters, *call.inputs]
 
     @property
     def guard_source(self) -> str:
@@ -268,9 +268,9 @@ def _touching(model: FingerModel, around: Surroundings | None) -> System | None:
     """The finger with the object beside it, whose place stays a run-time number where it is fixed; None without one."""
     if around is None or around.object is None or not (around.object_moves or around.contact_law):
         return None
-    given, options = model.structure.asked
-    own = () if around.object_moves else ("object_x", "object_y")
-    return System(given, surroundings=around, object_parameters=own, **options)
+    finger, options = model.structure.asked
+    object_parameters = () if around.object_moves else ("object_x", "object_y")
+    return System(finger, surroundings=around, object_parameters=object_parameters, **options)
 
 
 def _struct(name: str, text: str, fields: tuple[Field, ...]) -> Struct | None:
@@ -323,8 +323,8 @@ def _greatest_rates(
                     raise NumericalError(
                         "the linearized motion is not finite at a corner of the parameters' ranges", state=x
                     )
-                found = [float(np.abs(np.linalg.eigvals(slope)).max()) for slope in slopes]
-                radius, resolved = max(radius, *found), max(resolved, found[0])
+                radii = [float(np.abs(np.linalg.eigvals(slope)).max()) for slope in slopes]
+                radius, resolved = max(radius, *radii), max(resolved, radii[0])
                 if touching is not None:
                     resolved = max(resolved, spring_frequency(touching, slopes[1] - slopes[0]) / _LANDING)
     return radius, resolved
@@ -373,8 +373,8 @@ def _corners(model: FingerModel | System, parameters: Sequence[Field], rng: np.r
     """Nominal values and those at the ends of the ranges."""
     pairs = np.array([(field.low, field.high) for field in parameters]).reshape(-1, 2)
     if 2 ** len(pairs) <= _CORNERS:
-        found = [np.array(corner) for corner in itertools.product(*pairs)]
+        corners = [np.array(corner) for corner in itertools.product(*pairs)]
     else:
         picked = rng.integers(0, 2, (_CORNERS, len(pairs)))
-        found = [pairs[:, 0], pairs[:, 1], *(np.where(row == 1, pairs[:, 1], pairs[:, 0]) for row in picked)]
-    return [np.array(model.p_nominal), *found]
+        corners = [pairs[:, 0], pairs[:, 1], *(np.where(row == 1, pairs[:, 1], pairs[:, 0]) for row in picked)]
+    return [np.array(model.p_nominal), *corners]

@@ -75,19 +75,19 @@ class SweptKernel(Kernel):
     def lane_helpers(self, real: Real) -> str:
         """C of the functions that its lanes need one by one, each once."""
         texts = [part.lane_helpers(real) for part in self._parts.values()]
-        found = dict.fromkeys(text for helpers in texts for text in helpers.split("\n\n") if text)
-        return "".join(f"{text}\n\n" for text in found)
+        functions = dict.fromkeys(text for helpers in texts for text in helpers.split("\n\n") if text)
+        return "".join(f"{text}\n\n" for text in functions)
 
     def _arguments(self, key: str, *, wide: bool) -> dict[str, str]:
         """C of the arguments of a part."""
         made = self._made
         window = f"k * {made.stride}"
-        given = {"lag": f"x + {2 * made.unknowns}", "spin": "spins[k]", "spun": "spins[k + 1]"}
-        given |= {"q": f"q + {window}", "qd": f"qd + {window}", "row": "row" if wide else "rows[k]"}
-        given |= {"shape": "shape[k]", "body": "body[k]", "gain": "gain[k]", "turn": "turns[k]"}
-        given |= {"turned": "turns[k + 1]", "turns": "before", "handed": "end", "following": "start"}
-        given |= {"rates": f"rates + {made.shared} + {window}", "force": "acting" if key == "loads" else "force[k]"}
-        return given | ({"spin": f"spins[{made.links}]"} if key == "tip" else {})
+        arguments = {"lag": f"x + {2 * made.unknowns}", "spin": "spins[k]", "spun": "spins[k + 1]"}
+        arguments |= {"q": f"q + {window}", "qd": f"qd + {window}", "row": "row" if wide else "rows[k]"}
+        arguments |= {"shape": "shape[k]", "body": "body[k]", "gain": "gain[k]", "turn": "turns[k]"}
+        arguments |= {"turned": "turns[k + 1]", "turns": "before", "handed": "end", "following": "start"}
+        arguments |= {"rates": f"rates + {made.shared} + {window}", "force": "acting" if key == "loads" else "force[k]"}
+        return arguments | ({"spin": f"spins[{made.links}]"} if key == "tip" else {})
 
     def _loop(self, prefix: str | None, plain: str, real: Real) -> str:
         made, lanes, sizes = self._made, prefix is None, dict[str, int]()
@@ -131,11 +131,11 @@ class SweptKernel(Kernel):
         x = np.asarray(rows["x"], dtype=t)
         count = len(x)
 
-        def part(key: str, **given: Array) -> dict[str, Array]:
-            own = self._parts[key]
-            read = {name: given[name] for name in own.inputs} or {"none": np.zeros((count, 0))}
+        def part(key: str, **inputs: Array) -> dict[str, Array]:
+            kernel = self._parts[key]
+            read = {name: inputs[name] for name in kernel.inputs} or {"none": np.zeros((count, 0))}
             none = {name: np.zeros((count, size), dtype=t) for name, size in self._sizes[key].items()}
-            return none | own.evaluate(real, **read)
+            return none | kernel.evaluate(real, **read)
 
         outer = {name: rows[name] for name in ("u", "w", "p") if name in rows} | {"x": x, "lag": x[:, 2 * n :]}
         head = part("head", **outer)
@@ -145,27 +145,27 @@ class SweptKernel(Kernel):
         spin = [np.zeros((count, self._sizes["carry"]["spun"]), dtype=t)]
         bodies = []
         for k in links:
-            own = {"q": q[:, window[k]], "qd": qd[:, window[k]], "row": row[k], "spin": spin[k], **outer}
-            spin.append(part("carry", **own)["spun"])
-            bodies.append(part("outward", **own, drive=head["drive"]))
+            link_inputs = {"q": q[:, window[k]], "qd": qd[:, window[k]], "row": row[k], "spin": spin[k], **outer}
+            spin.append(part("carry", **link_inputs)["spun"])
+            bodies.append(part("outward", **link_inputs, drive=head["drive"]))
         force = [np.zeros((count, SECTION + made.local), dtype=t) for _ in links]
         if made.loaded:
             turns = [np.tile(np.array([1, 0], dtype=t), (count, 1))]
             for k in links:
                 turns.append(part("turn", turn=turns[k], shape=bodies[k]["shape"])["turned"])
             acting = part("loads", turns=np.hstack([turns[k] for k in made.loaded]), **outer)["force"]
-            for link, one in zip(made.loaded, np.split(acting, len(made.loaded), axis=1), strict=True):
-                force[link] = force[link] + one
+            for link, load in zip(made.loaded, np.split(acting, len(made.loaded), axis=1), strict=True):
+                force[link] = force[link] + load
         end, gains = part("tip", spin=spin[-1], **outer)["end"], []
         for k in reversed(links):
-            found = part("inward", end=end, row=row[k], force=force[k], **bodies[k], **outer)
-            end = found["handed"]
-            gains.append(found["gain"])
+            results = part("inward", end=end, row=row[k], force=force[k], **bodies[k], **outer)
+            end = results["handed"]
+            gains.append(results["gain"])
         start = part("root", end=end, base=head["base"])["start"]
         rates = [start[:, SECTION:]]
         for k in links:
-            found = part("onward", start=start, shape=bodies[k]["shape"], gain=gains[-1 - k], row=row[k])
-            start = found["following"]
-            rates.append(found["rates"])
+            results = part("onward", start=start, shape=bodies[k]["shape"], gain=gains[-1 - k], row=row[k])
+            start = results["following"]
+            rates.append(results["rates"])
         lagging = (part("driven", **outer) if "driven" in self._parts else head)["lagging"]
         return {"xd": np.hstack([x[:, n : 2 * n], np.hstack(rates)[:, :n], lagging])}

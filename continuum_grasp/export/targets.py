@@ -100,18 +100,18 @@ def example_files(contents: Contents, target: str) -> dict[str, str]:
     subject, names = contents.subject, {part.name for part in contents.parts}
     core = _core(target) or ("cortex-m4f" if subject.real.name == "float" else "cortex-m7")
     sources = {f"examples/baremetal/{name}": f"examples/baremetal/{name}" for name in _BARE_METAL}
-    found = {path: contents.fill(name, core=core) for path, name in sources.items()}
+    files = {path: contents.fill(name, core=core) for path, name in sources.items()}
     loop = subject.loop
     if "step" in names:
         words = _step_words(subject)
         sources = {name: name for name in ("examples/loop.c", "tests/batch.c", "examples/cuda/batch.cu")}
-        found |= {path: contents.fill(name, **words) for path, name in sources.items()}
+        files |= {path: contents.fill(name, **words) for path, name in sources.items()}
     if "mpc" in names and loop is not None:
         wanted = ", ".join(subject.real.literal(float(v)) for v in loop.wanted)
         sources = {"examples/control_loop.c": "examples/control/loop.c"}
         sources |= {"examples/mission_loop.c": "examples/control/mission.c"} if "mission" in names else {}
-        found |= {path: contents.fill(name, wanted=wanted) for path, name in sources.items()}
-    return found
+        files |= {path: contents.fill(name, wanted=wanted) for path, name in sources.items()}
+    return files
 
 
 def _step_words(subject: Subject) -> dict[str, object]:

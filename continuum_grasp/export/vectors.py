@@ -74,9 +74,9 @@ def press(subject: Subject, arguments: Sequence[Argument], rows: Array, rng: np.
     system = subject.touching
     if system is None or not system.touch_names or "object_x" not in names:
         return rows
-    given, count = split(rows, list(arguments)), len(rows)
-    whole = [given[key] if given[key].size else np.zeros((count, getattr(system, f"n{key}"))) for key in "xuwp"]
-    touch = system.touch.map(count)(*(np.asarray(one, dtype=float).T for one in whole))
+    arrays, count = split(rows, list(arguments)), len(rows)
+    whole = [arrays[key] if arrays[key].size else np.zeros((count, getattr(system, f"n{key}"))) for key in "xuwp"]
+    touch = system.touch.map(count)(*(np.asarray(array, dtype=float).T for array in whole))
     gap, normal = np.array(touch[0]).T, np.array(touch[6]).reshape(2, count, -1)
     stations = sum(name.startswith("finger.") for name in system.touch_names)
     station, each = rng.integers(0, stations, count), np.arange(count)
@@ -91,13 +91,13 @@ def press(subject: Subject, arguments: Sequence[Argument], rows: Array, rng: np.
 
 def split(rows: Array, arguments: list[Argument]) -> dict[str, Array]:
     """Rows by the arrays of the arguments; empty ones for those that a function does not have."""
-    found, start = {}, 0
+    arrays, start = {}, 0
     for argument in arguments:
-        found[argument.array] = rows[:, start : start + argument.size]
+        arrays[argument.array] = rows[:, start : start + argument.size]
         start += argument.size
     for name in "pxuw":
-        found.setdefault(name, rows[:, :0])
-    return found
+        arrays.setdefault(name, rows[:, :0])
+    return arrays
 
 
 def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
@@ -105,8 +105,8 @@ def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
     rng = np.random.default_rng(seed)
     fields = [field for a in arguments for field in a.numbers]
     low, high = reach_of(arguments)
-    most = np.array([f.scale for f in fields])
-    low, high = np.maximum(low, -most), np.minimum(high, most)
+    scales = np.array([f.scale for f in fields])
+    low, high = np.maximum(low, -scales), np.minimum(high, scales)
     rows = rng.uniform(low, high, (_DRAWN, len(fields)))
     first = 0 if subject.parameters is None else subject.parameters.size
     nominal, at_rest = np.array(subject.moving.p_nominal), np.clip(np.zeros(len(fields)), low, high)
@@ -124,7 +124,7 @@ def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
     # Moments and inputs that throw a matched tip out of its range, though each is in its own.
     driven = slice(first + 2 * subject.model.n, first + subject.moving.nx + subject.model.nu)
     limits = np.array([f.high for f in fields])
-    rows[4, driven] = np.minimum(_HARD * most, limits)[driven]
+    rows[4, driven] = np.minimum(_HARD * scales, limits)[driven]
     if any(argument.drawn for argument in arguments):
         # Bends and rates whose squares overflow: the function must refuse its own result.
         rows[3, state][: 2 * subject.model.n] = 0.5 * subject.real.greatest
@@ -135,25 +135,25 @@ def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
 
 def _bad(real: Real, arguments: list[Argument], row: int) -> list[Bad]:
     """Each number not finite, and each below and above its range."""
-    found, first = [], 0
+    bad, first = [], 0
     for argument in arguments:
         ranges = [replace(f, low=-np.inf, high=np.inf) if argument.drawn else f for f in argument.fields]
-        found += bad_entries(real, ranges, row, first, argument.code)
+        bad += bad_entries(real, ranges, row, first, argument.code)
         first += argument.size
-    return found
+    return bad
 
 
 def bad_entries(real: Real, fields: Sequence[Field], row: int, first: int, code: Code) -> list[Bad]:
     """Bad entries of the fields of one struct, whose numbers stand in the row from ``first`` on."""
-    found = []
+    bad = []
     for entry, field in enumerate(f for f in fields for _ in range(f.size)):
         for value in (np.nan, np.inf, -np.inf):
-            found.append(Bad(row, first + entry, float(value), Code.ERR_NON_FINITE))
+            bad.append(Bad(row, first + entry, float(value), Code.ERR_NON_FINITE))
         if field.low > -np.inf:
-            found.append(Bad(row, first + entry, _beyond(real, field.low, -1.0), code))
+            bad.append(Bad(row, first + entry, _beyond(real, field.low, -1.0), code))
         if field.high < np.inf:
-            found.append(Bad(row, first + entry, _beyond(real, field.high, 1.0), code))
-    return found
+            bad.append(Bad(row, first + entry, _beyond(real, field.high, 1.0), code))
+    return bad
 
 
 def _beyond(real: Real, limit: float, side: float) -> float:
@@ -213,10 +213,10 @@ def check_source(contents: Contents, vectors: Sequence[Vectors]) -> str:
 
 
 def _table(vectors: Vectors, real: Real) -> dict[str, object]:
-    given, good = vectors.inputs, np.isfinite(vectors.inputs)
-    spoilt = [(int(k), int(j), _bits(given[k, j], real), 0) for k, j in np.argwhere(~good)]
+    inputs, good = vectors.inputs, np.isfinite(vectors.inputs)
+    spoilt = [(int(k), int(j), _bits(inputs[k, j], real), 0) for k, j in np.argwhere(~good)]
     numbers = {
-        "inputs": np.where(good, given, 0),
+        "inputs": np.where(good, inputs, 0),
         "outputs": np.where((vectors.codes < 0)[:, None], 0, vectors.outputs),
     }
     return {

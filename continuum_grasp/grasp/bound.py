@@ -82,9 +82,9 @@ def _bound(scene: GraspScene, limit: float) -> float:
     least, value = math.inf, 0.0
     cuts: list[list[Array]] = [[] for _ in contacts]
     for _ in range(_ROUNDS):
-        found = [contact.most(y) for contact in contacts]
-        least = min(least, sum(most for most, _ in found))
-        for mine, (_, effect) in zip(cuts, found, strict=True):
+        bounds = [contact.most(y) for contact in contacts]
+        least = min(least, sum(bound for bound, _ in bounds))
+        for mine, (_, effect) in zip(cuts, bounds, strict=True):
             mine.append(effect)
         # What the cuts leave is the least that there may be, so that further ones end above it.
         if least - value <= NEAR * least or least * limit < scene.weight or value * limit > scene.weight:
@@ -114,9 +114,9 @@ def _best_multipliers(need: Array, used: Array, cuts: list[list[Array]]) -> tupl
     low[-1] = high[-1] = 1.0
     # Any multipliers are valid.
     far = FAR * used / np.linalg.norm(need)
-    cost, most = np.repeat([0.0, 1.0], [6, count]), np.concatenate([far, np.full(count, np.inf)])
-    found = solve_lp(cost, rows, low, high, np.concatenate([-far, np.zeros(count)]), most)
-    return found.x[:6], found.objective
+    cost, upper = np.repeat([0.0, 1.0], [6, count]), np.concatenate([far, np.full(count, np.inf)])
+    optimum = solve_lp(cost, rows, low, high, np.concatenate([-far, np.zeros(count)]), upper)
+    return optimum.x[:6], optimum.objective
 
 
 def _turns(scene: GraspScene) -> bool:
@@ -148,7 +148,7 @@ def _contacts(scene: GraspScene) -> list[_Places]:
     def anywhere(friction: float, center: complex = 0j, reach: float = math.inf, half: float = 0.0) -> _Places:
         return _Places(friction, () if _turns(scene) else outlines, com, size, center, reach, half)
 
-    found: list[_Places] = []
+    contacts: list[_Places] = []
     for setup in scene.setups:
         x, y = setup.finger.base.position
         center = (complex(x, y) - complex(*pose[:2])) * cmath.exp(-1j * pose[2])
@@ -157,7 +157,7 @@ def _contacts(scene: GraspScene) -> list[_Places]:
         farther, half = (0.0, half) if half is not None else (setup.finger.thickness_radius, 0.0)
         moves = greatest_shift(setup.finger.base_free, (x, y)) + greatest_shift(body.free, body.position)
         along = (*((m, setup.middle_bounds[1]) for m in setup.middles), (setup.tip, setup.finger.rod.length))
-        found += [
+        contacts += [
             anywhere(setup.held_friction, center, (1.0 + ROUNDING) * s + farther + moves, half)
             for switch, s in along
             if switch != "off"
@@ -178,10 +178,10 @@ def _contacts(scene: GraspScene) -> list[_Places]:
             ends = 2 if any(outline.face_normals for outline in outlines) else 1
             spots = [(com, support.normal_angle + math.pi)] * ends  # type: ignore[union-attr]
         else:
-            found.append(anywhere(friction))
+            contacts.append(anywhere(friction))
             continue
-        found += [_Places(friction, (), com, size, spot=spot) for spot in spots]
-    return found
+        contacts += [_Places(friction, (), com, size, spot=spot) for spot in spots]
+    return contacts
 
 
 @dataclass(frozen=True)
@@ -206,9 +206,9 @@ class _Places:
             return max(float(work), 0.0), self._effect(y, *self.spot)
         if not self.outlines:
             return self._any_normal(y)
-        found = [self._along(y, outline) for outline in self.outlines]
-        most, point, angle = max(found, key=lambda one: one[0])
-        return (most, self._effect(y, point, angle)) if most > 0.0 else (0.0, np.zeros(6))
+        candidates = [self._along(y, outline) for outline in self.outlines]
+        bound, point, angle = max(candidates, key=lambda candidate: candidate[0])
+        return (bound, self._effect(y, point, angle)) if bound > 0.0 else (0.0, np.zeros(6))
 
     def _line(self, point: Array, angle: Array) -> Array:
         """Line of the finger that touches at points with normals, seen from the base."""
@@ -250,7 +250,7 @@ class _Places:
         ends = np.unique(np.concatenate([np.linspace(0.0, outline.period, _PIECES + 1), outline.breaks]))
         low, high = ends[:-1], ends[1:]
         steep = math.hypot(1.0, self.friction)
-        best, most, at = 0.0, 0.0, (0j, 0.0)
+        best, bound, at = 0.0, 0.0, (0j, 0.0)
         for _ in range(_ROUNDS):
             before = np.where(np.isin(high, outline.breaks), np.nextafter(high, low), high)
             first, last = outline.walk(low), outline.walk(before)
@@ -275,11 +275,11 @@ class _Places:
             rise = steep * (abs(y[2]) * way / self.size + np.abs(force).max(axis=0) * turn)
             rise += self.friction * math.hypot(y[4], y[5]) * way / self.size
             upper = works.max(axis=0) + rise
-            most = max((1.0 + SAME) * best, float(upper.max()))
+            bound = max((1.0 + SAME) * best, float(upper.max()))
             wide = upper > (1.0 + SAME) * best
             if not wide.any() or wide.sum() > _MOST:
                 break
             low, high = low[wide], high[wide]
             middle = 0.5 * (low + high)
             low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-        return most, *at
+        return bound, *at

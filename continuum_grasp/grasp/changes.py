@@ -34,11 +34,11 @@ NONE = "no grasp next to this one"
 
 def with_fine(result: GraspResult, budget: Budget) -> GraspResult:
     """The result with what a fine model changes; as it is where that has no grasp next to it."""
-    found = _solve_again(_fine(result.scene), result, budget)
-    if isinstance(found, str):
-        refuted = flawed(result, REFUTED) if found == NONE else result
-        return replace(refuted, statistics={**result.statistics, "fine_model": found})
-    change = _change(result.scene, result.arrays, found.arrays)
+    solved = _solve_again(_fine(result.scene), result, budget)
+    if isinstance(solved, str):
+        refuted = flawed(result, REFUTED) if solved == NONE else result
+        return replace(refuted, statistics={**result.statistics, "fine_model": solved})
+    change = _change(result.scene, result.arrays, solved.arrays)
     return replace(result, fine=change, statistics={**result.statistics, "fine_model": str(change)})
 
 
@@ -62,10 +62,10 @@ def resolve_elements(
     note, change, chosen = "", None, first.scene
     for count in range(1, FINE):
         chosen = with_elements(scene, count)
-        found = _solve_again(chosen, first, budget)
-        if isinstance(found, str):
+        solved = _solve_again(chosen, first, budget)
+        if isinstance(solved, str):
             continue
-        change = _change(scene, found.arrays, reference.arrays)
+        change = _change(scene, solved.arrays, reference.arrays)
         words = ", ".join(f"{setup.name} with {setup.elements} elements ({setup.family})" for setup in chosen.setups)
         if change.size <= tolerance:
             return chosen, f"{words}: {change}; tolerance {tolerance:.2%} satisfied", change
@@ -99,12 +99,12 @@ def _solve_again(scene: GraspScene, result: GraspResult, budget: Budget) -> Trie
 
 def _change(scene: GraspScene, here: Mapping[str, Array], there: Mapping[str, Array]) -> Change:
     """Change from one model of a grasp to another."""
-    one, two = (tension_of(scene, arrays) for arrays in (here, there))
+    tension_here, tension_there = (tension_of(scene, arrays) for arrays in (here, there))
     before, after = (dict(zip(a["contact_names"].tolist(), a["contact_positions"], strict=True)) for a in (here, there))
     moved = max((float(np.linalg.norm(before[name] - after[name])) for name in before if name in after), default=0.0)
     elements = {setup.name: int(there[f"{setup.name}.lengths"].size) for setup in scene.setups}
     length = min(setup.finger.rod.length for setup in scene.setups)
-    return Change(elements, two, two / one - 1.0 if one else 0.0, moved, length)
+    return Change(elements, tension_there, tension_there / tension_here - 1.0 if tension_here else 0.0, moved, length)
 
 
 def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:
@@ -129,9 +129,9 @@ def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:
     return tuple(Sensitivity(name, derivative * units, unit) for name, unit, derivative in changes)
 
 
-def _by_mass(scene: GraspScene, found: Tried) -> Array:
+def _by_mass(scene: GraspScene, tried: Tried) -> Array:
     """Derivative of the problem's numbers by the object's mass [1/kg]."""
-    attempt, problem = found.attempt, found.solver.problem
+    attempt, problem = tried.attempt, tried.solver.problem
     # They are smooth in it, so that a difference of 1e-6 is good to six digits.
     mass = 1e-6 * scene.object.mass
     heavier = scene.object.model_copy(update={"mass": scene.object.mass + mass})
@@ -142,11 +142,11 @@ def _by_mass(scene: GraspScene, found: Tried) -> Array:
     return np.asarray((then - now) / mass)
 
 
-def _by_move(scene: GraspScene, found: Tried, x: float, y: float, turn: float) -> Array:
+def _by_move(scene: GraspScene, tried: Tried, x: float, y: float, turn: float) -> Array:
     """Derivative of the problem's numbers by a move of the object about its center of mass: all bases move back."""
     c, s = np.cos(scene.object.angle), np.sin(scene.object.angle)
     com = np.asarray(scene.object.position) + np.array([[c, -s], [s, c]]) @ scene.object.com
-    at, out = found.solver.problem.numbers.at, np.zeros(found.solver.problem.numbers.size)
+    at, out = tried.solver.problem.numbers.at, np.zeros(tried.solver.problem.numbers.size)
     for name, finger in scene.named_fingers.items():
         if f"{name}.base" in at:
             arm = np.asarray(finger.base.position) - com

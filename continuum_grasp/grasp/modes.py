@@ -45,9 +45,9 @@ def with_elements(
 
     def changed(setup: FingerSetup) -> GraspFinger:
         count = per_segment * (len(setup.middles) + 1)
-        own = setup.finger.fidelity or scene.fidelity
+        previous = setup.finger.fidelity or scene.fidelity
         bends = min(setup.bending_range * setup.elements / count, ONE_TURN) if as_curved else None
-        fidelity = own.replaced(tolerance=None, elements=count, family=family or setup.family, bending_range=bends)
+        fidelity = previous.replaced(tolerance=None, elements=count, family=family or setup.family, bending_range=bends)
         after = tuple(per_segment * (k + 1) for k in range(len(setup.middles)))
         contacts = setup.finger.contacts.replaced(middle_after=after)
         return setup.finger.replaced(fidelity=fidelity, contacts=contacts)

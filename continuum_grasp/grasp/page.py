@@ -34,12 +34,12 @@ def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None) -> 
     from continuum_grasp.plotting.grasp.picture import plot_grasp
 
     drawn = (pictures or {}).get("grasp") or plot_grasp(result)
-    beside = {str(one.get_label()): one for one in drawn.figure.axes}
+    beside = {str(panel.get_label()): panel for panel in drawn.figure.axes}
     scene = result.scene
     # A scene that was made in Python may not have its version set, which a file needs.
-    given = {"schema_version": scene.schema_version, **scene.model_dump(mode="json", exclude_unset=True)}
+    configuration = {"schema_version": scene.schema_version, **scene.model_dump(mode="json", exclude_unset=True)}
     extra = {"Contacts": _friction(beside), "Resisted disturbances": _resistance(beside)}
-    found = [
+    sections = [
         section(
             part.title,
             *([f'<p class="quiet">{escaped(part.lead)}. Recomputed from the stored numbers.</p>'] if part.lead else []),
@@ -51,7 +51,7 @@ def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None) -> 
     ]
     if result.arrays and not result.solved:
         lead = '<p class="quiet">Where the search came closest: its forces are not in balance, or break limits.</p>'
-        found = [details("Numbers of the closest attempt, which is no grasp", "\n".join((lead, *found)))]
+        sections = [details("Numbers of the closest attempt, which is no grasp", "\n".join((lead, *sections)))]
     searched = {k: v for k, v in result.statistics.items() if k != "fine_model"}
     return report(
         scene.name or "grasp",
@@ -61,9 +61,9 @@ def page(result: GraspResult, *, pictures: Mapping[str, Axes] | None = None) -> 
         _why(result),
         _picture(result, drawn),
         cards(result.pairs().items() if result.solved else ()),
-        *found,
+        *sections,
         section("The search", folded("Statistics", searched)),
-        section("The scene", folded("Configuration, as it was read", given, exact=True)),
+        section("The scene", folded("Configuration, as it was read", configuration, exact=True)),
         solved=result.solved,
     )
 

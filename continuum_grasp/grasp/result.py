@@ -203,27 +203,27 @@ class GraspResult(Result):
         """Warnings before this grasp is relied on."""
         if not self.solved or self.certificate is None:
             return ()
-        found, error = [], self.certificate.model_error
+        warnings, error = [], self.certificate.model_error
         if not error.small:
             fine = default_family(free_tip=False)
             coarse = any(family_class(f.family).order < family_class(fine).order for f in self.fingers.values())
             other = f" or take fidelity.family: {fine}" if coarse else ""
-            found.append(f"{error}: raise fidelity.elements{other}")
+            warnings.append(f"{error}: raise fidelity.elements{other}")
         if not self.certificate.stability.stable:
-            found.append("the grasp is unstable: small motions that the contacts allow lower the energy")
+            warnings.append("the grasp is unstable: small motions that the contacts allow lower the energy")
         if self._slack:
-            found.append(
+            warnings.append(
                 f"the tendons hardly pull ({self.tension:.2g} N in all): the bases press the fingers against the "
                 "object, so that slack tendons do not release it, and its forces depend on where bases and object are"
             )
         if self.robustness is not None:
-            found += self.robustness.warnings()
+            warnings += self.robustness.warnings()
         if "NOT satisfied" in str(self.statistics.get("fidelity", "")):
-            found.append(str(self.statistics["fidelity"]))
+            warnings.append(str(self.statistics["fidelity"]))
         for key, how in (("cut_short", "cut short"), ("interrupted", "interrupted")):
             if self.statistics.get(key):
-                found.append(f"the search was {how}: another start may hold the object with less tension")
-        return tuple(found)
+                warnings.append(f"the search was {how}: another start may hold the object with less tension")
+        return tuple(warnings)
 
     @property
     def _slack(self) -> bool:
@@ -296,10 +296,10 @@ class GraspResult(Result):
 
     def stored_arrays(self) -> dict[str, Array]:
         """The numbers: which there are depends on the fingers."""
-        found = dict(self.arrays)
+        arrays = dict(self.arrays)
         if self.robustness is not None:
-            found |= self.robustness.arrays()
-        return found
+            arrays |= self.robustness.arrays()
+        return arrays
 
     def details(self, *, quality: bool = True) -> dict[str, Any]:
         """Verification, indices of quality, and why there is no grasp."""

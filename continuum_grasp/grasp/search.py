@@ -140,7 +140,7 @@ class Search:
         # What few elements cannot hold, many may; and violations may fall late.
         if self.best is None:
             nearest = dict[int, tuple[Start, int]]()
-            for _, start, rung in sorted(self._missed, key=lambda one: one[0]):
+            for _, start, rung in sorted(self._missed, key=lambda missed: missed[0]):
                 nearest.setdefault(id(start), (start, rung))
             for start, rung in list(nearest.values())[: 1 if self._few is None else HELD]:
                 self.attempt(start, rung=rung, standstill=STANDSTILL)
@@ -244,18 +244,18 @@ class Search:
             return
         if self._tells and basin.start.imbalance > UNBALANCED and len(self.tried) >= CLOSEST:
             return
-        found = self._from_start(basin.start, 0)
+        tried = self._from_start(basin.start, 0)
         basin.tried = True
-        basin.solved = found is not None and found.attempt.converged and self._keeps_promise(found, basin)
+        basin.solved = tried is not None and tried.attempt.converged and self._keeps_promise(tried, basin)
 
     def _from_start(self, start: Start, rung: int, iterations: int | None = None) -> Tried | None:
         """Solve from a start and verify; what lost patience may be tried again."""
         patience = IMPATIENT if self.best and len(self.scene.setups) == 1 else PATIENCE
         ends: dict[str, Any] = {"patience": patience, "standstill": STANDSTILL, "enough": self._enough}
-        found = self.attempt(start, smoothed=True, rung=rung, iterations=iterations, **ends)
-        if found is not None and found.attempt.outcome == STALLED:
-            self._missed.append((found.attempt.badness, start, rung))
-        return found
+        tried = self.attempt(start, smoothed=True, rung=rung, iterations=iterations, **ends)
+        if tried is not None and tried.attempt.outcome == STALLED:
+            self._missed.append((tried.attempt.badness, start, rung))
+        return tried
 
     def _from_few(self, few: Search) -> None:
         """Start from where the search of a scene with few elements ended, its grasps first, each once."""
@@ -266,7 +266,7 @@ class Search:
         ends = sorted(few.tried, key=lambda t: (t not in few.good, not t.attempt.converged, t.attempt.objective))
         known: list[tuple[Any, float]] = []
         for end in ends:
-            held, found = end.attempt, None
+            held, tried = end.attempt, None
             branch = held.start.contacts.keys(), round(held.objective, 6)
             if not self._is_near(end) or self.budget.over:
                 self._vain += 1
@@ -276,11 +276,11 @@ class Search:
                 continue
             if held.converged:
                 known.append(branch)
-                found = self.attempt(end.start, rung=0)
-            if found is None or found not in self.good:
+                tried = self.attempt(end.start, rung=0)
+            if tried is None or tried not in self.good:
                 self._missed.append((held.badness, held.start, 0))
-                if end in few.good and found is not None:
-                    self.lost.append(found)
+                if end in few.good and tried is not None:
+                    self.lost.append(tried)
 
     def _is_near(self, end: Tried) -> bool:
         """Whether a grasp with few elements may be the best with all of them."""
@@ -303,12 +303,12 @@ class Search:
             return math.inf
         return WORSE * best.attempt.objective + SAME
 
-    def _keeps_promise(self, found: Tried, basin: Basin) -> bool:
+    def _keeps_promise(self, tried: Tried, basin: Basin) -> bool:
         """Whether a start led to a grasp that takes no more than was estimated, where that tells: otherwise it is
         another basin's.
         """
-        most = basin.start.estimate + self._least_difference
-        return found in self.good and not (self._tells and (1.0 - OPEN) * self._tension(found) > most)
+        promised = basin.start.estimate + self._least_difference
+        return tried in self.good and not (self._tells and (1.0 - OPEN) * self._tension(tried) > promised)
 
     @property
     def _is_over(self) -> bool:
@@ -352,7 +352,7 @@ class Search:
         """
         vain = Counter[frozenset[str]]()
         for rank in zip_longest(*map(self.rough_starts_of, modes)):
-            for start in sorted(filter(None, rank), key=lambda one: one.doubt):
+            for start in sorted(filter(None, rank), key=lambda candidate: candidate.doubt):
                 best, contacts = self.best, frozenset(start.contacts)
                 if best and not self._promises(start):
                     continue
@@ -366,10 +366,10 @@ class Search:
                 basin = Basin(start, tried=True)
                 if not math.isnan(start.estimate):
                     self.basins.append(basin)
-                found = self._from_start(start, len(RUNGS) - 1, ITERATION_CAP if best else FIRST_CAP)
+                tried = self._from_start(start, len(RUNGS) - 1, ITERATION_CAP if best else FIRST_CAP)
                 vain[contacts] = 0 if self.best is not best else vain[contacts] + 1
-                if found is not None and found in self.good:
-                    basin.solved = self._keeps_promise(found, basin)
+                if tried is not None and tried in self.good:
+                    basin.solved = self._keeps_promise(tried, basin)
 
     @cached_property
     def bound(self) -> float | None:
@@ -452,11 +452,11 @@ class Search:
     def basins_of(self, mode: frozenset[str]) -> list[Start] | None:
         """The starts of a mode's basins; None where it has none that are scanned."""
         began = time.perf_counter()
-        found = basin_starts(self.scene, mode)
+        scanned = basin_starts(self.scene, mode)
         self.start_seconds += time.perf_counter() - began
-        if found is None:
+        if scanned is None:
             return None
-        starts, scan = found
+        starts, scan = scanned
         self._scans[mode] = scan
         return starts
 
@@ -494,18 +494,18 @@ class Search:
         if attempt in known:
             self._alike += 1
             return known[attempt]
-        found = Tried(attempt, solver, self.scene)
+        tried = Tried(attempt, solver, self.scene)
         enough = attempt.converged and attempt.objective <= options.get("enough", math.inf)
-        if fresh and enough and not found.verified:  # what the solver rounded, once more from there
-            again = solver.run(self.scene, found.start, self.budget, rung=0)
-            found = Tried(again, solver, self.scene) if again.converged else found
-        self.tried.append(found)
-        if found.verified:
-            self.good.append(found)
-            if found.acceptable and self._first_left is None:
+        if fresh and enough and not tried.verified:  # what the solver rounded, once more from there
+            again = solver.run(self.scene, tried.start, self.budget, rung=0)
+            tried = Tried(again, solver, self.scene) if again.converged else tried
+        self.tried.append(tried)
+        if tried.verified:
+            self.good.append(tried)
+            if tried.acceptable and self._first_left is None:
                 self._first_left = self.budget.left
         self.budget.tell(self._standing)
-        return found
+        return tried
 
     @property
     def _standing(self) -> str:

@@ -129,8 +129,8 @@ def skin(thickness: Curve) -> Curve:
         jump, bend = after(0.0) - before(0.0), after.deriv()(0.0) - before.deriv()(0.0)
         if abs(jump) > ROUNDING * length or abs(bend) > ROUNDING:
             # Not beyond half-way to the next edge.
-            most = 0.5 * min(at - thickness.edges[k - 1], thickness.edges[k + 1] - at)
-            corners.append((k, at, min(ROUNDED * length, most)))
+            half_width = 0.5 * min(at - thickness.edges[k - 1], thickness.edges[k + 1] - at)
+            corners.append((k, at, min(ROUNDED * length, half_width)))
     if not corners:
         return thickness
     widths = {k: width for k, _, width in corners}

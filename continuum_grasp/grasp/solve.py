@@ -141,22 +141,22 @@ def _for_errors(result: GraspResult, search: Search, budget: Budget) -> GraspRes
 
 def _within_tolerance(scene: GraspScene, tolerance: float, budget: Budget) -> tuple[GraspResult, Search]:
     """Find the grasp with the cheapest model that satisfies a tolerance; its search."""
-    one = _Verdict(with_elements(scene, FIRST), budget)
-    first = one.result()
+    verdict = _Verdict(with_elements(scene, FIRST), budget)
+    first = verdict.result()
     if not first.solved or first.statistics["interrupted"]:
-        return first, one.search
+        return first, verdict.search
     try:
         resolved, note, change = resolve_elements(scene, first, tolerance, budget)
     except KeyboardInterrupt:
         return replace(
             first, statistics={**first.statistics, "interrupted": True, "fidelity": "interrupted"}
-        ), one.search
+        ), verdict.search
     result = first
     if resolved != first.scene and not budget.over:
-        one = _Verdict(resolved, budget)
-        result = one.result()
+        verdict = _Verdict(resolved, budget)
+        result = verdict.result()
     result = replace(result, fine=change, statistics={**result.statistics, "fidelity": note})
-    return flawed(result, REFUTED) if note.startswith(f"the fine model: {NONE}") else result, one.search
+    return flawed(result, REFUTED) if note.startswith(f"the fine model: {NONE}") else result, verdict.search
 
 
 class _Verdict:
@@ -214,7 +214,7 @@ class _Verdict:
         # Reasons found before the clock stopped the search may not be the ones that matter.
         if reasons and not self.budget.stopped:
             # What the model cannot follow is no impossibility, where the user did not choose how far that is.
-            bent = [one for one in reasons if self._chosen_range and "bending range" in one.title]
+            bent = [reason for reason in reasons if self._chosen_range and "bending range" in reason.title]
             if any(reason is reasons[0] or not reason.also for reason in bent):
                 return self._with_wider_model(bent)
             return self._infeasible([reason for reason in reasons if reason not in bent], closest)
@@ -223,9 +223,9 @@ class _Verdict:
     def _with_wider_model(self, reasons: Sequence[Reason]) -> GraspResult:
         """The verdict with a model that bends further, for reasons of which its bending range is a part."""
         bent = [part.needed for reason in reasons for part in (reason, *reason.also) if part.name == "bending range"]
-        most = max(setup.bending_range for setup in self.scene.setups)
+        bending_range = max(setup.bending_range for setup in self.scene.setups)
         if max(bent) <= ONE_TURN:
-            wide = min(max(2.0 * most, max(bent)), ONE_TURN)
+            wide = min(max(2.0 * bending_range, max(bent)), ONE_TURN)
             note, scene = f"fidelity.bending_range of {wide:.4g} rad", with_bending_range(self.scene, wide)
         else:
             if max(setup.elements for setup in self.scene.setups) > FINEST:
@@ -234,7 +234,7 @@ class _Verdict:
             note = f"{max(setup.elements for setup in scene.setups)} elements"
         other = _Verdict(scene, self.budget, chosen_range=True)
         result, self.search = other.result(), other.search
-        note = f"{note}: with {most:.4g} rad per element there is no grasp"
+        note = f"{note}: with {bending_range:.4g} rad per element there is no grasp"
         return replace(result, statistics={**result.statistics, "fidelity": note})
 
     def _reasons(self, further: bool = False) -> list[Reason]:
@@ -314,7 +314,7 @@ class _Verdict:
             advice = "Raise fidelity.elements or fidelity.accuracy."
         else:
             outcomes = {t.attempt.outcome for t in self.search.tried}
-            ends = "; ".join(sorted(_ENDS.get(one, one.replace("_", " ").lower()) for one in outcomes))
+            ends = "; ".join(sorted(_ENDS.get(outcome, outcome.replace("_", " ").lower()) for outcome in outcomes))
             message = (
                 f"no start led to a grasp ({ends or 'no posture touches'}), and neither one limit nor two at once "
                 "explain it"

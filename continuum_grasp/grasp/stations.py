@@ -73,8 +73,8 @@ def find_station_reasons(search: Search, before: Search, known: Repairs) -> list
     if before.good:
         return []
     repairs = Repairs(scene, search)
-    for limits, one in known.found.items():
-        repairs.attempt(limits, _on_nearest(scene, before.scene, one.arrays))
+    for limits, repair in known.found.items():
+        repairs.attempt(limits, _on_nearest(scene, before.scene, repair.arrays))
         for _ in range(EXCHANGES):
             best = repairs.found.get(limits)
             if best is None or best.total <= 0.0 or search.budget.over:
@@ -97,20 +97,22 @@ def _on_nearest(scene: GraspScene, before: GraspScene, arrays: Mapping[str, Arra
     for old, setup in zip(before.setups, scene.setups, strict=True):
         if not setup.stations:
             continue
-        own = plain.fingers[setup.name]
+        finger_start = plain.fingers[setup.name]
         joints = list(setup.stations)
         # Names of old stations are those of others now.
         contacts = {name: start for name, start in contacts.items() if name not in old.middle_names}
         forces = {name: force for name, force in forces.items() if name not in old.middle_names}
-        for name, at in zip(old.middle_names, own.joints, strict=True):
+        for name, at in zip(old.middle_names, finger_start.joints, strict=True):
             if name not in plain.contacts:
                 continue
             nearest = int(np.argmin(np.abs(np.array(setup.stations) - at)))
             station = setup.middle_names[nearest]
             joints[nearest], contacts[station] = at, plain.contacts[name]
             forces[station] = plain.forces[name]
-        sides = (own.sides[0],) * len(joints)
-        fingers[setup.name] = FingerStart(own.base, tuple(joints), sides, own.knots, own.curvatures)
+        sides = (finger_start.sides[0],) * len(joints)
+        fingers[setup.name] = FingerStart(
+            finger_start.base, tuple(joints), sides, finger_start.knots, finger_start.curvatures
+        )
     return _with_only(scene, replace(plain, fingers=fingers, contacts=contacts, forces=forces), set(contacts))
 
 

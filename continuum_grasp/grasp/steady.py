@@ -57,15 +57,15 @@ def _stabilize(search: Search, at: Tried) -> None:
         wanted = value + share * (LEAST - value)
         numbers = {"stability slope": slope, "stability level": wanted - value + float(slope @ at.attempt.x)}
         start, features = replace(at.attempt.start, label="stable"), at.attempt.features
-        found = search.attempt(
+        tried = search.attempt(
             start, solver, features=features, x0=at.attempt.x, numbers=numbers, iterations=RUNGS[0][1]
         )
-        if found is None or not found.attempt.converged or found.certificate.stability.eigenvalue < value:
+        if tried is None or not tried.attempt.converged or tried.certificate.stability.eigenvalue < value:
             share *= 0.4
             if share < SMALLEST:
                 return
             continue
-        at, share, objective = found, min(1.0, 2.0 * share), found.attempt.objective
+        at, share, objective = tried, min(1.0, 2.0 * share), tried.attempt.objective
         if at.acceptable and abs(objective - before) <= SAME * max(1.0, abs(objective)):
             return
         before, slope = objective, _slope(search.scene, at)

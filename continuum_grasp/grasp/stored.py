@@ -43,12 +43,12 @@ _CONTACTS = (
 """With other friction states contacts may be clear: their names are empty then, and their numbers NaN."""
 
 
-def _held(one: Stored) -> Stored:
-    own = one.shape.replace("contact", "{held} contact").strip("()").rstrip(",").split(", ")
-    dimensions = ", ".join(["state", *filter(None, own)])
+def _held(stored: Stored) -> Stored:
+    axes = stored.shape.replace("contact", "{held} contact").strip("()").rstrip(",").split(", ")
+    dimensions = ", ".join(["state", *filter(None, axes)])
     dimensions += "," * ("," not in dimensions)
-    meaning = f"with other friction states: {one.meaning}"
-    return Stored(f"{{held}}.{one.name}", f"({dimensions})", one.unit, meaning)
+    meaning = f"with other friction states: {stored.meaning}"
+    return Stored(f"{{held}}.{stored.name}", f"({dimensions})", stored.unit, meaning)
 
 
 _STATES = Stored(
@@ -62,7 +62,7 @@ STORED = (
     *_CONTACTS,
     Stored("{finger}.family", "()", "text", "arc, clothoid or matched_clothoid"),
     *_POSTURE,
-    *(_held(one) for one in (*_CONTACTS, *_POSTURE, _STATES)),
+    *(_held(stored) for stored in (*_CONTACTS, *_POSTURE, _STATES)),
     Stored("{trials}.errors", "(draw, error)", "", "errors of the object that were drawn, where the scene has robust"),
     Stored("{held trials}.friction_states", "(draw, cell)", "1", "friction states that were drawn"),
     Stored("{trials}.margins", "(draw,)", "1", "least friction margin of each; -inf: a contact parts, NaN: no answer"),

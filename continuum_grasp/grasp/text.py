@@ -128,8 +128,8 @@ def _drives(result: GraspResult, finger: str) -> list[str]:
         else:
             text += f"at {drive.position:.4f} rad, holds {1e3 * drive.torque:.4g} mN m, reached with "
             text += f"{1e3 * drive.torque_to_reach:.4g} mN m"
-        own = [side for side in drive.tendons if side in slack]
-        lines.append(text + (f"; {' and '.join(own)} slack" if own else ""))
+        loose = [side for side in drive.tendons if side in slack]
+        lines.append(text + (f"; {' and '.join(loose)} slack" if loose else ""))
     held = result.arrays.get(f"held.{finger}.tensions")
     if held is not None and np.ptp(held, axis=0).max() > 1e-3:
         ends = zip(("left", "right"), held.min(axis=0), held.max(axis=0), strict=True)
@@ -186,7 +186,7 @@ def _certificate(certificate: Certificate) -> Part:
     stability, error, overlap = certificate.stability, certificate.model_error, certificate.overlap
     word, mark = "stable" if stability.stable else "UNSTABLE", "" if error.small else " (raise fidelity.elements)"
     notes = [
-        *(f"FAILED: {one.name}, {one.value:.2e}, limit {one.limit:.0e}" for one in certificate.failed),
+        *(f"FAILED: {failure.name}, {failure.value:.2e}, limit {failure.limit:.0e}" for failure in certificate.failed),
         f"stability: {word}, least eigenvalue {stability.eigenvalue:.3g} E I / L ({stability.assumptions})",
         str(error),
         f"model error, limit {1e3 * error.limit:.2g} mm{mark}: its bending moment is off by {error.moment:.1%} of the "
@@ -247,7 +247,7 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
         if result.arrays
         else None
     )
-    found = {
+    summary = {
         "name": result.scene.name,
         "status": result.status.value,
         "warnings": list(result.warnings),
@@ -256,7 +256,7 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
         **about,
         "fine_model": result.statistics.get("fine_model"),
     }
-    return _HEAD + yaml_text({key: value for key, value in found.items() if value not in (None, "", [], {})})
+    return _HEAD + yaml_text({key: value for key, value in summary.items() if value not in (None, "", [], {})})
 
 
 def _plain(part: FingerPosture | DriveState | Contact) -> dict[str, Any]:

@@ -60,13 +60,13 @@ class Tried:
 def exchanged(scene: GraspScene, start: Start, other: Start, name: str) -> Start:
     """The start with a finger, by name, as another has it."""
     (setup,) = (setup for setup in scene.setups if setup.name == name)
-    own = [contact for contact in setup.switches if contact in start.contacts]
+    contacts = [contact for contact in setup.switches if contact in start.contacts]
     return replace(
         start,
         label="exchanged",
         fingers=start.fingers | {name: other.fingers[name]},
-        contacts=start.contacts | {contact: other.contacts[contact] for contact in own},
-        forces=start.forces | {contact: other.forces[contact] for contact in own},
+        contacts=start.contacts | {contact: other.contacts[contact] for contact in contacts},
+        forces=start.forces | {contact: other.forces[contact] for contact in contacts},
         tensions=start.tensions | {name: other.tensions[name]},
     )
 

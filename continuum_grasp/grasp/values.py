@@ -189,14 +189,14 @@ def contacts_of(scene: GraspScene, arrays: Mapping[str, Array]) -> tuple[Contact
     """The contacts of a grasp with their forces, by its stored numbers; none where there are no numbers."""
     if "contact_names" not in arrays:
         return ()
-    keys, found = ("names", "positions", "normals", "forces", "stations", "parts"), []
+    keys, contacts = ("names", "positions", "normals", "forces", "stations", "parts"), []
     columns = [arrays[f"contact_{key}"] for key in keys]
     for name, position, normal, forces, station, part in zip(*columns, strict=True):
         n, f, lift = (float(force) for force in forces)
-        most = scene.friction(str(name)) * n
-        margin = 1.0 - float(np.hypot(f, lift)) / most if most > 0 else 0.0
-        found.append(Contact(str(name), position, normal, n, f, lift, margin, float(station), int(part)))
-    return tuple(found)
+        friction_limit = scene.friction(str(name)) * n
+        margin = 1.0 - float(np.hypot(f, lift)) / friction_limit if friction_limit > 0 else 0.0
+        contacts.append(Contact(str(name), position, normal, n, f, lift, margin, float(station), int(part)))
+    return tuple(contacts)
 
 
 def tension_of(scene: GraspScene, arrays: Mapping[str, Array]) -> float:
@@ -210,7 +210,7 @@ def force_text(arrays: Mapping[str, Array], force: float) -> str:
     The greatest is that of the sum of tensions and the components of contact forces; two to six decimals.
     """
     total = sum(float(np.sum(value)) for name, value in arrays.items() if name.endswith(".tensions"))
-    most = max(total, float(np.abs(arrays.get("contact_forces", 0.0)).max(initial=0.0)))
-    decimals = 3 - math.floor(math.log10(most)) if math.isfinite(most) and most > 0.0 else 2
+    greatest = max(total, float(np.abs(arrays.get("contact_forces", 0.0)).max(initial=0.0)))
+    decimals = 3 - math.floor(math.log10(greatest)) if math.isfinite(greatest) and greatest > 0.0 else 2
     text = f"{force:.{min(max(decimals, 2), 6)}f}"
     return text.removeprefix("-") if not text.strip("-0.") else text  # no -0.00

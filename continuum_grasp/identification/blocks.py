@@ -55,19 +55,19 @@ def entries_of(data: Poses | TipPath, at: Array, fitted: NDArray[np.bool_], leng
 
     Readings without a known deviation share that of a kind.
     """
-    found, moves = list[Entry](), isinstance(data, TipPath)
+    entries, moves = list[Entry](), isinstance(data, TipPath)
     for row, (when, used) in enumerate(zip(at.tolist(), fitted.tolist(), strict=True)):
-        for one in data.measured:
-            what = one.what if moves or one.of_mode else one.what.replace(" of ", " at ")
-            group = what if one.of_mode else f"{one.kind} {'on paths' if moves else 'of poses'}"
-            if one.sigma is not None:
-                group = f"{data.name}: {one.kind if moves else what}"
-            place = None if one.of_drive or one.of_mode else length if one.at is None else one.at
-            known = UNIT_OF[one.quantity], float(np.asarray(one.values)[row]), used, one.sigma
+        for reading in data.measured:
+            what = reading.what if moves or reading.of_mode else reading.what.replace(" of ", " at ")
+            group = what if reading.of_mode else f"{reading.kind} {'on paths' if moves else 'of poses'}"
+            if reading.sigma is not None:
+                group = f"{data.name}: {reading.kind if moves else what}"
+            place = None if reading.of_drive or reading.of_mode else length if reading.at is None else reading.at
+            known = UNIT_OF[reading.quantity], float(np.asarray(reading.values)[row]), used, reading.sigma
             label = what + (f" at {when:g} s" if moves else f", row {row + 1}")
-            offset = float(np.broadcast_to(one.offset, at.shape)[row])
-            found.append(Entry(label, group, *known, when, what, one.quantity, place, offset))
-    return found
+            offset = float(np.broadcast_to(reading.offset, at.shape)[row])
+            entries.append(Entry(label, group, *known, when, what, reading.quantity, place, offset))
+    return entries
 
 
 class Drawn(NamedTuple):
@@ -165,51 +165,53 @@ class PosesBlock(Block):
         rows = data.conditions, data.rows
         self._shapes = Shapes(scene, unknowns, data.name, *rows, sequence=data.sequence)
         self._fitted = np.ones(data.rows, bool) if data.fitted is None else np.asarray(data.fitted, bool)
-        model, still = self._shapes.model, [one for one in data.measured if not one.of_mode]
+        model, still = self._shapes.model, [reading for reading in data.measured if not reading.of_mode]
         check_tensions(model, still, data.name)
         q, u, w, p = symbols(model)
         history = ca.SX.sym("history", len(model.friction_names) + bool(model.friction_names))
-        given = (history,) if model.friction_names else ()
+        past = (history,) if model.friction_names else ()
         beside = ca.SX.sym("offsets", len(still))
-        y = at_rest(model, still, q, u, p, *given, offsets=beside)
+        y = at_rest(model, still, q, u, p, *past, offsets=beside)
         self._observe = with_slopes("observation", y, q, ca.vertcat(u, w, p), history, beside)
-        self._offsets = np.array([np.broadcast_to(one.offset, data.rows) for one in still]).T.reshape(data.rows, -1)
-        rung = [one for one in data.measured if one.of_mode]
+        self._offsets = np.array([np.broadcast_to(reading.offset, data.rows) for reading in still]).T.reshape(
+            data.rows, -1
+        )
+        rung = [reading for reading in data.measured if reading.of_mode]
         self._vibrations = Vibrations(model, rung, len(unknowns), data.name) if rung else None
-        self._places = np.argsort(np.argsort([one.of_mode for one in data.measured], kind="stable"))
+        self._places = np.argsort(np.argsort([reading.of_mode for reading in data.measured], kind="stable"))
         numbers = np.arange(1.0, data.rows + 1.0)
         self.entries = entries_of(data, numbers, self._fitted, scene.finger.rod.length)
 
     def predict(self, values: Array) -> tuple[Array, Array]:
-        found = [self._row(row, resting) for row, resting in enumerate(self._shapes.all(values))]
-        return np.concatenate([y for y, _ in found]), np.concatenate([d for _, d in found])
+        predictions = [self._row(row, resting) for row, resting in enumerate(self._shapes.all(values))]
+        return np.concatenate([y for y, _ in predictions]), np.concatenate([d for _, d in predictions])
 
     def possible(self, tried: Sequence[Array]) -> tuple[NDArray[np.intp], Array]:
         """Rows (K,) that have a stable shape within the bending range at all of some values, and derivatives there.
 
         These are (values, K, readings, unknowns).
         """
-        found: dict[int, list[Array]] = {row: [] for row in range(len(self._fitted))}
+        derivatives: dict[int, list[Array]] = {row: [] for row in range(len(self._fitted))}
         for values in tried:
-            for row in list(found):
+            for row in list(derivatives):
                 with suppress(SolverError):
                     resting = self._shapes.row(row, values)
                     if self._shapes.use(resting).max() <= 1.0 and self._shapes.stable(resting):
-                        found[row].append(self._row(row, resting)[1])
+                        derivatives[row].append(self._row(row, resting)[1])
                         continue
-                del found[row]
-        return np.array(list(found), dtype=np.intp), np.array(list(found.values())).swapaxes(
+                del derivatives[row]
+        return np.array(list(derivatives), dtype=np.intp), np.array(list(derivatives.values())).swapaxes(
             0, 1
-        ) if found else np.zeros(0)
+        ) if derivatives else np.zeros(0)
 
     def bent(self, values: Array) -> Bent:
         rows, model = list(self._shapes.all(values)), self._shapes.model
-        u, _, p = np.split(np.array([one.z for one in rows]), np.cumsum([model.nu, model.nw]), axis=1)
-        return Bent(model, np.arange(1.0, len(rows) + 1.0), np.array([one.q for one in rows]), u, p, False)
+        u, _, p = np.split(np.array([row.z for row in rows]), np.cumsum([model.nu, model.nw]), axis=1)
+        return Bent(model, np.arange(1.0, len(rows) + 1.0), np.array([row.q for row in rows]), u, p, False)
 
     def _row(self, row: int, resting: Resting) -> tuple[Array, Array]:
-        given = (resting.q, resting.z, resting.history, self._offsets[row])
-        y, by_q, by_z, by_past = (np.array(v) for v in self._observe(*given)[:4])
+        arguments = (resting.q, resting.z, resting.history, self._offsets[row])
+        y, by_q, by_z, by_past = (np.array(v) for v in self._observe(*arguments)[:4])
         y, slope = y.ravel(), by_q @ resting.by_q + by_z @ resting.by_z + by_past @ resting.by_history
         if self._vibrations is None:
             return y, slope

@@ -143,28 +143,31 @@ class Predicted(Result):
         return self._errors(fitted=False)
 
     def _errors(self, *, fitted: bool) -> tuple[Channel, ...]:
-        groups, units = np.array([entry.group for entry in self.entries]), {one.group: one.unit for one in self.entries}
+        groups, units = (
+            np.array([entry.group for entry in self.entries]),
+            {entry.group: entry.unit for entry in self.entries},
+        )
         missed = {group: self.residuals[(groups == group) & (self.fitted == fitted)] for group in units}
-        return tuple(Channel.of(group, units[group], fitted, own) for group, own in missed.items() if own.size)
+        return tuple(Channel.of(group, units[group], fitted, errors) for group, errors in missed.items() if errors.size)
 
     @property
     def series(self) -> dict[tuple[str, str], NDArray[np.intp]]:
         """Entries (R,) of each set's name and quantity at a place, in their order."""
-        found: dict[tuple[str, str], list[int]] = {}
+        series: dict[tuple[str, str], list[int]] = {}
         for row, (name, entry) in enumerate(zip(self.set_of, self.entries, strict=True)):
-            found.setdefault((name, entry.series), []).append(row)
-        return {key: np.array(rows) for key, rows in found.items()}
+            series.setdefault((name, entry.series), []).append(row)
+        return {key: np.array(rows) for key, rows in series.items()}
 
     @property
     def points(self) -> dict[tuple[str, float, float, float], tuple[int, int]]:
         """Entries of x and y of each measured point, by set, row or instant, position along the finger and offset
         [m].
         """
-        found: dict[tuple[str, float, float, float], dict[str, int]] = {}
+        points: dict[tuple[str, float, float, float], dict[str, int]] = {}
         for row, (name, entry) in enumerate(zip(self.set_of, self.entries, strict=True)):
             if entry.quantity in ("x", "y") and entry.place is not None:
-                found.setdefault((name, entry.at, entry.place, entry.offset), {})[entry.quantity] = row
-        return {key: (of["x"], of["y"]) for key, of in found.items() if len(of) == 2}
+                points.setdefault((name, entry.at, entry.place, entry.offset), {})[entry.quantity] = row
+        return {key: (of["x"], of["y"]) for key, of in points.items() if len(of) == 2}
 
     @property
     def paths(self) -> set[str]:
@@ -190,19 +193,19 @@ class Predicted(Result):
         for what, pairs in places.items():
             rows, across = np.array(pairs).T
             kinds.append((what, "m", rows, np.hypot(self.residuals[rows], self.residuals[across])))
-        found = []
+        channels = []
         for what, unit, rows, missed in kinds:
             length = self.scene.finger.rod.length if self.entries[rows[0]].quantity in ("x", "y") else None
             for fitted in (True, False):
-                own = missed[self.fitted[rows] == fitted]
-                if own.size:
-                    found.append(Channel.of(what, unit, fitted, own, length))
-        return tuple(found)
+                errors = missed[self.fitted[rows] == fitted]
+                if errors.size:
+                    channels.append(Channel.of(what, unit, fitted, errors, length))
+        return tuple(channels)
 
     def tables(self) -> dict[str, Any]:
         """Errors of each channel, and sets of measurements, as plain data."""
         sets = [{"name": name, "entries": count} for name, count in self.blocks]
-        return {"channels": [dict(vars(one)) for one in self.channels], "blocks": sets}
+        return {"channels": [dict(vars(channel)) for channel in self.channels], "blocks": sets}
 
 
 @dataclass(frozen=True)
@@ -231,7 +234,10 @@ class Comparison(Predicted):
 
     def pairs(self) -> dict[str, str]:
         """Errors of the first channels."""
-        return {one.name: f"{one.texts[1]} {one.texts[4]} r.m.s. {one.texts[5]}".strip() for one in self.channels[:6]}
+        return {
+            channel.name: f"{channel.texts[1]} {channel.texts[4]} r.m.s. {channel.texts[5]}".strip()
+            for channel in self.channels[:6]
+        }
 
     def details(self) -> dict[str, Any]:
         """Errors of each channel, as plain data."""

@@ -172,7 +172,7 @@ class TipPath:
         if t.size < 2 or np.any(np.diff(t) <= 0.0) or t[0] < 0.0:
             raise InputError("expected two or more instants that increase from 0 on", key=f"{self.name}.t")
         _check_readings(self.name, self.measured, t.size)
-        if any(one.of_mode for one in self.measured):
+        if any(reading.of_mode for reading in self.measured):
             raise InputError("vibrations are about rest: give them as Poses", key=f"{self.name}.measured")
         if self.start not in STARTS:
             raise InputError(f"expected one of {', '.join(STARTS)}, got {self.start!r:.60}", key=f"{self.name}.start")
@@ -182,8 +182,8 @@ class TipPath:
             key = f"{self.name}.start_sigma"
             if self.start != "estimated" or np.shape(self.start_sigma) != (2,):
                 raise InputError("expected two numbers, for a start that is estimated", key=key)
-            for one in self.start_sigma:
-                positive(key, one)
+            for deviation in self.start_sigma:
+                positive(key, deviation)
 
 
 Data = Poses | TipPath
@@ -202,7 +202,7 @@ def column(key: str, values: ArrayLike, count: int | None = None) -> Array:
 
 
 def _check_readings(name: str, readings: Sequence[Reading], count: int | None = None) -> None:
-    if not isinstance(readings, Sequence) or not readings or not all(isinstance(one, Reading) for one in readings):
+    if not isinstance(readings, Sequence) or not readings or not all(isinstance(entry, Reading) for entry in readings):
         raise InputError("expected at least one reading, such as Reading('x', values)", key=f"{name}.measured")
     count = count or int(np.size(readings[0].values))
     for k, reading in enumerate(readings):

@@ -77,42 +77,42 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
     """Groups whose sets differ by more than their own scatter: repeats of one set are then not independent."""
     from scipy.stats import f_oneway
 
-    found = []
+    messages = []
     which = np.repeat(np.arange(len(problem.blocks)), [len(block.entries) for block in problem.blocks])
     # instants of a path are no repeats; `_series` judges them
     still = np.array([not block.moves for block in problem.blocks])[which]
     for group, entries in problem.groups.items():
         members = problem.fitted & still & entries
         sets = [weighted[members & (which == k)] for k in np.unique(which[members])]
-        sets = [one for one in sets if one.size > 2]
+        sets = [rows for rows in sets if rows.size > 2]
         if len(sets) < 2:
             continue
         ratio, probability = f_oneway(*sets)
         if probability < FALSE_ALARMS:
-            found.append(
+            messages.append(
                 f"{group}: the sets differ by more than their repeats do (ratio of variances {ratio:.0f}): "
                 "repeats are not independent, and the intervals are too narrow; trust the hold-out error"
             )
-    return found
+    return messages
 
 
 def _series(problem: Problem, weighted: Array) -> list[str]:
     """Paths whose residuals hang together: then they are the model's error rather than noise."""
-    found, paths = [], sum(block.moves for block in problem.blocks)
+    messages, paths = [], sum(block.moves for block in problem.blocks)
     for block, part in zip(problem.blocks, problem.parts, strict=True):
-        own, count = weighted[part], sum(entry.at == block.entries[0].at for entry in block.entries)
-        if not block.moves or own.size < _SERIES * count:
+        residuals, count = weighted[part], sum(entry.at == block.entries[0].at for entry in block.entries)
+        if not block.moves or residuals.size < _SERIES * count:
             continue
-        before, after = own[:-count] - own.mean(), own[count:] - own.mean()
+        before, after = residuals[:-count] - residuals.mean(), residuals[count:] - residuals.mean()
         # of each coordinate with itself one instant later
         share = float(before @ after) / max(float(before @ before), 1e-300)
-        if share > surely(own.size, chances=paths) / np.sqrt(own.size):
-            found.append(
+        if share > surely(residuals.size, chances=paths) / np.sqrt(residuals.size):
+            messages.append(
                 f"residuals of {block.name} hang together in time (correlation {share:.2f} from one instant to the "
                 "next): the model misses something, for which the intervals are wider, as if it were noise; more "
                 "elements show whether it is the family's own error"
             )
-    return found
+    return messages
 
 
 def doubts_of_laws(problem: Problem, solution: Solution) -> list[str]:
@@ -125,13 +125,13 @@ def doubts_of_laws(problem: Problem, solution: Solution) -> list[str]:
     further += _widths(problem, solution.predictions)
     further += _late(problem, solution.predictions)
     further += _origins(problem)
-    readings = [own for *_, own in _readings(problem)]
-    about = [(problem.measured[own] - problem.measured[own].mean()) / solution.sigma[own] for own in readings]
+    readings = [rows for *_, rows in _readings(problem)]
+    about = [(problem.measured[rows] - problem.measured[rows].mean()) / solution.sigma[rows] for rows in readings]
     least, named = _MATTERS * float(np.linalg.norm(np.concatenate([*about, [0.0]]))), list[Further]()
     doubts = list[str]()
     chances = len(further)  # all make one verdict together
     while further:
-        judged = [_judged(problem, solution, [*named, one], least, chances) for one in further]
+        judged = [_judged(problem, solution, [*named, candidate], least, chances) for candidate in further]
         k = max(range(len(further)), key=lambda k: judged[k][0])
         share, step, deviation = judged[k]
         if share <= 1.0:
@@ -141,7 +141,7 @@ def doubts_of_laws(problem: Problem, solution: Solution) -> list[str]:
         named.append(chosen)
         # Where data are wrong, laws cannot be judged, and either leaves residuals of the other kind.
         kind = _kind(chosen)
-        further = [one for one in further if one is not chosen and _kind(one) == kind]
+        further = [candidate for candidate in further if candidate is not chosen and _kind(candidate) == kind]
     return doubts
 
 
@@ -159,17 +159,17 @@ def _judged(
     jacobian, residuals = problem.weighted(solution, np.column_stack(slopes))
     step: Array = np.asarray(np.linalg.lstsq(jacobian, -residuals, rcond=None)[0], dtype=float)
     left: Array = np.asarray(residuals + jacobian @ step)
-    found = infer([*problem.unknowns, *tried], step, jacobian, left, series=problem.series)
-    own = step[-1] * jacobian[:, -1]
-    beyond = own - jacobian[:, :-1] @ np.linalg.lstsq(jacobian[:, :-1], own, rcond=None)[0]
-    sure = surely(found.freedom, chances) * found.deviations[-1]
+    inference = infer([*problem.unknowns, *tried], step, jacobian, left, series=problem.series)
+    effect = step[-1] * jacobian[:, -1]
+    beyond = effect - jacobian[:, :-1] @ np.linalg.lstsq(jacobian[:, :-1], effect, rcond=None)[0]
+    sure = surely(inference.freedom, chances) * inference.deviations[-1]
     if tried[-1].target == _BEFORE and round(float(step[-1])) != 1:  # there is no row between two
         return 0.0, 0.0, 0.0
     matters = math.isfinite(sure) and float(np.linalg.norm(beyond)) > least
     return (
         abs(float(step[-1])) / max(float(sure), 1e-300) if matters else 0.0,
         float(step[-1]),
-        float(found.deviations[-1]),
+        float(inference.deviations[-1]),
     )
 
 
@@ -200,7 +200,7 @@ def _words(problem: Problem, further: Unknown, step: float, deviation: float) ->
 
 def _has(problem: Problem) -> dict[str, bool]:
     """Laws beside the linear ones that the model has, or is to find."""
-    estimated, fingers = {one.target for one in problem.unknowns}, problem.fingers
+    estimated, fingers = {unknown.target for unknown in problem.unknowns}, problem.fingers
     return {
         "softening": any(finger.softening is not None for finger in fingers),
         "stops": any(finger.stops is not None for finger in fingers),
@@ -220,17 +220,17 @@ def _law(what: str, problem: Problem) -> str:
 
 def _readings(problem: Problem) -> list[tuple[int, str, NDArray[np.intp]]]:
     """Number of the set, name, and fitted entries (R,) of each reading of the shape."""
-    found: dict[tuple[int, str], list[int]] = {}
+    readings: dict[tuple[int, str], list[int]] = {}
     for k, (block, part) in enumerate(zip(problem.blocks, problem.parts, strict=True)):
         for row, entry in enumerate(block.entries, part.start):
             if entry.fitted and entry.quantity in KIND_OF:
-                found.setdefault((k, entry.series), []).append(row)
-    return [(k, name, np.array(rows)) for (k, name), rows in found.items()]
+                readings.setdefault((k, entry.series), []).append(row)
+    return [(k, name, np.array(rows)) for (k, name), rows in readings.items()]
 
 
 def _widths(problem: Problem, predictions: Array) -> list[Further]:
     """Half the width of a loop of each reading that was loaded and unloaded at rest."""
-    found = []
+    widths = []
     for k, name, rows in _readings(problem):
         if problem.blocks[k].moves or len(rows) < 2 * _LEAST:
             continue
@@ -238,15 +238,15 @@ def _widths(problem: Problem, predictions: Array) -> list[Further]:
         if min(np.sum(way > 0), np.sum(way < 0)) >= _LEAST:
             slope[rows] = way
             size, unit = float(np.ptp(predictions[rows])), problem.entries[rows[0]].unit
-            found.append((Unknown(name, unit, _WIDTH, 1.0, False, 0.0, -math.inf, math.inf, size), slope))
-    return found
+            widths.append((Unknown(name, unit, _WIDTH, 1.0, False, 0.0, -math.inf, math.inf, size), slope))
+    return widths
 
 
 def _late(problem: Problem, predictions: Array) -> list[Further]:
     """By how many samples rows of motions are late, and whether readings are those of the row before or behind."""
     motions, before, behind = np.zeros((3, len(predictions)))
     for block, part in zip(problem.blocks, problem.parts, strict=True):
-        t = np.array(list(dict.fromkeys(one.at for one in block.entries)))
+        t = np.array(list(dict.fromkeys(entry.at for entry in block.entries)))
         rows = predictions[part].reshape(t.size, -1)
         if block.moves and not block.begins_there:
             motions[part] = -(np.gradient(rows, t, axis=0) * np.gradient(t)[:, None]).ravel()
@@ -262,11 +262,11 @@ def _late(problem: Problem, predictions: Array) -> list[Further]:
 
 def _origins(problem: Problem) -> list[Further]:
     """Offset of the positions of all sets along an axis."""
-    found = []
+    origins = []
     for axis in "xy":
-        slope = np.array([float(one.quantity == axis) for one in problem.entries])
-        found += _directions(f"positions are off along {axis}", "m", _ORIGIN, slope)
-    return found
+        slope = np.array([float(entry.quantity == axis) for entry in problem.entries])
+        origins += _directions(f"positions are off along {axis}", "m", _ORIGIN, slope)
+    return origins
 
 
 def _directions(name: str, unit: str, target: str, slope: Array) -> list[Further]:
@@ -292,4 +292,4 @@ def _of_law(name: str, problem: Problem, solution: Solution) -> list[Further]:
         block = problem.blocks[k].again([*problem.sought, *unknown], scene=scene)
         at = np.insert(values[k], count, 1.0 if added else unknown[0].start)
         slope[problem.parts[k]] = block.predict(at)[1][:, count]
-    return [(one, slope) for one in unknown]
+    return [(candidate, slope) for candidate in unknown]

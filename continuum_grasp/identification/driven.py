@@ -36,7 +36,7 @@ class Driven:
     def __init__(
         self, scene: Scene, unknowns: Sequence[Unknown], readings: Sequence[Reading], passed: Sequence[Array] = ()
     ) -> None:
-        targets = [one.target for one in unknowns]
+        targets = [unknown.target for unknown in unknowns]
         if LAG in targets and not scene.finger.winches:
             constant = unknowns[targets.index(LAG)].start
             scene = scene.model_copy(update={"finger": scene.finger.with_lags(constant)})
@@ -52,8 +52,8 @@ class Driven:
         self.readings = self._with_slopes("readings", moving(model, readings, x, u, p), x, u, w, p)
         q = ca.SX.sym("q", model.n)
         history = ca.SX.sym("history", model.structure.friction_states + bool(model.friction_names))
-        given = (history,) if model.friction_names else ()
-        parts = [ca.SX(model.drives_at_rest()(q, u, p, *given))]
+        past = (history,) if model.friction_names else ()
+        parts = [ca.SX(model.drives_at_rest()(q, u, p, *past))]
         if model.friction_names:
             # From shape to shape friction stays where it is, or slides.
             slid = [model.sliding()(shape, u, p) for shape in (*map(ca.SX, passed), q)]
@@ -73,13 +73,13 @@ class Driven:
         """[y, Y] of [x, X], commands, w and [p, B]; X and B are the derivatives of x and p by the unknowns."""
         moved = ca.SX.sym("X", x.numel(), self._count)
         turned = ca.SX.sym("B", p.numel(), self._count)
-        given, by_delay, late = u, ca.SX(u.numel(), self._count), self._late
+        commands, by_delay, late = u, ca.SX(u.numel(), self._count), self._late
         if late is not None:
             by_delay[:, late] = ca.SX.sym("late", u.numel())
-            given = ca.vertcat(u, by_delay[:, late])
+            commands = ca.vertcat(u, by_delay[:, late])
         slope = ca.jtimes(y, ca.vertcat(x, u, p), ca.vertcat(moved, by_delay, turned))
         outputs = ca.cse([ca.densify(ca.vertcat(y, ca.vec(slope)))])
-        inputs = [ca.vertcat(x, ca.vec(moved)), given, w, ca.vertcat(p, ca.vec(turned))]
+        inputs = [ca.vertcat(x, ca.vec(moved)), commands, w, ca.vertcat(p, ca.vec(turned))]
         return ca.Function(name, inputs, outputs, ["x", "u", "w", "p"], ["xd"])
 
     def parameters(self, values: Array) -> Array:
@@ -116,5 +116,5 @@ class Driven:
 
     def check(self, unknowns: Sequence[Unknown], name: str) -> None:
         """Raise an InputError for a delay of inputs that do not vary."""
-        if self.signals.constant and any(one.target == DELAY for one in unknowns):
+        if self.signals.constant and any(unknown.target == DELAY for unknown in unknowns):
             raise InputError("a delay needs commands that vary: actuation, or conditions, of the set", key=name)

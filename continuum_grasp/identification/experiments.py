@@ -137,7 +137,7 @@ class ExperimentPlan(Result):
         return {
             "unknowns": [dict(zip(keys, row, strict=True)) for row in rows],
             "poses": [dict(zip(self.pose_headings, row, strict=True)) for row in self.pose_rows],
-            "segments": [one._asdict() for one in self.segments],
+            "segments": [segment._asdict() for segment in self.segments],
         }
 
 
@@ -198,10 +198,12 @@ def design_experiments(
     >>> plan.pose_headings, plan.pose_rows
     (('set', 'F', 'x'), (('data[0]', '0', ''), ('data[0]', '0.1', '')))
     """
-    found, _ = resolved(scene)
-    scene = cast(IdentifyScene, found)
-    proposed = [(k, one) for k, one in enumerate(scene.data) if isinstance(one, StaticPoses) and one.propose]
-    moving = [(k, one) for k, one in enumerate(scene.data) if isinstance(one, TipTrajectory)]
+    resolved_scene, _ = resolved(scene)
+    scene = cast(IdentifyScene, resolved_scene)
+    proposed = [
+        (k, data_set) for k, data_set in enumerate(scene.data) if isinstance(data_set, StaticPoses) and data_set.propose
+    ]
+    moving = [(k, data_set) for k, data_set in enumerate(scene.data) if isinstance(data_set, TipTrajectory)]
     logged = moving[:1] if "excitation" in scene.model_fields_set else []
     designed: list[tuple[int, StaticPoses | TipTrajectory]] = [*proposed, *logged]
     if not designed:
@@ -210,19 +212,19 @@ def design_experiments(
             "and a set of kind: trajectory",
             key="data",
         )
-    for k, one in designed:
-        if any(isinstance(place, Column) for reading in one.measured for place in (reading.at, reading.offset)):
+    for k, data_set in designed:
+        if any(isinstance(place, Column) for reading in data_set.measured for place in (reading.at, reading.offset)):
             raise InputError("before anything is measured places are numbers, not columns", key=f"data[{k}]")
-    plain, names = plain_scene(scene), [one.name or f"data[{k}]" for k, one in designed]
+    plain, names = plain_scene(scene), [data_set.name or f"data[{k}]" for k, data_set in designed]
     known = _known(scene, data, names, progress or (lambda share: None))
     choice, offered = known.choice, list[dict[str, str]]()
-    for number, (k, one) in enumerate(proposed):
-        cells, jacobians = _possible(number, one, plain, known, f"data[{k}]")
-        choice.offer(jacobians, one.propose or 1)
+    for number, (k, data_set) in enumerate(proposed):
+        cells, jacobians = _possible(number, data_set, plain, known, f"data[{k}]")
+        choice.offer(jacobians, data_set.propose or 1)
         offered += [{SET: names[number], **row} for row in cells]
     motion = None
     if logged:
-        targets = [(one.target, one.factor, one.added) for one in choice.unknowns[: choice.shared]]
+        targets = [(unknown.target, unknown.factor, unknown.added) for unknown in choice.unknowns[: choice.shared]]
         at_known = applied(plain, targets, choice.values[: choice.shared]) if known.scales else plain
         design = Design(at_known, patterns_of(plain), scene.excitation)
         motion = design.excited(lambda of: _read_along(of, *logged[0], known))
@@ -231,7 +233,7 @@ def design_experiments(
     headings = tuple(dict.fromkeys(heading for row in rows for heading in row))
     reading = (
         *known.sets,
-        *(_read_back(one, names[k]) for k, (_, one) in enumerate(proposed)),
+        *(_read_back(data_set, names[k]) for k, (_, data_set) in enumerate(proposed)),
         *(v for _, v in logged),
     )
     return replace(
@@ -243,39 +245,41 @@ def design_experiments(
 
 
 def _possible(
-    number: int, one: StaticPoses, scene: Scene, known: _Known, key: str
+    number: int, data_set: StaticPoses, scene: Scene, known: _Known, key: str
 ) -> tuple[list[dict[str, str]], Array]:
     """Poses of a set that are possible: cells by heading, empty for what is to be measured, and derivatives of it.
 
     These are (values, K, readings, n), at the values that are known and some about them.
     """
-    headings, cells, poses = choices_of(one, scene, key)
+    headings, cells, poses = choices_of(data_set, scene, key)
     block = PosesBlock(poses.scene or scene, poses, known.sought)
-    own = [known.choice.unknowns[k] for k in known.columns[number]]
+    unknowns = [known.choice.unknowns[k] for k in known.columns[number]]
     at = known.choice.values[known.columns[number]]
-    about = _ABOUT * np.array([min(one.sigma, one.typical) for one in own])
-    free = np.array([(one.lower, one.upper) for one in own]).T
+    about = _ABOUT * np.array([min(unknown.sigma, unknown.typical) for unknown in unknowns])
+    free = np.array([(unknown.lower, unknown.upper) for unknown in unknowns]).T
     turns = np.random.default_rng(0).choice([-1.0, 1.0], size=(_TRIED, at.size)) if at.size > 1 else [[-1.0], [1.0]]
     rows, slopes = block.possible([at, *(np.clip(at + about * turn, *free) for turn in turns)])
     if not rows.size:
         raise InputError("no choice of the conditions has an equilibrium within the bending range", key=key)
-    blank = {column: "" for of in one.measured for column in (of.column, of.minus) if column is not None}
-    found = [dict(zip(headings, cells[row], strict=True)) | blank for row in rows]
-    return found, known.whitened(number, slopes, block, one, key)
+    blank = {column: "" for of in data_set.measured for column in (of.column, of.minus) if column is not None}
+    proposals = [dict(zip(headings, cells[row], strict=True)) | blank for row in rows]
+    return proposals, known.whitened(number, slopes, block, data_set, key)
 
 
 def plan_of(choice: Choice, motion: Excited | None, scene: Scene) -> ExperimentPlan:
     """Plan of the experiments that were chosen, and of a motion."""
-    chosen = [(f"pose {k}", choice.offered[one]) for k, one in enumerate(choice.made, 1)]
+    chosen = [(f"pose {k}", choice.offered[index]) for k, index in enumerate(choice.made, 1)]
     offered, along = list(choice.offered), motion.by_segment if motion else []
-    chosen += [(one.name, rows) for one, rows in zip(motion.segments if motion else (), along, strict=True)]
-    free, shared = [one._replace(lower=-np.inf, upper=np.inf) for one in choice.unknowns], choice.shared
+    chosen += [(segment.name, rows) for segment, rows in zip(motion.segments if motion else (), along, strict=True)]
+    free, shared = [unknown._replace(lower=-np.inf, upper=np.inf) for unknown in choice.unknowns], choice.shared
     before, after, every = (
         infer(free, choice.values, np.vstack([choice.rows, *rows]), None, shared=shared)
         for rows in ([], [rows for _, rows in chosen], [*offered, *along])
     )
-    warnings = [one.replace("the data", "these experiments") for one in after.warnings]
-    unseen = [one.name for one, deviation in zip(free[:shared], every.deviations, strict=False) if np.isinf(deviation)]
+    warnings = [warning.replace("the data", "these experiments") for warning in after.warnings]
+    unseen = [
+        unknown.name for unknown, deviation in zip(free[:shared], every.deviations, strict=False) if np.isinf(deviation)
+    ]
     if unseen:
         warnings.append(
             f"no possible experiment shows {', '.join(unseen)}: measure other quantities, offer other choices, or "
@@ -283,8 +287,8 @@ def plan_of(choice: Choice, motion: Excited | None, scene: Scene) -> ExperimentP
         )
     each = np.stack([np.sum(rows**2, axis=0) for _, rows in chosen], axis=1)[:shared]
     plan = ExperimentPlan(
-        names=tuple(one.name for one in free[:shared]),
-        units=tuple(one.unit for one in free[:shared]),
+        names=tuple(unknown.name for unknown in free[:shared]),
+        units=tuple(unknown.unit for unknown in free[:shared]),
         values=choice.values[:shared],
         before=before.deviations[:shared],
         deviations=after.deviations[:shared],
@@ -297,7 +301,7 @@ def plan_of(choice: Choice, motion: Excited | None, scene: Scene) -> ExperimentP
     )
     if motion is None:
         return plan
-    labels = tuple(one.label for one in motion.rehearsal.scene.finger.inputs)
+    labels = tuple(finger_input.label for finger_input in motion.rehearsal.scene.finger.inputs)
     return replace(
         plan,
         segments=motion.segments,
@@ -328,11 +332,11 @@ class _Known(NamedTuple):
         """Derivatives (..., readings, n) by all unknowns, per deviation, from those by the unknowns of a set."""
         sigma = []
         for k, entry in enumerate(block.entries[: slopes.shape[-2]]):
-            found = self.scales.get(entry.group) if entry.sigma is None else entry.sigma
-            if found is None:
+            deviation = self.scales.get(entry.group) if entry.sigma is None else entry.sigma
+            if deviation is None:
                 where = f"{key}.measured[{k}].sigma"
                 raise InputError("deviations cannot be predicted without that of every reading", key=where)
-            sigma.append(found)
+            sigma.append(deviation)
         whole = np.zeros((*slopes.shape[:-1], len(self.choice.unknowns)))
         whole[..., self.columns[number]] = slopes / np.array(sigma)[:, None]
         return whole
@@ -341,42 +345,53 @@ class _Known(NamedTuple):
 def _known(scene: IdentifyScene, data: Measurements, sets: Sequence[str], report: Progress) -> _Known:
     """Knowledge before the design of some sets."""
     sought = read_unknowns(scene, scene.estimate)
-    unknowns, scales = [one for one in sought if not one.per_set], dict[str, float]()
+    unknowns, scales = [unknown for unknown in sought if not unknown.per_set], dict[str, float]()
     rows: Array = np.zeros((0, len(unknowns)))
-    given = listed(data)
-    paths = [Path(one) for one in given if isinstance(one, (str, os.PathLike))]
+    sources = listed(data)
+    paths = [Path(source) for source in sources if isinstance(source, (str, os.PathLike))]
     if paths:
         scene = scene.model_copy(update={"data": sets_of(scene, paths)})
-    if given:
+    if sources:
         problem = posed(scene, data, scene.estimate).problem
         solution = problem.solve(report)
-        unknowns = [one._replace(start=value) for one, value in zip(problem.unknowns, solution.values, strict=True)]
+        unknowns = [
+            unknown._replace(start=value) for unknown, value in zip(problem.unknowns, solution.values, strict=True)
+        ]
         rows = problem.weighted(solution)[0][: problem.fitted.sum()]
-        scales = dict(zip((one.group for one in problem.entries), solution.sigma.tolist(), strict=True))
-    shared = sum(not one.per_set for one in unknowns)
+        scales = dict(zip((entry.group for entry in problem.entries), solution.sigma.tolist(), strict=True))
+    shared = sum(not unknown.per_set for unknown in unknowns)
     fresh = iter(unknowns[:shared])
-    sought = [one if one.per_set else next(fresh) for one in sought]
+    sought = [unknown if unknown.per_set else next(fresh) for unknown in sought]
     unknowns, columns = with_sets(unknowns, sought, [(name, ()) for name in sets])
     whole = np.pad(rows, ((0, 0), (0, len(unknowns) - rows.shape[1])))
     whole = np.vstack([whole, prior(unknowns, np.zeros(len(unknowns)))[1]])
     return _Known(Choice(unknowns, shared, whole), scene.data if paths else (), sought, columns, scales)
 
 
-def _read_along(motion: Trajectory, k: int, one: TipTrajectory, known: _Known) -> Array:
+def _read_along(motion: Trajectory, k: int, data_set: TipTrajectory, known: _Known) -> Array:
     """Derivatives (T, readings, n) of what will be logged along a motion, per standard deviation."""
     t = motion.t[1:]
     none = np.zeros(t.size)
-    readings = [Reading(m.quantity, none, m.place, m.sigma, m.since, m.of, cast(float, m.offset)) for m in one.measured]
+    readings = [
+        Reading(m.quantity, none, m.place, m.sigma, m.since, m.of, cast(float, m.offset)) for m in data_set.measured
+    ]
     block = PathBlock(motion.scene, TipPath(t, measured=readings, name="excitation"), known.sought)
     _, slopes = block.predict(known.choice.values[known.columns[-1]])
-    return known.whitened(-1, slopes.reshape(t.size, len(readings), -1), block, one, f"data[{k}]")
+    return known.whitened(-1, slopes.reshape(t.size, len(readings), -1), block, data_set, f"data[{k}]")
 
 
-def _read_back(one: StaticPoses, name: str) -> StaticPoses:
+def _read_back(data_set: StaticPoses, name: str) -> StaticPoses:
     """The set that reads the table of poses, a row each."""
-    chosen = (*one.where, RowsEqual(column=SET, equals=(name,)))
-    own = {"file": POSES, "name": f"{name}, proposed", "where": chosen, "use": "fit", "holdout_rows": (), "pose": None}
-    return one.model_copy(update=own)
+    chosen = (*data_set.where, RowsEqual(column=SET, equals=(name,)))
+    changes = {
+        "file": POSES,
+        "name": f"{name}, proposed",
+        "where": chosen,
+        "use": "fit",
+        "holdout_rows": (),
+        "pose": None,
+    }
+    return data_set.model_copy(update=changes)
 
 
 def poses_text(plan: ExperimentPlan) -> str:
@@ -405,5 +420,5 @@ def _csv(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 def scene_text(plan: ExperimentPlan) -> str:
     """The scene with the commands, which ``simulate`` reads."""
-    lines = [f"# {one.start:g} to {one.end:g} s: {one.name}, {one.shows}" for one in plan.segments]
+    lines = [f"# {segment.start:g} to {segment.end:g} s: {segment.name}, {segment.shows}" for segment in plan.segments]
     return "\n".join([*lines, yaml_text(plan.scene.model_dump(mode="json", exclude_unset=True), exact=True)])

@@ -138,7 +138,9 @@ class Fit(Predicted):
     def pairs(self) -> dict[str, str]:
         """Estimates with their standard deviations, and the errors of what was fitted."""
         estimates = zip(self.names, self.values, self.deviations, self.units, strict=True)
-        errors = [f"{one.name}: {one.rms:.3g} {one.unit} r.m.s. of {one.count}" for one in self.errors]
+        errors = [
+            f"{channel.name}: {channel.rms:.3g} {channel.unit} r.m.s. of {channel.count}" for channel in self.errors
+        ]
         return {
             **{name: f"{value:.6g} +/- {deviation:.2g} {unit}" for name, value, deviation, unit in list(estimates)[:5]},
             "errors": "; ".join(errors),
@@ -184,9 +186,9 @@ class Fit(Predicted):
             "freedom": self.freedom,
             "reason": self.reason,
             "causes": list(self.causes),
-            "laws": [one._asdict() for one in self.laws],
-            "errors": [dict(vars(one)) for one in self.errors],
-            "holdout_errors": [dict(vars(one)) for one in self.holdout_errors],
+            "laws": [trial._asdict() for trial in self.laws],
+            "errors": [dict(vars(channel)) for channel in self.errors],
+            "holdout_errors": [dict(vars(channel)) for channel in self.holdout_errors],
             "sets": [
                 {"name": name, "value": value, "deviation": deviation}
                 for name, value, deviation in zip(self.set_names, self.set_values, self.set_deviations, strict=True)
@@ -199,9 +201,9 @@ def estimates(unknowns: Sequence[Unknown], values: Array, found: Inference) -> d
     """Fields of a `Fit`, of the first unknowns, from some values and the inference about all."""
     count = len(unknowns)
     return {
-        "names": tuple(one.name for one in unknowns),
-        "units": tuple(one.unit for one in unknowns),
-        "targets": tuple((one.target, one.factor, one.added) for one in unknowns),
+        "names": tuple(unknown.name for unknown in unknowns),
+        "units": tuple(unknown.unit for unknown in unknowns),
+        "targets": tuple((unknown.target, unknown.factor, unknown.added) for unknown in unknowns),
         "values": values[:count],
         "deviations": found.deviations[:count],
         "intervals": found.intervals[:count],

@@ -103,7 +103,7 @@ def identify(
     known, beside = scene_of(scene), folder_of(scene)
     if parameters is None and isinstance(known, IdentifyScene) and known.laws:
         names, plain = [law.name for law in known.laws], cast(IdentifyScene, resolved(known)[0])
-        ways = [posed(one, data, one.estimate, beside) for one in under_laws(plain)]
+        ways = [posed(variant, data, variant.estimate, beside) for variant in under_laws(plain)]
         tried = dict(zip(names, ways, strict=True))
         chosen, solution, laws = choose_law({name: one.problem for name, one in tried.items()}, report)
         task = tried[chosen]
@@ -188,15 +188,15 @@ def compare(
     [-0.01, 0.01]
     """
     started = perf_counter()
-    found = posed(scene_of(scene), data, None, folder_of(scene), progress)
-    problem = found.problem
-    start = np.array([one.start for one in problem.unknowns])
+    task = posed(scene_of(scene), data, None, folder_of(scene), progress)
+    problem = task.problem
+    start = np.array([unknown.start for unknown in problem.unknowns])
     beyond = too_far(problem, start, np.array([one.sigma or 0.0 for one in problem.entries]))
     return Comparison(
         **problem.predicted(start, problem.predict(start)[0]),
-        scene=found.scene,
+        scene=task.scene,
         warnings=(*problem.warnings(start), *([f"{beyond}: check units and axes of the data"] if beyond else ())),
-        statistics={"total_s": perf_counter() - started, **({"fidelity": found.note} if found.note else {})},
+        statistics={"total_s": perf_counter() - started, **({"fidelity": task.note} if task.note else {})},
     )
 
 
@@ -221,27 +221,27 @@ def posed(
     """
     scene, note = resolved(scene)
     unknowns = [] if sought is None else read_unknowns(scene, sought)
-    given, blocks = _measurements(scene, data, beside), list[Block]()
-    for one in given:
+    pairs, blocks = _measurements(scene, data, beside), list[Block]()
+    for one in pairs:
         blocks.append(block_of(resolved(one.scene or scene)[0], one, unknowns))
         if progress is not None:
-            progress(len(blocks) / len(given))
+            progress(len(blocks) / len(pairs))
     return Task(scene, note, Problem(blocks, unknowns))
 
 
 def _finer(problem: Problem, sets: Sequence[Array]) -> Array | None:
     """Predictions (m,) of models with twice the elements; None where one of them is not feasible."""
-    found = []
-    for block, own in zip(problem.blocks, sets, strict=True):
+    predictions = []
+    for block, set_values in zip(problem.blocks, sets, strict=True):
         model = FingerModel(block.scene)
         # the start that was estimated is in coordinates of the coarser one
         if len(model.lengths) > _MOST or block.own:
             return None
         try:
-            found.append(block.again(problem.sought, scene=refined(block.scene, model)).predict(own)[0])
+            predictions.append(block.again(problem.sought, scene=refined(block.scene, model)).predict(set_values)[0])
         except ContinuumGraspError:  # a finer model can be too stiff for the way a path is followed
             return None
-    return np.concatenate(found)
+    return np.concatenate(predictions)
 
 
 def resolved(scene: Scene) -> tuple[Scene, str]:
@@ -254,18 +254,18 @@ def _measurements(scene: Scene, data: Measurements, beside: Path | None) -> list
     """Given measurements, and those in given files, which come first; those that the scene names where none is given,
     in the folder of its own file, ``beside``.
     """
-    given, found = listed(data), list[Data]()
-    paths = [Path(one) for one in given if isinstance(one, (str, os.PathLike))]
-    if paths or not given:
-        found += read_data(scene, paths, beside=beside)
-    for one in given:
-        if isinstance(one, (Poses, TipPath)):
-            found.append(one)
-        elif not isinstance(one, (str, os.PathLike)):
-            raise InputError(f"expected Poses, TipPath or a path, got {one!r:.60}", key="data")
-    if not found:
+    sources, measurements = listed(data), list[Data]()
+    paths = [Path(source) for source in sources if isinstance(source, (str, os.PathLike))]
+    if paths or not sources:
+        measurements += read_data(scene, paths, beside=beside)
+    for source in sources:
+        if isinstance(source, (Poses, TipPath)):
+            measurements.append(source)
+        elif not isinstance(source, (str, os.PathLike)):
+            raise InputError(f"expected Poses, TipPath or a path, got {source!r:.60}", key="data")
+    if not measurements:
         raise InputError("expected measurements, got none", key="data")
-    return found
+    return measurements
 
 
 def listed(data: Measurements) -> list[Any]:
@@ -278,24 +278,24 @@ def _fit(task: Task, solution: Solution, **further: Any) -> Fit:
     problem = task.problem
     sigma, unknowns, shared = solution.sigma, problem.unknowns, problem.shared
     rows = problem.weighted(solution)
-    found = infer(unknowns, solution.values, *rows, shared, problem.series)
+    inference = infer(unknowns, solution.values, *rows, shared, problem.series)
     doubted: tuple[str, ...] = ()
     finer = _finer(problem, problem.by_block(solution.values))
     if finer is not None:
         coarse, fine = ((part / sigma)[problem.fitted] for part in (solution.predictions, finer))
-        doubted = model_error_warnings(unknowns, found.deviations, rows[0][: len(coarse)], coarse, fine)
-    evidence, verdict = doubts(problem, solution, found.freedom), judge(problem, solution)
+        doubted = model_error_warnings(unknowns, inference.deviations, rows[0][: len(coarse)], coarse, fine)
+    evidence, verdict = doubts(problem, solution, inference.freedom), judge(problem, solution)
     return Fit(
-        **estimates(unknowns[:shared], solution.values, found),
-        set_names=tuple(f"{one.name} [{one.unit}]" for one in unknowns[shared:]),
+        **estimates(unknowns[:shared], solution.values, inference),
+        set_names=tuple(f"{unknown.name} [{unknown.unit}]" for unknown in unknowns[shared:]),
         set_values=solution.values[shared:],
-        set_deviations=found.deviations[shared:],
+        set_deviations=inference.deviations[shared:],
         sigma=sigma,
         **problem.predicted(solution.values, solution.predictions),
         scene=task.scene,
         status=IMPLAUSIBLE if verdict.reason else "converged",
         reason=verdict.reason,
         causes=verdict.causes,
-        warnings=(*found.warnings, *problem.warnings(solution.values), *evidence, *doubted, *verdict.warnings),
+        warnings=(*inference.warnings, *problem.warnings(solution.values), *evidence, *doubted, *verdict.warnings),
         **further,
     )

@@ -76,7 +76,7 @@ def infer(
     from scipy.special import stdtrit
 
     count, rows = jacobian.shape[1], len(jacobian)
-    sizes = np.array([one.typical for one in unknowns])
+    sizes = np.array([unknown.typical for unknown in unknowns])
     # with fewer rows than parameters, the full basis has the directions that no row sees
     _, singular, directions = np.linalg.svd(jacobian * sizes, full_matrices=rows < count)
     singular = np.append(singular, np.zeros(count - len(singular)))
@@ -107,15 +107,15 @@ def infer(
     warnings = _blindness(unknowns, unseen, jacobian * sizes, len(reported))
     warnings += _weakness(reported, values, deviations, correlation, lost)
     warnings += [
-        f"{one.name} is at its bound of {value:g} {one.unit}: its interval means little"
-        for one, value, gone in zip(reported, values, lost, strict=False)
-        if not gone and (value <= one.lower or value >= one.upper)
+        f"{unknown.name} is at its bound of {value:g} {unknown.unit}: its interval means little"
+        for unknown, value, gone in zip(reported, values, lost, strict=False)
+        if not gone and (value <= unknown.lower or value >= unknown.upper)
     ]
     warnings += [
-        f"{one.name} comes out negative ({value:.2g}), which no friction is: the finger bends more towards its tip "
+        f"{unknown.name} comes out negative ({value:.2g}), which no friction is: the finger bends more towards its tip "
         "than its law of stiffness says, so that law is wrong"
-        for one, value, high in zip(reported, values, intervals[:, 1], strict=False)
-        if one.target == "tendon_friction" and high < 0.0
+        for unknown, value, high in zip(reported, values, intervals[:, 1], strict=False)
+        if unknown.target == "tendon_friction" and high < 0.0
     ]
     if freedom <= 0:
         numbers = f"{rows} fitted numbers" + (f" that are worth {worth:.0f}, as they hang together," if series else "")
@@ -135,9 +135,9 @@ def _worth(
     rows, count = jacobian.shape
     total, apart, freedom = float(residuals @ residuals), np.ones(rows, dtype=bool), 0.0
     middles = np.zeros((count, count))
-    for own in series:
-        found, own_freedom = middle(jacobian[own], residuals[own])
-        middles, freedom, apart[own] = middles + found, freedom + own_freedom, False
+    for entries in series:
+        product, own_freedom = middle(jacobian[entries], residuals[entries])
+        middles, freedom, apart[entries] = middles + product, freedom + own_freedom, False
     middles += total / rows * jacobian[apart].T @ jacobian[apart]
     scattered = inverse @ middles @ inverse
     paid = float(np.sum(inverse * middles))
@@ -152,9 +152,9 @@ def _blindness(unknowns: Sequence[Unknown], directions: Array, scaled: Array, sh
     """
     lengths = np.linalg.norm(scaled, axis=0)
     unseen = lengths <= _BLIND * max(float(lengths.max(initial=0.0)), _TINY)
-    found = [
-        f"the data cannot see {one.name}: no prediction changes with it; its value is the start value"
-        for one, gone in zip(unknowns[:shared], unseen, strict=False)
+    messages = [
+        f"the data cannot see {unknown.name}: no prediction changes with it; its value is the start value"
+        for unknown, gone in zip(unknowns[:shared], unseen, strict=False)
         if gone
     ]
     for direction in directions:
@@ -162,32 +162,32 @@ def _blindness(unknowns: Sequence[Unknown], directions: Array, scaled: Array, sh
         if len(parts) > 1 and parts[0] < shared:
             names = " and ".join(unknowns[k].name for k in parts)
             ratio = ", ".join(f"{unknowns[k].name} by {100 * direction[k] / direction[parts[0]]:+.3g} %" for k in parts)
-            found.append(
+            messages.append(
                 f"the data see only a combination of {names}: changing {ratio} (of typical sizes) changes no "
                 "prediction; fix all but one of them"
             )
-    return found
+    return messages
 
 
 def _weakness(
     unknowns: Sequence[Unknown], values: Array, deviations: Array, correlation: Array, lost: NDArray[np.bool_]
 ) -> list[str]:
     """Parameters that the data hardly see, or hardly distinguish."""
-    found = []
-    for k, one in enumerate(unknowns):
-        size = max(abs(float(values[k])), one.typical)
+    messages = []
+    for k, unknown in enumerate(unknowns):
+        size = max(abs(float(values[k])), unknown.typical)
         if not lost[k] and np.isfinite(deviations[k]) and deviations[k] > WEAK * size:
-            found.append(
-                f"the data hardly see {one.name}: its standard deviation is {deviations[k]:.2g} {one.unit}, "
+            messages.append(
+                f"the data hardly see {unknown.name}: its standard deviation is {deviations[k]:.2g} {unknown.unit}, "
                 f"{100 * deviations[k] / size:.0f} % of its size"
             )
         for j in range(k):
             if np.isfinite(correlation[k, j]) and abs(correlation[k, j]) > _ALIKE:
-                found.append(
-                    f"{unknowns[j].name} and {one.name} can hardly be distinguished: their estimates are correlated by "
-                    f"{correlation[k, j]:+.4f}"
+                messages.append(
+                    f"{unknowns[j].name} and {unknown.name} can hardly be distinguished: their estimates are "
+                    f"correlated by {correlation[k, j]:+.4f}"
                 )
-    return found
+    return messages
 
 
 def model_error_warnings(
@@ -220,16 +220,16 @@ def surely(freedom: float, chances: int = 1) -> float:
 def last_lag(residuals: Array) -> int:
     """Lag at which the autocorrelation of the columns of residuals (T, readings) has ended; 0 for noise."""
     count = len(residuals)
-    limit, found = 2.0 * math.sqrt(math.log10(count) / count), 0
+    limit, lag = 2.0 * math.sqrt(math.log10(count) / count), 0
     for column in residuals.T:
-        own = _autocovariance(column[:, None])[:, 0, 0]
-        if not own[0] > 0.0:
+        autocovariance = _autocovariance(column[:, None])[:, 0, 0]
+        if not autocovariance[0] > 0.0:
             continue
-        beyond = np.flatnonzero(np.abs(own) > limit * own[0])
+        beyond = np.flatnonzero(np.abs(autocovariance) > limit * autocovariance[0])
         # the first lag behind which so many are those of noise
         ends = [int(k) for k, after in zip(beyond, [*beyond[1:], np.inf], strict=True) if after - k > _LAGS_BEYOND]
-        found = max(found, ends[0])
-    return found
+        lag = max(lag, ends[0])
+    return lag
 
 
 def middle(jacobian: Array, residuals: Array) -> tuple[Array, float]:
@@ -247,10 +247,10 @@ def middle(jacobian: Array, residuals: Array) -> tuple[Array, float]:
     length = min(_WINDOW * last + 1.0, float(count))
     tapered = _parzen(np.arange(count) / length)[:, None, None] * _autocovariance(residuals)
     total = np.zeros((n, n))
-    for one, other in np.ndindex(readings, readings):
+    for reading, other in np.ndindex(readings, readings):
         # G of the lags of both signs, those of one reading with the other
-        lags = tapered[:, one, other], tapered[:, other, one]
-        total += jacobian[:, one].T @ matmul_toeplitz(lags, jacobian[:, other])
+        lags = tapered[:, reading, other], tapered[:, other, reading]
+        total += jacobian[:, reading].T @ matmul_toeplitz(lags, jacobian[:, other])
     return 0.5 * (total + total.T), _FREEDOM * count / length
 
 

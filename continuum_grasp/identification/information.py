@@ -48,21 +48,21 @@ def allotted(
         k = int(np.argmin(sums))
         return float(sums[k]), int(members[k])
 
-    for members, most in budgets:
-        for _ in range(most):
-            _, one = best(members, total)
-            counts[one] += 1
-            total = total + each[one]
+    for members, budget in budgets:
+        for _ in range(budget):
+            _, pick = best(members, total)
+            counts[pick] += 1
+            total = total + each[pick]
     reached, exchanged = float(variance(total)), True
     while exchanged:
         exchanged = False
         for members, _ in budgets:
-            for one in members[counts[members] > 0]:
-                found, other = best(members, total - each[one])
-                if found < (1.0 - _BETTER) * reached:
-                    counts[one] -= 1
+            for pick in members[counts[members] > 0]:
+                variance_sum, other = best(members, total - each[pick])
+                if variance_sum < (1.0 - _BETTER) * reached:
+                    counts[pick] -= 1
                     counts[other] += 1
-                    total, reached, exchanged = total - each[one] + each[other], found, True
+                    total, reached, exchanged = total - each[pick] + each[other], variance_sum, True
     return counts
 
 
@@ -95,9 +95,9 @@ class Choice:
 
     def choose(self, along: Sequence[Array]) -> None:
         """Choose among what is offered, beside what is read along a motion (readings, n)."""
-        found = np.array([information(one, self._sizes) for one in self._cautious])
+        offered = np.array([information(jacobian, self._sizes) for jacobian in self._cautious])
         known = information(np.vstack([self.rows, *along]), self._sizes)
-        self.counts = allotted(found, known, self.shared, self._budgets)
+        self.counts = allotted(offered, known, self.shared, self._budgets)
 
     @property
     def made(self) -> list[int]:

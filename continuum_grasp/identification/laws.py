@@ -46,27 +46,27 @@ def choose_law(
         raise InputError("laws are chosen by what they predict: hold rows or a set out", key="laws")
     fits, missed, failed = list[Solution | None](), list[Array | None](), list[str]()
     for k, problem in enumerate(problems):
-        solution, found, why = None, None, ""
+        solution, deviations, why = None, None, ""
         try:
             solution = problem.solve(lambda share: None)
-            found = np.where(problem.fitted, np.nan, solution.predictions - problem.measured)
+            deviations = np.where(problem.fitted, np.nan, solution.predictions - problem.measured)
         except (SolverError, NumericalError) as error:
             why = f"not fitted: {error}"
         fits.append(solution)
-        missed.append(found)
+        missed.append(deviations)
         failed.append(why)
         report((k + 1) / len(problems))
     sigma = np.min([fit.sigma for fit in fits if fit is not None], axis=0, initial=math.inf)
-    squares = [None if one is None else (one / sigma) ** 2 for one in missed]
-    errors = [math.inf if one is None else float(np.sqrt(np.nanmean(one))) for one in squares]
+    squares = [None if residuals is None else (residuals / sigma) ** 2 for residuals in missed]
+    errors = [math.inf if squared is None else float(np.sqrt(np.nanmean(squared))) for squared in squares]
     best = int(np.argmin(errors))
     if not math.isfinite(errors[best]):
         raise SolverError("no law could be fitted", status="no fit", violated=failed, advice="fit them one by one")
     numbers = [problem.shared for problem in problems]
     alike = [
         k
-        for k, one in enumerate(squares)
-        if k == best or (one is not None and not _differ(problems[best], one - np.asarray(squares[best])))
+        for k, squared in enumerate(squares)
+        if k == best or (squared is not None and not _differ(problems[best], squared - np.asarray(squares[best])))
     ]
     chosen = min(alike, key=lambda k: (numbers[k], errors[k]))
     verdicts = [
@@ -86,10 +86,10 @@ def _differ(problem: Problem, more: Array) -> bool:
 
     total, variance, freedom = 0.0, 0.0, 0.0
     for block, part in zip(problem.blocks, problem.parts, strict=True):
-        own, at = more[part], np.array([entry.at for entry in block.entries])
-        there = np.isfinite(own)
+        differences, at = more[part], np.array([entry.at for entry in block.entries])
+        there = np.isfinite(differences)
         # readings of one row or instant depend on one another
-        rows = np.array([own[there & (at == one)].sum() for one in np.unique(at[there])])
+        rows = np.array([differences[there & (at == instant)].sum() for instant in np.unique(at[there])])
         if rows.size:
             total += float(rows.sum())
             about = (rows - rows.mean())[:, None]

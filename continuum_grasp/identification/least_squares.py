@@ -65,20 +65,20 @@ def least_squares(
     NumericalError
         If residuals or derivatives at the start are not finite.
     """
-    found = _at(function, np.clip(start, lower, upper))
+    minimum = _at(function, np.clip(start, lower, upper))
     free = np.ones(len(start), dtype=bool)
     while True:
-        found = _search(function, found, lower, upper, sizes, free, evaluations, decrease)
-        values, gradient = found.values, (found.jacobian * sizes).T @ found.residuals
+        minimum = _search(function, minimum, lower, upper, sizes, free, evaluations, decrease)
+        values, gradient = minimum.values, (minimum.jacobian * sizes).T @ minimum.residuals
         beside = np.where(gradient > 0.0, values - lower, upper - values) <= _AT_BOUND * sizes
         pushed = free & beside & (gradient != 0.0)
-        if not (found.converged and pushed.any()):
-            return found
+        if not (minimum.converged and pushed.any()):
+            return minimum
         free = free & ~pushed
         bounds = np.where(gradient > 0.0, lower, upper)
-        found = _at(function, np.where(pushed, bounds, values), found.iterations, found.evaluations)
+        minimum = _at(function, np.where(pushed, bounds, values), minimum.iterations, minimum.evaluations)
         if not free.any():
-            return found
+            return minimum
 
 
 def _at(function: Function, values: Array, iterations: int = 0, evaluations: int = 0) -> Minimum:
@@ -135,7 +135,7 @@ def _search(
 
     iterations, status = start.iterations, "no step possible"
     with suppress(_NoStepPossibleError):
-        found = least_squares(
+        solution = least_squares(
             residuals,
             accepted,
             slopes,
@@ -146,6 +146,6 @@ def _search(
             gtol=None,  # the gradient has the unit of the data, for which there is no one tolerance
             max_nfev=max(evaluations - count, 1),
         )
-        iterations += found.njev - 1
-        status = "converged" if found.status > 0 else "iteration limit"
+        iterations += solution.njev - 1
+        status = "converged" if solution.status > 0 else "iteration limit"
     return Minimum(*known[accepted.tobytes()], iterations, count, status)

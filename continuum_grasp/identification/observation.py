@@ -31,7 +31,7 @@ def at_rest(
     is not on the finger, or a drive is not one of it.
     """
     drives = []
-    if any(one.of_drive for one in readings):
+    if any(reading.of_drive for reading in readings):
         drives = [give()(q, u, p, *history) for give in (model.tensions_at_rest, model.drives_at_rest)]
     return _observed(model, readings, q, u, p, drives, offsets)
 
@@ -39,7 +39,7 @@ def at_rest(
 def moving(model: FingerModel, readings: Sequence[Reading], x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
     """Readings of a finger that moves; errors as of ``at_rest``."""
     drives = []
-    if any(one.of_drive for one in readings):
+    if any(reading.of_drive for reading in readings):
         drives = [model.tensions()(x, u, p)[0], x[2 * model.n : model.nx - len(model.friction_names)]]
     return _observed(model, readings, x[: model.n], acting_input(model, x, u, p), p, drives)
 
@@ -55,28 +55,28 @@ def _observed(
 ) -> ca.SX:
     """Readings, where ``drives`` are tensions of tendons and states of drives, for those of drives."""
     values = [
-        _at_drive(model, one, u, *drives)
-        if one.of_drive
-        else _along(model, one, q, u, p, one.offset if offsets is None else offsets[k])
-        for k, one in enumerate(readings)
+        _at_drive(model, reading, u, *drives)
+        if reading.of_drive
+        else _along(model, reading, q, u, p, reading.offset if offsets is None else offsets[k])
+        for k, reading in enumerate(readings)
     ]
     return ca.vertcat(*values)
 
 
-def _along(model: FingerModel, one: Reading, q: ca.SX, u: ca.SX, p: ca.SX, offset: Any) -> ca.SX:
+def _along(model: FingerModel, reading: Reading, q: ca.SX, u: ca.SX, p: ca.SX, offset: Any) -> ca.SX:
     length = model.finger.rod.length
-    s = length if one.at is None else one.at
+    s = length if reading.at is None else reading.at
     if not 0.0 <= s <= length * (1 + 1e-9):  # the tip as a sum of lengths is rounded
-        raise InputError(f"{one.quantity} at {s:g} m is not on the finger of {length:g} m", key="measured")
-    if one.quantity in ("x", "y"):
-        on_backbone = model.position(q, u, s, p)["xy".index(one.quantity)]
-        if not np.any(one.offset):
+        raise InputError(f"{reading.quantity} at {s:g} m is not on the finger of {length:g} m", key="measured")
+    if reading.quantity in ("x", "y"):
+        on_backbone = model.position(q, u, s, p)["xy".index(reading.quantity)]
+        if not np.any(reading.offset):
             return on_backbone
         if not isinstance(offset, ca.SX) and np.ndim(offset):
             raise InputError("along a motion the offset of a marker must be one number", key="measured")
         across = model.orientation(q, u, s, p)
-        return cast(ca.SX, on_backbone + offset * (ca.cos(across) if one.quantity == "x" else ca.sin(across)))
-    base = model.orientation(q, u, one.since or 0.0, p) if one.quantity == "bend" else 0.0
+        return cast(ca.SX, on_backbone + offset * (ca.cos(across) if reading.quantity == "x" else ca.sin(across)))
+    base = model.orientation(q, u, reading.since or 0.0, p) if reading.quantity == "bend" else 0.0
     return model.orientation(q, u, s, p) - base
 
 
@@ -84,27 +84,27 @@ _MOTORS = " ".join(f"data.measured.quantity={name}" for name in ("motor_angle", 
 _OF_MOTORS = needs("identify", _MOTORS, "kind=motor", "is that of a motor: this drive has another kind")
 
 
-def _at_drive(model: FingerModel, one: Reading, u: ca.SX, tensions: ca.SX, states: ca.SX) -> ca.SX:
-    number, winches = (one.of or 1) - 1, model.structure.winches
-    count = len(model.finger.tendon_list) if one.quantity == "tension" else len(winches)
+def _at_drive(model: FingerModel, reading: Reading, u: ca.SX, tensions: ca.SX, states: ca.SX) -> ca.SX:
+    number, winches = (reading.of or 1) - 1, model.structure.winches
+    count = len(model.finger.tendon_list) if reading.quantity == "tension" else len(winches)
     if number >= count:
-        what = "tendons" if one.quantity == "tension" else "drives"
-        raise InputError(f"{one.quantity} {number + 1} of {count} {what}", key="measured")
-    if one.quantity == "tension":
+        what = "tendons" if reading.quantity == "tension" else "drives"
+        raise InputError(f"{reading.quantity} {number + 1} of {count} {what}", key="measured")
+    if reading.quantity == "tension":
         return tensions[number]
     start = sum(winch.states for winch in winches[:number])
-    winch, own = winches[number], states[start : start + winches[number].states]
-    if one.quantity == "length":
-        return winch.radius * own[0]
-    _OF_MOTORS.check(winch.drive, of={f"data.measured.quantity={one.quantity}": "measured"})
-    if one.quantity == "motor_angle":
-        return own[0]
-    return ca.SX(cast(Motor, winch).torque(u[number], own[0], own[1]))
+    winch, drive_states = winches[number], states[start : start + winches[number].states]
+    if reading.quantity == "length":
+        return winch.radius * drive_states[0]
+    _OF_MOTORS.check(winch.drive, of={f"data.measured.quantity={reading.quantity}": "measured"})
+    if reading.quantity == "motor_angle":
+        return drive_states[0]
+    return ca.SX(cast(Motor, winch).torque(u[number], drive_states[0], drive_states[1]))
 
 
 def check_tensions(model: FingerModel, readings: Sequence[Reading], name: str) -> None:
     """Raise an InputError for tensions of tendons that have none of their own."""
-    if not model.structure.own_tendons and any(one.quantity == "tension" for one in readings):
+    if not model.structure.own_tendons and any(reading.quantity == "tension" for reading in readings):
         raise InputError(
             "a tension that was measured at a drive is predicted for tendons with friction or on winches; here it is "
             "what is commanded: make it a condition",

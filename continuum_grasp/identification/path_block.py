@@ -46,7 +46,7 @@ class PathBlock(Block):
         check_tensions(driven.model, readings, data.name)
         self._count, self._shape, self._initial, self._begins = len(unknowns), None, scene.initial, float(t[0])
         if data.start == "estimated":
-            p = driven.parameters(np.array([one.start for one in unknowns]))
+            p = driven.parameters(np.array([unknown.start for unknown in unknowns]))
             acting = np.concatenate([driven.signals.u(t[:1])[0], driven.signals.w(t[:1])[0], p])
             measured = MeasuredStart(driven.model, readings, t, acting, data.name)
             self.own = measured.unknowns(data.start_sigma)

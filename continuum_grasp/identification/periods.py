@@ -43,8 +43,8 @@ class Retuned(NamedTuple):
     logged: float
 
     def __str__(self) -> str:
-        found = "not shown by the log" if math.isnan(self.logged) else f"{self.logged:.3g} {self.unit} by the log"
-        return f"{found}, {self.configured:.3g} {self.unit} configured"
+        logged = "not shown by the log" if math.isnan(self.logged) else f"{self.logged:.3g} {self.unit} by the log"
+        return f"{logged}, {self.configured:.3g} {self.unit} configured"
 
 
 class Periods:
@@ -93,34 +93,34 @@ class Periods:
     def trials(self, y: Array) -> list[tuple[str, Array]]:
         """Measurements without each channel, and with channels of one sensor and unit swapped, by what was done."""
         there = [k for k in range(len(self._names)) if np.isfinite(y[:, k]).any()]
-        found = list[tuple[str, Array]]()
+        trials = list[tuple[str, Array]]()
         for k in there if len(there) > 1 else ():
-            found.append((name_of(self._names[k]), y.copy()))
-            found[-1][1][:, k] = np.nan
+            trials.append((name_of(self._names[k]), y.copy()))
+            trials[-1][1][:, k] = np.nan
         alike = [(self.estimation.device(name), unit_of(name)) for name in self._names]
         for a, b in combinations(there, 2):
             if alike[a] == alike[b]:
                 order = np.arange(y.shape[1])
                 order[[a, b]] = b, a
-                found.append((f"{name_of(self._names[a])} and {name_of(self._names[b])}{SWAPPED}", y[:, order]))
-        return found
+                trials.append((f"{name_of(self._names[a])} and {name_of(self._names[b])}{SWAPPED}", y[:, order]))
+        return trials
 
     def frozen(self) -> tuple[str, ...]:
         """Channels with as many equal readings in a row as no noise has."""
         if self.controller.scene.estimator is None or not self.controller.scene.estimator.frozen:
             return ()
-        found = []
+        frozen = []
         for name in self._names:
             changes = np.flatnonzero(np.diff(self._columns[name][1], prepend=np.nan, append=np.nan))
             if np.diff(changes).max(initial=0) >= _STILL:
-                found.append(name_of(name))
-        return tuple(found)
+                frozen.append(name_of(name))
+        return tuple(frozen)
 
     # -- numbers of the log -------------------------------------------------------------------------------------------
 
     def noises(self) -> list[Retuned]:
         """Noise of each channel: what a parabola through neighbors leaves of four samples in a row, in the median."""
-        found, scene = [], self.controller.scene
+        noises, scene = [], self.controller.scene
         for name in self._names:
             (t, values), std = self._columns[name], math.nan
             if len(t) > 8:
@@ -129,17 +129,17 @@ class Periods:
                 weights = 1.0 / apart.prod(axis=2)
                 rest = (weights * y).sum(axis=1) / np.linalg.norm(weights, axis=1)
                 std = 1.4826 * float(np.median(np.abs(rest)))  # of a normal distribution
-            found.append(Retuned(f"noise of {name_of(name)}", unit_of(name), measurement_std(scene, name), std))
-        return found
+            noises.append(Retuned(f"noise of {name_of(name)}", unit_of(name), measurement_std(scene, name), std))
+        return noises
 
     def delay(self) -> Retuned:
         """Age of measurements: that at which they agree best, between periods by a parabola."""
         period, stated = self.controller.period, delay_periods(self.controller.scene)
         ages, left, count = np.arange(0, stated + LATER), list[float](), 0
         for age in ages:
-            found = innovations(self.run(self.measured((age - stated) * period)))
-            left.append(float(np.nanmean(disagreement(found))))
-            count = int((found[:, 1] > 0.0).sum())
+            with_variances = innovations(self.run(self.measured((age - stated) * period)))
+            left.append(float(np.nanmean(disagreement(with_variances))))
+            count = int((with_variances[:, 1] > 0.0).sum())
         k, best = int(np.argmin(left)), math.nan
         if 0.5 * count * math.log(max(left) / min(left)) > _EVIDENCE:
             best = float(ages[k])
@@ -156,9 +156,9 @@ class Periods:
         y, period, u = self.measured(), self.controller.period, np.vstack([self._applied[1:], self._applied[-1:]])
         pairs = [(u[:, k], y[:, self._names.index(name)]) for k, name in enumerate(names) if name in self._names]
         pairs = [
-            (given, seen)
-            for given, seen in pairs
-            if np.isfinite(given).all() and np.ptp(given) > 0.0 and np.isfinite(seen).any()
+            (commanded, seen)
+            for commanded, seen in pairs
+            if np.isfinite(commanded).all() and np.ptp(commanded) > 0.0 and np.isfinite(seen).any()
         ]
         if not pairs:
             return [Retuned("lag", "s", scene.lag, math.nan)]
@@ -169,38 +169,38 @@ class Periods:
             pole, ratio = math.exp(-period / time), period / time
             after = [0.0, 1.0 - pole * (1.0 + ratio), pole * (pole - 1.0 + ratio)]
             total = 0.0
-            for given, seen in pairs:
+            for commanded, seen in pairs:
                 begin = seen[np.isfinite(seen)][0]
-                acts = begin + lfilter(after, [1.0, -2.0 * pole, pole**2], given - begin)
+                acts = begin + lfilter(after, [1.0, -2.0 * pole, pole**2], commanded - begin)
                 total += float(np.nansum((np.interp(t - delay, t, acts) - seen) ** 2))
             return total
 
         stated = np.array([scene.lag, max(delay_periods(scene), 0.5) * period])
-        found = minimize(missed, stated, method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-9, "maxiter": 400})
-        return [Retuned("lag", "s", scene.lag, float(abs(found.x[0])))]
+        optimum = minimize(missed, stated, method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-9, "maxiter": 400})
+        return [Retuned("lag", "s", scene.lag, float(abs(optimum.x[0])))]
 
 
 def columns_of(log: ControlLog | str | PathLike[str], wanted: Sequence[str]) -> dict[str, tuple[Array, Array]]:
     """Instants [s] and values of channels by name and unit: increasing, without gaps; none of what a log lacks."""
     if isinstance(log, ControlLog):
         names = [*(COMMANDED + name for name in log.u_names), *log.y_names]
-        t, given = log.t, dict(zip(names, [*log.u.T, *log.y.T], strict=True))
+        t, columns = log.t, dict(zip(names, [*log.u.T, *log.y.T], strict=True))
     else:
         table = read_table(str(log))
         heading = "t" if "t" in table.headings else "time"
-        t, given = table.in_si(heading, "s"), {}
+        t, columns = table.in_si(heading, "s"), {}
         table.check_order(t, heading, np.arange(t.size), strict=False)
         for label in wanted:
             name, unit = split_unit(label)
             if name in table.headings:
-                given[label] = table.in_si(name, unit, gaps=True)
-    found = {}
+                columns[label] = table.in_si(name, unit, gaps=True)
+    channels = {}
     for label in wanted:
-        values = given.get(label, np.full(t.size, np.nan))
+        values = columns.get(label, np.full(t.size, np.nan))
         there = np.isfinite(values)
         instants, first = np.unique(t[there], return_index=True)
-        found[label] = instants, values[there][first]
-    return found
+        channels[label] = instants, values[there][first]
+    return channels
 
 
 def innovations(commands: Sequence[Any]) -> Array:

@@ -88,9 +88,9 @@ class Verdict(NamedTuple):
 def judge(problem: Problem, solution: Solution) -> Verdict:
     """Judge a fit."""
     left = misfits(problem, solution.predictions)
-    reason, doubtful = too_far(problem, solution.values, solution.sigma), [one for one in left if one.doubtful]
+    reason, doubtful = too_far(problem, solution.values, solution.sigma), [misfit for misfit in left if misfit.doubtful]
     causes = explain(problem, left) if reason or doubtful else ()
-    worst = max(left, key=lambda one: one.rms / one.limit)
+    worst = max(left, key=lambda misfit: misfit.rms / misfit.limit)
     if worst.rms > worst.limit or (causes and not reason):
         plausible = "which a slip in the data explains"
         if worst.rms > worst.limit:
@@ -100,39 +100,39 @@ def judge(problem: Problem, solution: Solution) -> Verdict:
     if reason:
         return Verdict(reason, causes, ())
     warnings = [
-        f"{one.kind} of {one.set}: the model is off by {one.rms:.2g} {one.unit} r.m.s. where the measurements scatter "
-        f"by {one.scatter:.2g}: check units, signs and conditions of the data"
-        for one in doubtful
-        if one.rms > one.scatter
+        f"{misfit.kind} of {misfit.set}: the model is off by {misfit.rms:.2g} {misfit.unit} r.m.s. where the "
+        f"measurements scatter by {misfit.scatter:.2g}: check units, signs and conditions of the data"
+        for misfit in doubtful
+        if misfit.rms > misfit.scatter
     ]
-    for one, value in zip(problem.unknowns, solution.values, strict=True):
-        times = value / one.typical
-        if one.target in _SCALES and not 1.0 / _FAR <= times <= _FAR:
+    for unknown, value in zip(problem.unknowns, solution.values, strict=True):
+        times = value / unknown.typical
+        if unknown.target in _SCALES and not 1.0 / _FAR <= times <= _FAR:
             slips = " or ".join(explain(problem)) or "none of the usual ones explains it"
             warnings.append(
-                f"{one.name} comes out as {times:.3g} times the scene's; slips that may be behind it: {slips}"
+                f"{unknown.name} comes out as {times:.3g} times the scene's; slips that may be behind it: {slips}"
             )
     return Verdict("", (), tuple(warnings))
 
 
 def misfits(problem: Problem, predictions: Array) -> list[Misfit]:
     """Misfits of the fitted entries, by set and kind."""
-    found = []
+    all_misfits = []
     for block, part in zip(problem.blocks, problem.parts, strict=True):
         missed = zip(block.entries, (predictions - problem.measured)[part], strict=True)
-        rows = [(KIND_OF.get(one.quantity, one.quantity), one, off) for one, off in missed if one.fitted]
+        rows = [(KIND_OF.get(entry.quantity, entry.quantity), entry, off) for entry, off in missed if entry.fitted]
         for kind in dict.fromkeys(kind for kind, _, _ in rows):
-            entries = [one for other, one, _ in rows if other == kind]
-            values, series = (np.array([getattr(one, key) for one in entries]) for key in ("value", "series"))
-            about = [values[series == one] - values[series == one].mean() for one in dict.fromkeys(series)]
+            entries = [entry for other, entry, _ in rows if other == kind]
+            values, series = (np.array([getattr(entry, key) for entry in entries]) for key in ("value", "series"))
+            about = [values[series == member] - values[series == member].mean() for member in dict.fromkeys(series)]
             scatter = float(np.std(np.concatenate(about))) if values.size > 2 * len(about) else math.inf
             limit = _limit(kind, values, block.finger.rod.length if block.finger else math.inf)
-            stated = [one.sigma for one in entries if one.sigma is not None]
+            stated = [entry.sigma for entry in entries if entry.sigma is not None]
             if stated and math.isfinite(limit):
                 limit = max(_BEYOND * max(stated), _STATED * limit)
             rms = spread(np.array([off for other, _, off in rows if other == kind]), float(values.size))
-            found.append(Misfit(block.name, kind, entries[0].unit, rms, limit, scatter))
-    return found
+            all_misfits.append(Misfit(block.name, kind, entries[0].unit, rms, limit, scatter))
+    return all_misfits
 
 
 def _limit(kind: str, measured: Array, length: float) -> float:
@@ -150,7 +150,7 @@ def _limit(kind: str, measured: Array, length: float) -> float:
 
 def too_far(problem: Problem, values: Array, sigma: Array) -> str:
     """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
-    found, most = "", 0.0
+    message, farthest = "", 0.0
     for block, part, own in zip(problem.blocks, problem.parts, problem.by_block(values), strict=True):
         readings, finger = block.data.measured, block.scene.finger
         sought = {one.target: float(value) for one, value in zip(problem.sought, own, strict=False)}
@@ -166,13 +166,13 @@ def too_far(problem: Problem, values: Array, sigma: Array) -> str:
             distance, reach = np.linalg.norm(away, axis=0), length if place is None else place
             reach = reach + float(max(np.abs(readings[k].offset).max() for k in here))
             beyond = distance - reach - np.maximum(_PART * length, _BEYOND * noise)
-            if beyond.max() > most:
-                row, most = int(np.argmax(beyond)), float(beyond.max())
-                found = (
+            if beyond.max() > farthest:
+                row, farthest = int(np.argmax(beyond)), float(beyond.max())
+                message = (
                     f"{block.name}: {block.entries[row * len(readings) + here[0]].label} is {distance[row]:.3g} m from "
                     f"the base, where the finger is {reach:g} m long"
                 )
-    return found
+    return message
 
 
 def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
@@ -182,10 +182,10 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
     """
     before = _total(left) if left else math.inf
     tried: dict[str, tuple[float, Callable[[], Problem]]] = {}
-    everywhere, missed = {block.name for block in problem.blocks}, {one.set for one in left if one.doubtful}
+    everywhere, missed = {block.name for block in problem.blocks}, {misfit.set for misfit in left if misfit.doubtful}
     given = [(block.data, block.scene) for block in problem.blocks]
     for slip, sets in product(slips_of(given), (everywhere, missed)):
-        pairs = [undone(slip, *one) if one[0].name in sets else None for one in given]
+        pairs = [undone(slip, *pair) if pair[0].name in sets else None for pair in given]
         concerned = [block.name for block, pair in zip(problem.blocks, pairs, strict=True) if pair]
         words = slip.words + (f" in {', '.join(concerned)}" if len(concerned) < len(given) else "")
         if not concerned or words in tried:
@@ -196,19 +196,19 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
                 for block, pair in zip(problem.blocks, pairs, strict=True)
             ]
             trial = Problem(blocks, problem.sought)
-            total = _total(misfits(trial, trial.predict(np.array([one.start for one in trial.unknowns]))[0]))
+            total = _total(misfits(trial, trial.predict(np.array([unknown.start for unknown in trial.unknowns]))[0]))
         except ContinuumGraspError:
             continue
         tried[words] = total, partial(Problem, blocks, problem.sought)
-    ranked = sorted(tried.items(), key=lambda one: np.nan_to_num(one[1][0], nan=math.inf))[:_REFITTED]
-    found: list[tuple[float, str]] = []
+    ranked = sorted(tried.items(), key=lambda attempt: np.nan_to_num(attempt[1][0], nan=math.inf))[:_REFITTED]
+    explained: list[tuple[float, str]] = []
     for words, (total, undo) in ranked:
         if total <= max(_BETTER * ranked[0][1][0], _NOTHING):
-            found += _refitted(words, undo, before)
-    if not found and any(entry.quantity in ("x", "y") for entry in problem.entries):
-        found = _refitted("the base is elsewhere", partial(_elsewhere, problem), before)
-    least = min((total for total, _ in found), default=0.0)
-    return tuple(text for total, text in found if total <= max(_BETTER * least, _NOTHING))
+            explained += _refitted(words, undo, before)
+    if not explained and any(entry.quantity in ("x", "y") for entry in problem.entries):
+        explained = _refitted("the base is elsewhere", partial(_elsewhere, problem), before)
+    least = min((total for total, _ in explained), default=0.0)
+    return tuple(text for total, text in explained if total <= max(_BETTER * least, _NOTHING))
 
 
 def _refitted(words: str, undo: Callable[[], Problem], before: float) -> list[tuple[float, str]]:
@@ -220,19 +220,27 @@ def _refitted(words: str, undo: Callable[[], Problem], before: float) -> list[tu
         return []
     left = misfits(trial, solution.predictions)
     # values of nearly zero are met by any stiff finger
-    missed = [one for one in left if one.limit < math.inf and one.rms > min(one.limit, one.scatter)]
+    missed = [misfit for misfit in left if misfit.limit < math.inf and misfit.rms > min(misfit.limit, misfit.scatter)]
     if missed or _total(left) * _BETTER >= before:
         return []
-    shifts = [(one, value) for one, value in zip(trial.unknowns, solution.values, strict=True) if one.name in _BASE]
-    by = f" ({', '.join(f'{one.name} {value:.3g} {one.unit}' for one, value in shifts)} off)" if shifts else ""
-    worst = max(left, key=lambda one: one.rms / one.limit)
+    shifts = [
+        (unknown, value)
+        for unknown, value in zip(trial.unknowns, solution.values, strict=True)
+        if unknown.name in _BASE
+    ]
+    by = (
+        f" ({', '.join(f'{unknown.name} {value:.3g} {unknown.unit}' for unknown, value in shifts)} off)"
+        if shifts
+        else ""
+    )
+    worst = max(left, key=lambda misfit: misfit.rms / misfit.limit)
     return [(_total(left), f"{words}{by}: undone, the model is off by {worst.rms:.3g} {worst.unit} r.m.s.")]
 
 
 def _elsewhere(problem: Problem) -> Problem:
     """The problem with the place of the base, and its angle, sought as well."""
-    known = {one.name for one in problem.sought}
-    more = read_unknowns(problem.blocks[0].scene, [one for one in ADDED if one not in known])
+    known = {unknown.name for unknown in problem.sought}
+    more = read_unknowns(problem.blocks[0].scene, [name for name in ADDED if name not in known])
     sought = [*problem.sought, *more]
     return Problem([block.again(sought) for block in problem.blocks], sought)
 
@@ -242,11 +250,11 @@ def _undone(block: Block, slip: Slip, data: Data, scene: Scene, sought: Sequence
     factors = {name: factor for name, (to, factor) in slip.columns.items() if name == to}
     if not factors or factors.keys() - _MEASURED or (isinstance(data, TipPath) and data.start != "scene"):
         return block.again(sought, data=data, scene=scene)
-    found = copy(block)
-    found.entries = [replace(one, value=factors.get(one.quantity, 1.0) * one.value) for one in block.entries]
-    return found
+    changed = copy(block)
+    changed.entries = [replace(entry, value=factors.get(entry.quantity, 1.0) * entry.value) for entry in block.entries]
+    return changed
 
 
 def _total(left: Sequence[Misfit]) -> float:
     """Misfit of all kinds and sets, per what is plausible."""
-    return float(np.sqrt(np.mean([(one.rms / one.limit) ** 2 for one in left])))
+    return float(np.sqrt(np.mean([(misfit.rms / misfit.limit) ** 2 for misfit in left])))

@@ -59,9 +59,9 @@ def with_sets(
     unknowns, columns = list(shared), []
     for name, further in sets:
         every = (*sought, *further)
-        mine = [one._replace(name=f"{one.name} of {name}") for one in every if one.per_set]
-        common, own = iter(range(len(shared))), iter(range(len(unknowns), len(unknowns) + len(mine)))
-        columns.append(np.array([next(own if one.per_set else common) for one in every], np.intp))
+        mine = [unknown._replace(name=f"{unknown.name} of {name}") for unknown in every if unknown.per_set]
+        common, separate = iter(range(len(shared))), iter(range(len(unknowns), len(unknowns) + len(mine)))
+        columns.append(np.array([next(separate if unknown.per_set else common) for unknown in every], np.intp))
         unknowns += mine
     return unknowns, columns
 
@@ -75,7 +75,10 @@ class Problem:
 
     def __init__(self, blocks: Sequence[Block], unknowns: Sequence[Unknown]) -> None:
         self.blocks, self.sought = list(blocks), tuple(unknowns)
-        shared, sets = [one for one in unknowns if not one.per_set], [(block.name, block.own) for block in blocks]
+        shared, sets = (
+            [unknown for unknown in unknowns if not unknown.per_set],
+            [(block.name, block.own) for block in blocks],
+        )
         self.shared, (self.unknowns, self._columns) = len(shared), with_sets(shared, unknowns, sets)
         self.entries = [entry for block in blocks for entry in block.entries]
         self.measured = np.array([entry.value for entry in self.entries])
@@ -87,7 +90,7 @@ class Problem:
         for own_columns, part in zip(self._columns, self.parts, strict=True):
             # what only a set that is not fitted has would drift in a search that does not see it
             self._sought[own_columns[own_columns >= self.shared]] = self.fitted[part].any()
-        self.groups = {name: np.array([one == name for one in names]) for name in dict.fromkeys(names)}
+        self.groups = {name: np.array([other == name for other in names]) for name in dict.fromkeys(names)}
         self._known = np.array([np.nan if entry.sigma is None else entry.sigma for entry in self.entries])
         self._ends = _KINKED if any(block.kinked for block in blocks) else {}
         self._iterations = self._evaluations = 0
@@ -101,17 +104,19 @@ class Problem:
     def series(self) -> list[NDArray[np.intp]]:
         """Numbers (T, readings) among the fitted entries of each set whose entries follow one another."""
         rows = np.cumsum(self.fitted) - 1
-        own = [(block, rows[part][self.fitted[part]]) for block, part in zip(self.blocks, self.parts, strict=True)]
+        fitted_rows = [
+            (block, rows[part][self.fitted[part]]) for block, part in zip(self.blocks, self.parts, strict=True)
+        ]
         return [
-            found.reshape(-1, len({entry.series for entry in block.entries}))
-            for block, found in own
-            if block.ordered and found.size
+            indices.reshape(-1, len({entry.series for entry in block.entries}))
+            for block, indices in fitted_rows
+            if block.ordered and indices.size
         ]
 
     def prior(self, values: Array) -> tuple[Array, Array]:
         """Prior of the values, but for those of sets that are not fitted."""
         unknowns = zip(self.unknowns, self._sought, strict=True)
-        return prior([one if sought else one._replace(sigma=math.inf) for one, sought in unknowns], values)
+        return prior([unknown if sought else unknown._replace(sigma=math.inf) for unknown, sought in unknowns], values)
 
     def by_block(self, values: Array) -> list[Array]:
         """Values that each block has."""
@@ -119,18 +124,18 @@ class Problem:
 
     def predicted(self, values: Array, predictions: Array) -> dict[str, Any]:
         """Fields of `Predicted`, from a model at some values."""
-        own = zip(self.blocks, self.by_block(values), strict=True)
+        pairs = zip(self.blocks, self.by_block(values), strict=True)
         return {
             "entries": tuple(self.entries),
             "predictions": predictions,
             "blocks": tuple((block.name, len(block.entries)) for block in self.blocks),
-            "drawn": tuple(block.drawn(each) for block, each in own),
+            "drawn": tuple(block.drawn(each) for block, each in pairs),
         }
 
     def warnings(self, values: Array) -> list[str]:
         """Warnings of all sets about shapes beyond a limit."""
-        own = zip(self.blocks, self.by_block(values), strict=True)
-        return [f"{block.name}: {one}" for block, each in own for one in block.warnings(each)]
+        pairs = zip(self.blocks, self.by_block(values), strict=True)
+        return [f"{block.name}: {warning}" for block, each in pairs for warning in block.warnings(each)]
 
     def predict(self, values: Array, chosen: NDArray[np.bool_] | None = None) -> tuple[Array, Array]:
         """Predictions (m,) of all entries, and their Jacobian (m, n); zeros for sets of which no entry is chosen."""
@@ -159,7 +164,7 @@ class Problem:
         """
         if not self.fitted.any():
             raise InputError("no row is to be fitted", key="data")
-        values, sigma = np.array([one.start for one in self.unknowns]), self._first_sigma()
+        values, sigma = np.array([unknown.start for unknown in self.unknowns]), self._first_sigma()
         for share in _HORIZONS if any(block.free for block in self.blocks) else ():
             chosen = self.fitted & self._early(share)
             if chosen.sum() >= _LEAST_ROWS * len(values):
@@ -197,42 +202,43 @@ class Problem:
         start: Array,
         chosen: NDArray[np.bool_],
         weights: Array,
-        own: NDArray[np.bool_],
+        free: NDArray[np.bool_],
         *,
         first: bool = False,
     ) -> Minimum:
-        unknowns = [one for one, sought in zip(self.unknowns, own, strict=True) if sought]
-        rows = [(one.lower, one.upper, max(abs(one.start), one.typical)) for one in unknowns]
+        unknowns = [unknown for unknown, sought in zip(self.unknowns, free, strict=True) if sought]
+        rows = [(unknown.lower, unknown.upper, max(abs(unknown.start), unknown.typical)) for unknown in unknowns]
         lower, upper, sizes = (np.array(column) for column in zip(*rows, strict=True))
         if first:
-            reach = np.maximum(_REACH * np.abs(start[own]), sizes)
-            lower, upper = np.maximum(lower, start[own] - reach), np.minimum(upper, start[own] + reach)
+            reach = np.maximum(_REACH * np.abs(start[free]), sizes)
+            lower, upper = np.maximum(lower, start[free] - reach), np.minimum(upper, start[free] + reach)
 
         def residuals(sought: Array) -> tuple[Array, Array]:
             values = start.copy()
-            values[own] = sought
+            values[free] = sought
             y, jacobian = self.predict(values, chosen)
             scale, known = weights[chosen], prior(unknowns, sought)
-            missed, slope = scale * (y - self.measured)[chosen], scale[:, None] * jacobian[chosen][:, own]
+            missed, slope = scale * (y - self.measured)[chosen], scale[:, None] * jacobian[chosen][:, free]
             return np.append(missed, known[0]), np.vstack([slope, known[1]])
 
-        most = _FIRST if first else _EVALUATIONS
-        found = least_squares(residuals, start[own], lower, upper, sizes, evaluations=most, **self._ends)
-        self._iterations += found.iterations
-        self._evaluations += found.evaluations
-        if not first and not found.converged:
+        evaluations = _FIRST if first else _EVALUATIONS
+        minimum = least_squares(residuals, start[free], lower, upper, sizes, evaluations=evaluations, **self._ends)
+        self._iterations += minimum.iterations
+        self._evaluations += minimum.evaluations
+        if not first and not minimum.converged:
             raise SolverError(
                 "the parameters were not found",
-                status=found.status,
+                status=minimum.status,
                 violated=[
-                    f"{one.name} = {value:.6g} {one.unit}" for one, value in zip(unknowns, found.values, strict=True)
+                    f"{unknown.name} = {value:.6g} {unknown.unit}"
+                    for unknown, value in zip(unknowns, minimum.values, strict=True)
                 ],
                 advice="check units and signs of the data, start nearer to the values, bound them, or estimate fewer",
-                result=found,
+                result=minimum,
             )
         values = start.copy()
-        values[own] = found.values
-        return found._replace(values=values)
+        values[free] = minimum.values
+        return minimum._replace(values=values)
 
     def _early(self, share: float) -> NDArray[np.bool_]:
         """Entries in the first part of each path that is free; all of them elsewhere."""
@@ -261,15 +267,15 @@ class Problem:
         # diagonal of the projection onto the columns: their sum is the number of parameters that the data see
         leverage = np.zeros(len(sigma))
         leverage[fitted] = np.sum(basis[: len(slopes[0]), keep] ** 2, axis=1)
-        found, first = sigma.copy(), self._first_sigma()
+        deviations, first = sigma.copy(), self._first_sigma()
         for group in self.groups.values():
             members = group & np.isnan(self._known)
             used = members & fitted
             freedom = float(np.sum(1.0 - leverage[used]))
             if freedom > 0.5:
                 # exact data must not weigh infinitely
-                found[members] = np.maximum(spread(residuals[used], freedom), 1e-6 * first[members])
-        return found
+                deviations[members] = np.maximum(spread(residuals[used], freedom), 1e-6 * first[members])
+        return deviations
 
 
 def spread(residuals: Array, freedom: float) -> float:

@@ -79,32 +79,38 @@ def read_data(scene: Scene, paths: Sequence[Path] = (), *, beside: Path | None =
         if sum(file.resolve() == other.resolve() for other in files) > 1:
             raise InputError("this file is given twice: its measurements would count twice", file=str(file))
     if not sets:
-        return [one for file in files for one in _by_headings(file, scene)]
+        return [measured for file in files for measured in _by_headings(file, scene)]
     used: set[Path] = set()
-    found: list[Data] = []
-    for k, one in enumerate(sets):
+    measurements: list[Data] = []
+    for k, data_set in enumerate(sets):
         key = f"data[{k}]"
-        mine = [file for file in files if one.file is None or file.resolve().match(one.file)]
+        mine = [file for file in files if data_set.file is None or file.resolve().match(data_set.file)]
         if not mine:
-            raise InputError(f"no file {one.file or '*.csv'} among {', '.join(map(str, paths))}", key=f"{key}.file")
+            raise InputError(
+                f"no file {data_set.file or '*.csv'} among {', '.join(map(str, paths))}", key=f"{key}.file"
+            )
         used.update(mine)
-        own = changed_at(plain_scene(scene), one.set, f"{key}.set")
+        changed_scene = changed_at(plain_scene(scene), data_set.set, f"{key}.set")
         for file in mine:
             table = read_table(file)
-            for choice in one.where:
+            for choice in data_set.where:
                 table = table.chosen(choice.column, choice.equals)
-            found += _read(one, table, own, one.name or file.stem, key)
+            measurements += _read(data_set, table, changed_scene, data_set.name or file.stem, key)
     for path in paths:
         if path.is_file() and path not in used:
-            wanted = ", ".join(str(one.file) for one in sets)
+            wanted = ", ".join(str(data_set.file) for data_set in sets)
             raise InputError(f"no set of the configuration reads this file; they read {wanted}", file=str(path))
-    return found
+    return measurements
 
 
 def sets_of(scene: IdentifyScene, paths: Sequence[Path]) -> tuple[DataSet, ...]:
     """Sets of a configuration that are in some files, or in folders of them."""
     files = list(_files([_located(path) for path in paths], scene.data))
-    return tuple(one for one in scene.data if any(one.file is None or file.resolve().match(one.file) for file in files))
+    return tuple(
+        data_set
+        for data_set in scene.data
+        if any(data_set.file is None or file.resolve().match(data_set.file) for file in files)
+    )
 
 
 def located(scene: Scene, beside: Path | None) -> list[Path]:
@@ -115,20 +121,20 @@ def located(scene: Scene, beside: Path | None) -> list[Path]:
     sets = scene.data if isinstance(scene, IdentifyScene) else ()
     if not sets:
         raise InputError("expected files with measurements, or a configuration that names them: data: [{file: ...}]")
-    found = dict[Path, None]()
-    for k, one in enumerate(sets):
+    paths = dict[Path, None]()
+    for k, data_set in enumerate(sets):
         key = f"data[{k}].file"
-        if one.file is None:
+        if data_set.file is None:
             raise InputError("expected the name of a file, or a file that is given", key=key)
         shared = data_folder()
         folders = [] if beside is None else [beside]
         folders += [] if shared is None else [shared, *sorted(folder for folder in shared.iterdir() if folder.is_dir())]
-        mine = [files for folder in folders if (files := sorted(folder.glob(one.file)))]
+        mine = [files for folder in folders if (files := sorted(folder.glob(data_set.file)))]
         if not mine or (len(mine) > 1 and mine[0][0].parent != beside):
             where = "is in several folders" if mine else f"is neither beside the configuration nor in {VARIABLE}"
-            raise InputError(f"{one.file} {where}: give the file or its folder", key=key)
-        found.update(dict.fromkeys(mine[0]))
-    return list(found)
+            raise InputError(f"{data_set.file} {where}: give the file or its folder", key=key)
+        paths.update(dict.fromkeys(mine[0]))
+    return list(paths)
 
 
 def folder_of(scene: object) -> Path | None:
@@ -140,7 +146,7 @@ def _files(paths: Sequence[Path], sets: Sequence[DataSet]) -> Iterator[Path]:
     for path in paths:
         if path.is_dir():
             # a folder may hold other files; in the order of their names, which no file system promises
-            patterns = [one.file or "*.csv" for one in sets] or ["*.csv"]
+            patterns = [data_set.file or "*.csv" for data_set in sets] or ["*.csv"]
             yield from sorted(file for file in path.iterdir() if any(file.resolve().match(p) for p in patterns))
         elif path.is_file():
             yield path
@@ -150,8 +156,8 @@ def _files(paths: Sequence[Path], sets: Sequence[DataSet]) -> Iterator[Path]:
 
 def plain_scene(scene: Scene) -> Scene:
     """The scene without what is said of the data."""
-    own = {"estimate", "laws", "data", "excitation"}
-    return Scene(**scene.model_dump(mode="json", exclude_unset=True, exclude=own))
+    excluded = {"estimate", "laws", "data", "excitation"}
+    return Scene(**scene.model_dump(mode="json", exclude_unset=True, exclude=excluded))
 
 
 def changed_at(scene: SomeScene, changes: Sequence[str], key: str) -> SomeScene:
@@ -163,14 +169,14 @@ def changed_at(scene: SomeScene, changes: Sequence[str], key: str) -> SomeScene:
         raise InputError(error.message, key=where) from None
 
 
-def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list[Data]:
+def _read(data_set: DataSet, table: Table, scene: Scene, name: str, key: str) -> list[Data]:
     """The measurements of a table: of shapes at rest a set for each choice of readings that some of its rows have."""
-    fitted = one.use == "fit"
-    if isinstance(one, StaticPoses):
-        points = _Points(one, table, scene, key, table.groups(one.pose), one.pose)
-        chosen = _chosen(len(points.groups), fitted, one.holdout_rows, key)
+    fitted = data_set.use == "fit"
+    if isinstance(data_set, StaticPoses):
+        points = _Points(data_set, table, scene, key, table.groups(data_set.pose), data_set.pose)
+        chosen = _chosen(len(points.groups), fitted, data_set.holdout_rows, key)
         conditions = {
-            which: points.same(v, which) for which, v in _conditions(table, one.conditions, scene, key).items()
+            which: points.same(v, which) for which, v in _conditions(table, data_set.conditions, scene, key).items()
         }
         return [
             Poses(
@@ -179,44 +185,50 @@ def _read(one: DataSet, table: Table, scene: Scene, name: str, key: str) -> list
                 chosen[rows],
                 scene,
                 name if k == 0 else f"{name} ({k + 1})",
-                one.sequence,
+                data_set.sequence,
             )
-            for k, (have, rows) in enumerate(points.patterns(one.measured))
+            for k, (have, rows) in enumerate(points.patterns(data_set.measured))
         ]
-    t, heading = _column(table, one.t, "s"), as_column(one.t).column
-    long = isinstance(one, TipTrajectory) and any(isinstance(of.at, Column) for of in one.measured)
+    t, heading = _column(table, data_set.t, "s"), as_column(data_set.t).column
+    long = isinstance(data_set, TipTrajectory) and any(isinstance(of.at, Column) for of in data_set.measured)
     groups = table.groups(heading if long else None)
     first = np.array([rows[0] for rows in groups])
     table.check_order(t[first], heading, first)
-    inside = np.ones(t.size, dtype=bool) if one.window is None else (t >= one.window[0]) & (t <= one.window[1])
-    if one.window is not None and not inside.any():
-        start, end = one.window
+    inside = (
+        np.ones(t.size, dtype=bool)
+        if data_set.window is None
+        else (t >= data_set.window[0]) & (t <= data_set.window[1])
+    )
+    if data_set.window is not None and not inside.any():
+        start, end = data_set.window
         message = f"no sample between {start:g} and {end:g} s; they go from {t.min():g} to {t.max():g} s"
         raise InputError(message, file=table.file)
-    if isinstance(one, RingDown):
-        return [_ring_downs(one, table, t, inside, scene, name)]
-    points = _Points(one, table, scene, key, groups, heading)
+    if isinstance(data_set, RingDown):
+        return [_ring_downs(data_set, table, t, inside, scene, name)]
+    points = _Points(data_set, table, scene, key, groups, heading)
     t, inside = t[first], inside[first]
-    if one.conditions:
-        given = _conditions(table, one.conditions, scene, key)
-        scene = commanded(scene, t, {which: points.same(v, which) for which, v in given.items()}, table.file, key)
-    readings = [reading for k, of in enumerate(one.measured) for reading in points.readings(of, f"measured[{k}]")]
+    if data_set.conditions:
+        condition_values = _conditions(table, data_set.conditions, scene, key)
+        scene = commanded(
+            scene, t, {which: points.same(v, which) for which, v in condition_values.items()}, table.file, key
+        )
+    readings = [reading for k, of in enumerate(data_set.measured) for reading in points.readings(of, f"measured[{k}]")]
     there = np.isfinite([np.asarray(reading.values) for reading in readings]).all(axis=0)
     if not (there & inside).any():
         raise InputError("at every instant a cell that is read is empty", file=table.file)
     inside &= there
     earlier = [_of(reading, there & (t < t[inside][0])) for reading in readings]
-    found = [_of(reading, inside) for reading in readings]
+    selected = [_of(reading, inside) for reading in readings]
     try:
-        known = None if one.start_prior is None else (one.start_prior.bend, one.start_prior.rate)
+        known = None if data_set.start_prior is None else (data_set.start_prior.bend, data_set.start_prior.rate)
         return [
             TipPath(
                 t[inside],
-                found,
+                selected,
                 fitted=fitted,
                 scene=scene,
                 name=name,
-                start=one.start,
+                start=data_set.start,
                 before=earlier,
                 start_sigma=known,
             )
@@ -285,14 +297,14 @@ class _Points:
 
     def readings(self, m: ReadingColumn, key: str) -> Iterator[Reading]:
         """Readings of a column, one for each place that it has, NaN where a group has none."""
-        table, one, length = self.table, self.one, self.scene.finger.rod.length
+        table, data_set, length = self.table, self.one, self.scene.finger.rod.length
         quantity, sign = m.quantity, 1.0
         if quantity in ("x", "y"):
-            axis = one.axes["xy".index(quantity)]
+            axis = data_set.axes["xy".index(quantity)]
             quantity, sign = ("x" if axis[-1] == "x" else "y"), -1.0 if axis[0] == "-" else 1.0
-        elif quantity in KIND_OF and one.axes != ("x", "y"):
+        elif quantity in KIND_OF and data_set.axes != ("x", "y"):
             raise InputError(f"axes are those of x and y: give {quantity} by scale", key=f"{self.key}.axes")
-        origin = one.origin["xy".index(quantity)] if quantity in ("x", "y") else 0.0
+        origin = data_set.origin["xy".index(quantity)] if quantity in ("x", "y") else 0.0
         values = sign * _column(table, m, UNIT_OF[quantity], gaps=True) + origin
         if quantity in ("x", "y") and m.sigma is not None and m.sigma > length:
             message = f"{m.sigma:g} m is more than the finger is long: a deviation is in m, whatever the column is in"
@@ -313,14 +325,14 @@ class _Points:
                     if word == "at" and places is not None:
                         raise table.error(message, table.index(as_column(cast(Column, m.at)).column), int(here.max()))
                     raise InputError(message, key=f"{self.key}.{key}.{word}")
-            found = np.where(here < 0, np.nan, values[here])
-            own = np.broadcast_to(offset, values.shape)[here]
+            column = np.where(here < 0, np.nan, values[here])
+            offsets = np.broadcast_to(offset, values.shape)[here]
             if isinstance(m.offset, Column):
-                self._check_offsets(m.offset.column, np.where(np.isfinite(found), own, 0.0), here)
-            own = np.nan_to_num(own)
-            beside = np.where(here < 0, own.max(initial=0.0) if np.ptp(own[here >= 0]) == 0.0 else 0.0, own)
+                self._check_offsets(m.offset.column, np.where(np.isfinite(column), offsets, 0.0), here)
+            offsets = np.nan_to_num(offsets)
+            beside = np.where(here < 0, offsets.max(initial=0.0) if np.ptp(offsets[here >= 0]) == 0.0 else 0.0, offsets)
             same = float(beside[0]) if np.ptp(beside) == 0.0 else beside
-            yield Reading(quantity, found, at, m.sigma, m.since, m.of, same)
+            yield Reading(quantity, column, at, m.sigma, m.since, m.of, same)
 
     def _check_offsets(self, heading: str, offsets: Array, rows: NDArray[np.intp]) -> None:
         """Refuse markers without an offset, or one in another unit, in the rows (R,) that have them."""
@@ -346,7 +358,7 @@ class _Points:
 
 def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, key: str) -> Scene:
     """The scene under commands that were logged, smooth between their instants."""
-    names = [one.name for one in scene.finger.inputs]
+    names = [finger_input.name for finger_input in scene.finger.inputs]
     unknown = [name for name in commands if name not in names]
     if unknown:
         message = f"{unknown[0]} is no command of the drives; expected {', '.join(names)}"
@@ -354,25 +366,27 @@ def commanded(scene: Scene, t: Array, commands: Mapping[str, Array], file: str, 
     missing = [name for name in names if name not in commands]
     if missing:
         raise InputError(f"no column gives {missing[0]}", key=f"{key}.conditions")
-    given = [{"times": t.tolist(), "values": commands[name].tolist()} for name in names]
+    signals = [{"times": t.tolist(), "values": commands[name].tolist()} for name in names]
     try:
-        return scene.changed({"actuation": by_key(scene.finger.input_keys, given)})
+        return scene.changed({"actuation": by_key(scene.finger.input_keys, signals)})
     except InputError as error:
         raise InputError(f"{error.message} ({error.key})" if error.key else error.message, file=file) from None
 
 
-def _ring_downs(one: RingDown, table: Table, t: Array, inside: NDArray[np.bool_], scene: Scene, name: str) -> Poses:
+def _ring_downs(
+    ring_down: RingDown, table: Table, t: Array, inside: NDArray[np.bool_], scene: Scene, name: str
+) -> Poses:
     """One row per signal."""
-    found = []
-    for heading in one.signals:
+    sines = []
+    for heading in ring_down.signals:
         signal = table.numbers(heading, gaps=True)
         there = inside & np.isfinite(signal)
         try:
-            found.append(fit_damped_sine(t[there], signal[there], heading))
+            sines.append(fit_damped_sine(t[there], signal[there], heading))
         except InputError as error:
             raise InputError(f"{heading}: {error.message}", file=table.file) from None
-    rung = [Reading(which, [getattr(sine, which) for sine in found], of=one.mode) for which in OF_MODES]
-    return Poses(rung, {}, np.full(len(found), one.use == "fit"), scene, name)
+    rung = [Reading(which, [getattr(sine, which) for sine in sines], of=ring_down.mode) for which in OF_MODES]
+    return Poses(rung, {}, np.full(len(sines), ring_down.use == "fit"), scene, name)
 
 
 def _chosen(rows: int, fitted: bool, holdout: Sequence[int], key: str) -> NDArray[np.bool_]:
@@ -386,12 +400,14 @@ def _chosen(rows: int, fitted: bool, holdout: Sequence[int], key: str) -> NDArra
 
 
 def _conditions(table: Table, conditions: Sequence[Condition], scene: Scene, key: str) -> dict[str, Array]:
-    found = {}
-    for k, one in enumerate(conditions):
-        if one.name in found:
-            raise InputError(f"{one.name} is given twice", key=f"{key}.conditions[{k}].name")
-        found[one.name] = _column(table, one, unit_of_entry(one.name, scene, f"{key}.conditions[{k}].name"))
-    return found
+    columns = {}
+    for k, condition in enumerate(conditions):
+        if condition.name in columns:
+            raise InputError(f"{condition.name} is given twice", key=f"{key}.conditions[{k}].name")
+        columns[condition.name] = _column(
+            table, condition, unit_of_entry(condition.name, scene, f"{key}.conditions[{k}].name")
+        )
+    return columns
 
 
 def unit_of_entry(name: str, scene: Scene, key: str) -> str:
@@ -409,11 +425,11 @@ def unit_of_entry(name: str, scene: Scene, key: str) -> str:
 
 
 def _column(table: Table, column: ColumnLike, si: str, *, gaps: bool = False) -> Array:
-    one = as_column(column)
-    values = table.in_si(one.column, si, one.unit, one.zero, gaps=gaps)
-    if one.minus is not None:
-        values = values - table.in_si(one.minus, si, one.unit, gaps=gaps)
-    return one.scale * values
+    definition = as_column(column)
+    values = table.in_si(definition.column, si, definition.unit, definition.zero, gaps=gaps)
+    if definition.minus is not None:
+        values = values - table.in_si(definition.minus, si, definition.unit, gaps=gaps)
+    return definition.scale * values
 
 
 _ROWS = 5000
@@ -427,11 +443,11 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
     """
     table, columns = read_table(file), dict[str, Column]()
     for heading, unit in zip(table.headings, table.units, strict=True):
-        found = _SUFFIX.fullmatch(heading) if unit is None else None
-        own, name = ({"Nm": "N m"}.get(found[2], found[2]), found[1]) if found else (None, heading)
+        match = _SUFFIX.fullmatch(heading) if unit is None else None
+        spelled, name = ({"Nm": "N m"}.get(match[2], match[2]), match[1]) if match else (None, heading)
         if name in columns:
             raise table.error(f"two columns are called {name!r}", table.index(heading))
-        columns[name] = Column(column=heading, unit=own)
+        columns[name] = Column(column=heading, unit=spelled)
     if "mode" in columns:
         message = (
             "give each mode a column of its own, by data: in a configuration: {quantity: frequency, of: 2, column: ...}"
@@ -450,24 +466,24 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
         if name in columns
     )
     # Of the log of a controller the commands: what it measured of the drives has the names of inputs.
-    commands = {one.removeprefix(COMMANDED): of for one, of in columns.items() if one.startswith(COMMANDED)}
+    commands = {key.removeprefix(COMMANDED): of for key, of in columns.items() if key.startswith(COMMANDED)}
     known = _entries_of(scene)
-    entries = {one: column for one, column in (commands or columns).items() if one in known}
-    conditions = tuple(Condition(name=one, **column.model_dump(exclude_unset=True)) for one, column in entries.items())
+    entries = {key: column for key, column in (commands or columns).items() if key in known}
+    conditions = tuple(Condition(name=key, **column.model_dump(exclude_unset=True)) for key, column in entries.items())
     if measured and not commands:
         unread = [column for name, column in columns.items() if name not in entries]
         _refuse_measured(table, unread, [*(name for name, _ in quantities), *_TIMES, "at", "pose", *known])
-    one: DataSet | None = None
+    data_set: DataSet | None = None
     if measured and time is not None:
-        one = TipTrajectory(kind="trajectory", t=time, measured=measured, conditions=conditions)
+        data_set = TipTrajectory(kind="trajectory", t=time, measured=measured, conditions=conditions)
     elif measured:
         named = None if pose is None else pose.column
-        one = StaticPoses(kind="static", measured=measured, pose=named, conditions=conditions)
-    if one is None:
+        data_set = StaticPoses(kind="static", measured=measured, pose=named, conditions=conditions)
+    if data_set is None:
         message = "the headings do not say what was measured: expected some of t, x, y, angle, bend, at, pose, "
         message += "frequency, decay_rate, tension_1, load_1_y, ..., or data: in a configuration"
         raise InputError(message, file=str(file), line=table.header_line)
-    return _read(one, table, plain_scene(scene), file.stem, "data")
+    return _read(data_set, table, plain_scene(scene), file.stem, "data")
 
 
 def _refuse_measured(table: Table, unread: Sequence[Column], expected: Sequence[str]) -> None:

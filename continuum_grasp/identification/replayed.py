@@ -110,7 +110,9 @@ class Replay(Predicted):
             return ()
         if self.frozen:
             return self.frozen
-        alike = [one.what for one in self.suspicions if one.after <= _ALIKE * self.suspicions[0].after]
+        alike = [
+            suspicion.what for suspicion in self.suspicions if suspicion.after <= _ALIKE * self.suspicions[0].after
+        ]
         # Without either of two that are swapped, the others agree too; swapped back, nothing need be left out.
         return tuple([what for what in alike if what.endswith(SWAPPED)] or alike)
 
@@ -121,9 +123,12 @@ class Replay(Predicted):
         return {
             "periods": f"{len(self.t)} of {1e3 * self.scene.controller.step:g} ms",
             "sensors": self.status if not self.suspects else f"suspect: {' or '.join(self.suspects)}",
-            **{one.what: f"disagreement {one.before:.3g} becomes {one.after:.3g}" for one in self.suspicions},
+            **{
+                suspicion.what: f"disagreement {suspicion.before:.3g} becomes {suspicion.after:.3g}"
+                for suspicion in self.suspicions
+            },
             "commands": f"{off:.3g} {unit_of(self.u_names[0])} off those of the log at most",
-            **{one.name: str(one) for one in self.retuned},
+            **{parameter.name: str(parameter) for parameter in self.retuned},
         }
 
     def report(self) -> str:
@@ -132,7 +137,10 @@ class Replay(Predicted):
 
     def details(self) -> dict[str, Any]:
         """Suspicions and numbers of the log, as plain data."""
-        suspicions, retuned = [one._asdict() for one in self.suspicions], [one._asdict() for one in self.retuned]
+        suspicions, retuned = (
+            [suspicion._asdict() for suspicion in self.suspicions],
+            [parameter._asdict() for parameter in self.retuned],
+        )
         return {"suspects": list(self.suspects), "suspicions": suspicions, "retuned": retuned}
 
 
@@ -179,19 +187,19 @@ def replay(
     periods = Periods(known, log)
     controller, y, estimation = periods.controller, periods.measured(), periods.estimation
     commands = periods.run(y)
-    found, statistics = innovations(commands), controller.statistics
-    std = np.sqrt(np.where(found[:, 1] > 0.0, found[:, 1], np.nan))
-    innovation = np.where(np.isfinite(std), found[:, 0], np.nan)
-    own = disagreement(found)
+    with_variances, statistics = innovations(commands), controller.statistics
+    std = np.sqrt(np.where(with_variances[:, 1] > 0.0, with_variances[:, 1], np.nan))
+    innovation = np.where(np.isfinite(std), with_variances[:, 0], np.nan)
+    disagreements = disagreement(with_variances)
     suspicions, report = list[Suspicion](), progress or (lambda share: None)
     trials = periods.trials(y)
     for k, (what, other) in enumerate(trials):
         # A quantity of which a part is left out is not compared: its disagreement is NaN.
         after = disagreement(innovations(periods.run(other)))
-        suspicions.append(Suspicion(what, float(np.nanmean(after)), float(np.nanmean(own))))
+        suspicions.append(Suspicion(what, float(np.nanmean(after)), float(np.nanmean(disagreements))))
         report((k + 1.0) / (len(trials) + LATER))
-    suspicions.sort(key=lambda one: one.after)
-    frozen, status = periods.frozen(), "consistent" if np.nanmax(own) <= _TRUST else "mismatch"
+    suspicions.sort(key=lambda suspicion: suspicion.after)
+    frozen, status = periods.frozen(), "consistent" if np.nanmax(disagreements) <= _TRUST else "mismatch"
     explained = bool(suspicions) and suspicions[0].after < _LEFT * suspicions[0].before
     if frozen or (status == "mismatch" and explained):
         status = "sensor"

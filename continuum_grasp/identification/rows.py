@@ -25,20 +25,20 @@ from continuum_grasp.simulation.statics import equilibrium_under, friction_of
 
 def runtime_names(scene: Scene, unknowns: Sequence[Unknown], more: Sequence[str] = ()) -> tuple[str, ...]:
     """Parameters that the model keeps as run-time arguments."""
-    targets = (one.target for one in unknowns if one.target not in (*OF_DRIVE, START))
+    targets = (unknown.target for unknown in unknowns if unknown.target not in (*OF_DRIVE, START))
     # Of the place of the base both coordinates.
-    own = (one[:-2] if one.startswith("base_position_") else one for one in targets)
-    return tuple(dict.fromkeys((*scene.parameters, *own, *more)))
+    names = (target[:-2] if target.startswith("base_position_") else target for target in targets)
+    return tuple(dict.fromkeys((*scene.parameters, *names, *more)))
 
 
 def set_by(unknowns: Sequence[Unknown], names: Sequence[str]) -> tuple[Array, Array]:
     """Entries of a model by unknowns: share of their own values (entries,), and derivatives (entries, unknowns)."""
-    own, derivative = np.ones(len(names)), np.zeros((len(names), len(unknowns)))
-    for k, one in enumerate(unknowns):
-        if one.target not in (*OF_DRIVE, START):
-            at = names.index(one.target)
-            own[at], derivative[at, k] = float(one.added), one.factor
-    return own, derivative
+    shares, derivative = np.ones(len(names)), np.zeros((len(names), len(unknowns)))
+    for k, unknown in enumerate(unknowns):
+        if unknown.target not in (*OF_DRIVE, START):
+            at = names.index(unknown.target)
+            shares[at], derivative[at, k] = float(unknown.added), unknown.factor
+    return shares, derivative
 
 
 _TOLERANCE = 1e-11
@@ -112,9 +112,9 @@ class Shapes:
         self._reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
         q, u, w, p = symbols(model)
         z, history = ca.vertcat(u, w, p), ca.SX.sym("history", start.history.size)
-        still, given = ca.SX(model.n, 1), (history,) if start.history.size else ()
+        still, past = ca.SX(model.n, 1), (history,) if start.history.size else ()
         # (q, z, history) -> missing force and its derivatives
-        missing = model.inverse_dynamics(q, still, still, u, w, p, *given)
+        missing = model.inverse_dynamics(q, still, still, u, w, p, *past)
         self._balance = with_slopes("balance", missing, q, z, history)
         # What the next row finds: where friction has come to, less the sliding since the finger was straight.
         carried = ca.SX(start.history.size, 1)
@@ -201,13 +201,13 @@ class Shapes:
 
     def _evaluate(self, q: Array, z: Array, history: Array) -> tuple[Array, Array, Array, Array]:
         missing, *slopes = self._balance(q, z, history)
-        by_q, by_z, by_history = (np.array(one) for one in slopes)
+        by_q, by_z, by_history = (np.array(slope) for slope in slopes)
         return np.array(missing).ravel(), by_q, by_z, by_history
 
 
 def with_slopes(name: str, y: ca.SX, *given: ca.SX) -> ca.Function:
     """Function of some columns -> y, and its derivative by each of them."""
-    outputs = [ca.densify(v) for v in (y, *(ca.jacobian(y, one) for one in given))]
+    outputs = [ca.densify(v) for v in (y, *(ca.jacobian(y, argument) for argument in given))]
     return ca.Function(name, list(given), ca.cse(outputs))
 
 

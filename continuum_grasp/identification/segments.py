@@ -76,8 +76,8 @@ class Excited(NamedTuple):
     def by_segment(self) -> list[Array]:
         """Derivatives (readings, n) of what is read in each segment."""
         t = self.rehearsal.t[1:]
-        own = [(t > one.start) & (t <= one.end) for one in self.segments]
-        return [self.rows[rows].reshape(-1, self.rows.shape[-1]) for rows in own]
+        masks = [(t > segment.start) & (t <= segment.end) for segment in self.segments]
+        return [self.rows[rows].reshape(-1, self.rows.shape[-1]) for rows in masks]
 
 
 _SHOWS = {
@@ -94,7 +94,7 @@ def base_of(scene: Scene) -> Array:
     tendons, key = finger.tendon_list, finger.input_keys[0]
     base = np.zeros(len(finger.input_keys))
     if key == "tensions":
-        base[: len(tendons)] = [max(one.min_tension, _BASE * one.max_tension) for one in tendons]
+        base[: len(tendons)] = [max(tendon.min_tension, _BASE * tendon.max_tension) for tendon in tendons]
     if key == "torques" and finger.winches[0].arrangement == "per_tendon":
         for k, drive in enumerate(finger.winches):
             if isinstance(drive, MotorDrive):
@@ -105,8 +105,12 @@ def base_of(scene: Scene) -> Array:
 def patterns_of(scene: Scene) -> list[Pattern]:
     """To one side, to the other, and both tendons together; chambers beside tendons stay as they are."""
     beside = len(scene.finger.chambers) if scene.finger.tendons else 0
-    found = _patterns_of_drives(scene)
-    return [one._replace(commands=np.append(one.commands, np.zeros(beside))) for one in found] if beside else found
+    patterns = _patterns_of_drives(scene)
+    return (
+        [pattern._replace(commands=np.append(pattern.commands, np.zeros(beside))) for pattern in patterns]
+        if beside
+        else patterns
+    )
 
 
 def _patterns_of_drives(scene: Scene) -> list[Pattern]:
@@ -116,18 +120,18 @@ def _patterns_of_drives(scene: Scene) -> list[Pattern]:
     bend = float(sum(model.ranges))
     directions = {"to the left": 1.0, "to the right": -1.0}
     if key == "pressures":
-        sides = np.sign([one.arm for one in chambers])
-        return _of_sides(sides, directions, 0.0, max(one.max_pressure for one in chambers))
+        sides = np.sign([chamber.arm for chamber in chambers])
+        return _of_sides(sides, directions, 0.0, max(chamber.max_pressure for chamber in chambers))
     if key == "tip_moment":
-        most = bend * finger.rod.stiffness / finger.rod.length
-        return [Pattern(name, np.array([way]), most) for name, way in directions.items()]
-    sides = np.array([np.sign(one.arm(finger.rod.length)) for one in tendons])
-    strong = max(one.max_tension for one in tendons)
+        greatest = bend * finger.rod.stiffness / finger.rod.length
+        return [Pattern(name, np.array([way]), greatest) for name, way in directions.items()]
+    sides = np.array([np.sign(tendon.arm(finger.rod.length)) for tendon in tendons])
+    strong = max(tendon.max_tension for tendon in tendons)
     if key == "tensions":
         return _of_sides(sides, directions, 0.0, strong)
     winches = model.structure.winches
     # Cable for the whole bending range, and for the elongation by the greatest tension.
-    offset = max(one.greatest_offset for one in tendons)
+    offset = max(tendon.greatest_offset for tendon in tendons)
     cable = bend * offset + strong / float(winches[0].stiffness)
     drive = finger.winches[0]
     if isinstance(drive, MotorDrive):
@@ -140,14 +144,14 @@ def _patterns_of_drives(scene: Scene) -> list[Pattern]:
     return _of_sides(sides, directions, paid, cable)
 
 
-def _of_sides(sides: Array, directions: Mapping[str, float], paid: float, most: float) -> list[Pattern]:
+def _of_sides(sides: Array, directions: Mapping[str, float], paid: float, greatest: float) -> list[Pattern]:
     """Patterns of single tendons: those of a side pull while the others pay out a share of it, and all together."""
-    found = [
-        Pattern(name, np.where(sides == side, 1.0, -paid), most)
+    patterns = [
+        Pattern(name, np.where(sides == side, 1.0, -paid), greatest)
         for name, side in directions.items()
         if np.any(sides == side)
     ]
-    return found + [Pattern("together", np.ones(sides.size), most)] * (len(found) > 1)
+    return patterns + [Pattern("together", np.ones(sides.size), greatest)] * (len(patterns) > 1)
 
 
 class Design:
@@ -162,12 +166,12 @@ class Design:
         self._model = FingerModel(taut, input_rates=False)
         self._forces = Signals(taut, self._model).w(0.0)[0]
         self._patterns = patterns
-        self._greatest = [self._reach(one) for one in patterns]
+        self._greatest = [self._reach(pattern) for pattern in patterns]
         self.parts = [_Part("hold", "hold", 0)]
         for form in ("loop", "steps", "sweep"):
-            for k, one in enumerate(patterns):
-                if not (one.name == "together" and form == "sweep"):
-                    self.parts.append(_Part(f"{form} {one.name}", form, k))
+            for k, pattern in enumerate(patterns):
+                if not (pattern.name == "together" and form == "sweep"):
+                    self.parts.append(_Part(f"{form} {pattern.name}", form, k))
         self._frequency = self._first_frequency()
 
     def _reach(self, pattern: Pattern) -> float:
@@ -180,22 +184,22 @@ class Design:
 
     def _allowed(self, u: Array) -> bool:
         model, reach, tendons = self._model, self.options.reach, self._model.finger.tendon_list
-        limits = [one.most for one in model.finger.inputs if one.key != "pressures"]
-        if any(abs(one) > reach * limit for one, limit in zip(u, limits, strict=False)):
+        limits = [finger_input.most for finger_input in model.finger.inputs if finger_input.key != "pressures"]
+        if any(abs(command) > reach * limit for command, limit in zip(u, limits, strict=False)):
             return False
         w = self._forces
-        given = np.concatenate([u, np.zeros(model.nu - u.size)])
+        padded = np.concatenate([u, np.zeros(model.nu - u.size)])
         try:
-            found = equilibrium_under(model, given, w)
+            equilibrium = equilibrium_under(model, padded, w)
         except SolverError:
             return False
-        use = np.array(model.range_use(found.q, given, model.p_nominal)).max()
-        history = (found.history,) if found.history.size else ()
+        use = np.array(model.range_use(equilibrium.q, padded, model.p_nominal)).max()
+        history = (equilibrium.history,) if equilibrium.history.size else ()
         if not model.finger.winches:
             return bool(use <= reach)
-        tensions = np.array(model.tensions_at_rest()(found.q, given, model.p_nominal, *history)).ravel()
-        most = np.array([one.max_tension for one in tendons])
-        return bool(use <= reach and np.all(tensions <= reach * most))
+        tensions = np.array(model.tensions_at_rest()(equilibrium.q, padded, model.p_nominal, *history)).ravel()
+        greatest = np.array([tendon.max_tension for tendon in tendons])
+        return bool(use <= reach and np.all(tensions <= reach * greatest))
 
     def excited(
         self, rows: Callable[[Trajectory], Array], allowed: Callable[[Trajectory], bool] | None = None
@@ -216,7 +220,7 @@ class Design:
         tensions, tendons = motion.tensions, motion.model.finger.tendon_list
         if use.max() > 1.0:
             return False
-        return tensions is None or bool(np.all(tensions.max(axis=0) <= [one.max_tension for one in tendons]))
+        return tensions is None or bool(np.all(tensions.max(axis=0) <= [tendon.max_tension for tendon in tendons]))
 
     def _first_frequency(self) -> float:
         """First natural frequency of the finger alone [Hz]: where drives hold it, it is higher, and the sweep stays
@@ -225,8 +229,8 @@ class Design:
         finger = self._scene.finger.model_copy(update={"tendons": None, "pressure": None})
         alone = self._scene.model_copy(update={"finger": finger, "actuation": None, "loads": ()})
         initial = alone.initial.model_copy(update={"reached_by": None, "friction_states": None})
-        found = modes(alone.model_copy(update={"initial": initial}))
-        return float(found.frequencies_hz[0])
+        spectrum = modes(alone.model_copy(update={"initial": initial}))
+        return float(spectrum.frequencies_hz[0])
 
     @property
     def segments(self) -> tuple[Segment, ...]:
@@ -238,10 +242,12 @@ class Design:
     def scene(self, scale: float) -> Scene:
         """The scene under the commands."""
         points: list[tuple[float, Array]] = []
-        for part, one in zip(self.parts, self.segments, strict=True):
-            most = scale * self._greatest[part.pattern]
-            for at, level in self._form(part.form, one.end - one.start):
-                points.append((one.start + at, self._base + (most * level) * self._patterns[part.pattern].commands))
+        for part, segment in zip(self.parts, self.segments, strict=True):
+            greatest = scale * self._greatest[part.pattern]
+            for at, level in self._form(part.form, segment.end - segment.start):
+                points.append(
+                    (segment.start + at, self._base + (greatest * level) * self._patterns[part.pattern].commands)
+                )
         return self._commanded(points)
 
     def _form(self, form: str, duration: float) -> list[tuple[float, float]]:
@@ -252,22 +258,22 @@ class Design:
             return [(share * duration, level) for share, level in _LOOP]
         rise = _RISE * self.options.sample
         if form == "steps":
-            found, before = list[tuple[float, float]](), 0.0
+            points, before = list[tuple[float, float]](), 0.0
             for share, level in _STEPS:
-                found += [(share * duration, before), (share * duration + rise, level)]
+                points += [(share * duration, before), (share * duration + rise, level)]
                 before = level
-            return [*found, (duration, 0.0)]
+            return [*points, (duration, 0.0)]
         low, high = (min(part * self._frequency, _NYQUIST / self.options.sample) for part in _BAND)
         ramp = 0.1 * duration
-        found, t, k = [(0.0, 0.0), (ramp, _MIDDLE)], ramp, 0
+        points, t, k = [(0.0, 0.0), (ramp, _MIDDLE)], ramp, 0
         while True:
             share = (t - ramp) / (0.8 * duration)
             t += 0.5 / (low + (high - low) * share)
             if t > 0.9 * duration:
                 break
             k += 1
-            found.append((t, _MIDDLE + _SWING * (1.0 if k % 2 else -1.0)))
-        return [*found, (duration, 0.0)]
+            points.append((t, _MIDDLE + _SWING * (1.0 if k % 2 else -1.0)))
+        return [*points, (duration, 0.0)]
 
     def _commanded(self, points: Sequence[tuple[float, Array]]) -> Scene:
         """The scene under commands at some instants, smooth between them."""
@@ -280,8 +286,8 @@ class Design:
             else:
                 rows[-1] = row
         columns = np.array(rows).T
-        given = [{"times": [round(t, 9) for t in times], "values": column.tolist()} for column in columns]
-        actuation = by_key(self._scene.finger.input_keys, given)
+        signals = [{"times": [round(t, 9) for t in times], "values": column.tolist()} for column in columns]
+        actuation = by_key(self._scene.finger.input_keys, signals)
         options = self.options
         duration = round(options.duration / options.sample) * options.sample
         return self._scene.changed({"actuation": actuation, "time": {"duration": duration, "step": options.sample}})

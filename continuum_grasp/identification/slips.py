@@ -67,9 +67,13 @@ def slips_of(given: Sequence[Pair]) -> Iterator[Slip]:
         powers = _GROUPS.get(group, dict.fromkeys(names, 1))
         for words, factor in _factors(group, *units[names[0]], names[0]) if names else ():
             yield Slip(f"{group} {words}", {name: (name, factor ** powers[name]) for name in names})
-    names = [one.name for one in given[0][1].finger.inputs]
+    names = [finger_input.name for finger_input in given[0][1].finger.inputs]
     commands = _renumbered(names)
-    rows = [_renumbered([f"{one} {k + 1}" for k in range(len(names))]) for one in UNIT_OF if f"{one} 1" in units]
+    rows = [
+        _renumbered([f"{quantity} {k + 1}" for k in range(len(names))])
+        for quantity in UNIT_OF
+        if f"{quantity} 1" in units
+    ]
     readings = {name: to for row in rows for name, to in row.items()}
     if len(names) > 1:
         yield Slip("tendons are numbered from the other side", {**commands, **readings})
@@ -92,12 +96,16 @@ def undone(slip: Slip, data: Data, scene: Scene) -> Pair | None:
 
 def _columns(data: Data, scene: Scene) -> dict[str, str]:
     """Columns of the data, and commands of the scene, with SI units; those of conditions are left open."""
-    found = {one.name: one.unit for one in scene.finger.inputs} if scene.actuation is not None else {}
+    units = (
+        {finger_input.name: finger_input.unit for finger_input in scene.finger.inputs}
+        if scene.actuation is not None
+        else {}
+    )
     if isinstance(data, TipPath):
-        found["t"] = "s"
+        units["t"] = "s"
     else:
-        found |= dict.fromkeys(data.conditions, "")
-    return found | {_column(one): UNIT_OF[one.quantity] for one in data.measured}
+        units |= dict.fromkeys(data.conditions, "")
+    return units | {_column(reading): UNIT_OF[reading.quantity] for reading in data.measured}
 
 
 def _column(reading: Reading) -> str:
@@ -125,17 +133,19 @@ def _undone_data(slip: Slip, data: Data) -> Data:
         return slip.columns[name][1] * np.asarray(values, dtype=float) if name in slip.columns else values
 
     def read(readings: Sequence[Reading]) -> tuple[Reading, ...]:
-        found = []
-        for one in readings:
-            quantity, _, of = slip.columns.get(_column(one), (_column(one), 1.0))[0].partition(" ")
-            values = scaled(_column(one), one.values)
-            found.append(replace(one, quantity=quantity, of=int(of) if of else one.of, values=values))
-        return tuple(found)
+        corrected = []
+        for reading in readings:
+            quantity, _, of = slip.columns.get(_column(reading), (_column(reading), 1.0))[0].partition(" ")
+            values = scaled(_column(reading), reading.values)
+            corrected.append(replace(reading, quantity=quantity, of=int(of) if of else reading.of, values=values))
+        return tuple(corrected)
 
     if isinstance(data, TipPath):
         return replace(data, t=scaled("t", data.t), measured=read(data.measured), before=read(data.before))
-    given = {slip.columns.get(name, (name, 1.0))[0]: scaled(name, values) for name, values in data.conditions.items()}
-    return replace(data, measured=read(data.measured), conditions=given)
+    conditions = {
+        slip.columns.get(name, (name, 1.0))[0]: scaled(name, values) for name, values in data.conditions.items()
+    }
+    return replace(data, measured=read(data.measured), conditions=conditions)
 
 
 def _changes(slip: Slip, scene: Scene) -> Iterator[tuple[str, Any]]:
@@ -143,22 +153,22 @@ def _changes(slip: Slip, scene: Scene) -> Iterator[tuple[str, Any]]:
     if slip.turn:
         yield "finger.base.angle", math.remainder(scene.finger.base.angle + slip.turn, 2.0 * math.pi)
     if slip.gravity != 1.0:
-        yield "gravity", tuple(slip.gravity * one for one in scene.gravity)
-    names = [one.name for one in scene.finger.inputs]
+        yield "gravity", tuple(slip.gravity * component for component in scene.gravity)
+    names = [finger_input.name for finger_input in scene.finger.inputs]
     if scene.actuation is None or not slip.columns.keys() & {"t", *names}:
         return
-    given = scene.actuation.values
+    commands = scene.actuation.values
     later = slip.columns.get("t", ("t", 1.0))[1]
-    found: list[Any] = list(given)
-    for name, one in zip(names, given, strict=True):
+    changed: list[Any] = list(commands)
+    for name, command in zip(names, commands, strict=True):
         to, factor = slip.columns.get(name, (name, 1.0))
-        found[names.index(to)] = (
-            factor * one
-            if isinstance(one, (int, float))
+        changed[names.index(to)] = (
+            factor * command
+            if isinstance(command, (int, float))
             else {
-                **one.model_dump(),
-                "times": [later * t for t in one.times],
-                "values": [factor * value for value in one.values],
+                **command.model_dump(),
+                "times": [later * t for t in command.times],
+                "values": [factor * value for value in command.values],
             }
         )
-    yield "actuation", by_key(scene.finger.input_keys, found)
+    yield "actuation", by_key(scene.finger.input_keys, changed)

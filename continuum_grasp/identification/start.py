@@ -34,27 +34,27 @@ class MeasuredStart:
 
     def __init__(self, model: FingerModel, readings: Sequence[Reading], t: Array, z: Array, name: str) -> None:
         self._model, self._name, self._z = model, name, z
-        readings = [one for one in readings if not one.of_drive]
+        readings = [reading for reading in readings if not reading.of_drive]
         rod, length = model.finger.rod, model.finger.rod.length
         self._reach = model.structure.family.coordinate_size(min(model.ranges), max(model.lengths))
         self._slow = length**2 * float(np.sqrt(rod.mass_per_length / rod.stiffness))
-        first = np.stack([column(name, one.values)[:START_SAMPLES] for one in readings])
+        first = np.stack([column(name, reading.values)[:START_SAMPLES] for reading in readings])
         after = t[:START_SAMPLES] - t[0]
         # value, slope and curvature of a parabola
         parabola = np.linalg.lstsq(np.vander(after / after[-1], 3, increasing=True), first.T, rcond=None)[0]
-        self._scale = np.array([1.0 / length if one.quantity in ("x", "y") else 1.0 for one in readings])
+        self._scale = np.array([1.0 / length if reading.quantity in ("x", "y") else 1.0 for reading in readings])
         self._value, self._slope = self._scale * parabola[0], self._scale * parabola[1] / after[-1]
         q, u, w, p = symbols(model)
         y = self._scale * at_rest(model, readings, q, u, p)
-        given = [q, ca.vertcat(u, w, p), ca.SX.sym("target", self._value.size)]
+        inputs = [q, ca.vertcat(u, w, p), ca.SX.sym("target", self._value.size)]
         smooth = np.sqrt(_SMOOTH) / self._reach
-        near = ca.vertcat(y - given[2], smooth * q)
-        self._missed = ca.Function("missed", given, [near, ca.jacobian(near, q)])
+        near = ca.vertcat(y - inputs[2], smooth * q)
+        self._missed = ca.Function("missed", inputs, [near, ca.jacobian(near, q)])
         self._slopes = ca.Function(
-            "slopes", given[:2], [ca.vertcat(ca.jacobian(y, q), smooth * self._slow * np.eye(model.n))]
+            "slopes", inputs[:2], [ca.vertcat(ca.jacobian(y, q), smooth * self._slow * np.eye(model.n))]
         )
         # least squares end near the minimum, from where Newton's method takes it to rounding: starts that repeat
-        still = {"x": q, "p": ca.vertcat(*given[1:]), "g": ca.gradient(0.5 * ca.sumsqr(near), q)}
+        still = {"x": q, "p": ca.vertcat(*inputs[1:]), "g": ca.gradient(0.5 * ca.sumsqr(near), q)}
         self._still = ca.rootfinder("still", "newton", still, {"abstol": 1e-13})
         self._straight = np.zeros(model.n)
 
@@ -76,8 +76,8 @@ class MeasuredStart:
         model, known = self._model, [math.inf] * (2 * self._model.n)
         if bends is not None:
             family = model.structure.family
-            own = [[h for k, h in enumerate(model.lengths) if i in family.local(k)] for i in range(model.n)]
-            known = [family.coordinate_size(bend, max(lengths)) for bend in bends for lengths in own]
+            element_lengths = [[h for k, h in enumerate(model.lengths) if i in family.local(k)] for i in range(model.n)]
+            known = [family.coordinate_size(bend, max(lengths)) for bend in bends for lengths in element_lengths]
         sizes = [self._reach] * model.n + [self._reach / self._slow] * model.n
         rows = zip(model.x_names[: 2 * model.n], np.append(*self.state()).tolist(), sizes, known, strict=True)
         return [
@@ -87,12 +87,12 @@ class MeasuredStart:
 
     def before(self, readings: Sequence[Reading]) -> list[Array]:
         """Shapes (n,) through readings of sections before the start, those of an instant each."""
-        seen = [np.asarray(one.values, dtype=float) for one in readings if not one.of_drive]
-        found = [self._straight]
+        seen = [np.asarray(reading.values, dtype=float) for reading in readings if not reading.of_drive]
+        shapes = [self._straight]
         for row in np.stack(seen, axis=1) if seen else ():
             if np.isfinite(row).all():
-                found.append(self._near(found[-1], self._scale * row))
-        return found[1:]
+                shapes.append(self._near(shapes[-1], self._scale * row))
+        return shapes[1:]
 
     def _near(self, q: Array, target: Array) -> Array:
         def missed(q: Array) -> tuple[Array, Array]:
@@ -100,10 +100,10 @@ class MeasuredStart:
             return near.ravel(), slope
 
         free = np.full(q.size, np.inf)
-        found = least_squares(missed, q, -free, free, np.full(q.size, self._reach))
-        if not found.converged:
+        minimum = least_squares(missed, q, -free, free, np.full(q.size, self._reach))
+        if not minimum.converged:
             raise self._lost()
-        return found.values
+        return minimum.values
 
     def _lost(self) -> SolverError:
         return SolverError(

@@ -88,27 +88,29 @@ def read_unknowns(scene: Scene, estimates: Sequence[Estimate | str]) -> list[Unk
     """
     if isinstance(estimates, str):
         raise InputError(f"expected a list of names, got {estimates!r:.60}", key="estimate")
-    chosen = [Estimate(name=one) if isinstance(one, str) else one for one in estimates]
+    chosen = [Estimate(name=estimate) if isinstance(estimate, str) else estimate for estimate in estimates]
     for k, asked in enumerate(chosen):
         if not isinstance(asked, Estimate):
             raise InputError(f"expected a name or an Estimate, got {asked!r:.60}", key=f"estimate[{k}]")
     if not chosen:
         raise InputError("expected names of parameters to estimate; compare estimates nothing", key="estimate")
-    found = [_unknown(scene, one, f"estimate[{k}]") for k, one in enumerate(chosen)]
-    targets = [one.target for one in found]
-    for k, one in enumerate(found):
-        if one.target in targets[:k]:
-            other = found[targets.index(one.target)].name
-            raise InputError(f"{one.name} and {other} set the same parameter of the model", key=f"estimate[{k}].name")
-    return found
+    unknowns = [_unknown(scene, estimate, f"estimate[{k}]") for k, estimate in enumerate(chosen)]
+    targets = [unknown.target for unknown in unknowns]
+    for k, unknown in enumerate(unknowns):
+        if unknown.target in targets[:k]:
+            other = unknowns[targets.index(unknown.target)].name
+            raise InputError(
+                f"{unknown.name} and {other} set the same parameter of the model", key=f"estimate[{k}].name"
+            )
+    return unknowns
 
 
 def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     name, finger, rod = asked.name, scene.finger, scene.finger.rod
-    for one in _DRIVES:
-        one.check(finger, key, asked)
-    for one in _ESTIMATES:
-        one.check(rod, key, asked)
+    for feature in _DRIVES:
+        feature.check(finger, key, asked)
+    for feature in _ESTIMATES:
+        feature.check(rod, key, asked)
     target, factor, nominal, unit = name, 1.0, 0.0, _OWN.get(name, ("",))[0]
     if name == "youngs_modulus":
         target = "bending_stiffness"
@@ -119,7 +121,9 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
     elif name in OF_DRIVE:
         pass
     elif name == LAG and not finger.winches:
-        lags = [one.time_constant for one in finger.tendon_list] + [one.time_constant for one in finger.chambers]
+        lags = [tendon.time_constant for tendon in finger.tendon_list] + [
+            chamber.time_constant for chamber in finger.chambers
+        ]
         nominal, unit = max(lag or 0.0 for lag in lags), "s"
     else:
         nominal, unit = _of_model(scene, name, key)
@@ -143,11 +147,11 @@ def _unknown(scene: Scene, asked: Estimate, key: str) -> Unknown:
 
 def prior(unknowns: Sequence[Unknown], values: Array) -> tuple[Array, Array]:
     """Distance of values (n,) from their prior (k,), per deviation, and its derivatives (k, n)."""
-    known = [k for k, one in enumerate(unknowns) if math.isfinite(one.sigma)]
+    known = [k for k, unknown in enumerate(unknowns) if math.isfinite(unknown.sigma)]
     rows = np.zeros((len(known), len(unknowns)))
     for row, k in zip(rows, known, strict=True):
         row[k] = 1.0 / unknowns[k].sigma
-    return rows @ (values - np.array([one.start for one in unknowns])), rows
+    return rows @ (values - np.array([unknown.start for unknown in unknowns])), rows
 
 
 def _of_model(scene: Scene, name: str, key: str) -> tuple[float, str]:

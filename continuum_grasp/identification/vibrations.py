@@ -83,7 +83,7 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
         return np.asarray(_basis(at, frequency, decay) @ weights)
 
     try:
-        found, covariance = curve_fit(
+        parameters, covariance = curve_fit(
             signal_of,
             at,
             values,
@@ -92,9 +92,11 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
             x_scale="jac",
         )
     except RuntimeError:  # the search does not end
-        found, covariance = np.array([*guess, *linear]), np.full((6, 6), np.inf)
-    left = values - signal_of(at, *found)
-    noise, strength = (float(np.sqrt(np.mean(v**2))) for v in (left, _basis(at, *found[:2])[:, :2] @ found[2:4]))
+        parameters, covariance = np.array([*guess, *linear]), np.full((6, 6), np.inf)
+    left = values - signal_of(at, *parameters)
+    noise, strength = (
+        float(np.sqrt(np.mean(v**2))) for v in (left, _basis(at, *parameters[:2])[:, :2] @ parameters[2:4])
+    )
     # a sine fitted to noise alone leaves most of it
     if not np.isfinite(covariance[0, 0]) or strength <= 0.5 * noise:
         raise SolverError(
@@ -103,7 +105,7 @@ def fit_damped_sine(t: ArrayLike, signal: ArrayLike, name: str = "signal") -> Da
             violated=[f"residuals of {noise:.3g} beside a vibration of {strength:.3g}"],
             advice="choose a window in which one mode rings",
         )
-    return DampedSine(float(found[0]), float(found[1]))
+    return DampedSine(float(parameters[0]), float(parameters[1]))
 
 
 def _spectral_peak(t: Array, values: Array, name: str) -> float:
@@ -143,23 +145,23 @@ class Vibrations:
                 raise InputError(message, key=name)
         self._pencil = _pencil(model)
         self._slopes = self._pencil.forward(unknowns)
-        self._readings = [(one.of or 1, one.quantity == "frequency") for one in readings]
+        self._readings = [(reading.of or 1, reading.quantity == "frequency") for reading in readings]
 
     def at(self, resting: Resting) -> tuple[Array, Array]:
         """Predictions (readings,) about a row at rest, and their derivatives (readings, unknowns)."""
-        given = resting.q, resting.z
-        three = mass, damping, stiffness = [np.array(matrix) for matrix in self._pencil(*given)]
-        moved = [np.array(slope) for slope in self._slopes(*given, *three, resting.by_q, resting.by_z)]
-        found = {}
+        state = resting.q, resting.z
+        three = mass, damping, stiffness = [np.array(matrix) for matrix in self._pencil(*state)]
+        moved = [np.array(slope) for slope in self._slopes(*state, *three, resting.by_q, resting.by_z)]
+        predictions = {}
         for mode in dict.fromkeys(mode for mode, _ in self._readings):
             pole, left, right = _mode(mass, damping, stiffness, mode)
             # l* (s^2 M + s D + K) r = 0 differentiated: ds = l* (s^2 dM + s dD + dK) r / -(l* (2 s M + D) r); dl and
             # dr drop out, since l and r are null vectors (P. Lancaster, 1964, doi:10.1007/BF01386087)
             turned = (pole**2 * moved[0] + pole * moved[1] + moved[2]).reshape(right.size, -1, right.size)
             change = left.conj() @ (turned @ right) / -(left.conj() @ (2.0 * pole * mass + damping) @ right)
-            found[mode, True] = pole.imag / (2.0 * np.pi), change.imag / (2.0 * np.pi)
-            found[mode, False] = -pole.real, -change.real
-        chosen = [found[one] for one in self._readings]
+            predictions[mode, True] = pole.imag / (2.0 * np.pi), change.imag / (2.0 * np.pi)
+            predictions[mode, False] = -pole.real, -change.real
+        chosen = [predictions[key] for key in self._readings]
         return np.array([value for value, _ in chosen]), np.array([slope for _, slope in chosen])
 
 
@@ -179,9 +181,9 @@ def _mode(
     mass: Array, damping: Array, stiffness: Array, number: int
 ) -> tuple[complex, NDArray[np.complex128], NDArray[np.complex128]]:
     """Pole (rate and pulsation [1/s]), left and right shape of the mode of that number, from 1."""
-    found = poles(mass, stiffness, damping)
+    eigenvalues = poles(mass, stiffness, damping)
     # of each pair of conjugates one; those without imaginary part do not vibrate
-    ringing = sorted(found[found.imag > 1e-9 * np.abs(found).max()], key=lambda pole: pole.imag)
+    ringing = sorted(eigenvalues[eigenvalues.imag > 1e-9 * np.abs(eigenvalues).max()], key=lambda pole: pole.imag)
     if len(ringing) < number:
         raise SolverError(
             f"mode {number} does not ring: only {len(ringing)} of {len(mass)} modes do",

@@ -64,66 +64,66 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Ass
 
     Raises a SolverError where there is no verified grasp, an InputError where a mission cannot carry it out.
     """
-    found = optimize_grasp(mission.grasp) if grasp is None else grasp
-    if grasp is None and found.statistics["interrupted"]:
+    result = optimize_grasp(mission.grasp) if grasp is None else grasp
+    if grasp is None and result.statistics["interrupted"]:
         raise Interrupted("interrupted while the grasp was optimized")
-    if not found.solved:
-        raise SolverError("no grasp to carry out", status=found.status.value, advice=found.advice, result=found)
-    resistance = promised(found)
-    assigned = tuple(_assigned(mission, found, resistance, setup) for setup in mission.grasp.setups)
+    if not result.solved:
+        raise SolverError("no grasp to carry out", status=result.status.value, advice=result.advice, result=result)
+    resistance = promised(result)
+    assigned = tuple(_assigned(mission, result, resistance, setup) for setup in mission.grasp.setups)
     if mission.slip is None:
         return assigned
     more = standing(assigned)
     return tuple(replace(one, standing=more) for one in assigned)
 
 
-def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance, setup: FingerSetup) -> Assignment:
+def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance, setup: FingerSetup) -> Assignment:
     """Task of one finger."""
-    name, posture = setup.name, found.fingers[setup.name]
-    contacts = {one.name: one for one in found.contacts if one.name.startswith(f"{name}.")}
+    name, posture = setup.name, grasp.fingers[setup.name]
+    contacts = {contact.name: contact for contact in grasp.contacts if contact.name.startswith(f"{name}.")}
     tip = contacts.pop(setup.tip_name, None)
     middles = sorted((c for c in contacts.values() if not np.isnan(c.station)), key=lambda contact: contact.station)
     if tip is None:
         raise InputError(f"a mission needs a contact of the tip of {name}", key="grasp.contacts")
     forces = {f"finger.{k + 1}": contact.normal_force for k, contact in enumerate(middles)}
-    hardest = max(forces, key=lambda one: forces[one], default="finger.tip")
+    hardest = max(forces, key=lambda contact: forces[contact], default="finger.tip")
     forces["finger.tip"] = tip.normal_force
     asked = mission.controller.held
     held = tuple(forces) if asked == "all" else (hardest if asked == "middle" else "finger.tip",)
-    given = setup.finger
-    base, pose = posture.base.tolist(), found.object_pose.tolist()
-    placed: Finger = given.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
+    original = setup.finger
+    base, pose = posture.base.tolist(), grasp.object_pose.tolist()
+    placed: Finger = original.replaced(base=BasePose(position=(base[0], base[1]), angle=base[2]))
     finger = placed if mission.tendons is None else placed.replaced(tendons=mission.tendons)
     if mission.drive_tension is not None:
         finger = finger.with_tendons(max_tension=mission.drive_tension)
     body = mission.grasp.object.replaced(position=(pose[0], pose[1]), angle=pose[2], free=None)
     stations = tuple(contact.station for contact in middles)
-    control = _control_scene(mission, finger, body, stations, {one: forces[one] for one in held})
-    control = control.replaced(parameters=(*control.parameters, *_base_parameters(mission, found, setup)))
+    control = _control_scene(mission, finger, body, stations, {contact: forces[contact] for contact in held})
+    control = control.replaced(parameters=(*control.parameters, *_base_parameters(mission, grasp, setup)))
     lengths, tensions = np.asarray(control.fidelity.elements), np.array(posture.tensions)
     # Bending angles of the controller's elements, whose ends are not the stations of the grasp.
     edges = np.minimum(np.cumsum([0.0, *lengths]), finger.rod.length)
-    own = ("time_constant", "drive", "axial_stiffness", "series_stiffness")
-    free = placed.with_tendons(**dict.fromkeys(own))
-    least = np.array([one.min_tension for one in placed.tendon_list])
-    most = np.array([one.max_tension for one in finger.tendon_list])
-    before, angles, _ = _about_to_touch(control, free, body, tensions, (least, most), edges)
+    removed = ("time_constant", "drive", "axial_stiffness", "series_stiffness")
+    free = placed.with_tendons(**dict.fromkeys(removed))
+    least = np.array([tendon.min_tension for tendon in placed.tendon_list])
+    greatest = np.array([tendon.max_tension for tendon in finger.tendon_list])
+    before, angles, _ = _about_to_touch(control, free, body, tensions, (least, greatest), edges)
     if mission.turn is not None:
-        _check_start(control, _about_to_touch(control, free, object_of(control), tensions, (least, most), edges)[2])
+        _check_start(control, _about_to_touch(control, free, object_of(control), tensions, (least, greatest), edges)[2])
     commands, ends = (
         Commands(finger, edges),
         np.interp(edges, posture.backbone[:, 0], np.unwrap(posture.backbone[:, 3])),
     )
     pulls = tensions > least + 1.0  # [N]: the tendon that closes the finger
     firm = commands.of(np.where(pulls, mission.controller.retained * tensions, least), ends)
-    loose = commands.of(np.where(pulls, most, np.minimum(most, least + _OPPOSED)), ends)
+    loose = commands.of(np.where(pulls, greatest, np.minimum(greatest, least + _OPPOSED)), ends)
     closing, rise = commands.closing(pulls), np.maximum(tensions - before, 0.0)
-    reserve = float(np.min((most - tensions)[rise > 0.0] / rise[rise > 0.0], initial=math.inf))
+    reserve = float(np.min((greatest - tensions)[rise > 0.0] / rise[rise > 0.0], initial=math.inf))
     reserve = max(0.0, reserve) if math.isfinite(reserve) else 0.0
     factors = np.minimum(np.asarray(resistance.factors), LARGEST)
     return Assignment(
         mission=mission,
-        grasp=found,
+        grasp=grasp,
         name=name,
         control=control,
         object_pose=(pose[0], pose[1], pose[2]),
@@ -139,23 +139,23 @@ def _assigned(mission: MissionScene, found: GraspResult, resistance: Resistance,
         ),
         bends=np.diff(angles),
         posture=np.diff(ends),
-        forces={one: forces[one] for one in held},
+        forces={contact: forces[contact] for contact in held},
         middles=tuple(contact.name for contact in middles),
         resisted=resistance,
         pulls=mission.pull_share * factors[:, None] * np.asarray(resistance.wrenches),
     )
 
 
-def _base_parameters(mission: MissionScene, found: GraspResult, setup: FingerSetup) -> tuple[str, ...]:
+def _base_parameters(mission: MissionScene, grasp: GraspResult, setup: FingerSetup) -> tuple[str, ...]:
     """Parameters that make fingers of one kind share the compiled code of their controllers: where they stand.
 
     None for a finger that is the only one of its kind.
     """
-    given = setup.finger
-    alike = [other.name for other in mission.grasp.setups if other.finger.replaced(base=given.base) == given]
+    finger = setup.finger
+    alike = [other.name for other in mission.grasp.setups if other.finger.replaced(base=finger.base) == finger]
     if len(alike) == 1:
         return ()
-    angles = {float(found.fingers[name].base[2]) for name in alike}
+    angles = {float(grasp.fingers[name].base[2]) for name in alike}
     return ("base_position", "base_angle") if len(angles) > 1 else ("base_position",)
 
 
@@ -243,9 +243,15 @@ def _surroundings(mission: MissionScene, body: GraspObject) -> dict[str, Any]:
 
 def _greatest_curvature(finger: Finger, start: float, end: float) -> float:
     """Greatest curvature of the free finger between two positions, under the greatest tensions of one side [1/m]."""
-    s, most = np.linspace(start, end, _DENSE), np.array([tendon.max_tension for tendon in finger.tendon_list])
+    s, greatest_tensions = (
+        np.linspace(start, end, _DENSE),
+        np.array([tendon.max_tension for tendon in finger.tendon_list]),
+    )
     sides = [
-        sum(np.maximum(side * np.array(channel.arms), 0.0) @ most * channel.shape(s) for channel in finger.channels)
+        sum(
+            np.maximum(side * np.array(channel.arms), 0.0) @ greatest_tensions * channel.shape(s)
+            for channel in finger.channels
+        )
         for side in (1.0, -1.0)
     ]
     return float(np.max(np.maximum(*sides) / finger.profile.bending_stiffness(s)))
@@ -272,9 +278,9 @@ def _about_to_touch(
     half, core = finger.profile.half_thickness(places), Core(free, compiled=False)
     away = tensions - least
     pulls = away > 0.0
-    most = float(np.min((highest - least)[pulls] / away[pulls]))
+    farthest = float(np.min((highest - least)[pulls] / away[pulls]))
     before, q, nearest = least, np.zeros(free.n), math.inf
-    for share in np.linspace(0.0, most, _STEPS + 1):
+    for share in np.linspace(0.0, farthest, _STEPS + 1):
         u = least + share * away
         shape = equilibrium_under(free, u, [], guess=q).q
         points = core.batch("position", shape, u, places[:, None])

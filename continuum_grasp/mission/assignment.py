@@ -67,7 +67,7 @@ class Assignment:
     @property
     def contact(self) -> str:
         """The held contact that presses hardest."""
-        return max(self.forces, key=lambda one: self.forces[one])
+        return max(self.forces, key=lambda contact: self.forces[contact])
 
     @property
     def force(self) -> float:
@@ -76,8 +76,8 @@ class Assignment:
 
     def own_name(self, contact: str) -> str:
         """Name in the mission of a contact of this finger's controller or plant: ``finger.tip`` with this name."""
-        body, _, own = contact.partition(".")
-        return f"{self.name}.{own}" if body == "finger" else contact
+        body, _, part = contact.partition(".")
+        return f"{self.name}.{part}" if body == "finger" else contact
 
 
 def object_height(mission: MissionScene, pose: Array) -> Array:

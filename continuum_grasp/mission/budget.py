@@ -44,39 +44,43 @@ class CertifiedContact:
 
 def certified_contact(assignments: Sequence[Assignment], name: str) -> CertifiedContact | None:
     """The certificate's numbers for a contact of the plant by its name; None where the grasp has no such contact."""
-    own, grasp = grasp_contact(assignments, name), assignments[0].grasp
-    found = [c for c in grasp.contacts if own is not None and (c.name == own or c.name.startswith(f"{own}."))]
-    if not found:
+    grasp_name, grasp = grasp_contact(assignments, name), assignments[0].grasp
+    contacts = [
+        c
+        for c in grasp.contacts
+        if grasp_name is not None and (c.name == grasp_name or c.name.startswith(f"{grasp_name}."))
+    ]
+    if not contacts:
         return None
-    shear = np.sum([[c.friction_force, c.lift] for c in found], axis=0)
+    shear = np.sum([[c.friction_force, c.lift] for c in contacts], axis=0)
     return CertifiedContact(
-        friction=min(grasp.scene.friction(c.name) for c in found),
-        normal_force=sum(c.normal_force for c in found),
+        friction=min(grasp.scene.friction(c.name) for c in contacts),
+        normal_force=sum(c.normal_force for c in contacts),
         shear=float(np.hypot(*shear)),
     )
 
 
 def grasp_contact(assignments: Sequence[Assignment], name: str) -> str | None:
     """Name in the grasp of a contact of the plant; None where the grasp does not know it (``more_contacts``)."""
-    body, _, own = name.partition(".")
-    finger = next((one for one in assignments if one.name == body), None)
+    body, _, part = name.partition(".")
+    finger = next((assignment for assignment in assignments if assignment.name == body), None)
     if finger is None:
         return body
-    if own == "tip":
+    if part == "tip":
         return f"{finger.name}.tip"
-    at = sorted({*finger.control.contacts, *finger.mission.more_contacts})[int(own) - 1]
+    at = sorted({*finger.control.contacts, *finger.mission.more_contacts})[int(part) - 1]
     known = finger.control.contacts
     return finger.middles[known.index(at)] if at in known else None
 
 
 def bodies(names: Sequence[str], fingers: Sequence[str]) -> dict[str, list[int]]:
     """Contacts by what holds there: each of a finger's for itself, those of a support together; not the table."""
-    found: dict[str, list[int]] = {}
+    groups: dict[str, list[int]] = {}
     for k, name in enumerate(names):
         if not is_table(name):
             body = name.partition(".")[0]
-            found.setdefault(name if body in fingers else body, []).append(k)
-    return found
+            groups.setdefault(name if body in fingers else body, []).append(k)
+    return groups
 
 
 def is_table(name: str) -> bool:
@@ -94,18 +98,18 @@ def plant_friction(
 
     (T, K) where ``fallen`` is the share (T,) by which it has fallen by some instants.
     """
-    own = {place.name: place.friction for place in mission.grasp.places}
-    found = [own.get(name.partition(".")[0] if name not in own else name) for name in names]
+    frictions = {place.name: place.friction for place in mission.grasp.places}
+    coefficients = [frictions.get(name.partition(".")[0] if name not in frictions else name) for name in names]
     usual = mission.contact_law.friction
-    mu = [np.nan if is_table(name) else usual if f is None else f for name, f in zip(names, found, strict=True)]
+    mu = [np.nan if is_table(name) else usual if f is None else f for name, f in zip(names, coefficients, strict=True)]
     now: Array = np.asarray(1.0 - fallen)[..., None] * variation.friction * np.array(mu)
     return now
 
 
 def plant_mass(mission: MissionScene, variation: Variation) -> float:
     """Mass of the object on the plant [kg]."""
-    own = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
-    return own * variation.mass
+    mass = mission.grasp.object.mass if mission.object_mass is None else mission.object_mass
+    return mass * variation.mass
 
 
 # -- pulls ------------------------------------------------------------------------------------------------------------
@@ -142,7 +146,7 @@ def held_resistance(
     """
     scene, arrays = grasp.scene, grasp.arrays
     if max_tension is not None:
-        fingers = {name: own.with_tendons(max_tension=max_tension) for name, own in scene.named_fingers.items()}
+        fingers = {name: finger.with_tendons(max_tension=max_tension) for name, finger in scene.named_fingers.items()}
         scene = scene.with_fingers(fingers)
     forces = np.array(arrays["contact_forces"], dtype=float)
     normal, across, lift = forces.T
@@ -204,7 +208,7 @@ def lowered_by_pulls(assignments: Sequence[Assignment], variation: Variation) ->
 
     For small motions. Controllers that follow a force give way further than drives that keep their tension.
     """
-    of, fingers = assignments[0], [one.control.finger for one in assignments]
+    of, fingers = assignments[0], [assignment.control.finger for assignment in assignments]
     grasp, down = of.grasp, np.array(of.mission.plane_gravity)
     if of.mission.gravity:
         return ()
@@ -218,6 +222,6 @@ def lowered_by_pulls(assignments: Sequence[Assignment], variation: Variation) ->
     )
     distances = np.stack([down / np.hypot(*down) @ change.pose[:2] @ (of.pulls + more).T for change in changes])
     return tuple(
-        Lowered(k + 1, own, firm, "position" if keeps else "tension")
-        for k, (own, firm) in enumerate(distances.T.tolist())
+        Lowered(k + 1, distance, firm, "position" if keeps else "tension")
+        for k, (distance, firm) in enumerate(distances.T.tolist())
     )

@@ -34,39 +34,39 @@ class Commands:
         of a pulley that winds up its second tendon, 0 where it moves none of them. ``pulls`` says which tendons do (T).
         """
         closes = np.asarray(pulls, dtype=bool)
-        found = []
+        directions = []
         for winch in self._winches:
             sides = [side for side, k in zip(winch.sides, winch.tendons, strict=True) if closes[k]]
-            found.append(sides[0] if sides else 0.0)
-        return np.array(found) if self._winches else closes.astype(float)
+            directions.append(sides[0] if sides else 0.0)
+        return np.array(directions) if self._winches else closes.astype(float)
 
     def _drawn(self, tendon: int, angles: Array) -> tuple[float, float]:
         """Length of a tendon drawn in by the bend [m], and by tension [m/N]."""
-        own = self._finger.tendon_list[tendon]
+        cable = self._finger.tendon_list[tendon]
         _, _, channel, arm = self._finger.pulls[tendon]
         middle = 0.5 * (self._s[1:] + self._s[:-1])
         inside = np.clip(np.diff(np.minimum(self._s, channel.to)), 0.0, None)
         bends = np.diff(angles)
         path = arm * float(channel.shape(middle) @ bends)
         # A tendon that was drawn in loses tension towards its end, one that was let out gains it.
-        passed = own.conduit_bend + np.cumsum(np.abs(bends)) - 0.5 * np.abs(bends)
-        share = np.exp(-math.copysign(own.friction, path) * passed)
-        if own.axial_stiffness is None or own.series_stiffness is None:
+        passed = cable.conduit_bend + np.cumsum(np.abs(bends)) - 0.5 * np.abs(bends)
+        share = np.exp(-math.copysign(cable.friction, path) * passed)
+        if cable.axial_stiffness is None or cable.series_stiffness is None:
             raise TypeError("a tendon whose tension is commanded has no compliance")
-        return path, float(inside @ share) / own.axial_stiffness + 1.0 / own.series_stiffness
+        return path, float(inside @ share) / cable.axial_stiffness + 1.0 / cable.series_stiffness
 
     def _command(self, winch: Winch, pulled: Array, drawn: list[tuple[float, float]]) -> float:
-        own = [drawn[k] for k in winch.tendons]
-        taut = [path + give * pulled[k] for (path, give), k in zip(own, winch.tendons, strict=True)]
+        routes = [drawn[k] for k in winch.tendons]
+        taut = [path + give * pulled[k] for (path, give), k in zip(routes, winch.tendons, strict=True)]
         # Of two on one pulley that which pulls harder says where it is; the other has what this leaves it.
-        most = max(winch.tendons, key=lambda k: pulled[k])
-        position = float(ca.DM(winch.position(taut, [float(pulled[k]) * (k == most) for k in winch.tendons])))
+        tightest = max(winch.tendons, key=lambda k: pulled[k])
+        position = float(ca.DM(winch.position(taut, [float(pulled[k]) * (k == tightest) for k in winch.tendons])))
         drive = winch.drive
         if not isinstance(drive, MotorDrive):
             return position
         held = [
             max(wound - path, 0.0) / give
-            for wound, (path, give) in zip(map(float, winch.wound(position)), own, strict=True)
+            for wound, (path, give) in zip(map(float, winch.wound(position)), routes, strict=True)
         ]
         torque = winch.radius * sum(side * tension for side, tension in zip(winch.sides, held, strict=True))
         angle = float(ca.DM(winch.at(position, held, None)[0]))

@@ -91,7 +91,7 @@ class Drop:
             head = f"fell by {1e3 * FALLEN:g} mm {until}, with all contacts in their cones"
             return head if self.lowered is None else f"{head}; {self.lowered.text}"
         first, *others = self.slips
-        then = "".join(f"; {one.contact} {one.how} at {one.time:.2f} s" for one in others)
+        then = "".join(f"; {slip.contact} {slip.how} at {slip.time:.2f} s" for slip in others)
         return f"{first.text} ({self.phase}){then}; 5 mm lower at {self.time:.2f} s"
 
 
@@ -114,14 +114,14 @@ def find_drop(
     end = int(fallen[0])
     friction = plant_friction(assignments[0].mission, variation, contacts.names, timetable.fallen(variation, t))
     lift, slips = timetable.span("lift").start, []
-    for name, rows in bodies(contacts.names, [one.name for one in assignments]).items():
+    for name, rows in bodies(contacts.names, [assignment.name for assignment in assignments]).items():
         normal, shear = contacts.normal_force[:, rows], contacts.shear[:, rows]
         gone = np.all(shear >= ON_CONE * friction[:, rows] * normal, axis=1)  # also where nothing presses
         gone[1:-1] |= gone[:-2] & gone[2:]  # friction that turns is within the cone for an instant
         firm = np.flatnonzero(~gone[: end + 1])
         begin = int(firm[-1]) + 1 if firm.size else 0
-        own = certified_contact(assignments, name)
-        if begin > end or (own is None and t[begin] < lift):
+        certified = certified_contact(assignments, name)
+        if begin > end or (certified is None and t[begin] < lift):
             continue  # firm until the end, or nothing that had to hold
         at = max(begin, int(np.searchsorted(t, lift)))
         pressed = float(normal[at].sum())
@@ -133,14 +133,14 @@ def find_drop(
                 friction=float(friction[at, rows[0]]),
                 normal_force=pressed,
                 shear=float(shear[at].sum()),
-                certified_friction=None if own is None else own.friction,
-                certified_normal_force=None if own is None else own.normal_force,
-                certified_shear=None if own is None else own.shear,
+                certified_friction=None if certified is None else certified.friction,
+                certified_normal_force=None if certified is None else certified.normal_force,
+                certified_shear=None if certified is None else certified.shear,
             )
         )
-    slips.sort(key=lambda one: one.time)
+    slips.sort(key=lambda slip: slip.time)
     began = slips[0].time if slips else float(t[end])
     phase = next(span.name for span in timetable.spans if began <= span.end)
-    given = lowered_by_pulls(assignments, variation) if not slips and phase.startswith("pull ") else ()
-    sinks = next((one for one in given if phase == f"pull {one.pull}"), None)
+    lowered = lowered_by_pulls(assignments, variation) if not slips and phase.startswith("pull ") else ()
+    sinks = next((lowering for lowering in lowered if phase == f"pull {lowering.pull}"), None)
     return Drop(float(t[end]), phase, tuple(slips), sinks)

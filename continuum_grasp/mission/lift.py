@@ -70,13 +70,15 @@ def shortfalls(
     assignments: Sequence[Assignment], names: Sequence[str], forces: Array, stds: Array | None = None
 ) -> tuple[Shortfall, ...]:
     """Contacts of fingers, by their names on the plant, whose normal forces (C,) [N] are too small to lift."""
-    share, found = assignments[0].mission.phases.lift_share, []
+    share, lacking = assignments[0].mission.phases.lift_share, []
     for k, name in enumerate(names):
-        own = certified_contact(assignments, name)
-        if own is not None and not forces[k] >= share * own.normal_force:
+        certified = certified_contact(assignments, name)
+        if certified is not None and not forces[k] >= share * certified.normal_force:
             std = 0.0 if stds is None else float(stds[k])
-            found.append(Shortfall(name, float(forces[k]), std, own.normal_force, share * own.normal_force))
-    return tuple(found)
+            lacking.append(
+                Shortfall(name, float(forces[k]), std, certified.normal_force, share * certified.normal_force)
+            )
+    return tuple(lacking)
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,7 @@ class NotLifted:
         )
         if not self.shortfalls:
             advice = "Look at the sensors and at the controller's health"
-        why = "; ".join([*(one.text for one in self.shortfalls), self.cause])
+        why = "; ".join([*(shortfall.text for shortfall in self.shortfalls), self.cause])
         return f"not lifted at {self.time:.2f} s: {why}. {advice}"
 
 
@@ -190,9 +192,9 @@ class LiftCheck:
 
     def _firmest(self, t: float) -> int:
         """The firmest grip of all fingers, which each takes over; notes what made it so."""
-        plan = max(self._plans, key=lambda one: one.grip)
+        plan = max(self._plans, key=lambda candidate: candidate.grip)
         if plan.grip != USUAL and self.slipped is None:
-            more = 0.0 if self._of[0].standing else min(reserve(one) for one in self._of)
+            more = 0.0 if self._of[0].standing else min(reserve(assignment) for assignment in self._of)
             self.slipped = Slipped(t, NOTICED[plan.noticed], max(plan.lost, 0.0), more)
         if plan.grip == SETS_DOWN and self.slipped is not None and math.isinf(self.slipped.down):
             self.slipped = replace(self.slipped, down=t)
@@ -219,25 +221,25 @@ class LiftCheck:
             table.resume(t if self._over else table.latest, "lift" if lifts else "release")
 
     def _lacking(self) -> tuple[Shortfall, ...]:
-        found = list[Shortfall]()
-        for k, one in enumerate(self._of):
-            forces, names = self._seen[k].contact_forces, one.control.contact_names
-            found += shortfalls(self._of, [one.own_name(name) for name in names], forces.force, forces.std)
-        return tuple(found)
+        lacking = list[Shortfall]()
+        for k, assignment in enumerate(self._of):
+            forces, names = self._seen[k].contact_forces, assignment.control.contact_names
+            lacking += shortfalls(self._of, [assignment.own_name(name) for name in names], forces.force, forces.std)
+        return tuple(lacking)
 
     def _cause(self) -> str:
         """Cause that keeps the fingers from squeezing harder."""
         reached = []
-        for k, one in enumerate(self._of):
-            command, names = self._seen[k], one.control.contact_names
+        for k, assignment in enumerate(self._of):
+            command, names = self._seen[k], assignment.control.contact_names
             if blind := blindness(command):
-                return f"{blind}, and what {one.name} bears is not known"
-            if "tensions" in one.control.finger.input_keys:
-                most = np.array([tendon.max_tension for tendon in one.control.finger.tendon_list])
-                if (command.u >= _AT_LIMIT * most).any():
-                    return f"the drive of {one.name} is at its limit of {most.max():.3g} N"
-            borne = command.contact_forces.force[names.index(one.contact)]
-            reached.append(f"{borne:.2f} N of {one.force:.2f} N at {one.own_name(one.contact)}")
+                return f"{blind}, and what {assignment.name} bears is not known"
+            if "tensions" in assignment.control.finger.input_keys:
+                limits = np.array([tendon.max_tension for tendon in assignment.control.finger.tendon_list])
+                if (command.u >= _AT_LIMIT * limits).any():
+                    return f"the drive of {assignment.name} is at its limit of {limits.max():.3g} N"
+            borne = command.contact_forces.force[names.index(assignment.contact)]
+            reached.append(f"{borne:.2f} N of {assignment.force:.2f} N at {assignment.own_name(assignment.contact)}")
         return (
             f"the forces that are followed are {', '.join(reached)}: the object gave way on its contacts, or a finger "
             "lies elsewhere than in the grasp"

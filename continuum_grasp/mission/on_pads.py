@@ -59,7 +59,7 @@ class _Hand:
     """
 
     def __init__(self, assignments: Sequence[Assignment], stiffer: float = 1.0) -> None:
-        self.known = [_as_known(one, stiffer) for one in assignments]
+        self.known = [_as_known(assignment, stiffer) for assignment in assignments]
         self.models = [mission_plant_model(one) for one in self.known]
         self.whole = SharedModel(self.models)
         starts = [model.start.copy() for model in self.models]
@@ -96,7 +96,7 @@ def closed(assignments: Sequence[Assignment], stiffer: float = 1.0) -> Iterator[
     for done, x, _ in hand.motion():
         if done:
             parts = zip(views, hand.whole.parts(x), strict=True)
-            yield _seen(hand.known, [view(own) for view, own in parts])
+            yield _seen(hand.known, [view(state) for view, state in parts])
 
 
 def pushed_out(assignments: Sequence[Assignment]) -> float:
@@ -128,23 +128,23 @@ def standing(assignments: Sequence[Assignment]) -> float:
     return min(reserve(one) for one in assignments) if pushed_out(assignments) * late > 1.0 else 0.0
 
 
-def _as_known(one: Assignment, stiffer: float) -> Assignment:
+def _as_known(assignment: Assignment, stiffer: float) -> Assignment:
     """Replace the plant of a task by the finger that its controller knows, on pads that are stiffer."""
-    law = one.mission.contact_law
-    mission = one.mission.replaced(
+    law = assignment.mission.contact_law
+    mission = assignment.mission.replaced(
         more_contacts=(), plant=Plant(), contact_law=law.replaced(stiffness=stiffer * law.stiffness)
     )
-    return replace(one, mission=mission, control=one.control.replaced(plant=Plant()))
+    return replace(assignment, mission=mission, control=assignment.control.replaced(plant=Plant()))
 
 
-def _view(one: Assignment, model: PlantModel) -> Callable[[Array], list[Array]]:
+def _view(assignment: Assignment, model: PlantModel) -> Callable[[Array], list[Array]]:
     """Quantities of a finger's plant in a state (nx): tensions, normal forces, gaps, places, pose."""
     names = [k for k, name in enumerate(model.system.touch_names) if name.startswith("finger.")]
     at = (*model.scene.contacts, model.scene.finger.rod.length)
     values = {"force": model.touch["normal_force"][names], "gap": model.touch["gap"][names]}
     values |= {"tension": model.tensions, "place": model.sections(at)[0], "pose": model.object_pose[:3]}
     view = model.function("view", **values)
-    line = one.grasp.fingers[one.name].backbone
+    line = assignment.grasp.fingers[assignment.name].backbone
     wanted = np.array([np.interp(at, line[:, 0], line[:, k]) for k in (1, 2)])
 
     def seen(x: Array) -> list[Array]:
@@ -157,7 +157,7 @@ def _view(one: Assignment, model: PlantModel) -> Callable[[Array], list[Array]]:
 def _seen(known: Sequence[Assignment], views: Sequence[list[Array]]) -> Closed:
     """The fingers together."""
     tension, force, gap, away = (np.concatenate([view[k] for view in views]) for k in range(4))
-    names = [one.own_name(name) for one in known for name in one.control.contact_names]
+    names = [assignment.own_name(name) for assignment in known for name in assignment.control.contact_names]
     return Closed(float(tension.max()), tuple(names), force, gap, away, views[0][4] - np.array(known[0].object_pose))
 
 
@@ -186,18 +186,18 @@ def check_pads(assignments: Sequence[Assignment]) -> None:
     firm, _ = _best(assignments, _STIFFER)
     x, y, angle = best.moved
     where = []
-    for one in lacking:
-        k = best.names.index(one.contact)
+    for shortfall in lacking:
+        k = best.names.index(shortfall.contact)
         touch = f"{1e3 * best.gap[k]:.2g} mm short of the object, " if best.gap[k] > 0.0 else ""
         where.append(
-            f"{one.text} with {best.tension:.3g} N of tension: it comes to lie {touch}{1e3 * best.away[k]:.2g} mm "
-            f"from its place in the grasp; on pads of {_STIFFER * law.stiffness:.3g} N/m it bears "
+            f"{shortfall.text} with {best.tension:.3g} N of tension: it comes to lie {touch}{1e3 * best.away[k]:.2g} "
+            f"mm from its place in the grasp; on pads of {_STIFFER * law.stiffness:.3g} N/m it bears "
             f"{firm.normal_force[k]:.2f} N"
         )
     raise SolverError(
         f"the grasp is not reached on pads of {law.stiffness:.3g} N/m, on which the object gives way by "
         f"({1e3 * x:+.2g}, {1e3 * y:+.2g}) mm and turns by {math.degrees(angle):+.2g} deg: "
-        f"{', '.join(one.contact for one in lacking)} would not be loaded at the lift",
+        f"{', '.join(shortfall.contact for shortfall in lacking)} would not be loaded at the lift",
         status="not_loaded",
         violated=where,
         advice="Take stiffer pads (contact_law.stiffness), more tension (drive_tension), or a grasp with less force on "
@@ -208,11 +208,11 @@ def check_pads(assignments: Sequence[Assignment]) -> None:
 
 def _best(assignments: Sequence[Assignment], stiffer: float = 1.0) -> tuple[Closed, tuple[Shortfall, ...]]:
     """The first tensions with which no contact lacks force, or those with which the worst one lacks least."""
-    found = list[tuple[float, Closed, tuple[Shortfall, ...]]]()
-    for one in closed(assignments, stiffer):
-        lacking = shortfalls(assignments, one.names, one.normal_force)
+    attempts = list[tuple[float, Closed, tuple[Shortfall, ...]]]()
+    for grip in closed(assignments, stiffer):
+        lacking = shortfalls(assignments, grip.names, grip.normal_force)
         if not lacking:
-            return one, ()
-        found.append((min(short.normal_force / short.needed for short in lacking), one, lacking))
-    _, best, lacking = max(found, key=lambda each: each[0])
+            return grip, ()
+        attempts.append((min(short.normal_force / short.needed for short in lacking), grip, lacking))
+    _, best, lacking = max(attempts, key=lambda each: each[0])
     return best, lacking

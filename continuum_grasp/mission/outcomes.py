@@ -43,11 +43,11 @@ class Outcome:
             shares["friction falls by"] = v.friction_fall
         plant = ", ".join(f"{name} {value:.3f}" for name, value in shares.items() if value is not None)
         x, y = (1e3 * value for value in v.shift)
-        found = self.error.partition("\n")[0]
+        ending = self.error.partition("\n")[0]
         if self.verdict is not None:
-            found = f"{self.verdict.word}, sunk {1e3 * self.verdict.sunk:.3g} mm"
-            found = "; ".join([found, *(f"{name}: {text}" for name, text in self.verdict.texts.items())])
-        return f"{plant}, shifted by ({x:+.2f}, {y:+.2f}) mm: {found}"
+            ending = f"{self.verdict.word}, sunk {1e3 * self.verdict.sunk:.3g} mm"
+            ending = "; ".join([ending, *(f"{name}: {text}" for name, text in self.verdict.texts.items())])
+        return f"{plant}, shifted by ({x:+.2f}, {y:+.2f}) mm: {ending}"
 
 
 @dataclass(frozen=True)
@@ -163,21 +163,25 @@ class TrialsResult(Result, Sequence[Outcome]):
     def outcome(self) -> str:
         """Number of plants that succeeded."""
         done = "held and released" if self.scene.turn is None else "turned, held and released"
-        return f"{sum(one.succeeded for one in self.outcomes)} of {len(self)} plants {done} the object"
+        return f"{sum(outcome.succeeded for outcome in self.outcomes)} of {len(self)} plants {done} the object"
 
     def stored_arrays(self) -> dict[str, Any]:
         """Variation and verdict of every plant; NaN, and false, where there is none."""
-        rows = [_row(one) | {"succeeded": one.succeeded} for one in self.outcomes]
-        found: dict[str, Any] = {}
-        for one in self.stored:
-            kind: type = str if one.unit == "text" else bool if one.name in ("succeeded", "held", "released") else float
-            found[one.name] = np.array([row.get(one.name, "" if kind is str else None) for row in rows], dtype=kind)
-        return found
+        rows = [_row(outcome) | {"succeeded": outcome.succeeded} for outcome in self.outcomes]
+        columns: dict[str, Any] = {}
+        for stored in self.stored:
+            kind: type = (
+                str if stored.unit == "text" else bool if stored.name in ("succeeded", "held", "released") else float
+            )
+            columns[stored.name] = np.array(
+                [row.get(stored.name, "" if kind is str else None) for row in rows], dtype=kind
+            )
+        return columns
 
     @cached_property
     def summary(self) -> Summary:
         """All plants in numbers; of those that have a verdict."""
-        judged = [one.verdict for one in self.outcomes if one.verdict is not None]
+        judged = [outcome.verdict for outcome in self.outcomes if outcome.verdict is not None]
 
         def column(name: str) -> np.ndarray:
             values = np.abs(np.array([getattr(verdict, name) for verdict in judged], dtype=float))
@@ -185,11 +189,11 @@ class TrialsResult(Result, Sequence[Outcome]):
             return values if values.size else np.array([np.nan])
 
         turns = [verdict.turned for verdict in judged if verdict.turned is not None]
-        away = np.abs([one.error for one in turns if not np.isnan(one.error)])
+        away = np.abs([turn.error for turn in turns if not np.isnan(turn.error)])
         return Summary(
             plants=len(self),
             held=sum(verdict.held for verdict in judged),
-            succeeded=sum(one.succeeded for one in self.outcomes),
+            succeeded=sum(outcome.succeeded for outcome in self.outcomes),
             force_error_median=float(np.median(column("force_error"))),
             force_error_worst=float(column("force_error").max()),
             estimate_error_worst=float(column("force_estimate_error").max()),
@@ -200,8 +204,8 @@ class TrialsResult(Result, Sequence[Outcome]):
             moved_worst=float(column("moved").max()),
             slip_margin_least=float(column("slip_margin").min()),
             fallbacks=sum(verdict.fallbacks for verdict in judged),
-            failed=tuple(k for k, one in enumerate(self.outcomes) if not one.succeeded),
-            turned=sum(one.achieved for one in turns) if turns else None,
+            failed=tuple(k for k, outcome in enumerate(self.outcomes) if not outcome.succeeded),
+            turned=sum(turn.achieved for turn in turns) if turns else None,
             turn_error_median=float(np.median(away)) if away.size else None,
             turn_error_worst=float(away.max()) if away.size else None,
         )
@@ -217,22 +221,22 @@ class TrialsResult(Result, Sequence[Outcome]):
 
 def _row(outcome: Outcome) -> dict[str, Any]:
     """Plant and verdict by name."""
-    own = asdict(outcome.variation)
-    x, y = own.pop("shift")
+    variation = asdict(outcome.variation)
+    x, y = variation.pop("shift")
     judged: dict[str, Any] = {}
     if (verdict := outcome.verdict) is not None:
         judged = asdict(verdict) | dict.fromkeys(("refused", "slipped", "drop"), "") | verdict.explained
         del judged["turned"]
         if (turned := verdict.turned) is not None:
             judged |= {"turn_error": turned.error, "turn_end_error": turned.end_error, "turn_reason": turned.reason}
-    return {**own, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")}
+    return {**variation, "shift_x": x, "shift_y": y, **judged, "error": outcome.error.replace("\n", " ")}
 
 
 def trials_csv(result: TrialsResult) -> str:
     """All plants as CSV, one line each."""
     rows = [
-        {name: f"{value:.9g}" if isinstance(value, float) else value for name, value in _row(one).items()}
-        for one in result
+        {name: f"{value:.9g}" if isinstance(value, float) else value for name, value in _row(outcome).items()}
+        for outcome in result
     ]
     text = StringIO()
     writer = csv.DictWriter(text, list(dict.fromkeys(name for row in rows for name in row)), lineterminator="\n")

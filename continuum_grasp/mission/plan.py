@@ -49,8 +49,8 @@ _BEGINS = {
 
 def certified_forces(assignments: Sequence[Assignment], of: Assignment) -> Array:
     """Normal force (C,) [N] of each contact of a finger's controller in the certificate; NaN where it has none."""
-    found = [certified_contact(assignments, of.own_name(name)) for name in of.control.contact_names]
-    return np.array([np.nan if one is None else one.normal_force for one in found])
+    contacts = [certified_contact(assignments, of.own_name(name)) for name in of.control.contact_names]
+    return np.array([np.nan if contact is None else contact.normal_force for contact in contacts])
 
 
 def blindness(command: Any) -> str:
@@ -70,9 +70,9 @@ def mission_settings(
     begins = [_BEGINS.get("leave last" if name == last else name.partition(" ")[0]) for name in names]
     follows = list(_FOLLOWED)
     # One drive follows one of them. Rates stay weighted, since they damp all.
-    every, weights = tuple(prefix for own in _FOLLOWED.values() for prefix in own), []
-    for own in _FOLLOWED.values():
-        off = tuple(prefix for prefix in every if prefix not in own)
+    every, weights = tuple(prefix for prefixes in _FOLLOWED.values() for prefix in prefixes), []
+    for prefixes in _FOLLOWED.values():
+        off = tuple(prefix for prefix in every if prefix not in prefixes)
         weights.append(np.where([not n.startswith(off) or "rate" in n for n in stages.r_names], stages.weights, 0.0))
     low, high = (np.clip(limit, -ABSENT, ABSENT) for limit in of.holding)
     # A controller, to which contacts are smooth and the object stays, may expect less force of more tension up to some
@@ -181,11 +181,11 @@ class Plan(Schedule):
         super().__init__([Phase(name, self.rows, length) for name, length in zip(names, lengths, strict=True)])
         self._confirm, self._release = names.index("confirm"), names.index("release")
         self._reported, self._waits, self._grips, self._nr = reported, waits, grips, sizes["NR"]
-        given = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1, "blind": 1, "height": 1}
+        inputs = {"t": 1, "u": sizes["NU"], "forces": sizes["NC"], "reported": 1, "blind": 1, "height": 1}
         parts = dict.fromkeys(("phase", "changed", "decision", "bears", "grip", "noticed", "asks", "lost"), 1)
         parts |= {"weights": sizes["NR"]}
         parts |= {"u_min": sizes["NU"], "u_max": sizes["NU"]}
-        self._c = Compiled(mission_source(sizes, settings), settings, given, parts, "the mission")
+        self._c = Compiled(mission_source(sizes, settings), settings, inputs, parts, "the mission")
         self.decision, self.bears, self.grip, self.noticed, self.lost, self._asks = WAITS, UNKNOWN, USUAL, 0, 0.0, False
 
     def enter(self, t: float, controller: Any, plant: Any, phase: int = 0) -> None:
@@ -228,8 +228,8 @@ class Plan(Schedule):
         now[0], u[:], felt[:], word[0], unseen[0], at[0] = t, before, forces, reported, blind, height
         c = self._c
         goes_on = bool(c.library.cg_step(c.address, c.input_address, what, c.output_address))
-        found = c.output.copy()
-        phase, changed, decision, bears, grip, noticed, asks = (int(number) for number in found[:7])
+        output = c.output.copy()
+        phase, changed, decision, bears, grip, noticed, asks = (int(number) for number in output[:7])
         passed = range(self.current + 1, phase + 1) if what < 0 else [phase]
         if what <= _RELEASE:
             passed = passed[-1:]
@@ -238,9 +238,9 @@ class Plan(Schedule):
         if phase != self.current or what >= 0:
             self.current, self.start = phase, t
         self.decision, self.bears, self.grip, self.noticed, self._asks = decision, bears, grip, noticed, bool(asks)
-        self.lost = float(found[7])
+        self.lost = float(output[7])
         if changed:
-            weights, low, high = (found[c.parts[name]] for name in ("weights", "u_min", "u_max"))
+            weights, low, high = (output[c.parts[name]] for name in ("weights", "u_min", "u_max"))
             controller.change(weights=weights, u_min=low, u_max=high)
         return goes_on
 
@@ -250,6 +250,6 @@ class Plan(Schedule):
         """
         at = np.ascontiguousarray(t, dtype=float)
         rows = np.zeros((at.size, self._nr))
-        given, found = (ctypes.c_void_p(array.ctypes.data) for array in (at, rows))
-        self._c.library.cg_rows(self._c.address, given, at.size, int(of_plan), found)
+        instants, setpoints = (ctypes.c_void_p(array.ctypes.data) for array in (at, rows))
+        self._c.library.cg_rows(self._c.address, instants, at.size, int(of_plan), setpoints)
         return rows

@@ -102,30 +102,30 @@ class MissionPlant(Plant):
         if slip is None or slip.height is None:
             return math.nan
         pose = self.seen()[1][self.model.system.object_states]
-        found = float(object_height(self.mission, pose[None])[0])
-        return found + self.mission.plant.noise * slip.height * self.height_noise.standard_normal()
+        height = float(object_height(self.mission, pose[None])[0])
+        return height + self.mission.plant.noise * slip.height * self.height_noise.standard_normal()
 
 
 def mission_plant(
     assignment: Assignment, timetable: Timetable, prediction: Prediction, variation: Variation, equations: PlantModel
 ) -> MissionPlant:
     """The plant of one finger at the start of a mission; its equations are those of ``mission_plant_model``."""
-    own, nominal = assignment.mission.plant, np.array(equations.system.p_nominal)
+    settings, nominal = assignment.mission.plant, np.array(equations.system.p_nominal)
     # The equations have the factors of the mission's ``plant`` already.
-    stiffness = 1.0 if variation.stiffness is None else variation.stiffness / own.stiffness
-    damping = 1.0 if variation.damping is None else variation.damping / own.damping
+    stiffness = 1.0 if variation.stiffness is None else variation.stiffness / settings.stiffness
+    damping = 1.0 if variation.damping is None else variation.damping / settings.damping
     of_tendons = [variation.tendon_friction] * equations.scene.finger.has_tendon_friction
     equations.p = nominal * np.array([stiffness, damping, *of_tendons, variation.mass, variation.friction])
     equations.outside = {**timetable.outside(), FALL: partial(timetable.fallen, variation)}
     fingers, seed = list(assignment.mission.grasp.named_fingers), variation.seed
     if (number := fingers.index(assignment.name)) > 0:
         # Each finger's sensors have noise of their own.
-        drawn = np.random.SeedSequence((own.seed if seed is None else seed, number))
+        drawn = np.random.SeedSequence((settings.seed if seed is None else seed, number))
         seed = int(drawn.generate_state(1)[0])
     plant = MissionPlant(assignment.control, prediction, assignment.mission.controller.period, equations, seed)
     plant.mission = assignment.mission
     # All fingers are given the same height.
-    plant.height_noise = np.random.default_rng((own.seed if variation.seed is None else variation.seed, 0xBE16))
+    plant.height_noise = np.random.default_rng((settings.seed if variation.seed is None else variation.seed, 0xBE16))
     plant.x = plant.x.copy()
     if any(variation.shift):
         plant.x[equations.system.object_states][:2] += _clear_of_supports(equations, plant.x, variation.shift)
@@ -147,8 +147,8 @@ def _clear_of_supports(equations: PlantModel, x: Array, shift: tuple[float, floa
     def touching(displacement: Array) -> tuple[Array, Array]:
         there = start.copy()
         there[at : at + 2] += displacement
-        found = system.touch.call({"x": there, "u": u, "w": w, "p": equations.p})
-        return np.array(found["gap"]).ravel()[supports], np.array(found["normal"])[:, supports]
+        touched = system.touch.call({"x": there, "u": u, "w": w, "p": equations.p})
+        return np.array(touched["gap"]).ravel()[supports], np.array(touched["normal"])[:, supports]
 
     least = np.minimum(touching(np.zeros(2))[0], 0.0)
     for _ in range(_PROJECTIONS):
@@ -165,8 +165,10 @@ def reserve(of: Assignment) -> float:
     tension, and each contact may be pressed (``normal_force_max``).
     """
     contacts = of.grasp.contacts
-    most = min(of.mission.grasp.normal_force_max(one.name) / max(one.normal_force, 1e-9) for one in contacts)
-    return max(0.0, min(of.reserve, most - 1.0))
+    firmest = min(
+        of.mission.grasp.normal_force_max(contact.name) / max(contact.normal_force, 1e-9) for contact in contacts
+    )
+    return max(0.0, min(of.reserve, firmest - 1.0))
 
 
 def firmer(of: Assignment, share: float) -> dict[str, float]:
@@ -248,13 +250,13 @@ class Timetable:
     @property
     def spans(self) -> tuple[Span, ...]:
         """The phases with their times."""
-        pieces, found = [*self._pieces, *self._down], list[Span]()
-        for (begin, plan, rate), end in zip(pieces, [*(one[0] for one in pieces[1:]), math.inf], strict=True):
+        pieces, spans = [*self._pieces, *self._down], list[Span]()
+        for (begin, plan, rate), end in zip(pieces, [*(piece[0] for piece in pieces[1:]), math.inf], strict=True):
             inside = [s for s in self._planned if plan <= s.start < plan + (end - begin)]
             late = begin - plan
-            found += [Span(s.name, s.start + late, min(s.end + late, end)) for s in inside if rate]
-            found += [] if rate else [Span("confirm", begin, end)]
-        return tuple(found)
+            spans += [Span(s.name, s.start + late, min(s.end + late, end)) for s in inside if rate]
+            spans += [] if rate else [Span("confirm", begin, end)]
+        return tuple(spans)
 
     def span(self, name: str) -> Span:
         """The first phase of a name; of one that was left out, after all times."""
@@ -277,7 +279,10 @@ class Timetable:
         each (M) [s], and by how much it moves them (M, nr).
         """
         of, turn, finger = self.of, self.of.mission.turn, self.of.control.finger
-        inputs, bends = [one.label for one in finger.inputs], [f"bending_{k + 1} [rad]" for k in range(len(of.bends))]
+        inputs, bends = (
+            [finger_input.label for finger_input in finger.inputs],
+            [f"bending_{k + 1} [rad]" for k in range(len(of.bends))],
+        )
         forces = {f"contact_force_{name} [N]": force for name, force in of.forces.items()}
         first = dict(zip(inputs, of.rest, strict=True))
         by = {
@@ -337,7 +342,7 @@ class Timetable:
     def _pull(self, axis: int, t: Array) -> Array:
         # What pulls does not know that the object is set down; what has not begun by then does not come.
         t, total = self._along(self._pieces, t), np.zeros_like(t)
-        down = self._along(self._pieces, np.array([one[0] for one in self._down] or [math.inf]))
+        down = self._along(self._pieces, np.array([piece[0] for piece in self._down] or [math.inf]))
         for k, wrench in enumerate(self.of.pulls):
             span = self._plan(f"pull {k + 1}")
             if span.start > down:

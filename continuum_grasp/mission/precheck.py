@@ -101,19 +101,19 @@ def check_mission(
     ('mass', 0.8, 0.33, True)
     """
     assignments = assign(scene_of(scene, MissionScene), grasp)
-    found = exceeded(assignments, variation or Variation())
+    beyond = exceeded(assignments, variation or Variation())
     check_pads(assignments)
-    return found
+    return beyond
 
 
 def exceeded(assignments: Sequence[Assignment], variation: Variation) -> tuple[Exceeded, ...]:
     """Numbers of a mission on a plant that go beyond the certificate."""
     plant = _OnPlant(assignments, variation)
-    found = (*plant.weight(), *plant.tension(), *plant.turning())
+    beyond = (*plant.weight(), *plant.tension(), *plant.turning())
     # What is dropped at once, or held with less force than certified, leaves pulls nothing to be compared with.
-    if any(one.certain or one.name == "tension" for one in found):
-        return found
-    return (*found, *plant.pulls(), *plant.sinking())
+    if any(number.certain or number.name == "tension" for number in beyond):
+        return beyond
+    return (*beyond, *plant.pulls(), *plant.sinking())
 
 
 def exceeded_by_trials(assignments: Sequence[Assignment], drawn: Sequence[Variation]) -> tuple[str, ...]:
@@ -121,16 +121,21 @@ def exceeded_by_trials(assignments: Sequence[Assignment], drawn: Sequence[Variat
     plants.
     """
     asked = assignments[0].mission.trials
-    found = exceeded(assignments, Variation(mass=1.0 + asked.mass, friction=1.0 - asked.friction))
+    beyond = exceeded(assignments, Variation(mass=1.0 + asked.mass, friction=1.0 - asked.friction))
     # What holds an object less against a pull holds it less against a push.
     rough = Variation(mass=1.0 + asked.mass, friction=1.0 + asked.friction)
-    found += tuple(_OnPlant(assignments, rough).turning()) if not any(one.name == "turn" for one in found) else ()
-    if not found:
+    beyond += (
+        tuple(_OnPlant(assignments, rough).turning()) if not any(number.name == "turn" for number in beyond) else ()
+    )
+    if not beyond:
         return ()
-    count = sum(bool(exceeded(assignments, one)) for one in drawn)
+    count = sum(bool(exceeded(assignments, variation)) for variation in drawn)
     head = f"{count} of {len(drawn)} plants are beyond the certificate"
     ends = {"turn": "at the heavy and rough end of trials"}
-    return (head, *(f"{ends.get(one.name, 'at the heavy and slippery end of trials')}: {one.text}" for one in found))
+    return (
+        head,
+        *(f"{ends.get(number.name, 'at the heavy and slippery end of trials')}: {number.text}" for number in beyond),
+    )
 
 
 def admit(assignments: Sequence[Assignment], found: Sequence[str]) -> None:
@@ -188,27 +193,27 @@ class _OnPlant:
         """Mass and friction."""
         carried, friction = self._carried(self.friction), self.friction
         # Out of the plane no sharing of the weight carries more than this.
-        most = float((friction * self.normal).sum()) / self.gravity if self.gravity else np.inf
-        certain = self.mass > most * (1.0 + ROUNDING)
+        greatest_mass = float((friction * self.normal).sum()) / self.gravity if self.gravity else np.inf
+        certain = self.mass > greatest_mass * (1.0 + ROUNDING)
         bears = f"its contact forces carry {carried:.3g} kg on this plant"
         low, high = f"{friction.min():.3g}", f"{friction.max():.3g}"
         between = low if low == high else f"{low} to {high}"
-        ends = f"; it will be dropped: {most:.3g} kg is the most that friction of {between} carries with them"
+        ends = f"; it will be dropped: {greatest_mass:.3g} kg is the most that friction of {between} carries with them"
         ends = ends if certain else ""
-        if self.mass > (own := self.certified_mass) * (1.0 + ROUNDING):
-            text = f"the object has {self.mass:.3g} kg, the grasp is certified for {own:.3g} kg; {bears}{ends}"
-            yield Exceeded("mass", "object_mass", "kg", self.mass, own, carried, certain, text)
+        if self.mass > (certified := self.certified_mass) * (1.0 + ROUNDING):
+            text = f"the object has {self.mass:.3g} kg, the grasp is certified for {certified:.3g} kg; {bears}{ends}"
+            yield Exceeded("mass", "object_mass", "kg", self.mass, certified, carried, certain, text)
         share = friction / np.maximum(self.certified_friction, 1e-300)
         worst = int(np.argmin(share))
         if share[worst] < 1.0 - ROUNDING:
-            there, own = float(friction[worst]), float(self.certified_friction[worst])
+            there, certified = float(friction[worst]), float(self.certified_friction[worst])
             least = self._least_share() * friction[worst]
             where = ", ".join(n for n, s in zip(self.names, share, strict=True) if s < share[worst] + ROUNDING)
             text = (
-                f"friction is {there:.3g} at {where}, the grasp is certified for {own:.3g}; its contact forces need "
-                f"{least:.3g} with {self.mass:.3g} kg{ends}"
+                f"friction is {there:.3g} at {where}, the grasp is certified for {certified:.3g}; its contact forces "
+                f"need {least:.3g} with {self.mass:.3g} kg{ends}"
             )
-            yield Exceeded("friction", "contact_law.friction", "1", there, own, least, certain, text)
+            yield Exceeded("friction", "contact_law.friction", "1", there, certified, least, certain, text)
 
     def _least_share(self) -> float:
         """Factor on the plant's friction with which the contact forces just carry the object; infinite if none does."""
@@ -224,9 +229,9 @@ class _OnPlant:
     def tension(self) -> Iterator[Exceeded]:
         """Whether the drives have the tensions of the grasp."""
         for finger in self.fingers:
-            most = np.array([one.max_tension for one in finger.control.finger.tendon_list])
-            worst = int(np.argmax(finger.tensions / most))
-            needed, limit = float(finger.tensions[worst]), float(most[worst])
+            greatest = np.array([tendon.max_tension for tendon in finger.control.finger.tendon_list])
+            worst = int(np.argmax(finger.tensions / greatest))
+            needed, limit = float(finger.tensions[worst]), float(greatest[worst])
             if needed <= limit * (1.0 + ROUNDING):
                 continue
             key = "drive_tension" if self.mission.tendons is None else "tendons.max_tension"
@@ -260,21 +265,21 @@ class _OnPlant:
     def pulls(self) -> Iterator[Exceeded]:
         """Every pull against what the grasp resists, as certified and with the plant's mass and friction."""
         certified, evenly = self.of.resisted, self.of.grasp.quality.resistance.tendons != "locked"
-        most = self.mission.drive_tension
-        there = held_resistance(self.of.grasp, self.friction, self.mass, max_tension=most, evenly=evenly)
+        drive_tension = self.mission.drive_tension
+        there = held_resistance(self.of.grasp, self.friction, self.mass, max_tension=drive_tension, evenly=evenly)
         for k, wrench in enumerate(certified.wrenches):
             factors = certified.factors[k], there.factors[k]
             asked = self.mission.pull_share * min(factors[0], LARGEST)
             if not asked > min(factors) * (1.0 + ROUNDING):
                 continue
             unit, size = _size(wrench)
-            given, own, resisted = (float(size * factor) for factor in (asked, *factors))
+            pull, as_certified, resisted = (float(size * factor) for factor in (asked, *factors))
             why = ", ".join(there.limiting[k]) or "nothing limits it"
             text = (
-                f"pull {k + 1} is {given:.3g} {unit}, the grasp resists {own:.3g} {unit} as certified and "
+                f"pull {k + 1} is {pull:.3g} {unit}, the grasp resists {as_certified:.3g} {unit} as certified and "
                 f"{resisted:.3g} {unit} on this plant ({why})"
             )
-            yield Exceeded(f"pull {k + 1}", "pull_share", unit, given, own, resisted, False, text)
+            yield Exceeded(f"pull {k + 1}", "pull_share", unit, pull, as_certified, resisted, False, text)
 
     def sinking(self) -> Iterator[Exceeded]:
         """Whether a pull lowers an object that weighs in the plane so far that it counts as dropped.
@@ -282,7 +287,7 @@ class _OnPlant:
         The certificate states what its contacts resist while drives keep their position; drives that keep their
         tension are as firm as the bare fingers are.
         """
-        worst = max(lowered_by_pulls(self.fingers, self.variation), key=lambda one: one.distance, default=None)
+        worst = max(lowered_by_pulls(self.fingers, self.variation), key=lambda lowered: lowered.distance, default=None)
         if worst is None or worst.distance < FALLEN:
             return
         text = f"{worst.text}. From {1e3 * FALLEN:g} mm on the object counts as dropped"

@@ -58,7 +58,7 @@ class MissionRun(MotionResult):
 
     kind: ClassVar[str] = "mpc"
     stored: ClassVar[tuple[Stored, ...]] = (
-        *(replace(one, source=_source(one)) for one in ControlRun.stored),
+        *(replace(stored, source=_source(stored)) for stored in ControlRun.stored),
         Stored("force_estimate", "(period,)", "N", "normal force of the held contact as the controller estimated it"),
         Stored("force_std", "(period,)", "N", "standard deviation of that estimate"),
         Stored("friction_use", "(time, contact)", "1", "share of the friction cone that each contact uses"),
@@ -66,8 +66,10 @@ class MissionRun(MotionResult):
     )
     dimensions: ClassVar[tuple[Dimension, ...]] = (
         *(
-            replace(one, labels=_path(one.labels)) if isinstance(one.labels, str) and one.labels else one
-            for one in ControlRun.dimensions
+            replace(dimension, labels=_path(dimension.labels))
+            if isinstance(dimension.labels, str) and dimension.labels
+            else dimension
+            for dimension in ControlRun.dimensions
         ),
         Dimension("pull", "pulls, in order", "pulls"),
         Dimension("wrench", "of a pull, about the center of mass", ("x [N]", "y [N]", "moment [N m]")),
@@ -127,7 +129,7 @@ class MissionRun(MotionResult):
     @property
     def fingers(self) -> dict[str, ControlRun]:
         """The closed loops by the fingers' names."""
-        return {one.name: run for one, run in zip(self.assignments, self.runs, strict=True)}
+        return {assignment.name: run for assignment, run in zip(self.assignments, self.runs, strict=True)}
 
     @property
     def status(self) -> str:
@@ -160,11 +162,11 @@ class MissionRun(MotionResult):
         """Normal force of each finger's held contact that presses hardest, by name: setpoint (K + 1,), estimate (K,)
         and the estimate's standard deviation (K,) [N].
         """
-        found = {}
-        for one, run in zip(self.assignments, self.runs, strict=True):
-            wanted = run.r[:, run.r_names.index(f"contact_force_{one.contact} [N]")]
-            found[one.own_name(one.contact)] = (wanted, *force_estimate(one, run))
-        return found
+        forces = {}
+        for assignment, run in zip(self.assignments, self.runs, strict=True):
+            wanted = run.r[:, run.r_names.index(f"contact_force_{assignment.contact} [N]")]
+            forces[assignment.own_name(assignment.contact)] = (wanted, *force_estimate(assignment, run))
+        return forces
 
     @property
     def force_estimate(self) -> Array | None:
@@ -208,20 +210,20 @@ class MissionRun(MotionResult):
         """Changes by phases to the controller of the only finger, whose problem is given: from instants ``t`` [s] on
         ``weights`` of setpoints and limits ``low`` and ``high`` of the input.
         """
-        run, found = self.runs[0], list[dict[str, Any]]()
+        run, changes = self.runs[0], list[dict[str, Any]]()
         plan = Plan(self.timetable, stages, np.zeros(0))
         names = [phase.name for phase in plan.phases]
         for span in self.spans:
 
             def note(*, weights: Array, u_min: Array, u_max: Array, start: float = span.start) -> None:
-                found.append({"t": start, "weights": weights, "low": u_min, "high": u_max})
+                changes.append({"t": start, "weights": weights, "low": u_min, "high": u_max})
 
             # The command before the phase, by which limits are moved.
             before = run.u[min(max(int(np.searchsorted(run.t, span.start)) - 1, 0), len(run.u) - 1)]
             plan.enter(
                 span.start, SimpleNamespace(change=note), SimpleNamespace(command=before), names.index(span.name)
             )
-        return found
+        return changes
 
     @property
     def body(self) -> GraspObject:
@@ -235,29 +237,29 @@ class MissionRun(MotionResult):
         fallen = self.timetable.fallen(self.variation, self.t)
         limits = plant_friction(self.mission, self.variation, contacts.names, fallen) * contacts.normal_force
         # Contacts without a limit bear nothing, or are the table, whose friction is of another kind.
-        found: Array = np.divide(contacts.shear, limits, out=np.full_like(limits, np.nan), where=limits > 0.0)
-        return found
+        use: Array = np.divide(contacts.shear, limits, out=np.full_like(limits, np.nan), where=limits > 0.0)
+        return use
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """Warnings: of numbers beyond the certificate, of slip that can not be answered, of the closed loop, and of a
         finger in the object between its contacts.
         """
-        known = [*(one.text for one in self.exceeded), *reserved(self.assignments[0])]
+        known = [*(number.text for number in self.exceeded), *reserved(self.assignments[0])]
         for (name, run), scene in zip(self.fingers.items(), self.scenes, strict=True):
             whose = "" if self.run is not None else f"{name}: "
             known += [f"{whose}{text}" for text in run.warnings]
-            found = overlap_text(run, self.body, self.object_pose, scene.finger.profile.half_thickness, 50)
-            if found:
+            overlap = overlap_text(run, self.body, self.object_pose, scene.finger.profile.half_thickness, 50)
+            if overlap:
                 known.append(
-                    f"{whose}between its contacts the finger overlaps the object by {found}: add more_contacts"
+                    f"{whose}between its contacts the finger overlaps the object by {overlap}: add more_contacts"
                 )
         return tuple(known)
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
         """Table of the phases: name, begin, end, what was pulled with, furthest displacement since the lift."""
         t, pose, lift = self.t, self.object_pose, self.timetable.span("lift")
-        found = [("phase", "from", "to", "pulled with", "moved")]
+        rows = [("phase", "from", "to", "pulled with", "moved")]
         for span in self.spans:
             if span.start > t[-1]:
                 break
@@ -268,8 +270,8 @@ class MissionRun(MotionResult):
                 moved = f"{1e3 * np.linalg.norm(pose[during, :2] - begin, axis=1).max(initial=0.0):.2f} mm"
             wrench = self.pulls.get(span.name)
             pulled = "" if wrench is None else wrench_text(wrench)
-            found.append((span.name, f"{span.start:.2f} s", f"{min(span.end, t[-1]):.2f} s", pulled, moved))
-        return found
+            rows.append((span.name, f"{span.start:.2f} s", f"{min(span.end, t[-1]):.2f} s", pulled, moved))
+        return rows
 
     def report(self) -> str:
         """Verdict, phases and the closed loop's table as text."""
@@ -277,7 +279,7 @@ class MissionRun(MotionResult):
         wide, widths = max(map(len, pairs)), [max(len(row[k]) for row in rows) for k in range(5)]
         lines = [self.name or "mission", "", *(f"{key:<{wide}}  {value}" for key, value in pairs.items()), ""]
         if self.exceeded:
-            lines += ["beyond the certificate:", *(f"  {one.text}" for one in self.exceeded), ""]
+            lines += ["beyond the certificate:", *(f"  {number.text}" for number in self.exceeded), ""]
         lines += [
             "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
         ]
@@ -306,7 +308,7 @@ class MissionRun(MotionResult):
         """Verdict with the reason of a drop, what went beyond the certificate, and the phases, as plain data."""
         return {
             "verdict": verdict_data(self.verdict),
-            "exceeded": [asdict(one) for one in self.exceeded],
+            "exceeded": [asdict(number) for number in self.exceeded],
             "phases": [asdict(span) for span in self.spans],
         }
 
@@ -317,12 +319,12 @@ class MissionRun(MotionResult):
 
 def verdict_data(verdict: Verdict) -> dict[str, Any]:
     """A verdict as plain data, with the sentence on a drop."""
-    found = {**asdict(verdict), "succeeded": verdict.succeeded}
+    entries = {**asdict(verdict), "succeeded": verdict.succeeded}
     for name, text in verdict.explained.items():
-        found[name] |= {"text": text}
+        entries[name] |= {"text": text}
     if verdict.turned is not None:
-        found["turned"] |= {"achieved": verdict.turned.achieved}
-    return found
+        entries["turned"] |= {"achieved": verdict.turned.achieved}
+    return entries
 
 
 def wrench_text(wrench: Array) -> str:

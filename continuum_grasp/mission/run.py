@@ -76,7 +76,7 @@ def run_mission(
     True
     """
     assignments = assign(scene_of(scene, MissionScene), grasp)
-    admit(assignments, [one.text for one in exceeded(assignments, variation or Variation())])
+    admit(assignments, [number.text for number in exceeded(assignments, variation or Variation())])
     return MissionRunner(assignments).run(variation, progress)
 
 
@@ -87,17 +87,19 @@ class MissionRunner:
         self.assignments, mission = tuple(assignments), assignments[0].mission
         # Without a deadline of its own a mission never drops a command for being late.
         deadline = mission.controller.deadline or math.inf
-        self._controllers = [Controller(one.control, deadline=deadline) for one in assignments]
-        self._models = [mission_plant_model(one) for one in assignments]
+        self._controllers = [Controller(assignment.control, deadline=deadline) for assignment in assignments]
+        self._models = [mission_plant_model(assignment) for assignment in assignments]
         self._shared = SharedModel(self._models) if len(assignments) > 1 else None
 
     def run(self, variation: Variation | None = None, progress: Progress | None = None) -> MissionRun:
         """Carry the mission out on one plant; errors are those of ``run_mission``."""
-        asked, loops, tables = variation or Variation(), [], [Timetable(one) for one in self.assignments]
+        asked, loops, tables = variation or Variation(), [], [Timetable(assignment) for assignment in self.assignments]
         check = LiftCheck(self.assignments, tables)
-        for k, (one, control, model) in enumerate(zip(self.assignments, self._controllers, self._models, strict=True)):
-            plant = mission_plant(one, tables[k], control.prediction, asked, model)
-            loops.append(FingerLoop(one.control, control, plant, check.schedule(k, control.stages)))
+        for k, (assignment, control, model) in enumerate(
+            zip(self.assignments, self._controllers, self._models, strict=True)
+        ):
+            plant = mission_plant(assignment, tables[k], control.prediction, asked, model)
+            loops.append(FingerLoop(assignment.control, control, plant, check.schedule(k, control.stages)))
         shared = SharedPlant([loop.plant for loop in loops], self._shared)
         runs, error = run_fingers(loops, shared, loops[0].plan.duration, progress)
         # Ctrl-C at the very end: the verdict is whole, and comes with the exception.
@@ -114,8 +116,8 @@ class MissionRunner:
         self, variation: Variation, runs: Sequence[ControlRun], table: Timetable, check: LiftCheck
     ) -> MissionRun:
         of, scenes = self.assignments, tuple(model.scene for model in self._models)
-        found = {one.name: present(run.contacts) for one, run in zip(of, runs, strict=True)}
-        contacts = ContactForces.joined(found)
+        by_finger = {assignment.name: present(run.contacts) for assignment, run in zip(of, runs, strict=True)}
+        contacts = ContactForces.joined(by_finger)
         verdict = judge(of, table, variation, runs, contacts, check.refused, check.slipped)
         beyond = exceeded(of, variation)
         return MissionRun(of, table, variation, tuple(runs), scenes, contacts, verdict, beyond)

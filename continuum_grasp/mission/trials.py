@@ -31,17 +31,26 @@ def variations(trials: Trials) -> list[Variation]:
     def factor(reach: float) -> float:
         return float(1.0 + reach * rng.uniform(-1.0, 1.0))
 
-    found = []
+    plants = []
     # Plant by plant in a fixed order of draws: more plants begin with those of fewer.
     for _ in range(trials.count):
         stiffness, damping = factor(trials.stiffness), factor(trials.damping)
         mass, friction = factor(trials.mass), factor(trials.friction)
         dx, dy = (float(v) for v in trials.position * rng.uniform(-1.0, 1.0, 2))
-        own = float(1.0 + trials.tendon_friction * of_tendons.uniform(-1.0, 1.0))
-        found.append(
-            Variation(stiffness, damping, mass, friction, (dx, dy), int(rng.integers(2**31)), own, trials.friction_fall)
+        tendon_friction = float(1.0 + trials.tendon_friction * of_tendons.uniform(-1.0, 1.0))
+        plants.append(
+            Variation(
+                stiffness,
+                damping,
+                mass,
+                friction,
+                (dx, dy),
+                int(rng.integers(2**31)),
+                tendon_friction,
+                trials.friction_fall,
+            )
         )
-    return found
+    return plants
 
 
 @interrupt.computing()

@@ -87,7 +87,7 @@ def find_turned(
     left = strokes[-1][1].end
     asked = turn.angle / turn.strokes * np.arange(1, turn.strokes + 1)
     place = np.hypot(*(pose[:, :2] - np.array(of.object_pose[:2])).T)
-    found = Turned(
+    outcome = Turned(
         angle=turned[-1],
         error=turned[-1] - turn.angle,
         end_error=_at(t, angle, timetable.duration) - turn.angle,
@@ -95,12 +95,12 @@ def find_turned(
         strokes=tuple(turned),
         tolerance=turn.tolerance,
     )
-    if found.achieved:
-        return found
+    if outcome.achieved:
+        return outcome
     why = "the mission was stopped before"
-    if math.isnan(found.error):
-        return replace(found, reason=why)
-    if abs(found.error) > turn.tolerance:
+    if math.isnan(outcome.error):
+        return replace(outcome, reason=why)
+    if abs(outcome.error) > turn.tolerance:
         # What was short in one stroke and made up for in the next is no reason: the last stroke is.
         late = [
             k
@@ -110,11 +110,11 @@ def find_turned(
         span = strokes[late[0]][0]
         short = (turned[late[0]] - asked[late[0]]) * math.copysign(1.0, turn.angle)
         why = f"{_short(of, variation, run, contacts, span, short)} (turn {timetable.strokes[late[0]]})"
-    elif not math.isnan(found.end_error):
+    elif not math.isnan(outcome.end_error):
         lift = _at(t, angle, timetable.span("lift").start) - turn.angle
         when = "squeezed" if abs(lift) > turn.tolerance else "held and let go"
-        why = f"it turned away by {_degrees(found.end_error - found.error)} while it was {when}"
-    return replace(found, reason=why)
+        why = f"it turned away by {_degrees(outcome.end_error - outcome.error)} while it was {when}"
+    return replace(outcome, reason=why)
 
 
 def _short(
@@ -141,8 +141,8 @@ def _short(
     use = contacts.shear[during, tip][pushing] / (friction * normal[pushing])
     if float(np.mean(use >= ON_CONE)) > _MOSTLY:
         return f"{name} slides on it with friction of {friction:.2f}: {pressed}"
-    found = {body: contacts.normal_force[during][:, rows] for body, rows in bodies(contacts.names, [of.name]).items()}
-    held = {body: float(force.max(initial=0.0)) for body, force in found.items() if not contacts.on_finger(body)}
+    forces = {body: contacts.normal_force[during][:, rows] for body, rows in bodies(contacts.names, [of.name]).items()}
+    held = {body: float(force.max(initial=0.0)) for body, force in forces.items() if not contacts.on_finger(body)}
     bears = "".join(f", {body} bears {force:.2f} N" for body, force in held.items() if force > 0.0)
     return f"it stood still, or needs more time: {pressed}{bears}"
 

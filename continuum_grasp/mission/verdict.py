@@ -72,13 +72,13 @@ class Verdict:
     def word(self) -> str:
         """Outcome for the object, in a word."""
         if self.refused is not None:
-            found = "not lifted, released" if self.released else "not lifted, not released"
+            ending = "not lifted, released" if self.released else "not lifted, not released"
         else:
             end = "set down" if self.set_down else "held"
-            found = "dropped" if not self.held else f"{end} and released" if self.released else f"{end}, not released"
+            ending = "dropped" if not self.held else f"{end} and released" if self.released else f"{end}, not released"
         if self.turned is None:
-            return found
-        return f"turned, {found}" if self.turned.achieved else f"not turned, {found}"
+            return ending
+        return f"turned, {ending}" if self.turned.achieved else f"not turned, {ending}"
 
     @property
     def explained(self) -> dict[str, str]:
@@ -142,14 +142,14 @@ def judge(
     moved = float(np.linalg.norm(pose[carried, :2] - pose[carried][:1, :2], axis=1).max(initial=0.0))
     window = max(1, round(_SMOOTHED / first.period))
     errors, means, estimates, stds = list[Array](), list[float](), list[float](), list[float]()
-    for one, run in zip(assignments, runs, strict=True):
-        for name, wanted in one.forces.items():
+    for assignment, run in zip(assignments, runs, strict=True):
+        for name, wanted in assignment.forces.items():
             force, setpoint = (each[:, run.r_names.index(f"contact_force_{name} [N]")] for each in (run.tracked, run.r))
             share = force / np.where(setpoint > 0.0, setpoint, wanted)
             errors.append(np.abs(_smoothed(share, window)[still] - 1.0))
             means.append(_over(np.mean, share[still] - 1.0))
-            if name == one.contact:
-                believed, std = force_estimate(one, run)
+            if name == assignment.contact:
+                believed, std = force_estimate(assignment, run)
                 estimates.append(_over(np.mean, ((believed - force[:-1]) / wanted)[still[:-1]]))
                 stds.append(float(np.sqrt(_over(np.mean, std[still[:-1]] ** 2))) / wanted)
     worst = int(np.argmax(np.abs(estimates)))
@@ -160,7 +160,7 @@ def judge(
     limits = plant_friction(mission, variation, names, timetable.fallen(variation, t)) * normal
     margins = 1.0 - shear / np.maximum(limits, 1e-9)
     # Where hardly anything presses, the cone is too small for its share to mean something.
-    margins[normal < _LOADED * min(one.force for one in assignments)] = 1.0
+    margins[normal < _LOADED * min(assignment.force for assignment in assignments)] = 1.0
     calm, pulled = (t >= hold.start) & (t <= hold.end), (t > hold.end) & (t < lower.start)
     return Verdict(
         held=whole and sunk < FALLEN,
@@ -190,8 +190,8 @@ def force_estimate(one: Assignment, run: ControlRun) -> tuple[Array, Array]:
 def _smoothed(values: Array, window: int) -> Array:
     """Moving average over a window, shorter at both ends: sums divided by the number of values in them."""
     kernel = np.ones(min(window, len(values)))
-    found: Array = np.convolve(values, kernel, "same") / np.convolve(np.ones_like(values), kernel, "same")
-    return found
+    smoothed: Array = np.convolve(values, kernel, "same") / np.convolve(np.ones_like(values), kernel, "same")
+    return smoothed
 
 
 def _over(reduce: Callable[[Array], Any], values: Array) -> float:

@@ -32,9 +32,9 @@ class Acting:
         pulled: Scalar = 0.0,
     ) -> None:
         self._made, self._drives, self._at, self._lengths = structure, drives, at, at.lengths
-        par, own = structure.parameters, iter(states["winches"])
+        par, winch_states = structure.parameters, iter(states["winches"])
         winches = zip(structure.winches, commands, strict=False)
-        held = [Held(winch, command, list(islice(own, winch.states)), pulled) for winch, command in winches]
+        held = [Held(winch, command, list(islice(winch_states, winch.states)), pulled) for winch, command in winches]
         sources = zip(structure.sources, drives, strict=True)
         tensions = [drive.moment for source, drive in sources if source.tendon is not None]
         self.tendons = TendonForces(structure, at, held or tensions, states["tendons"])
@@ -62,7 +62,7 @@ class Acting:
         """Forces on the local coordinates of each element of what acts by states: none where nothing does."""
         acting = [self.tendons.on_elements] if self._made.own_tendons else []
         if self._made.has_law(*STATEFUL):
-            acting.append([[-1.0 * f for f in own] for own in self.sections.on_elements(*STATEFUL)])
+            acting.append([[-1.0 * f for f in forces] for forces in self.sections.on_elements(*STATEFUL)])
         return [[sum(forces) for forces in zip(*parts, strict=True)] for parts in zip(*acting, strict=True)]
 
     @property

@@ -27,7 +27,7 @@ class InputLayout:
     @property
     def labels(self) -> list[str]:
         """Name and unit of each entry of u."""
-        entries = [*((one.name, one.unit) for one in self.drives), *((name, "N m") for name in self.couples)]
+        entries = [*((drive.name, drive.unit) for drive in self.drives), *((name, "N m") for name in self.couples)]
         derivatives = (("", ""), ("_rate", "/s"), ("_acceleration", "/s2")) if self.rates else (("", ""),)
         return [f"{name}{word} [{unit}{per}]" for word, per in derivatives for name, unit in entries]
 
@@ -82,8 +82,8 @@ class Source(Channel):
         # Equation (42); equal arms are multiplied once.
         for arm in dict.fromkeys(abs(arm) for arm in self.arms if arm != 0.0):
             pulled: Any = 0.0
-            for own, value in zip(self.arms, values[:drives], strict=True):
-                pulled = pulled + value if own == arm else pulled - value if own == -arm else pulled
+            for tendon_arm, value in zip(self.arms, values[:drives], strict=True):
+                pulled = pulled + value if tendon_arm == arm else pulled - value if tendon_arm == -arm else pulled
             driven += scale * arm * pulled
         return driven, couples
 

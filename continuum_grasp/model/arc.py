@@ -193,15 +193,15 @@ class ArcFamily(Family):
         links = []
         for k, (h, reach) in enumerate(zip(rod.lengths, self.mesh.ranges, strict=True)):
             masses = tuple((fraction, mass) for element, fraction, mass in rod.masses if element == k)
-            found = [self.mesh.constant(curve, k) for curve in (self.mesh.linear_density, self.mesh.rotary_inertia)]
+            constants = [self.mesh.constant(curve, k) for curve in (self.mesh.linear_density, self.mesh.rotary_inertia)]
             link: Link
-            if None in found:
+            if None in constants:
                 shapes = self._shapes(k)
                 rule = measured_rule(shapes, min(reach, ONE_TURN), self.accuracy or _GRADED_ACCURACY)
                 link = GradedLink([q[k]], shapes, rod, reach, rule, 0.0)
             else:
                 rest = mean(self.mesh, k, self.mesh.rest) if rod.rest is None else rod.rest
-                density, rotary = (float(value or 0.0) for value in found)
+                density, rotary = (float(value or 0.0) for value in constants)
                 link = Arc(
                     q[k] + h * rest, h, density * rod.linear_density, rotary * rod.rotary_inertia, reach, accuracy
                 )

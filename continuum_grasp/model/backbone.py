@@ -209,13 +209,13 @@ class Backbone:
     @cached_property
     def mean_shares(self) -> ca.Function:
         """``(q, u, history, p)``: mean along the finger of the tension of each tendon, per that at the base."""
-        eq, nominal, found = self._eq, self._eq.structure.lengths, list[Scalar]()
+        eq, nominal, shares = self._eq, self._eq.structure.lengths, list[Scalar]()
         for cells, passed in zip(eq.structure.tendon_sets, eq.resting.tendons.shares, strict=True):
             spans = [cell.length / nominal[cell.element] * eq.lengths[cell.element] for cell in cells.cells]
             for mean in passed.mean:
                 whole = sum((h * share for h, share in zip(spans, mean, strict=True)), 0.0)
-                found.append(whole / ca.sum1(column(self.lengths)))
-        return self._function("mean_shares", [eq.history], [ca.vertcat(*found)])
+                shares.append(whole / ca.sum1(column(self.lengths)))
+        return self._function("mean_shares", [eq.history], [ca.vertcat(*shares)])
 
     def _work(self, masses: ca.SX) -> ca.SX:
         """Work of loads and weight, whose gradient are their generalized forces."""

@@ -87,17 +87,17 @@ class Body:
         for point, force in forces:
             total += force
             moment += (point - center).cross(force)
-        for own in moments:
-            moment += own
+        for couple in moments:
+            moment += couple
         # Newton and Euler about the center of mass; the pose is that of the frame's origin, which its arm carries.
         spin = moment / self.inertia
         back = self.arm.perp().scaled(spin) - self.arm.scaled(self.omega * self.omega)
         acceleration = total.scaled(1.0 / mass) + gravity - back
         rates = [self.rates[k] for k in range(self.rates.numel())]
-        found = [*rates, acceleration.x, acceleration.y, spin]
+        derivatives = [*rates, acceleration.x, acceleration.y, spin]
         if self.sinks:
-            found.append(1.0 / mass * sum(lifts) - self._around.out_of_plane_gravity)
-        return found
+            derivatives.append(1.0 / mass * sum(lifts) - self._around.out_of_plane_gravity)
+        return derivatives
 
     def energy(self, gravity: Vec) -> tuple[Scalar, Scalar]:
         """Kinetic energy, and potential of the weight above the world's origin [J]."""

@@ -98,7 +98,7 @@ class Chain:
 
     def end_velocities(self, rates: Sequence[Scalar]) -> list[tuple[Vec, Scalar]]:
         """Velocity and angular velocity of the end section of each link, of rates of the global coordinates."""
-        found: list[tuple[Vec, Scalar]] = []
+        velocities: list[tuple[Vec, Scalar]] = []
         moved = ZERO
         omega: Scalar = 0.0
         for k, span in enumerate(self.spans):
@@ -108,8 +108,8 @@ class Chain:
                 moved += arm.scaled(rate)
             omega = self._spin_after(k, omega, local)
             # Arms are stored before their right angle: one turn at the end does for all of them.
-            found.append((moved.perp(), omega))
-        return found
+            velocities.append((moved.perp(), omega))
+        return velocities
 
     def velocity(self, place: Place, rates: Sequence[Scalar]) -> tuple[Vec, Scalar]:
         """Velocity and angular velocity of a section, of rates of the global coordinates."""
@@ -127,9 +127,9 @@ class Chain:
     def _inertias(self) -> tuple[Inertia, ...]:
         """Mass integrals of each link about its start, in the base's axes."""
         # There is one rotation more than links, that of the tip.
-        own = zip(self.rotations, (link.inertia() for link in self.links), strict=False)
+        pairs = zip(self.rotations, (link.inertia() for link in self.links), strict=False)
         return tuple(
-            replace(k, first=turn.apply(k.first), arms=tuple(turn.apply(arm) for arm in k.arms)) for turn, k in own
+            replace(k, first=turn.apply(k.first), arms=tuple(turn.apply(arm) for arm in k.arms)) for turn, k in pairs
         )
 
     @cached_property
@@ -148,7 +148,7 @@ class Chain:
         first: Vec = ZERO
         second: Scalar = 0.0
         for k in range(len(self.links) - 1, -1, -1):
-            own, end, span, arms = self._inertias[k], self.links[k].link.end, self.spans[k], self._end_arms[k]
+            inertia, end, span, arms = self._inertias[k], self.links[k].link.end, self.spans[k], self._end_arms[k]
             here = self.coordinates[k]
             for a in range(len(here)):
                 # Momentum of what lies beyond the link, per rate of a; then of the link too, about its start.
@@ -156,9 +156,9 @@ class Chain:
                 twist = first.dot(arms[a]) + end.angles[a] * second
                 for b in range(a + 1):
                     beyond = arms[b].dot(push) + end.angles[b] * twist
-                    add(here[b], here[a], own.matrix[a][b] + beyond)
-                force = own.arms[a] + push
-                moment = own.swing[a] + twist + span.dot(push)
+                    add(here[b], here[a], inertia.matrix[a][b] + beyond)
+                force = inertia.arms[a] + push
+                moment = inertia.swing[a] + twist + span.dot(push)
                 for j in range(k - 1, -1, -1):
                     inner = self.links[j].link.end.angles
                     for b, arm, angle in zip(self.coordinates[j], self._end_arms[j], inner, strict=True):
@@ -167,9 +167,9 @@ class Chain:
                         add(b, here[a], 2.0 * value if b == here[a] else value)
                     moment += self.spans[j].dot(force)
             second += 2.0 * span.dot(first) + mass * span.dot(span)
-            second += own.second
-            first = first + span.scaled(mass) + own.first
-            mass += own.mass
+            second += inertia.second
+            first = first + span.scaled(mass) + inertia.first
+            mass += inertia.mass
         return matrix
 
     def motion_forces(self, rates: Sequence[Scalar] | None, gravity: Vec, loads: Sequence[Load] = ()) -> list[Scalar]:
@@ -204,9 +204,9 @@ class Chain:
                 inner, inner_moment = inner + turn.apply(bias.force), inner_moment + bias.moment
                 extra = [q + g for q, g in zip(extra, bias.generalized, strict=True)]
             if weight or bias is not None:
-                own = self._inertias[k]
-                inner, inner_moment = inner + field.scaled(own.mass), inner_moment + own.first.cross(field)
-                extra = [q + arm.cross(field) for q, arm in zip(extra, own.arms, strict=True)]
+                inertia = self._inertias[k]
+                inner, inner_moment = inner + field.scaled(inertia.mass), inner_moment + inertia.first.cross(field)
+                extra = [q + arm.cross(field) for q, arm in zip(extra, inertia.arms, strict=True)]
             for a, arm, angle, q in zip(self.coordinates[k], self._end_arms[k], end.angles, extra, strict=True):
                 total[a] += arm.cross(force) + angle * moment + q
             force, moment = inner + force, inner_moment + moment + self.spans[k].cross(force)

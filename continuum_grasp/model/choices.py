@@ -74,10 +74,10 @@ class Choices:
         """Finite numbers."""
         if self[name] is None:
             return None
-        found = real_array(name, self[name])
-        if found.ndim != 1 or not np.all(np.isfinite(found)):
+        numbers = real_array(name, self[name])
+        if numbers.ndim != 1 or not np.all(np.isfinite(numbers)):
             raise InputError(f"expected a list of finite numbers, got {shown(self[name])}", key=name)
-        return tuple(found.tolist())
+        return tuple(numbers.tolist())
 
     @property
     def family(self) -> str | None:

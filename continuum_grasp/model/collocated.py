@@ -54,9 +54,9 @@ class CollocatedLink(Link):
         places = zip(rule.piece, rule.nodes.tolist(), strict=True)
         self._shape = np.array([self._angles(u, piece) for piece, u in places]).T
         # Numbers go into the table, expressions are factors of what it gives.
-        given = (length, linear_density, rotary_inertia)
-        self._numbers = [value if isinstance(value, float) else 1.0 for value in given]
-        self._factors: list[Scalar] = [1.0 if isinstance(value, float) else value for value in given]
+        properties = (length, linear_density, rotary_inertia)
+        self._numbers = [value if isinstance(value, float) else 1.0 for value in properties]
+        self._factors: list[Scalar] = [1.0 if isinstance(value, float) else value for value in properties]
         self._end_mass = end_mass
 
     @abstractmethod
@@ -106,9 +106,9 @@ class CollocatedLink(Link):
         for piece, (start, end) in enumerate(self._ends(fraction)):
             stops = [start, *(at for at, on in places if on == piece), end]
             rows = [[*self._angles(at, piece), self._rest(at, piece)] for at in stops]
-            found = [[b - a for a, b in zip(*pair, strict=True)] for pair in itertools.pairwise(rows)]
-            joined = [a + b for a, b in zip(steps[-1], found[0], strict=True)]
-            steps = [*steps[:-1], joined, *found[1:]]
+            turns = [[b - a for a, b in zip(*pair, strict=True)] for pair in itertools.pairwise(rows)]
+            joined = [a + b for a, b in zip(steps[-1], turns[0], strict=True)]
+            steps = [*steps[:-1], joined, *turns[1:]]
         return [
             sum((self._length * step * q for step, q in zip(shapes, self._local, strict=True)), rest)
             for *shapes, rest in steps
@@ -132,7 +132,7 @@ class CollocatedLink(Link):
         (h, density, rotary), rule, end = self._numbers, self.rule, self._end_mass
         bends = [phi * h for phi in self._turned(1.0)[0]]
         places = np.column_stack([np.zeros(len(bends)), h * self._shape, np.array(bends, dtype=float)])
-        one = np.vstack([np.ones(self.count), h * self._shape])
+        basis = np.vstack([np.ones(self.count), h * self._shape])
         w, mean, kernel = rule.weights, density * h**2 * rule.mean_weights, density * h**3 * rule.kernel
 
         def longer(values: Array) -> Array:
@@ -148,7 +148,7 @@ class CollocatedLink(Link):
             longer(kernel + end * h**2 * np.outer(w, w)),
             longer(mean + end * h * w),
             density * h * rule.mass + end,
-            (rotary * h * rule.rotary_weights * one) @ one.T,
+            (rotary * h * rule.rotary_weights * basis) @ basis.T,
         )
 
     def reach(self, count: int) -> list[float]:
@@ -179,9 +179,9 @@ class CollocatedLink(Link):
 
     def _section(self, fraction: Scalar, nodes: Directions) -> Section:
         shapes = zip(*[self._angles(at, piece) for at, piece in self._places(fraction)], strict=True)
-        one = [1.0 for _ in self.rule.nodes]
+        ones = [1.0 for _ in self.rule.nodes]
         return Section(
-            position=self._integral(fraction, one, nodes.tangents, self._length),
+            position=self._integral(fraction, ones, nodes.tangents, self._length),
             rotation=nodes.end,
             arms=tuple(self._integral(fraction, s, nodes.tangents, self._length * self._length) for s in shapes),
             angles=tuple(phi * self._length for phi in self._turned(fraction)[0]),

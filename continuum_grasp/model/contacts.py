@@ -58,8 +58,8 @@ class Contacts:
     def on_stations(self) -> list[tuple[Vec, Scalar]]:
         """World force [N] on each station, and its couple about the center where that bends the finger [N m]."""
         # Supports and table, which come after the stations, do not touch the finger.
-        found = zip(self._stations, self.pairs, strict=False)
-        return [(p.force, (p.point - at.center).cross(p.force) if at.turns else 0.0) for at, p in found]
+        pairs = zip(self._stations, self.pairs, strict=False)
+        return [(p.force, (p.point - at.center).cross(p.force) if at.turns else 0.0) for at, p in pairs]
 
     def rates(self, gravity: Vec) -> list[Scalar]:
         """Rates of the states, under gravity in the plane [m/s2]."""
@@ -80,13 +80,13 @@ class Contacts:
 
 
 def _pairs_of(
-    body: Body, around: Surroundings, stations: Sequence[Station], given: Mapping[str, Scalar]
+    body: Body, around: Surroundings, stations: Sequence[Station], parameters: Mapping[str, Scalar]
 ) -> Iterator[Pair]:
     """Contact pairs of an object: stations of a finger first, then supports, then the table."""
     if around.contact_law is None:
         return
     for station in stations:
-        yield disc_pair(body, around.contact_law, station, share=given.get(friction_parameter(station.name)))
+        yield disc_pair(body, around.contact_law, station, share=parameters.get(friction_parameter(station.name)))
     yield from support_pairs(body, around.contact_law, around.walls, around.pegs)
     if around.table is not None:
         yield from table_pairs(body, around.contact_law, around.table)

@@ -57,9 +57,9 @@ class Equations:
         self.pulled = ca.SX.sym("pulled")
         self.part = ca.SX.sym("part")
         self.p = structure.parameters.symbol
-        given = {name: self._par[name] for name in structure.object_parameters}
+        parameters = {name: self._par[name] for name in structure.object_parameters}
         stations = [station for _, station in self._stations]
-        self.contacts = Contacts(structure.around, stations, given, pressed=pressed)
+        self.contacts = Contacts(structure.around, stations, parameters, pressed=pressed)
         self.x, self.w = ca.vertcat(self.x, self.contacts.states), ca.vertcat(self.w, self.contacts.wrench)
         self.press = self.contacts.press
 
@@ -68,45 +68,45 @@ class Equations:
     @cached_property
     def amplitudes(self) -> list[list[tuple[Scalar, Scalar]]]:
         """Per source what the input gives of its own and as couples; then the rates and accelerations of these."""
-        made, found, values = self._structure, [], ca.vertsplit(self.u)
+        made, amplitudes, values = self._structure, [], ca.vertsplit(self.u)
         blocks = [values[k : k + made.inputs.count] for k in range(0, len(values), made.inputs.count)]
         for source in made.sources:
             scale: Scalar = 1.0
             if self._par.is_runtime("tendon_offset") and source.tendon is None and not source.chamber:
                 source, scale = replace(source, arms=tuple(np.sign(source.arms))), self._par["tendon_offset"]
-            found.append([source.amplitudes(block, len(made.inputs.drives), scale) for block in blocks])
-        return found
+            amplitudes.append([source.amplitudes(block, len(made.inputs.drives), scale) for block in blocks])
+        return amplitudes
 
     @cached_property
     def _lagging(self) -> list[tuple[list[Scalar], list[Scalar]]]:
         """States of the lag of each source, and their rates; none where it has none."""
-        own, runtime, found = iter(self._states["lag"]), self._par.is_runtime("drive_time_constant"), []
+        lag_states, runtime, lagging = iter(self._states["lag"]), self._par.is_runtime("drive_time_constant"), []
         for source, [(asked, _), *_] in zip(self._structure.sources, self.amplitudes, strict=True):
-            states = list(islice(own, source.lags))
+            states = list(islice(lag_states, source.lags))
             time = self._par["drive_time_constant"] if runtime else source.time_constant
-            found.append((states, lag_rates(states, asked, time)))
-        return found
+            lagging.append((states, lag_rates(states, asked, time)))
+        return lagging
 
     @cached_property
     def commanded(self) -> list[Drive]:
         """Per source of moments what the input gives."""
-        return [self._drive(k, *zip(*given, strict=True)) for k, given in enumerate(self.amplitudes)]
+        return [self._drive(k, *zip(*amplitudes, strict=True)) for k, amplitudes in enumerate(self.amplitudes)]
 
     @cached_property
     def drives(self) -> list[Drive]:
         """Per source what acts: what is commanded, or what follows it."""
-        found = list(self.commanded)
+        drives = list(self.commanded)
         for k, (states, rates) in enumerate(self._lagging):
             if states:
                 _, couples = zip(*self.amplitudes[k], strict=True)
-                found[k] = self._drive(k, (states[0], *rates), couples[:1])
-        return found
+                drives[k] = self._drive(k, (states[0], *rates), couples[:1])
+        return drives
 
-    def _drive(self, source: int, own: Sequence[Scalar], couples: Sequence[Scalar]) -> Drive:
+    def _drive(self, source: int, amplitudes: Sequence[Scalar], couples: Sequence[Scalar]) -> Drive:
         """Moments of a source by its own amplitude and that of its couples, with rates and accelerations as given."""
         gain = self._gain(self._structure.sources[source])
-        total = [gain * a + c for a, c in zip_longest(own[1:3], couples[1:], fillvalue=0.0)]
-        return Drive(gain * own[0], couples[0], *(*total, 0.0, 0.0)[:2])
+        total = [gain * a + c for a, c in zip_longest(amplitudes[1:3], couples[1:], fillvalue=0.0)]
+        return Drive(gain * amplitudes[0], couples[0], *(*total, 0.0, 0.0)[:2])
 
     def _gain(self, source: Source) -> Scalar:
         """Moment per amplitude."""
@@ -170,7 +170,7 @@ class Equations:
         shares = remaining_shares(self._structure.finger, family, self._par, self._named)
         if shares:
             whole = zip([*links, last], shares, strict=True)
-            *links, last = [replace(one, link=ShortenedLink(one.link, share)) for one, share in whole]
+            *links, last = [replace(loaded, link=ShortenedLink(loaded.link, share)) for loaded, share in whole]
         return Chain([*links, replace(last, body=self.tip_body)], local, family.size)
 
     @property
@@ -278,8 +278,8 @@ class Equations:
     def greatest_bends(self) -> list[list[Scalar]]:
         """Curvatures where they may be greatest times the element's length [rad], which its bending range limits."""
         rows = [[h * kappa for kappa in row] for row, h in zip(self._every_curvature, self.lengths, strict=True)]
-        most = max(len(row) for row in rows)
-        return [[*row, *[row[-1]] * (most - len(row))] for row in rows]
+        longest = max(len(row) for row in rows)
+        return [[*row, *[row[-1]] * (longest - len(row))] for row in rows]
 
     @cached_property
     def range_use(self) -> list[Scalar]:
@@ -330,15 +330,15 @@ class Equations:
         named = [(f"finger.{k + 1}", at, place_at(at, made.lengths)) for k, at in enumerate(made.contacts)]
         half = made.finger.profile.half_thickness
         motions = self.chain.end_velocities(self.full_rates)
-        found = []
+        stations = []
         for name, at, place in [*named, ("finger.tip", made.length, made.tip)]:
             center, (velocity, spin) = self.to_world(self.chain.position(place)), motions[place.link]
             # A couple at a matched tip would set the curvature that it depends on; without it the tip must not turn in
             # the slip either, or power would appear.
             turns = not (made.matched and place is made.tip)
             radius, moved = float(half(at)), self.turn.apply(velocity)
-            found.append((place, Station(name, center, radius, moved, spin if turns else 0.0, turns)))
-        return found
+            stations.append((place, Station(name, center, radius, moved, spin if turns else 0.0, turns)))
+        return stations
 
     @property
     def pairs(self) -> list[Pair]:
@@ -355,7 +355,7 @@ class Equations:
         """Forces on coordinates, and those of the laws of these kinds."""
         if not self._structure.has_law(*kinds):
             return forces
-        return [f + own for f, own in zip(forces, acting.sections.force(*kinds), strict=False)]
+        return [f + law_force for f, law_force in zip(forces, acting.sections.force(*kinds), strict=False)]
 
     @property
     def viscosity(self) -> Scalar:
@@ -425,8 +425,8 @@ class Equations:
     @cached_property
     def _states(self) -> dict[str, list[Scalar]]:
         """States beside coordinates and rates, by the groups of ``Structure.states``."""
-        own = iter(ca.vertsplit(self.x[2 * self._structure.n :]))
-        return {group: list(islice(own, len(names))) for group, names in self._structure.states.items()}
+        entries = iter(ca.vertsplit(self.x[2 * self._structure.n :]))
+        return {group: list(islice(entries, len(names))) for group, names in self._structure.states.items()}
 
     @property
     def drives_at_rest(self) -> list[Scalar]:
@@ -497,8 +497,8 @@ class Equations:
 
     def net_force(self, acting: Acting, *, driven: bool = True) -> list[Scalar]:
         """M qdd under what acts; with what tendons and couples exert where it is ``driven``."""
-        found = zip(self._forces(acting, self.full_rates, driven), self.damping, self.known_inertia_force, strict=False)
-        return [force - damping - inertia for force, damping, inertia in found]
+        parts = zip(self._forces(acting, self.full_rates, driven), self.damping, self.known_inertia_force, strict=False)
+        return [force - damping - inertia for force, damping, inertia in parts]
 
     @cached_property
     def force_at_rest(self) -> list[Scalar]:
@@ -516,8 +516,8 @@ class Equations:
     def state_rate(self) -> list[Scalar]:
         """Derivative of the state."""
         rates: list[Scalar] = [self.qd[k] for k in range(self._structure.n)]
-        found = solve_ldl(self.mass_matrix, self.net_force(self.moving))
-        return [*rates, *found, *self.drive_rates, *self.contacts.rates(self._world_gravity)]
+        accelerations = solve_ldl(self.mass_matrix, self.net_force(self.moving))
+        return [*rates, *accelerations, *self.drive_rates, *self.contacts.rates(self._world_gravity)]
 
     @property
     def implicit_rate(self) -> list[Scalar]:
@@ -532,11 +532,11 @@ class Equations:
             slowed += part**2 * held * block
         slow = [[m + slowed[i, j] for j, m in enumerate(row)] for i, row in enumerate(self.mass_matrix)]
         pull = part * ca.mtimes(stiffness, self.qd)
-        found = solve_ldl(slow, [f - pull[k] for k, f in enumerate(self.net_force(self.moving))])
+        accelerations = solve_ldl(slow, [f - pull[k] for k, f in enumerate(self.net_force(self.moving))])
         return [
-            *[self.qd[k] + part * rate for k, rate in enumerate(found)],
-            *found,
-            *self.implicit_drive_rates(ca.vertcat(*found)),
+            *[self.qd[k] + part * rate for k, rate in enumerate(accelerations)],
+            *accelerations,
+            *self.implicit_drive_rates(ca.vertcat(*accelerations)),
             *self.contacts.rates(self._world_gravity),
         ]
 

@@ -74,9 +74,9 @@ def gathered(family: Family, on_elements: Sequence[Sequence[Scalar]]) -> list[Sc
 
 def mean(mesh: Mesh, element: int, curve: Curve) -> float:
     """Mean of a curve over an element."""
-    found = mesh.constant(curve, element)
-    if found is not None:
-        return found
+    constant = mesh.constant(curve, element)
+    if constant is not None:
+        return constant
     return float(mesh.integral(*mesh.span(element), curve, curve)) / mesh.lengths[element]
 
 
@@ -190,8 +190,8 @@ class Family(ABC):
         local = self.local(element)
         if isinstance(lengths[element], float):
             return [1.0] * len(local)
-        own, nominal = self.work(element, lengths), self.work(element, self.mesh.lengths)
-        return [own[a] / float(nominal[a]) for a in local]
+        work, nominal = self.work(element, lengths), self.work(element, self.mesh.lengths)
+        return [work[a] / float(nominal[a]) for a in local]
 
     @abstractmethod
     def shapes_at(self, element: int, s: Array) -> Array:
@@ -208,5 +208,5 @@ class Family(ABC):
 def family_class(name: str) -> type[Family]:
     """Import the equations of a family by its name."""
     module, _, cls = FAMILIES[name].equations.partition(":")
-    found: type[Family] = getattr(import_module(module), cls)
-    return found
+    family: type[Family] = getattr(import_module(module), cls)
+    return family

@@ -228,11 +228,11 @@ class FingerModel(Functions):
         states = np.zeros(len(self.friction_names))
         if np.size(friction_states):
             states[:] = np.ravel(friction_states)
-        of, given = (self._drives_at_rest, [q, u]) if pulled is None else (self._drives_drawn, [q, u, pulled])
-        given.append(self.p_nominal if p is None else p)
+        of, arguments = (self._drives_at_rest, [q, u]) if pulled is None else (self._drives_drawn, [q, u, pulled])
+        arguments.append(self.p_nominal if p is None else p)
         if states.size:
-            given.append(np.append(states, 0.0))
-        return [float(v) for v in np.array(of(*[np.asarray(v, dtype=float) for v in given])).ravel()]
+            arguments.append(np.append(states, 0.0))
+        return [float(v) for v in np.array(of(*[np.asarray(v, dtype=float) for v in arguments])).ravel()]
 
     def drives_at_rest(self) -> ca.Function:
         """``(q, u, p (, history)) -> lag``: states of lags, winches and motors, as `drives_at` gives them."""
@@ -284,12 +284,12 @@ class FingerModel(Functions):
         ends.
         """
         ends = [self.structure.length if t.to is None else t.to for t in self.finger.tendon_list]
-        found = [np.array([end]) for end in ends]
+        places = [np.array([end]) for end in ends]
         for cells in self.structure.cell_sets:
             lengths = np.array([cell.length for cell in cells.cells])
             for tendon in cells.tendons:
-                found[tendon] = np.cumsum(lengths) - 0.5 * lengths
-        return found
+                places[tendon] = np.cumsum(lengths) - 0.5 * lengths
+        return places
 
     def sliding(self) -> ca.Function:
         """``(q, u, p) -> slid``: what moves friction states, since the finger was straight [1].

@@ -48,12 +48,14 @@ def named(inputs: str, *, history: bool = False, **outputs: Callable[[Any], Outp
         eq = model._equations
         names = f"{inputs} history" if history and eq.history.numel() else inputs
         # Those that methods give have a private name here.
-        return model._function(str(found.attrname).lstrip("_"), names, **{name: of(eq) for name, of in outputs.items()})
+        return model._function(
+            str(attribute.attrname).lstrip("_"), names, **{name: of(eq) for name, of in outputs.items()}
+        )
 
     # Built when it is first read: a model has some twenty functions, and most users need two.
-    found: cached_property[ca.Function] = cached_property(build)
-    found.__doc__ = f"({', '.join(inputs.split())}) -> {', '.join(outputs)}; the class describes them."
-    return found
+    attribute: cached_property[ca.Function] = cached_property(build)
+    attribute.__doc__ = f"({', '.join(inputs.split())}) -> {', '.join(outputs)}; the class describes them."
+    return attribute
 
 
 class Functions(Remade, Summarized):
@@ -118,19 +120,19 @@ class Functions(Remade, Summarized):
     def _swept(self, name: str, inputs: str, output: str) -> ca.Function:
         """The derivative of the state by sweeps, implicit in a ``part`` if that is an input."""
         eq, n = self._equations, self._equations.q.numel()
-        given = {key: ca.MX.sym(key, getattr(eq, key).numel()) for key in inputs.split()}
-        x, u, p, part = given["x"], given["u"], given["p"], given.get("part")
+        symbols = {key: ca.MX.sym(key, getattr(eq, key).numel()) for key in inputs.split()}
+        x, u, p, part = symbols["x"], symbols["u"], symbols["p"], symbols.get("part")
         ahead = x[n : 2 * n]
         if part is None:
-            rates, driven = sweep_function(Builder(eq))(*given.values())
+            rates, driven = sweep_function(Builder(eq))(*symbols.values())
             driven = self.drive_rates(x, u, p) if eq.drives_feel_motion else driven
         else:
-            rates, driven = sweep_function(Builder(eq, implicit=True))(*given.values(), ahead)
+            rates, driven = sweep_function(Builder(eq, implicit=True))(*symbols.values(), ahead)
             ahead += part * rates
             if eq.drives_feel_motion:
-                own = self._function("drive_rates", "x u p part qdd", lagging=eq.implicit_drive_rates(eq.qdd))
-                driven = own(x, u, p, part, rates)
-        return ca.Function(name, [*given.values()], [ca.vertcat(ahead, rates, driven)], [*given], [output])
+                drive_rates = self._function("drive_rates", "x u p part qdd", lagging=eq.implicit_drive_rates(eq.qdd))
+                driven = drive_rates(x, u, p, part, rates)
+        return ca.Function(name, [*symbols.values()], [ca.vertcat(ahead, rates, driven)], [*symbols], [output])
 
     @property
     def drive_rates(self) -> ca.Function:
@@ -165,8 +167,8 @@ class Functions(Remade, Summarized):
 
 def function_names(cls: type[Functions]) -> tuple[str, ...]:
     """Names of the functions of a class."""
-    found = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
-    return tuple(n for n, value in found.items() if isinstance(value, cached_property) and not n.startswith("_"))
+    attributes = {name: value for base in reversed(cls.__mro__) for name, value in vars(base).items()}
+    return tuple(n for n, value in attributes.items() if isinstance(value, cached_property) and not n.startswith("_"))
 
 
 def dense(value: Output) -> ca.SX:

@@ -66,7 +66,7 @@ class Shapes:
     @cached_property
     def gram(self) -> Array:
         """Integrals (K, K) of the stiffness times products of shapes."""
-        return integral(lambda s: (own := self.on(s)[:-1])[:, None] * own * self.stiffness(s), self.parts)
+        return integral(lambda s: (shapes := self.on(s)[:-1])[:, None] * shapes * self.stiffness(s), self.parts)
 
     def work(self, moment: Curve) -> Array:
         """Integrals (K,) of a moment times the shapes."""
@@ -79,7 +79,7 @@ class Shapes:
 
         Of powers of the distance from the part's middle, per half its length.
         """
-        total, found = np.zeros(len(self.values) + 1), []
+        total, coefficients = np.zeros(len(self.values) + 1), []
         x = chebyshev.chebpts1(_FIT)
         # The inverse of the table at these nodes is its transpose, but for the first row.
         transform = 2.0 / _FIT * chebyshev.chebvander(x, _FIT - 1).T
@@ -93,8 +93,8 @@ class Shapes:
             powers: Array = np.column_stack([np.pad(c, (0, _FIT + 1 - len(c))) for c in integral]).astype(float)
             powers[0] += total
             total = powers.sum(axis=0)
-            found.append(powers[: np.flatnonzero(np.any(powers, axis=1))[-1] + 1])
-        return found
+            coefficients.append(powers[: np.flatnonzero(np.any(powers, axis=1))[-1] + 1])
+        return coefficients
 
     def angle(self, fraction: Scalar, piece: int) -> list[Scalar]:
         """Integrals of shapes and rest curvature from the start to a fraction of the length on a part [m, rad]."""
@@ -102,15 +102,15 @@ class Shapes:
         # Numbers of the parts are fractions too: what is 0 or 1 stays so.
         v = ((self.start - a) + fraction * length) * (2.0 / (b - a)) - 1.0
         table = self.angles[piece]
-        found: list[Scalar] = []
+        integrals: list[Scalar] = []
         for column in table.T.tolist():
             while len(column) > 1 and column[-1] == 0.0:
                 column = column[:-1]
             value: Scalar = column[-1]
             for c in reversed(column[:-1]):
                 value = value * v + c
-            found.append(value)
-        return found
+            integrals.append(value)
+        return integrals
 
     def rule(self, count: int) -> Collocation:
         """A rule with nodes on each part."""

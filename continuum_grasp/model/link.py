@@ -125,23 +125,23 @@ class ShortenedLink(Link):
 
     @cached_property
     def inertia(self) -> Inertia:
-        own, square = self._link.inertia, self._share * self._share
+        inertia, square = self._link.inertia, self._share * self._share
         return Inertia(
-            mass=own.mass,
-            first=own.first.scaled(self._share),
-            second=square * own.second,
-            arms=tuple(arm.scaled(self._share) for arm in own.arms),
-            swing=tuple(square * swing for swing in own.swing),
-            matrix=tuple(tuple(square * entry for entry in row) for row in own.matrix),
+            mass=inertia.mass,
+            first=inertia.first.scaled(self._share),
+            second=square * inertia.second,
+            arms=tuple(arm.scaled(self._share) for arm in inertia.arms),
+            swing=tuple(square * swing for swing in inertia.swing),
+            matrix=tuple(tuple(square * entry for entry in row) for row in inertia.matrix),
         )
 
     def bias(self, omega: Scalar, rates: Sequence[Scalar]) -> Bias:
-        own, square = self._link.bias(omega, rates), self._share * self._share
+        bias, square = self._link.bias(omega, rates), self._share * self._share
         return Bias(
-            end=own.end.scaled(self._share),
-            force=own.force.scaled(self._share),
-            moment=square * own.moment,
-            generalized=tuple(square * force for force in own.generalized),
+            end=bias.end.scaled(self._share),
+            force=bias.force.scaled(self._share),
+            moment=square * bias.moment,
+            generalized=tuple(square * force for force in bias.generalized),
         )
 
 

@@ -74,8 +74,8 @@ class MomentLinearFamily(Family):
         self._at_nodes = mesh.stiffness(ends)
         self._moments = [moment(ends) for moment in mesh.moments]
         self._left = [k for k, moment in enumerate(mesh.moments) if mesh.known and self._leaves_rest(moment)]
-        found = [self._shapes(k) for k in range(self.elements)]
-        self._elements, self._are_clothoids = [shapes for shapes, _ in found], [uniform for _, uniform in found]
+        elements = [self._shapes(k) for k in range(self.elements)]
+        self._elements, self._are_clothoids = [shapes for shapes, _ in elements], [uniform for _, uniform in elements]
 
     def _leaves_rest(self, moment: Curve) -> bool:
         """Whether a moment is more than its values at the nodes."""
@@ -199,15 +199,15 @@ class MomentLinearFamily(Family):
         return [[scale * (weight * length) for weight in row] for row in ((1 / 3, 1 / 6), (1 / 6, 1 / 3))]
 
     def work(self, element: int, lengths: Sequence[Scalar], moment: Curve | None = None) -> list[Scalar]:
-        found: list[Scalar] = [0.0] * self.size
+        work: list[Scalar] = [0.0] * self.size
         value = 1.0 if moment is None else self.mesh.constant(moment, element)
         if self._are_clothoids[element] and value is not None:
             parts: list[Scalar] = [0.5 * value * lengths[element]] * 2
         else:
             parts = self._elements[element].work(moment or Curve.along(self.mesh.ends[-1], 1.0)).tolist()
         for a, part in zip(self.local(element), parts, strict=True):
-            found[a] = part
-        return found
+            work[a] = part
+        return work
 
     def shapes_at(self, element: int, s: Array) -> Array:
         return self._elements[element].on(s)

@@ -124,17 +124,17 @@ class Parameters:
 
 def places_of(finger: Finger, keys: str) -> list[str]:
     """Paths in a finger of the keys of a `Number`."""
-    found = list[str]()
+    paths = list[str]()
     for key in keys.split():
         owner, every, rest = key.partition("*")
-        found += [f"{place}{rest}" for place in finger.places_of(owner)] if every else [key]
-    return found
+        paths += [f"{place}{rest}" for place in finger.places_of(owner)] if every else [key]
+    return paths
 
 
 def numbers_of(finger: Finger) -> dict[str, Number]:
     """Numbers of a finger that may be run-time arguments, by name."""
     rod, profile, tendons = finger.rod, finger.profile, finger.tendon_list
-    given = {
+    known = {
         "linear_density": 1.0 if profile.graded else rod.mass_per_length,
         "bending_stiffness": 1.0 if profile.graded else float(profile.bending_stiffness(0.0)),
         "rotary_inertia": 1.0 if profile.graded else rod.inertia_per_length,
@@ -142,16 +142,16 @@ def numbers_of(finger: Finger) -> dict[str, Number]:
         "tip_mass": sum(mass.mass for mass in finger.masses if at_tip(mass.at, rod.length)),
         **({} if all(tendon.friction for tendon in tendons) else {"tendon_presliding": None}),
     }
-    found = numbers_of_laws(finger)
+    numbers = numbers_of_laws(finger)
     for name, (unit, key, least) in _KNOWN.items():
         keys = key.replace("*.time", "*.drive.time", 1) if finger.winches else key
         # One value of all; none where they differ.
         values = {reduce(child, undotted(place), finger) for place in places_of(finger, keys)}
-        found[name] = Number(unit, given.get(name, values.pop() if len(values) == 1 else None), keys, least)
+        numbers[name] = Number(unit, known.get(name, values.pop() if len(values) == 1 else None), keys, least)
     for k, mass in enumerate(finger.masses):
         if not at_tip(mass.at, rod.length):
-            found[f"mass_{k}"] = Number("kg", mass.mass, f"masses[{k}].mass", 0.0)
-    return found
+            numbers[f"mass_{k}"] = Number("kg", mass.mass, f"masses[{k}].mass", 0.0)
+    return numbers
 
 
 def nominal_values(finger: Finger, gravity: tuple[float, float], lengths: Sequence[float]) -> dict[str, list[float]]:

@@ -97,12 +97,12 @@ def graded_collocation(
 
     def running(points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Running integrals (size * points, m) at points on each piece."""
-        found = np.zeros((size, len(points), size, count))
+        integrals = np.zeros((size, len(points), size, count))
         inside = np.polynomial.legendre.legvander(points, count) @ coefficients
         for k, (a, b) in enumerate(pieces):
-            found[k, :, k] = (b - a) * inside
-            found[k + 1 :, :, k] = (b - a) * 0.5 * w
-        return found.reshape(size * len(points), m)
+            integrals[k, :, k] = (b - a) * inside
+            integrals[k + 1 :, :, k] = (b - a) * 0.5 * w
+        return integrals.reshape(size * len(points), m)
 
     nodes, widths = at(x), np.array([b - a for a, b in pieces])
     weights = np.kron(widths, 0.5 * w)

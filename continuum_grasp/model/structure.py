@@ -143,10 +143,10 @@ class Structure:
 
     def check_initial(self, initial: Initial) -> None:
         """Raise InputError where coordinates or rates at time zero are not as many as the model has."""
-        for name, given in (("q", initial.q), ("qd", initial.qd)):
-            if given is not None and len(given) != self.n:
+        for name, entries in (("q", initial.q), ("qd", initial.qd)):
+            if entries is not None and len(entries) != self.n:
                 raise InputError(
-                    f"{name} has {len(given)} entries, the {self.family_name} model has {self.n}: "
+                    f"{name} has {len(entries)} entries, the {self.family_name} model has {self.n}: "
                     f"{', '.join(self.q_names)}",
                     key=f"initial.{name}",
                 )
@@ -203,12 +203,12 @@ class Structure:
     @property
     def lagging(self) -> list[tuple[Source, int]]:
         """Sources with a lag, and where in x what lags is."""
-        found, place = [], 2 * self.n
+        lagging, place = [], 2 * self.n
         for source in self.sources:
             if source.lags:
-                found.append((source, place))
+                lagging.append((source, place))
                 place += source.lags
-        return found
+        return lagging
 
     @property
     def drive_states(self) -> int:
@@ -227,12 +227,12 @@ class Structure:
     def masses(self) -> list[tuple[str, Place]]:
         """Names and places of the point masses that the model has."""
         runtime, value = self.parameters.is_runtime, self.parameters.__getitem__
-        found = [("tip_mass", self.tip)] if runtime("tip_mass") or value("tip_mass") != 0.0 else []
+        masses = [("tip_mass", self.tip)] if runtime("tip_mass") or value("tip_mass") != 0.0 else []
         for k, mass in enumerate(self.finger.masses):
             name = f"mass_{k}"
             if not self.on_tip(mass.at) and (runtime(name) or mass.mass > 0.0):
-                found.append((name, place_at(mass.at, self.lengths)))
-        return found
+                masses.append((name, place_at(mass.at, self.lengths)))
+        return masses
 
     def _default_family(self, scene: Scene | None, input_rates: bool | None) -> str:
         # Matched clothoids are 24 to 3,000 times as accurate as arcs with as many unknowns. A bare finger leaves open
@@ -247,13 +247,13 @@ class Structure:
         return any(isinstance(load.moment, Samples) for load in couples)
 
     def _input_varies(self, scene: Scene | None) -> bool:
-        given = () if scene is None or scene.actuation is None else scene.actuation.values
-        return self._tip_couple_varies() or any(isinstance(value, Samples) for value in given)
+        commands = () if scene is None or scene.actuation is None else scene.actuation.values
+        return self._tip_couple_varies() or any(isinstance(value, Samples) for value in commands)
 
     def _input_layout(self, input_rates: bool | None, varies: bool) -> InputLayout:
         self.finger.check_family("family", self.family_name, self._runtime_at_tip)
-        for one in _RATES:
-            one.check(self, of={"input_rates": bool(input_rates)})
+        for feature in _RATES:
+            feature.check(self, of={"input_rates": bool(input_rates)})
         if input_rates is None:
             input_rates = self.matched and varies and not self.lagged
         names, tip = [], count(1)
@@ -270,28 +270,32 @@ class Structure:
         """Sources of bending moments, one per shape."""
         length, whole, drives = self.length, Curve.along(self.length, 1.0), len(self.inputs.drives)
         wound = bool(self.finger.winches)
-        own = self.has_tendon_friction or wound
-        found = []
-        for k, one in enumerate(self.channels):
-            arms = (*one.arms, *[0.0] * (drives - len(one.arms)))
-            lag = one.time_constant, one.order
-            found.append(Source(one.shape, one.to, arms, *lag, tendon=k if own else None, wound=wound))
-        for _, _, one, _ in self.finger.pulls[len(self.finger.tendon_list) :]:
+        separate = self.has_tendon_friction or wound
+        sources = []
+        for k, channel in enumerate(self.channels):
+            arms = (*channel.arms, *[0.0] * (drives - len(channel.arms)))
+            lag = channel.time_constant, channel.order
+            sources.append(Source(channel.shape, channel.to, arms, *lag, tendon=k if separate else None, wound=wound))
+        for _, _, channel, _ in self.finger.pulls[len(self.finger.tendon_list) :]:
             # Of the input, whose last entries are chambers: drives may be fewer than tendons.
-            arms = ((0.0,) * drives + one.arms)[-drives:]
-            found.append(Source(one.shape, one.to, arms, one.time_constant, one.order, one.gain, chamber=True))
-        if not found:
-            found = [Source(whole, length, (1.0,))]
+            arms = ((0.0,) * drives + channel.arms)[-drives:]
+            sources.append(
+                Source(
+                    channel.shape, channel.to, arms, channel.time_constant, channel.order, channel.gain, chamber=True
+                )
+            )
+        if not sources:
+            sources = [Source(whole, length, (1.0,))]
         couples = [load for load in self.loads if self._is_input(load)]
         for k, load in enumerate(couples):
             shape = whole if self.on_tip(load.at) else Curve((0.0, load.at, self.length), ((1.0,), (0.0,)))
-            for at, source in enumerate(found):
+            for at, source in enumerate(sources):
                 if source.shape == shape:
-                    found[at] = replace(source, couples=(*source.couples, k))
+                    sources[at] = replace(source, couples=(*source.couples, k))
                     break
             else:
-                found.append(Source(shape, length, (0.0,) * drives, couples=(k,)))
-        return tuple(found)
+                sources.append(Source(shape, length, (0.0,) * drives, couples=(k,)))
+        return tuple(sources)
 
     @property
     def motors(self) -> tuple[Motor, ...]:
@@ -345,11 +349,11 @@ class Structure:
                 "with friction_states",
                 key="initial.reached_by",
             )
-        given = initial.friction_states
-        if given is not None and len(given) != self.friction_states:
+        states = initial.friction_states
+        if states is not None and len(states) != self.friction_states:
             raise InputError(
                 f"expected {self.friction_states} entries, one per friction cell "
-                f"({', '.join(self.friction_names)}), got {len(given)}",
+                f"({', '.join(self.friction_names)}), got {len(states)}",
                 key="initial.friction_states",
             )
 
@@ -403,14 +407,14 @@ class Structure:
                 self.w_names.append(f"load_{k + 1}_moment [N m]")
 
     def _lag_names(self) -> list[str]:
-        found = list[str]()
+        names = list[str]()
         for k, source in enumerate(self.sources):
             name, unit = "tip_moment" if len(self.lagging) == 1 else f"moment_{k + 1}", "N m"
             if source.lags and (source.tendon is not None or source.chamber):
                 # A tension or a pressure of its own: that of an input.
                 _, name, unit, *_ = self.inputs.drives[np.flatnonzero(source.arms)[0]]
-            found += lag_names(name, unit, source.lags)
-        return found
+            names += lag_names(name, unit, source.lags)
+        return names
 
 
 def tip_moment_jumps(scene: Scene) -> bool:

@@ -94,7 +94,7 @@ class Kernels:
     @property
     def functions(self) -> tuple[ca.Function, ...]:
         """All of them."""
-        return tuple(found for found in vars(self).values() if isinstance(found, ca.Function))
+        return tuple(function for function in vars(self).values() if isinstance(function, ca.Function))
 
     @cached_property
     def instructions(self) -> int:
@@ -151,12 +151,12 @@ class Builder:
                 driven = [*np.vstack([family.nodal, family.known[:1]])[list(local)].ravel()]
             bends = [family.work(k, made.lengths)[a] for a in local]
             mass = float(self._par[masses[k]]) if k in masses else 0.0
-            ports = [value for own in self._ports for value in own[k].ravel()]
+            ports = [value for port in self._ports for value in port[k].ravel()]
             rows.append([*self._pattern.rows[k], *lower, *driven, *bends, mass, *ports])
         numbers = np.array(rows, dtype=float)
         varies = np.ptp(numbers, axis=0) > _SAME * np.abs(numbers).max(axis=0)
         symbol, at = ca.SX.sym("row", int(varies.sum())), np.cumsum(varies) - 1
-        entries = [symbol[int(at[j])] if one else ca.SX(float(numbers[0, j])) for j, one in enumerate(varies)]
+        entries = [symbol[int(at[j])] if varied else ca.SX(float(numbers[0, j])) for j, varied in enumerate(varies)]
         self.row = symbol
         return ca.vertcat(*entries), numbers[:, varies]
 
@@ -216,10 +216,10 @@ class Builder:
         first = body.center.scaled(body.mass)
         second = body.rotary_inertia + first.dot(body.center)
         total = mass + body.mass
-        own: list[list[Scalar]] = [[total], [0.0, total], [first.x, first.y, second]]
-        own += [[0.0, 0.0, 0.0, 0.0] for _ in range(self._shared)]
+        rows: list[list[Scalar]] = [[total], [0.0, total], [first.x, first.y, second]]
+        rows += [[0.0, 0.0, 0.0, 0.0] for _ in range(self._shared)]
         pull = first.scaled(spin[0] * spin[0])
-        end = [entry for row in own for entry in row] + [pull.y, -1.0 * pull.x, *[0.0] * (size - 2)]
+        end = [entry for row in rows for entry in row] + [pull.y, -1.0 * pull.x, *[0.0] * (size - 2)]
         if self._made.matched:
             end += [0.0, eq.known_accelerations[0]]
         return self._function("tip", {"spin": spin, "lag": eq.lag, "u": eq.u, "p": eq.p}, {"end": end})
@@ -273,28 +273,28 @@ class Builder:
         stiffness, per_arc, damping = par["bending_stiffness"], par["per_arc_damping"], self.equations.viscosity
         # What the input bends is subtracted from the coordinates where it is known.
         above = q - ca.mtimes(driven, drive) if self._made.matched else q
-        own = column(list(bias.generalized)) - ca.mtimes(block, stiffness * above + damping * qd)
-        own -= bends * (per_arc * ca.dot(bends, qd))
+        forces = column(list(bias.generalized)) - ca.mtimes(block, stiffness * above + damping * qd)
+        forces -= bends * (per_arc * ca.dot(bends, qd))
         if not self._made.matched:
-            own += ca.mtimes(driven, drive)
+            forces += ca.mtimes(driven, drive)
         # Of laws a moment per port, and its slope by the rates, which a step is implicit in.
         steep, rest = ca.SX(size, size), par["rest_curvature"] if par.is_runtime("rest_curvature") else None
         for law, numbers in self._at_ports:
             measure, shapes, (at_rest, *others) = numbers[0], numbers[1 : 1 + size], ca.vertsplit(numbers[1 + size :])
             bend = Bend(ca.dot(shapes, q), at_rest if rest is None else rest, ca.dot(shapes, qd), others)
-            own -= shapes * (measure * law.moment(bend))
+            forces -= shapes * (measure * law.moment(bend))
             steep += measure * law.damping(bend) * ca.mtimes(shapes, shapes.T)
         slowed = ca.SX(size, size)
         if self.implicit:
             slowed = part * (damping * block + per_arc * ca.mtimes(bends, bends.T))
             slowed += part * steep + part**2 * ((stiffness + self.equations.held_stiffness) * block)
-            own -= part * stiffness * ca.mtimes(block, r)
+            forces -= part * stiffness * ca.mtimes(block, r)
         spots = [end.rotation.c, end.rotation.s, *_flat([end.position, *end.arms, bias.end.perp()])]
         # What `_inward` reads: the link's own inertia, lower triangle by rows less that of its mass, then forces.
         body = [*_flat([inertia.first]), inertia.second]
         for k, (arm, swing, row) in enumerate(zip(inertia.arms, inertia.swing, inertia.matrix, strict=True)):
             body += [arm.x, arm.y, swing, *(m + slowed[k, j] for j, m in enumerate(row[: k + 1]))]
-        body += [bias.force.y, -1.0 * bias.force.x, bias.moment, *ca.vertsplit(own)]
+        body += [bias.force.y, -1.0 * bias.force.x, bias.moment, *ca.vertsplit(forces)]
         return self._function(
             "outward",
             {
@@ -339,8 +339,8 @@ class Builder:
         )
         beyond = _mirrored(turn @ beyond @ turn.T)
         felt = turn @ end[packed : packed + state] - beyond @ beta
-        own = ca.vertcat(inertia.mass, 0.0, inertia.mass, body[:-total])
-        matrix = ca.densify(to_end @ beyond @ to_end.T) + _symmetric(own, total)
+        carried = ca.vertcat(inertia.mass, 0.0, inertia.mass, body[:-total])
+        matrix = ca.densify(to_end @ beyond @ to_end.T) + _symmetric(carried, total)
         right = to_end @ felt + body[-total:] + (force if force.numel() else 0.0)
         gains: list[ca.SX] = []
         for b in range(total - 1, state - 1, -1):
@@ -393,16 +393,16 @@ class Builder:
         size, state = self._local, SECTION + self._shared
         start, shape = ca.SX.sym("start", state), ca.SX.sym("shape", 4 + 2 * size + 2)
         gain = ca.SX.sym("gain", sum(b + 1 for b in range(state, SECTION + size)))
-        found, at = ca.vertsplit(start), 0
+        rates, at = ca.vertsplit(start), 0
         for b in range(state, SECTION + size):
-            found.append(gain[at + b] - ca.dot(gain[at : at + b], ca.vertcat(*found)))
+            rates.append(gain[at + b] - ca.dot(gain[at : at + b], ca.vertcat(*rates)))
             at += b + 1
         turn, to_end, beta = self._along(shape)
-        following = turn.T @ (to_end.T @ ca.vertcat(*found) + beta)
+        following = turn.T @ (to_end.T @ ca.vertcat(*rates) + beta)
         return self._function(
             "onward",
             {"start": start, "shape": shape, "gain": gain, "row": self.row},
-            {"following": ca.vertsplit(following), "rates": found[state:]},
+            {"following": ca.vertsplit(following), "rates": rates[state:]},
         )
 
 
@@ -481,9 +481,9 @@ def sweep_function(builder: Builder) -> ca.Function:
     force = ca.MX(made.inward.size1_in("force"), count)
     if made.loaded:
         turns = from_base(ca.DM([1.0, 0.0]), made.turn, shape)
-        found = made.loads(ca.vec(turns[:, list(made.loaded)]), x, u, w, p)
+        loads = made.loads(ca.vec(turns[:, list(made.loaded)]), x, u, w, p)
         columns: list[ca.MX] = [ca.MX.zeros(force.shape[0])] * count
-        for link, load in zip(made.loaded, ca.horzsplit(ca.reshape(found, force.shape[0], -1)), strict=True):
+        for link, load in zip(made.loaded, ca.horzsplit(ca.reshape(loads, force.shape[0], -1)), strict=True):
             columns[link] = columns[link] + load
         force = ca.horzcat(*columns)
     back = list(range(count - 1, -1, -1))

@@ -152,8 +152,8 @@ class System(Functions):
             if name not in known or name in names[:k]:
                 raise InputError(f"expected each of {', '.join(known)} once at most, got {name!r:.60}", key=key)
             kind = CONTACT_FRICTION if name.startswith(CONTACT_FRICTION) else name
-            for one in _OF_OBJECTS:
-                one.check(around, of={f"object_parameters={kind}": key})
+            for feature in _OF_OBJECTS:
+                feature.check(around, of={f"object_parameters={kind}": key})
         return tuple(names)
 
     @property
@@ -205,8 +205,8 @@ class System(Functions):
         x = [*bends, *rates, *self.finger_model.drives_at(bends, inputs, cells, pulled=pulled), *cells]
         start = self._equations.contacts.start
         if pose is not None:
-            given = np.asarray(pose, dtype=float).ravel()
-            start = _vector("pose", np.append(given, start[given.size :]), len(start))
+            coordinates = np.asarray(pose, dtype=float).ravel()
+            start = _vector("pose", np.append(coordinates, start[coordinates.size :]), len(start))
         return [*x, *start, *[0.0] * (self.nx - len(x) - len(start))]
 
     @cached_property
@@ -229,8 +229,8 @@ class System(Functions):
         their share of an element. The tangent of a section is (-sin, cos) of its angle.
         """
         eq, lengths = self._equations, self.finger_model.lengths
-        found = [eq.section_at(place_at(at, lengths)) for at in stations]
-        r, angles = columns(at for at, _ in found), [angle for _, angle in found]
+        sections = [eq.section_at(place_at(at, lengths)) for at in stations]
+        r, angles = columns(at for at, _ in sections), [angle for _, angle in sections]
         return self._function("sections", "x u p", r=r, angle=angles)
 
     def section_velocities(self, stations: Sequence[float]) -> ca.Function:
@@ -239,8 +239,8 @@ class System(Functions):
         Stations are those of ``sections``. Of a matched tip without rates of its input, the moment is constant.
         """
         eq, lengths = self._equations, self.finger_model.lengths
-        found = [eq.section_velocity(place_at(at, lengths)) for at in stations]
-        v, spin = columns(velocity for velocity, _ in found), [spin for _, spin in found]
+        velocities = [eq.section_velocity(place_at(at, lengths)) for at in stations]
+        v, spin = columns(velocity for velocity, _ in velocities), [spin for _, spin in velocities]
         return self._function("section_velocities", "x u p", v=v, spin=spin)
 
     touch = named(

@@ -36,10 +36,10 @@ class Directions:
     def _rotations(self) -> list[Rotation]:
         """Rotations of the nodes."""
         # Products of two turns first: half the depth, so the processor can work on them side by side.
-        found = [self._turns[0], self._doubled[0]]
+        rotations = [self._turns[0], self._doubled[0]]
         for k in range(2, self._count):
-            found.append(found[k - 2] @ self._doubled[k - 1])
-        return found
+            rotations.append(rotations[k - 2] @ self._doubled[k - 1])
+        return rotations
 
     @cached_property
     def tangents(self) -> list[Vec]:
@@ -54,13 +54,13 @@ class Directions:
     @cached_property
     def between(self) -> list[Rotation]:
         """Turns between pairs of nodes, in the order of ``itertools.combinations``."""
-        found: dict[tuple[int, int], Rotation] = {}
+        turns: dict[tuple[int, int], Rotation] = {}
         for j, k in itertools.combinations(range(self._count), 2):
             if k - j <= 2:
-                found[j, k] = self._turns[k] if k == j + 1 else self._doubled[j + 1]
+                turns[j, k] = self._turns[k] if k == j + 1 else self._doubled[j + 1]
             else:
-                found[j, k] = found[j, k - 2] @ self._doubled[k - 1]
-        return list(found.values())
+                turns[j, k] = turns[j, k - 2] @ self._doubled[k - 1]
+        return list(turns.values())
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class LinkTable:
         its kinetic energy and of its first moment, ``rotary`` (1 + L, 1 + L) [kg m2] the rotary inertia.
         """
         shape, pairs = places[:, 1:-1], list(itertools.combinations(range(len(weights)), 2))
-        one = np.ones(len(weights))
+        ones = np.ones(len(weights))
 
         def form(f: Array, g: Array) -> Array:
             # cos is even: each pair once, with the weights of both orders.
@@ -113,8 +113,8 @@ class LinkTable:
             mass=np.array([mass]),
             first=mean,
             first_arms=shape * mean,
-            second=form(one, one),
-            swing=np.array([form(one, f) for f in shape]),
+            second=form(ones, ones),
+            swing=np.array([form(ones, f) for f in shape]),
             matrix=np.array([form(shape[a], shape[b]) for a, b in lower]),
             sines=np.array([kernel[pair] for pair in pairs]),
             rotary=np.array([*rotary[0], *[rotary[1 + a, 1 + b] for a, b in lower]]),

@@ -97,9 +97,11 @@ class TendonForces:
         """Factor times what integrals along cells give together of a curvature, and of that at rest."""
         weights: dict[int, Scalar] = {}
         total: Scalar = 0.0
-        for cell, (*own, bent) in rows:
+        for cell, (*integrals, bent) in rows:
             total += factor * self._rest(cell, bent) if rest else 0.0
-            for a, w, k in zip(self._made.family.local(cell.element), own, self._scale(cell.element), strict=True):
+            for a, w, k in zip(
+                self._made.family.local(cell.element), integrals, self._scale(cell.element), strict=True
+            ):
                 # Neighbors share coordinates: one product for all cells.
                 weights[a] = weights.get(a, 0.0) + factor * w * k
         return sum((w * values[a] for a, w in weights.items() if not is_zero(w)), total)
@@ -124,14 +126,14 @@ class TendonForces:
                 (cell, [each - late for each, late in zip(cell.work, cell.late, strict=True)]),
                 (cell, cell.late),
             ]
-        found: list[Scalar] = []
+        slidings: list[Scalar] = []
         slid: Scalar = 0.0
         # One step per cell: the halves on both sides of a boundary at once.
         for k in range(len(cells.cells), -1, -1):
             change = self._bent(halves[max(2 * k - 1, 0) : 2 * k + 1], values, per_path, rest=rest)
             slid = slid + (change + sum(grown[max(k - 1, 0) : k + 1]))
-            found.append(slid)
-        return found[::-1] if cells.conduit_bend else found[-2::-1]
+            slidings.append(slid)
+        return slidings[::-1] if cells.conduit_bend else slidings[-2::-1]
 
     # -- friction -------------------------------------------------------------------------------------------------
 
@@ -149,7 +151,7 @@ class TendonForces:
     @cached_property
     def shares(self) -> list[Shares]:
         """Shares of the tensions at the drives, per set."""
-        found = []
+        per_set = []
         for cells, mu, ways in zip(self._sets, self._friction, self.directions, strict=True):
             # Half of a coefficient that is a number goes into the weights of the bend.
             scale, factor = (0.5 * mu, 1.0) if isinstance(mu, float) else (0.5, mu)
@@ -158,19 +160,19 @@ class TendonForces:
                 inside = zip(ways[-len(cells.cells) :], self._bends(cells, scale), strict=True)
                 halves = [factor * (way * bend) for way, bend in inside]
             conduit = ways[0] * (cells.conduit_bend * mu) if cells.conduit_bend else None
-            found.append(shares(halves, conduit, cells.sides))
-        return found
+            per_set.append(shares(halves, conduit, cells.sides))
+        return per_set
 
     # -- winches --------------------------------------------------------------------------------------------------
 
     def _drawn(self, values: Sequence[Scalar], *, rest: bool) -> list[Scalar]:
         """Length of each tendon that a curvature draws in [m]; both of a pair differ in sign alone."""
-        found: dict[int, Scalar] = {}
+        drawn: dict[int, Scalar] = {}
         for cells in self._sets:
             bent = self._bent([(cell, cell.work) for cell in cells.cells], values, 1.0, rest=rest)
             path = self._arm_size(cells) * bent
-            found |= {k: path if side > 0.0 else -path for k, side in zip(cells.tendons, cells.sides, strict=True)}
-        return [found[tendon] for tendon in sorted(found)]
+            drawn |= {k: path if side > 0.0 else -path for k, side in zip(cells.tendons, cells.sides, strict=True)}
+        return [drawn[tendon] for tendon in sorted(drawn)]
 
     @cached_property
     def _paths(self) -> list[Scalar]:
@@ -195,11 +197,11 @@ class TendonForces:
     @cached_property
     def _wound_rates(self) -> list[Scalar]:
         """Rate of the cable wound up, per tendon [m/s]."""
-        found: list[Scalar] = []
+        rates: list[Scalar] = []
         for held, drum, cables in zip(self.held, self.drums, self._cables, strict=True):
             rate = held.winch.drum_rate(held.states, drum, cables, held.winch.of_its(self._path_rates))
-            found += held.winch.wound_rates(rate)
-        return found
+            rates += held.winch.wound_rates(rate)
+        return rates
 
     @cached_property
     def _slacks(self) -> list[list[Scalar]]:
@@ -208,54 +210,54 @@ class TendonForces:
 
     def _lengths_of(self, cells: CellSet) -> tuple[float, list[Scalar]]:
         """Length of the first cell [m], and those of all as its multiples."""
-        lengths, found = [float(cell.length) for cell in cells.cells], list[Scalar]()
+        lengths, multiples = [float(cell.length) for cell in cells.cells], list[Scalar]()
         unit = lengths[0]
         for cell, length in zip(cells.cells, lengths, strict=True):
             share: Scalar = length / unit if abs(length - unit) > 1e-12 * unit else 1.0
             if self._par.is_runtime("element_lengths"):
                 share *= self._lengths[cell.element] / self._made.lengths[cell.element]
-            found.append(share)
-        return unit, found
+            multiples.append(share)
+        return unit, multiples
 
     @cached_property
     def compliances(self) -> list[Scalar]:
         """Elongation of each tendon per tension at its drive [m/N]."""
         tendons = self._made.finger.tendon_list
-        found: list[Scalar] = [0.0 for _ in tendons]
+        compliances: list[Scalar] = [0.0 for _ in tendons]
         for cells, passed in zip(self._sets, self.shares, strict=True):
             unit, lengths = self._lengths_of(cells)
             for tendon, means in zip(cells.tendons, passed.mean, strict=True):
                 axial, series = stiffnesses(tendons[tendon], self._par)
                 passing = sum(a * b for a, b in zip(lengths, means, strict=True))
-                found[tendon] = (unit / axial) * passing + 1.0 / series
-        return found
+                compliances[tendon] = (unit / axial) * passing + 1.0 / series
+        return compliances
 
     @cached_property
     def tensions(self) -> Sequence[Scalar]:
         """Tension of each tendon at its drive [N]."""
-        found = list(self._given)
+        tensions = list(self._given)
         for k, held in enumerate(self.held):
-            found += held.tensions or self._cables[k].tensions(self._slacks[k])
-        return found
+            tensions += held.tensions or self._cables[k].tensions(self._slacks[k])
+        return tensions
 
     @property
     def drive_rates(self) -> list[Scalar]:
         """Rates of the states of the winches."""
-        found: list[Scalar] = []
+        rates: list[Scalar] = []
         for held in self.held:
             if held.command is not None:
-                found += held.winch.rates(held.states, held.command, held.winch.of_its(self.tensions))
-        return found
+                rates += held.winch.rates(held.states, held.command, held.winch.of_its(self.tensions))
+        return rates
 
     @property
     def motors(self) -> list[tuple[Scalar, Scalar, Scalar, Scalar]]:
         """Angle, rate, torque without dry friction [N m] and inertia [kg m2] of each motor."""
-        found = []
+        motors = []
         for held in self.held:
             if isinstance(held.winch, Motor) and held.command is not None:
                 torque = held.winch.balance(held.states, held.command, held.winch.of_its(self.tensions))
-                found.append((held.states[0], held.states[1], torque, held.winch.inertia))
-        return found
+                motors.append((held.states[0], held.states[1], torque, held.winch.inertia))
+        return motors
 
     @property
     def kinetic_energy(self) -> Scalar:
@@ -265,26 +267,26 @@ class TendonForces:
     @property
     def drives_at_rest(self) -> list[Scalar]:
         """States of the winches where they are held at rest."""
-        found: list[Scalar] = []
+        states: list[Scalar] = []
         for held, drum in zip(self.held, self.drums, strict=True):
-            found += held.winch.at(drum, held.winch.of_its(self.tensions), held.command)
-        return found
+            states += held.winch.at(drum, held.winch.of_its(self.tensions), held.command)
+        return states
 
     @cached_property
     def along(self) -> list[list[Scalar]]:
         """Per tendon its tension [N] in the middle of its friction cells, or the one that it has all along."""
-        found: list[list[Scalar]] = [[tension] for tension in self.tensions]
+        tensions: list[list[Scalar]] = [[tension] for tension in self.tensions]
         for cells, passed in zip(self._sets, self.shares, strict=True):
             for tendon, middle in zip(cells.tendons, passed.middle if cells.states else (), strict=False):
-                found[tendon] = [self.tensions[tendon] * share for share in middle]
-        return found
+                tensions[tendon] = [self.tensions[tendon] * share for share in middle]
+        return tensions
 
     @property
     def stored_energy(self) -> Scalar:
         """Energy of elongated tendons and gears [J], exactly where tendons have no friction."""
         if not self.held:
             return 0.0
-        slacks = [slack for own in self._slacks for slack in own]
+        slacks = [slack for tendon_slacks in self._slacks for slack in tendon_slacks]
         gears = [held.winch.gear_energy(held.states, drum) for held, drum in zip(self.held, self.drums, strict=True)]
         return sum((soft_integral(y) / c for y, c in zip(slacks, self.compliances, strict=True)), sum(gears, 0.0))
 
@@ -306,15 +308,15 @@ class TendonForces:
         weight = (0.5 * unit / self._presliding(cells)) / (
             sum(self.tensions[tendon] for tendon in cells.tendons) + _LITTLE
         )
-        found: list[Scalar] = [0.0] * len(cells.cells)
+        rates: list[Scalar] = [0.0] * len(cells.cells)
         for tendon, side, tensions in zip(cells.tendons, cells.sides, pulled, strict=True):
             axial, _ = stiffnesses(self._made.finger.tendon_list[tendon], self._par)
             moving = self._wound_rates[tendon] - self._path_rates[tendon]
             # Of the tension at the base, per itself and second.
             rate = ((1.0 / axial) * weight) * (moving / self.compliances[tendon])
             for k, tension in enumerate(tensions):
-                found[k] = found[k] + rate * tension if side > 0.0 else found[k] - rate * tension
-        return [grown * length for grown, length in zip(found, lengths, strict=True)]
+                rates[k] = rates[k] + rate * tension if side > 0.0 else rates[k] - rate * tension
+        return [grown * length for grown, length in zip(rates, lengths, strict=True)]
 
     @cached_property
     def state_rates(self) -> list[Scalar]:
@@ -342,8 +344,8 @@ class TendonForces:
                 mean = sum(side * part for side, part in zip(cells.sides, parts, strict=True))
                 lean = half * sum(parts)
                 forces, scale = total[cell.element], self._scale(cell.element)
-                for i, (own, first) in enumerate(zip(cell.work, cell.lean, strict=False)):
-                    forces[i] += (size * own * scale[i]) * mean
+                for i, (work, first) in enumerate(zip(cell.work, cell.lean, strict=False)):
+                    forces[i] += (size * work * scale[i]) * mean
                     if not is_zero(first):
                         forces[i] += first * scale[i] * ((-2.0 * cell.most * size) * lean)
         return total

@@ -78,28 +78,28 @@ def tendon_sets(
     """
     groups: dict[tuple[Curve, float, object], list[int]] = {}
     for k, (channel, tendon) in enumerate(zip(channels, tendons, strict=True)):
-        own = tendon.friction, tendon.friction_cells, tendon.presliding, tendon.conduit_bend
+        properties = tendon.friction, tendon.friction_cells, tendon.presliding, tendon.conduit_bend
         has_friction = frictional or tendon.friction > 0.0
-        groups.setdefault((channel.shape, abs(channel.arms[k]), own if has_friction else None), []).append(k)
-    found = []
+        groups.setdefault((channel.shape, abs(channel.arms[k]), properties if has_friction else None), []).append(k)
+    sets = []
     for (*_, laws), group in groups.items():
         first, has_friction = tendons[group[0]], laws is not None
         sides = tuple(1.0 if channels[k].arms[k] > 0.0 else -1.0 for k in group)
         cells = _cells(family, channels[group[0]], first.friction_cells if has_friction else 1, unit_rest)
         conduit = first.conduit_bend if has_friction else 0.0
-        found.append(CellSet(tuple(group), sides, first.presliding, conduit, cells, has_friction))
-    return tuple(found)
+        sets.append(CellSet(tuple(group), sides, first.presliding, conduit, cells, has_friction))
+    return tuple(sets)
 
 
 def _cells(family: Family, channel: Channel, count: int, unit_rest: bool) -> tuple[Cell, ...]:
-    mesh, found = family.mesh, list[Cell]()
+    mesh, cells = family.mesh, list[Cell]()
     for element in range(family.elements):
         start, end = mesh.ends[element], min(mesh.ends[element + 1], channel.to)
         if end - start <= 1e-9 * mesh.ends[-1]:
             break
         bounds = pairwise(np.linspace(start, end, count + 1).tolist())
-        found += [_cell(family, channel.shape, element, a, b, unit_rest) for a, b in bounds]
-    return tuple(found)
+        cells += [_cell(family, channel.shape, element, a, b, unit_rest) for a, b in bounds]
+    return tuple(cells)
 
 
 def _cell(family: Family, shape: Curve, element: int, a: float, b: float, unit_rest: bool) -> Cell:
@@ -115,10 +115,10 @@ def _cell(family: Family, shape: Curve, element: int, a: float, b: float, unit_r
     bend, work, lean = early + late
     lean = np.where(np.abs(lean) > 1e-12 * np.abs(work[:-1]).max(), lean, 0.0)[:-1]
     # Of two nodes they often differ by their sign alone: one product serves both.
-    most = max(lean.tolist(), key=abs) or 1.0
-    leaning = [round(each / most, 12) for each in lean.tolist()]
+    greatest_lean = max(lean.tolist(), key=abs) or 1.0
+    leaning = [round(each / greatest_lean, 12) for each in lean.tolist()]
     share = (b - a) / mesh.ends[-1]
-    return Cell(element, share, b - a, bend.tolist(), work.tolist(), leaning, late[1].tolist(), most)
+    return Cell(element, share, b - a, bend.tolist(), work.tolist(), leaning, late[1].tolist(), greatest_lean)
 
 
 def rounded(bend: Scalar, share: Scalar) -> Scalar:
@@ -152,5 +152,5 @@ def shares(halves: Sequence[Scalar], conduit: Scalar | None, sides: Sequence[flo
     middle = [[1.0 / share for share in gained] if side > 0.0 else gained for side in sides]
     # sinh(x / 2) / (x / 2): the mean of the exponential over its value in the middle.
     swell = [1.0 + half * half * (1.0 / 6.0) for half in halves]
-    mean = [[a * b for a, b in zip(swell, own, strict=True)] for own in middle]
+    mean = [[a * b for a, b in zip(swell, row, strict=True)] for row in middle]
     return Shares(list(halves), middle, mean)

@@ -172,13 +172,13 @@ def disc_pair(
     body: Body, law: ContactLaw, disc: Station, friction: float | None = None, share: Scalar | None = None
 ) -> Pair:
     """A disc against the nearest part of the object; of its friction the ``share`` that is used may be given."""
-    found = nearest(body.object.parts, body.local(disc.center))
-    normal = body.turn.apply(found.normal)
+    spot = nearest(body.object.parts, body.local(disc.center))
+    normal = body.turn.apply(spot.normal)
     # The force acts on the disc's surface, where the turning of the disc moves it too.
     lever = normal.scaled(-disc.radius)
     point = disc.center + lever
     other = disc.velocity + lever.perp().scaled(disc.spin)
-    pair = _pair(disc.name, body, law, friction, found.distance - disc.radius, normal, point, other)
+    pair = _pair(disc.name, body, law, friction, spot.distance - disc.radius, normal, point, other)
     return replace(pair, share=share)
 
 

@@ -163,10 +163,10 @@ class LengthServo(Winch):
         return self.drive.time_constant
 
     def rates(self, states: Sequence[Scalar], command: Scalar, tensions: Sequence[Scalar]) -> list[Scalar]:
-        pole, (position, speed), most = 1.0 / self._own("time_constant"), states, self.drive.rate_max
+        pole, (position, speed), greatest_rate = 1.0 / self._own("time_constant"), states, self.drive.rate_max
         wanted = (0.5 * pole) * (command - position)
-        if most is not None:
-            wanted = most * tanh((1.0 / most) * wanted)
+        if greatest_rate is not None:
+            wanted = greatest_rate * tanh((1.0 / greatest_rate) * wanted)
         return [speed, (2.0 * pole) * (wanted - speed)]
 
     def drum_at_rest(self, command: Scalar, cables: Cables) -> Scalar:
@@ -232,8 +232,8 @@ class Motor(Winch):
         return self.drive.winch_radius
 
     def names(self, number: int) -> list[str]:
-        own = [f"motor_angle_{number} [rad]", f"motor_angle_{number}_rate [rad/s]"]
-        return own + [f"motor_friction_{number} [1]"] * (self.drive.presliding_angle is not None)
+        names = [f"motor_angle_{number} [rad]", f"motor_angle_{number}_rate [rad/s]"]
+        return names + [f"motor_friction_{number} [1]"] * (self.drive.presliding_angle is not None)
 
     @property
     def gear(self) -> tuple[float, float] | None:
@@ -287,10 +287,10 @@ class Motor(Winch):
         torque = self.balance(states, command, tensions, slowed)
         if drive.presliding_angle is not None:
             torque -= dry * direction(rest[0])
-        found = [speed, (1.0 / self.inertia) * torque]
+        rates = [speed, (1.0 / self.inertia) * torque]
         if drive.presliding_angle is not None:
-            found.append(IN_MOTION.rate(rest[0], (1.0 / drive.presliding_angle) * speed))
-        return found
+            rates.append(IN_MOTION.rate(rest[0], (1.0 / drive.presliding_angle) * speed))
+        return rates
 
     def holding(
         self, states: Sequence[float], tensions: Sequence[float], friction: float | None = None
@@ -300,18 +300,18 @@ class Motor(Winch):
         ``friction`` is that of the drive where not given.
         """
         drive = self.drive
-        pull, most = float(self._pull(tensions)), drive.torque_max
+        pull, limit = float(self._pull(tensions)), drive.torque_max
         dry = drive.coulomb_friction if friction is None else friction
         least, greatest = pull - dry, pull + dry
         # Without friction a motor that gives all its torque balances all of it: rounding must not be too much.
-        if least > most * (1.0 + _ROUNDING) or greatest < -most * (1.0 + _ROUNDING):
+        if least > limit * (1.0 + _ROUNDING) or greatest < -limit * (1.0 + _ROUNDING):
             return math.nan, math.nan
         if drive.position_gain is None:
-            return max(least, -most), min(greatest, most)
+            return max(least, -limit), min(greatest, limit)
         angle = float(states[0])
         return (
-            angle + least / drive.position_gain if least > -most else -math.inf,
-            angle + greatest / drive.position_gain if greatest < most else math.inf,
+            angle + least / drive.position_gain if least > -limit else -math.inf,
+            angle + greatest / drive.position_gain if greatest < limit else math.inf,
         )
 
     def _pull(self, tensions: Sequence[Scalar]) -> Scalar:
@@ -440,8 +440,8 @@ class Cables:
         # to be.
         edge = ca.fmin(SOFT / self.winch.radius, 0.5 * (high - low))
         none = angle if gain else ca.fmin(ca.fmax(angle, low + edge), high - edge)
-        found = ca.if_else(ca.SX(self._taut[0]) < self._taut[1], both, none)
-        return ca.if_else(found < low, alone[1], ca.if_else(found > high, alone[0], found))
+        balanced = ca.if_else(ca.SX(self._taut[0]) < self._taut[1], both, none)
+        return ca.if_else(balanced < low, alone[1], ca.if_else(balanced > high, alone[0], balanced))
 
     def under(self, torque: Scalar) -> Scalar:
         """Angle at which they balance a torque [N m]; where none pulls, between them, or short of where it begins."""
@@ -503,19 +503,19 @@ def winches_of(
     tendons: Sequence[Tendon], length: float, parameters: Parameters | None = None, slack_stiffness: float = 0.0
 ) -> tuple[Winch, ...]:
     """The drives of tendons on a finger of a length [m]; none where tensions are commanded."""
-    found: list[Winch] = []
+    winches: list[Winch] = []
     for k, tendon in enumerate(tendons):
         drive = tendon.drive
-        if drive is None or (found and drive.arrangement == "one_pulley"):
+        if drive is None or (winches and drive.arrangement == "one_pulley"):
             continue
-        own = (0, 1) if drive.arrangement == "one_pulley" else (k,)
-        given = compliance(tendon, length, parameters)
-        start = _number(drive, "pretension", parameters) * given - _number(drive, "slack", parameters)
+        indices = (0, 1) if drive.arrangement == "one_pulley" else (k,)
+        tendon_compliance = compliance(tendon, length, parameters)
+        start = _number(drive, "pretension", parameters) * tendon_compliance - _number(drive, "slack", parameters)
         if isinstance(drive, MotorDrive):
-            found.append(Motor(drive, own, start, 1.0 / given, parameters, slack_stiffness))
+            winches.append(Motor(drive, indices, start, 1.0 / tendon_compliance, parameters, slack_stiffness))
         else:
-            found.append(LengthServo(drive, own, start, 1.0 / given, parameters, slack_stiffness))
-    return tuple(found)
+            winches.append(LengthServo(drive, indices, start, 1.0 / tendon_compliance, parameters, slack_stiffness))
+    return tuple(winches)
 
 
 def _number(drive: WinchDrive, key: str, parameters: Parameters | None) -> Scalar:
@@ -525,13 +525,13 @@ def _number(drive: WinchDrive, key: str, parameters: Parameters | None) -> Scala
 
 def stiffnesses(tendon: Tendon, parameters: Parameters | None = None) -> tuple[Scalar, Scalar]:
     """Stiffnesses of a tendon whose tension is not commanded: along the finger [N], and in series [N/m]."""
-    found: list[Scalar] = []
+    stiffness_pair: list[Scalar] = []
     for key, stated in (("axial", tendon.axial_stiffness), ("series", tendon.series_stiffness)):
         if stated is None:
             raise TypeError("a tendon whose tension is commanded has no stiffness")
         name = f"tendon_{key}_stiffness"
-        found.append(parameters[name] if parameters and parameters.is_runtime(name) else stated)
-    return found[0], found[1]
+        stiffness_pair.append(parameters[name] if parameters and parameters.is_runtime(name) else stated)
+    return stiffness_pair[0], stiffness_pair[1]
 
 
 def compliance(tendon: Tendon, length: float, parameters: Parameters | None = None) -> Scalar:

@@ -40,7 +40,7 @@ class Method(Solver):
         """See `Solver`."""
         settings, tuning = self.settings, dict(self.settings.tuning.get("ipopt", {}))
         near = tuning.pop("near", _NEAR)
-        own = {
+        options = {
             "print_level": 0,
             "sb": "yes",  # no banner
             "tol": settings.tolerance,
@@ -51,11 +51,11 @@ class Method(Solver):
         }
         if approach.warm:
             # The first barrier parameter counts for the monotone strategy alone.
-            own |= {"warm_start_init_point": "yes", "mu_strategy": "monotone", "mu_init": near}
-            own |= {f"warm_start_{name}": near for name in _PUSHES}
+            options |= {"warm_start_init_point": "yes", "mu_strategy": "monotone", "mu_init": near}
+            options |= {f"warm_start_{name}": near for name in _PUSHES}
         elif approach.barrier is not None:
-            own |= {"mu_strategy": "monotone", "mu_init": approach.barrier}
-            own |= dict.fromkeys(_PUSHES[:4], _CLOSE)
+            options |= {"mu_strategy": "monotone", "mu_init": approach.barrier}
+            options |= dict.fromkeys(_PUSHES[:4], _CLOSE)
         else:
-            own |= _SETS[approach.option_set]
-        return {**{f"ipopt.{name}": value for name, value in own.items()}, **problem.functions}
+            options |= _SETS[approach.option_set]
+        return {**{f"ipopt.{name}": value for name, value in options.items()}, **problem.functions}

@@ -56,12 +56,12 @@ class NLP:
     def functions(self) -> dict[str, ca.Function]:
         """``grad_f``, ``jac_g`` and ``hess_lag``; differentiated once for all solvers of the problem."""
         hessian_inputs = ["x", "p", "lam:f", "lam:g"]
-        found = {
+        factories = {
             "grad_f": ("nlp_grad_f", ["x", "p"], ["f", "grad:f:x"], {}),
             "jac_g": ("nlp_jac_g", ["x", "p"], ["g", "jac:g:x"], {}),
             "hess_lag": ("nlp_hess_l", hessian_inputs, ["triu:hess:gamma:x:x"], {"gamma": ["f", "g"]}),
         }
-        return {key: self.derivatives.get(key) or self.values.factory(*how) for key, how in found.items()}
+        return {key: self.derivatives.get(key) or self.values.factory(*how) for key, how in factories.items()}
 
     @cached_property
     def values(self) -> ca.Function:

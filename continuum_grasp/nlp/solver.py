@@ -115,14 +115,14 @@ class Solver(ABC):
         began = time.perf_counter()
         function, stop = self._function(problem, start.approach)
         stop.begin(start, until)
-        given = {}
+        warm_start = {}
         if start.multipliers is not None:
-            given = {"lam_x0": start.multipliers.bounds, "lam_g0": start.multipliers.constraints}
+            warm_start = {"lam_x0": start.multipliers.bounds, "lam_g0": start.multipliers.constraints}
         bounds = {"lbx": start.low, "ubx": start.high, "lbg": start.lower, "ubg": start.upper}
         with interrupt.held():  # an exception within the callback would be lost in C++
-            found = function(x0=np.clip(start.x, start.low, start.high), p=start.p, **bounds, **given)
+            solution = function(x0=np.clip(start.x, start.low, start.high), p=start.p, **bounds, **warm_start)
         stats = self.statistics(function)
-        x, g, bound_forces, forces = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
+        x, g, bound_forces, forces = (np.array(solution[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
         iterations = int(stats.get("iter_count", stop.calls - 1))
         outcome = stop.outcome or str(stats["return_status"])
         multipliers, violation = Multipliers(bound_forces, forces), start.violation(x, g)
@@ -130,17 +130,17 @@ class Solver(ABC):
         near = violation <= _ACCEPTABLE * self.settings.constraint_tolerance
         error = optimality_error(problem, start, x, multipliers) if near else np.inf
         status = self._status(_STATUS.get(outcome, Status.FAILED), error, violation)
-        seconds, objective = time.perf_counter() - began, float(found["f"])
+        seconds, objective = time.perf_counter() - began, float(solution["f"])
         return Attempt(status, outcome, x, g, objective, multipliers, iterations, seconds, violation, error)
 
     def _status(self, reported: Status, error: float, violation: float) -> Status:
         """The status of a point, which is solved if, and only if, the conditions of optimality say so."""
         # The last step of a solver may fail by rounding, or the budget end, at a solution.
-        tolerance, most = self.settings.tolerance, self.settings.constraint_tolerance
-        if error <= tolerance and violation <= most:
+        tolerance, constraint_tolerance = self.settings.tolerance, self.settings.constraint_tolerance
+        if error <= tolerance and violation <= constraint_tolerance:
             return Status.SOLVED
         if reported in (Status.SOLVED, Status.ACCEPTABLE, Status.FAILED):
-            near = error <= _ACCEPTABLE * tolerance and violation <= _ACCEPTABLE * most
+            near = error <= _ACCEPTABLE * tolerance and violation <= _ACCEPTABLE * constraint_tolerance
             return Status.ACCEPTABLE if near else Status.FAILED
         return reported
 
@@ -243,4 +243,4 @@ class _Stop(ca.Callback):
         elif change < _SAME * last:
             self._idle += 1
         counts = (self._idle, self.start.patience), (self._still, self.start.standstill)
-        return violation > _VIOLATED and any(most is not None and count >= most for count, most in counts)
+        return violation > _VIOLATED and any(limit is not None and count >= limit for count, limit in counts)

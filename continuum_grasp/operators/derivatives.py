@@ -89,14 +89,14 @@ class Point:
     @cached_property
     def forward(self) -> Point:
         """(inputs, tangents) -> tangents of the outputs."""
-        given, tangents, found = derivative(self.function, forward=True)
-        return Point(_function(f"{self.name}_jvp", [*given, *tangents], found), self._core, origin=self)
+        symbols, tangents, results = derivative(self.function, forward=True)
+        return Point(_function(f"{self.name}_jvp", [*symbols, *tangents], results), self._core, origin=self)
 
     @cached_property
     def reverse(self) -> Point:
         """(inputs, cotangents) -> cotangents of the inputs."""
-        given, cotangents, found = derivative(self.function, forward=False)
-        return Point(_function(f"{self.name}_vjp", [*given, *cotangents], found), self._core)
+        symbols, cotangents, results = derivative(self.function, forward=False)
+        return Point(_function(f"{self.name}_vjp", [*symbols, *cotangents], results), self._core)
 
 
 class Recursion:
@@ -121,8 +121,8 @@ class Recursion:
     @cached_property
     def forward(self) -> Recursion:
         """(tangent of the carry, carry, *signals, *their tangents) -> tangents."""
-        given, tangents, found = derivative(self.function, forward=True)
-        made = _function(f"{self.function.name()}_jvp", [tangents[0], *given, *tangents[1:]], found)
+        symbols, tangents, results = derivative(self.function, forward=True)
+        made = _function(f"{self.function.name()}_jvp", [tangents[0], *symbols, *tangents[1:]], results)
         return Recursion(made, self._core, [k + 1 for k in self.like], self.back)
 
     @cached_property
@@ -131,11 +131,11 @@ class Recursion:
 
         Results are the cotangents of the signals; it goes in the other direction.
         """
-        given, cotangents, (carry, *found) = derivative(self.function, forward=False)
-        own = type(carry).sym("own", carry.shape[0])
-        inputs = [cotangents[0], *given, own, *cotangents[1:]]
-        made = _function(f"{self.function.name()}_vjp", inputs, [carry + own, *found])
-        return Recursion(made, self._core, [k + 1 for k in range(len(given) - 1)], not self.back)
+        symbols, cotangents, (carry, *results) = derivative(self.function, forward=False)
+        carry_cotangent = type(carry).sym("own", carry.shape[0])
+        inputs = [cotangents[0], *symbols, carry_cotangent, *cotangents[1:]]
+        made = _function(f"{self.function.name()}_vjp", inputs, [carry + carry_cotangent, *results])
+        return Recursion(made, self._core, [k + 1 for k in range(len(symbols) - 1)], not self.back)
 
 
 class Rollout:
@@ -148,10 +148,10 @@ class Rollout:
     def __call__(self, arrays: Sequence[Array]) -> list[Array]:
         """The carry's trajectory (count, steps + 1, size), then results (count, rows, size)."""
         rows = [arrays[1 + k].shape[1] for k in self.recursion.like]
-        found = self.recursion.scan(self.steps, arrays, rows, self.recursion.back)
+        outputs = self.recursion.scan(self.steps, arrays, rows, self.recursion.back)
         if self._check is not None:
-            self._check([*arrays, found[0]])
-        return found
+            self._check([*arrays, outputs[0]])
+        return outputs
 
     def shapes(self, shapes: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
         """Shapes of the outputs."""
@@ -174,11 +174,11 @@ class Rollout:
 
     def pull(self, residuals: Arrays, cotangents: Arrays) -> tuple[Operator, Arrays, Pick]:
         """Cotangents back."""
-        own, last = self._parts(cotangents[0])
+        per_step, last = self._parts(cotangents[0])
         operator = self.recursion.reverse.over(self.steps)
         first = -1 if self.recursion.back else 0
-        arrays = [last, *residuals, own, *cotangents[1:]]
-        return operator, arrays, lambda found: [found[0][:, first], *found[1:]]
+        arrays = [last, *residuals, per_step, *cotangents[1:]]
+        return operator, arrays, lambda pulled: [pulled[0][:, first], *pulled[1:]]
 
     def split(self, arrays: Arrays) -> tuple[Arrays, Arrays]:
         """Residuals and tangents."""
@@ -192,19 +192,19 @@ def derivative(function: ca.Function, *, forward: bool) -> tuple[list[Any], list
     kind: Any = ca.SX if straight else ca.MX
     ins = [(function.name_in(k), function.size_in(k)) for k in range(function.n_in())]
     outs = [(function.name_out(k), function.size_out(k)) for k in range(function.n_out())]
-    given: list[Any] = [kind.sym(name, *size) for name, size in ins]
+    symbols: list[Any] = [kind.sym(name, *size) for name, size in ins]
     # Straight-line derivatives compute anew what they need of the outputs. Inlined, calls stay those of such functions.
-    values = [kind(*size) for _, size in outs] if straight else function.call(given, True)
+    values = [kind(*size) for _, size in outs] if straight else function.call(symbols, True)
     seeds = [kind.sym(f"d_{name}", size[0] * size[1]) for name, size in (ins if forward else outs)]
     shaped = [ca.reshape(seed, *size) for seed, (_, size) in zip(seeds, ins if forward else outs, strict=True)]
     derived = function.forward(1) if forward else function.reverse(1)
-    found = derived.call([*given, *values, *shaped], True)
-    return given, seeds, [ca.vec(ca.densify(value)) for value in found]
+    results = derived.call([*symbols, *values, *shaped], True)
+    return symbols, seeds, [ca.vec(ca.densify(value)) for value in results]
 
 
-def _function(name: str, given: list[Any], found: list[Any]) -> ca.Function:
-    straight = all(isinstance(value, ca.SX) for value in found)
-    return ca.Function(name, given, ca.cse(found) if straight else found)
+def _function(name: str, symbols: list[Any], results: list[Any]) -> ca.Function:
+    straight = all(isinstance(value, ca.SX) for value in results)
+    return ca.Function(name, symbols, ca.cse(results) if straight else results)
 
 
 METHODS = tuple(dict.fromkeys((*SIMULATION_METHODS, *CONTROL_METHODS)))
@@ -223,11 +223,11 @@ def held_step(model: Any, method: str) -> ca.Function:
     symbols = {name: ca.MX.sym(name, size) for name, size in sizes.items()}
     (x, u, w, p), h = symbols.values(), ca.MX.sym("h")
     if method in CONTROL_METHODS and dynamics.is_a("SXFunction"):
-        given = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
-        rate = dynamics(*given.values())
+        inputs = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+        rate = dynamics(*inputs.values())
         # The explicit method needs no Jacobian.
-        by = ca.SX(model.nx, model.nx) if method == "rk4" else ca.jacobian(rate, given["x"])
-        slope = straight_function("slope", given, {"rate": rate, "jacobian": by})
+        by = ca.SX(model.nx, model.nx) if method == "rk4" else ca.jacobian(rate, inputs["x"])
+        slope = straight_function("slope", inputs, {"rate": rate, "jacobian": by})
         (end,) = differentiated_step(method, "held", slope, x, (u, w, p), h, instants=0)
     elif method in SIMULATION_METHODS:
         end = step_function(model, method)(x, u, u, u, w, w, w, p, h)

@@ -56,17 +56,19 @@ class JaxOperators(Operators):
 
     def _arrays(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], Callable[[Array], Any]]:
         jnp = self._toolkit.numpy
-        found = {}
+        arrays = {}
         for name, value in given.items():
             try:
-                found[name] = jnp.asarray(value)
+                arrays[name] = jnp.asarray(value)
             except (TypeError, ValueError) as error:
                 raise not_an_array(name, value, "an array of numbers") from error
-            if found[name].dtype not in (jnp.float32, jnp.float64):
-                kind = found[name].dtype
+            if arrays[name].dtype not in (jnp.float32, jnp.float64):
+                kind = arrays[name].dtype
                 raise InputError(f"expected an array of float64 or float32, got {kind}", key=name)
-        kind = jnp.result_type(*found.values()) if found else jnp.result_type(float)
-        return {name: value.astype(kind) for name, value in found.items()}, lambda array: jnp.asarray(array, dtype=kind)
+        kind = jnp.result_type(*arrays.values()) if arrays else jnp.result_type(float)
+        return {name: value.astype(kind) for name, value in arrays.items()}, lambda array: jnp.asarray(
+            array, dtype=kind
+        )
 
     def _expand(self, array: Any, shape: tuple[int, ...]) -> Any:
         return self._toolkit.numpy.broadcast_to(array, shape)
@@ -77,8 +79,8 @@ class JaxOperators(Operators):
 
 def _on_host(operator: Operator, kind: Any, *arrays: Any) -> list[Any]:
     """Outputs on the host, computed in double precision, of the type of the arrays."""
-    found = operator([np.asarray(array, dtype=float) for array in arrays])
-    return [value.astype(kind, copy=False) for value in found]
+    outputs = operator([np.asarray(array, dtype=float) for array in arrays])
+    return [value.astype(kind, copy=False) for value in outputs]
 
 
 def _shapes(operator: Operator, arrays: Any) -> list[tuple[int, ...]]:
@@ -103,8 +105,8 @@ def _primitive() -> Any:
 
     def call_back(*arrays: Any, operator: Operator) -> Any:
         kind = arrays[0].dtype
-        found = [jax.ShapeDtypeStruct(shape, kind) for shape in _shapes(operator, arrays)]
-        return jax.pure_callback(lambda *given: _on_host(operator, kind, *given), found, *arrays)
+        shapes = [jax.ShapeDtypeStruct(shape, kind) for shape in _shapes(operator, arrays)]
+        return jax.pure_callback(lambda *inputs: _on_host(operator, kind, *inputs), shapes, *arrays)
 
     def abstract(*arrays: Any, operator: Operator) -> Any:
         return [jax.core.ShapedArray(shape, arrays[0].dtype) for shape in _shapes(operator, arrays)]
@@ -112,20 +114,20 @@ def _primitive() -> Any:
     def push(arrays: Any, tangents: Any, *, operator: Operator) -> Any:
         outputs = call.bind(*arrays, operator=operator)
         residuals = operator.residuals(list(arrays), list(outputs))
-        pushed, given = operator.push(residuals, [ad.instantiate_zeros(tangent) for tangent in tangents])
-        return outputs, call.bind(*given, operator=pushed)
+        pushed, inputs = operator.push(residuals, [ad.instantiate_zeros(tangent) for tangent in tangents])
+        return outputs, call.bind(*inputs, operator=pushed)
 
     def pull(cotangents: Any, *arrays: Any, operator: Operator) -> Any:
-        given = [ad.instantiate_zeros(cotangent) for cotangent in cotangents]
+        seeds = [ad.instantiate_zeros(cotangent) for cotangent in cotangents]
         origin = operator.origin
         if origin is None:
             raise NotImplementedError(f"{operator.name} is not linear")
         residuals, tangents = origin.split(list(arrays))
         if any(ad.is_undefined_primal(value) for value in residuals):
             raise NotImplementedError(f"{operator.name} is not linear in what it is to be transposed by")
-        pulled, needed, pick = origin.pull(residuals, given)
-        found = pick(list(call.bind(*needed, operator=pulled)))
-        linear = [v if ad.is_undefined_primal(t) else None for v, t in zip(found, tangents, strict=True)]
+        pulled, needed, pick = origin.pull(residuals, seeds)
+        picked = pick(list(call.bind(*needed, operator=pulled)))
+        linear = [v if ad.is_undefined_primal(t) else None for v, t in zip(picked, tangents, strict=True)]
         # In the order of the arrays: what is no tangent has no cotangent.
         of = {id(tangent): value for tangent, value in zip(tangents, linear, strict=True)}
         return [of.get(id(array)) if ad.is_undefined_primal(array) else None for array in arrays]
@@ -137,8 +139,8 @@ def _primitive() -> Any:
             mapped = dim is not None
             wide = jnp.moveaxis(array, dim, 0) if mapped else jnp.broadcast_to(array, (size, *array.shape))
             rows.append(wide.reshape(math.prod(wide.shape[:2]), *wide.shape[2:]))
-        found = call.bind(*rows, operator=operator)
-        return [value.reshape(size, -1, *value.shape[1:]) for value in found], [0] * len(found)
+        results = call.bind(*rows, operator=operator)
+        return [value.reshape(size, -1, *value.shape[1:]) for value in results], [0] * len(results)
 
     call.def_impl(evaluate)
     call.def_abstract_eval(abstract)

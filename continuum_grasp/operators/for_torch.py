@@ -64,7 +64,7 @@ class TorchOperators(Operators):
 
     def _arrays(self, given: Mapping[str, Any]) -> tuple[dict[str, Any], Callable[[Array], Any]]:
         torch = self._toolkit
-        found, types = {}, []
+        arrays, types = {}, []
         for name, value in given.items():
             if not isinstance(value, torch.Tensor):
                 raise not_an_array(name, value, "a tensor")
@@ -76,10 +76,12 @@ class TorchOperators(Operators):
                     f"give {name}.cpu()",
                     key=name,
                 )
-            found[name] = value
+            arrays[name] = value
             types.append(value.dtype)
         kind = torch.float64 if torch.float64 in types or not types else torch.float32
-        return {name: value.to(kind) for name, value in found.items()}, lambda array: torch.as_tensor(array, dtype=kind)
+        return {name: value.to(kind) for name, value in arrays.items()}, lambda array: torch.as_tensor(
+            array, dtype=kind
+        )
 
     def _expand(self, array: Any, shape: tuple[int, ...]) -> Any:
         return array.expand(shape)
@@ -99,9 +101,9 @@ def _function() -> Any:
 
         @staticmethod
         def forward(operator: Operator, *arrays: Any) -> Any:
-            given = [array.detach().numpy().astype(np.float64, copy=False) for array in arrays]
-            found = operator(given)
-            return tuple(torch.from_numpy(value).to(arrays[0].dtype) for value in found)
+            inputs = [array.detach().numpy().astype(np.float64, copy=False) for array in arrays]
+            outputs = operator(inputs)
+            return tuple(torch.from_numpy(value).to(arrays[0].dtype) for value in outputs)
 
         @staticmethod
         def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
@@ -122,8 +124,8 @@ def _function() -> Any:
             saved = list(ctx.saved_tensors)
             inputs = saved[: ctx.count]
             residuals = ctx.operator.residuals(inputs, saved[ctx.count :])
-            given = [torch.zeros_like(x) if t is None else t for x, t in zip(inputs, tangents, strict=True)]
-            operator, arrays = ctx.operator.push(residuals, given)
+            seeds = [torch.zeros_like(x) if t is None else t for x, t in zip(inputs, tangents, strict=True)]
+            operator, arrays = ctx.operator.push(residuals, seeds)
             return Apply.apply(operator, *arrays)
 
         @staticmethod
@@ -132,7 +134,7 @@ def _function() -> Any:
             for array, dim in zip(arrays, dims[1:], strict=True):
                 wide = array.unsqueeze(0).expand(size, *array.shape) if dim is None else array.movedim(dim, 0)
                 rows.append(wide.reshape(-1, *wide.shape[2:]))
-            found = Apply.apply(operator, *rows)
-            return tuple(value.reshape(size, -1, *value.shape[1:]) for value in found), (0,) * len(found)
+            results = Apply.apply(operator, *rows)
+            return tuple(value.reshape(size, -1, *value.shape[1:]) for value in results), (0,) * len(results)
 
     return Apply

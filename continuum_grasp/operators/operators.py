@@ -83,26 +83,26 @@ class Operators(Remade, Summarized, ABC):
         inputs = function.name_in()
         if len(arguments) > len(inputs):
             raise InputError(f"{name}: {len(inputs)} inputs expected, got {len(arguments)}")
-        given = dict(zip(inputs, arguments, strict=False))
+        by_name = dict(zip(inputs, arguments, strict=False))
         for key, value in named.items():
             if key not in inputs:
                 raise InputError(f"{name}: unknown input {key!r}, expected {', '.join(inputs)}")
-            if key in given:
+            if key in by_name:
                 raise InputError(f"{name}: {key} is given twice")
-            given[key] = value
-        arrays, own = self._arrays({key: value for key, value in given.items() if value is not None})
+            by_name[key] = value
+        arrays, convert = self._arrays({key: value for key, value in by_name.items() if value is not None})
         sizes = {key: function.nnz_in(k) for k, key in enumerate(inputs)}
         for key in inputs:
             if key not in arrays:
                 nominal = self.model.p_nominal if key == "p" else np.zeros(sizes[key])
-                arrays[key] = own(np.array(nominal, dtype=float))
+                arrays[key] = convert(np.array(nominal, dtype=float))
             elif not arrays[key].shape and sizes[key] == 1:
                 arrays[key] = arrays[key].reshape(1)
         ordered = [arrays[key] for key in inputs]
         batch = _batch(name, {key: tuple(arrays[key].shape) for key in inputs}, sizes)
         rows = [self._rows(array, batch, array.shape[-1:]) for array in ordered]
-        found = self._apply(self._point(name), rows)
-        return _shaped(function, [value.reshape(*batch, value.shape[-1]) for value in found])
+        results = self._apply(self._point(name), rows)
+        return _shaped(function, [value.reshape(*batch, value.shape[-1]) for value in results])
 
     def _point(self, name: str) -> Point:
         if name not in self._points:
@@ -111,9 +111,9 @@ class Operators(Remade, Summarized, ABC):
             self._points[name] = Point(function, self._core, check)
         return self._points[name]
 
-    def _rows(self, array: Any, batch: tuple[int, ...], own: tuple[int, ...]) -> Any:
+    def _rows(self, array: Any, batch: tuple[int, ...], shape: tuple[int, ...]) -> Any:
         """An array with its leading dimensions made one."""
-        return self._expand(array, (*batch, *own)).reshape(math.prod(batch), *own)
+        return self._expand(array, (*batch, *shape)).reshape(math.prod(batch), *shape)
 
     # -- motion ---------------------------------------------------------------------------------------------------
 
@@ -165,14 +165,14 @@ class Operators(Remade, Summarized, ABC):
         """
         model = self.model
         steps, substeps, step = whole("steps", steps), whole("substeps", substeps), positive("step", step)
-        given = {"x0": x0, "u": u, "w": w, "p": p}
-        arrays, own = self._arrays({key: value for key, value in given.items() if value is not None})
+        inputs = {"x0": x0, "u": u, "w": w, "p": p}
+        arrays, convert = self._arrays({key: value for key, value in inputs.items() if value is not None})
         if "x0" not in arrays:
             raise InputError("expected an array, got None", key="x0")
         sizes = {"x0": model.nx, "u": model.nu, "w": model.nw, "p": model.np}
         defaults = {"u": np.zeros(model.nu), "w": np.zeros(model.nw), "p": np.array(model.p_nominal, dtype=float)}
         for key, default in defaults.items():
-            arrays.setdefault(key, own(default))
+            arrays.setdefault(key, convert(default))
         for key in ("u", "w"):
             if len(arrays[key].shape) == 1:
                 arrays[key] = arrays[key].reshape(1, -1)
@@ -191,7 +191,7 @@ class Operators(Remade, Summarized, ABC):
         batch = _batch("rollout", leading, sizes)
         rows_of = [self._rows(arrays["x0"], batch, arrays["x0"].shape[-1:])]
         rows_of += [self._rows(arrays[key], batch, arrays[key].shape[-2:]) for key in ("u", "w", "p")]
-        rows_of.append(self._rows(own(np.full((1, 1), step / substeps)), batch, (1, 1)))
+        rows_of.append(self._rows(convert(np.full((1, 1), step / substeps)), batch, (1, 1)))
         if method not in self._recursions:
             self._recursions[method] = Recursion(held_step(model, method), self._core)
         operator = self._recursions[method].over(steps * substeps, self._check(method))
@@ -261,19 +261,19 @@ def _batch(name: str, shapes: Mapping[str, tuple[int, ...]], sizes: Mapping[str,
     try:
         return np.broadcast_shapes(*(shape[:-1] for shape in shapes.values()))
     except ValueError:
-        given = ", ".join(f"{key} {shape}" for key, shape in shapes.items())
-        raise InputError(f"{name}: leading dimensions do not fit each other: {given}") from None
+        listing = ", ".join(f"{key} {shape}" for key, shape in shapes.items())
+        raise InputError(f"{name}: leading dimensions do not fit each other: {listing}") from None
 
 
 def _shaped(function: Any, outputs: list[Any]) -> Any:
     """Outputs in their own shapes; CasADi is column-major."""
-    found = []
+    shaped = []
     for k, value in enumerate(outputs):
         if f"{function.name()}.{function.name_out(k)}" in MATRICES:
             height, width = function.size_out(k)
             value = value.reshape(*value.shape[:-1], width, height).swapaxes(-1, -2)
-        found.append(value)
-    return found[0] if len(found) == 1 else tuple(found)
+        shaped.append(value)
+    return shaped[0] if len(shaped) == 1 else tuple(shaped)
 
 
 def toolkit(name: str, called: str) -> Any:

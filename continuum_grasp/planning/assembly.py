@@ -174,12 +174,12 @@ class Assembly(Constraints):
         values, slopes = self._values(), self._slopes()
         f, g = values[0], values[1:]
         sigma, lam = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.count)
-        hessian, given = self._curvature(ca.vertcat(sigma, lam)), ["x", "p", "lam_f", "lam_g"]
+        hessian, names = self._curvature(ca.vertcat(sigma, lam)), ["x", "p", "lam_f", "lam_g"]
         gradient = ca.densify(slopes[0, :].T)
         functions = {
             "grad_f": ca.Function("nlp_grad_f", [w, p], [f, gradient], ["x", "p"], ["f", "grad_f_x"]),
             "jac_g": ca.Function("nlp_jac_g", [w, p], [g, slopes[1:, :]], ["x", "p"], ["g", "jac_g_x"]),
-            "hess_lag": ca.Function("nlp_hess_l", [w, p, sigma, lam], [hessian], given, ["triu_hess_gamma_x_x"]),
+            "hess_lag": ca.Function("nlp_hess_l", [w, p, sigma, lam], [hessian], names, ["triu_hess_gamma_x_x"]),
         }
         return NLP("plan", w, f, g, p, functions, self.semidefinite)
 

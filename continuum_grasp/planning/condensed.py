@@ -83,13 +83,13 @@ class Condensed:
         lam = Multipliers(np.zeros(start.x.size), np.zeros(start.lower.size))
         model = _Model(self, point) if point else None
         while point and model:
-            step, slack, own = model.step(radius, penalty)
+            step, slack, forces = model.step(radius, penalty)
             # The penalty is high enough if the step takes away a share of what can be taken away (section 18.5).
             best = point.violated - model.step(radius, _GREATEST_PENALTY)[1] if slack > self.feasible else 0.0
             while point.violated - slack < _RESTORED * best - self.feasible and penalty < _GREATEST_PENALTY:
                 penalty *= 10.0
-                step, slack, own = model.step(radius, penalty)
-            lam = model.multipliers(own)
+                step, slack, forces = model.step(radius, penalty)
+            lam = model.multipliers(forces)
             predicted = -model.change(step) + penalty * (point.violated - slack)
             satisfied = start.violation(point.w, point.g) <= self.feasible
             least = self.tolerance * max(self.least, abs(point.f))
@@ -243,13 +243,13 @@ class _Model:
         ubx = np.concatenate([np.minimum(start.high[problem._free] - x, radius), np.full(2 * m, np.inf)])
         h, c = ca.DM(square), ca.DM(a)
         solver = ca.conic("qp", qp_solver("method"), {"h": h.sparsity(), "a": c.sparsity()}, {"error_on_fail": False})
-        found = solver(h=h, g=linear, a=c, lba=(low - rows)[near], uba=(high - rows)[near], lbx=lbx, ubx=ubx)
-        step = np.clip(np.array(found["x"]).ravel()[:n], lbx[:n], ubx[:n])
+        solution = solver(h=h, g=linear, a=c, lba=(low - rows)[near], uba=(high - rows)[near], lbx=lbx, ubx=ubx)
+        step = np.clip(np.array(solution["x"]).ravel()[:n], lbx[:n], ubx[:n])
         ends = rows + self.slope @ step
         left = problem.beyond(ends, low, high)
         forces = np.zeros(near.size)
-        forces[near] = np.array(found["lam_a"]).ravel()
-        return step, left, np.concatenate([np.array(found["lam_x"]).ravel()[:n], forces])
+        forces[near] = np.array(solution["lam_a"]).ravel()
+        return step, left, np.concatenate([np.array(solution["lam_x"]).ravel()[:n], forces])
 
     def multipliers(self, own: Array) -> Multipliers:
         """Multipliers of the whole problem: forces of the motion make the objective stationary in the states."""

@@ -43,15 +43,17 @@ def diagnose(problem: PlanProblem, attempt: Attempt) -> Diagnosis | None:
     if not missed and not outside:
         return None
     strengths = _strengths(problem, attempt)
-    most, levers = max(strengths.values(), default=0.0), []
+    strongest, levers = max(strengths.values(), default=0.0), []
     what = [f"goal out of reach: {_nearest(problem, attempt.x)}"] if missed else []
     if outside:
         what.append(f"a bound of the state cannot be satisfied: {'; '.join(outside.values())}")
         levers.append(
             "the motion begins outside the bound, or is driven out of it: move the bound or the initial state"
         )
-    if missed and most > _WEAK * max(worst, 1.0):
-        named = [name for name, value in sorted(strengths.items(), key=lambda item: -item[1]) if value > _COUNTS * most]
+    if missed and strongest > _WEAK * max(worst, 1.0):
+        named = [
+            name for name, value in sorted(strengths.items(), key=lambda item: -item[1]) if value > _COUNTS * strongest
+        ]
         zone = ("zone {0} stops it", "move or shrink bounds.keep_out.{0}")
         texts = [[text.format(name) for text in _TEXTS.get(name, zone)] for name in named]
         what.append(" and ".join(text for text, _ in texts))
@@ -73,7 +75,7 @@ def missed_goals(problem: PlanProblem, w: Array, *, weighted: bool) -> tuple[lis
     motion = problem.motion
     z = np.concatenate([w[problem.grid.s[-1]], w[problem.inputs[-1]]])
     numbers = motion.numbers([motion.scene.duration_range[1]]).ravel()
-    found, worst = [], 0.0
+    missed, worst = [], 0.0
     for part in problem.goal:
         # Rest with a weight is a means of the search, not an aim.
         if (part.weight is not None) is not weighted or (weighted and part.at_rest):
@@ -86,13 +88,13 @@ def missed_goals(problem: PlanProblem, w: Array, *, weighted: bool) -> tuple[lis
             k = int((error / part.tolerance).argmax())
             unit = part.unit if part.unit != "state" else part.names[k]
             amount = float(error[k] * part.scale[k])
-            found.append(str(Violation(part.name, k, amount, unit, part.key, float(error[k]))))
-    return found, worst
+            missed.append(str(Violation(part.name, k, amount, unit, part.key, float(error[k]))))
+    return missed, worst
 
 
 def _outside(problem: PlanProblem, attempt: Attempt) -> dict[str, str]:
     """State bounds that are left, with their amounts, and in words when."""
-    found = {}
+    left = {}
     for block in problem.assembly.blocks:
         if block.key.startswith("bounds."):
             violation = block.violation(problem.bounds.values(attempt.x, attempt.g, block))
@@ -100,8 +102,8 @@ def _outside(problem: PlanProblem, attempt: Attempt) -> dict[str, str]:
                 count, size = block.rows.shape
                 time = (violation.index // size + 1) / count * problem.path(attempt.x).duration
                 amount = f"{violation.amount:.3g} {violation.unit}"
-                found[str(violation)] = f"{violation.name} is left by {amount} at t = {time:.3g} s"
-    return found
+                left[str(violation)] = f"{violation.name} is left by {amount} at t = {time:.3g} s"
+    return left
 
 
 def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
@@ -117,21 +119,21 @@ def _strengths(problem: PlanProblem, attempt: Attempt) -> dict[str, float]:
         return float((np.abs(lam.bounds[chosen]) * reach).sum())
 
     time = problem.grid.time[0, 0]
-    found = {"input": of_columns(problem.inputs)}
+    strengths = {"input": of_columns(problem.inputs)}
     rates = [of_columns(problem.grid.v)] if motion.linear else []
-    most = (motion.scene.input.rate_max or 0.0) * motion.scales.time / problem.grid.intervals / motion.scales.u
+    rate_limit = (motion.scene.input.rate_max or 0.0) * motion.scales.time / problem.grid.intervals / motion.scales.u
     for block in assembly.blocks:
         force = np.abs(lam.constraints[block.rows])
         if block.name.startswith("input rate"):
-            rates.append(float((force * (attempt.x[time] * most)).sum()))
+            rates.append(float((force * (attempt.x[time] * rate_limit)).sum()))
         elif block.key.startswith("bounds."):
             limit = np.where(
                 np.isfinite(block.upper), np.abs(block.upper), 1.0
             )  # of zones, which have none: the finger's length
-            found[block.name] = float((force * limit).sum())
-    found["input rate"] = sum(rates)
-    found["duration"] = max(0.0, -_time_slope(problem, attempt) * attempt.x[time])
-    return found
+            strengths[block.name] = float((force * limit).sum())
+    strengths["input rate"] = sum(rates)
+    strengths["duration"] = max(0.0, -_time_slope(problem, attempt) * attempt.x[time])
+    return strengths
 
 
 def _time_slope(problem: PlanProblem, attempt: Attempt) -> float:

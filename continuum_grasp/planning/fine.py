@@ -70,8 +70,8 @@ def simulated(scene: PlanScene, model: Prediction, path: Path, x0: Array, parts:
         w = np.ascontiguousarray(np.reshape(columns, (model.np, len(at))).T)
         begin = np.ascontiguousarray(states[-1][-1:])
         signals = Signal(u[None], model.nu, 0), Signal(w[None], model.np, 0)
-        found, count = run(begin, parts, substeps, h / substeps, *signals, np.zeros(0))
-        states.append(found[0, 1 : count[0] + 1])
+        interval_states, count = run(begin, parts, substeps, h / substeps, *signals, np.zeros(0))
+        states.append(interval_states[0, 1 : count[0] + 1])
         if count[0] < parts:
             time = float(k * interval + count[0] * h)
             message = f"the simulated state is not finite after t = {time:g} s"
@@ -120,16 +120,16 @@ def checked(plan: Plan, motion: Motion) -> Plan:
         if scene.transcription == "single_shooting":
             return replace(plan, status=PlanStatus.NOT_SOLVED, message=f"no plan: {error}")
         return replace(plan, warnings=(*warnings, f"{error}: take more intervals or sub-steps, or collocation"))
-    found = _deviation("the plan's model, finely integrated", model, plan, states)
-    if found.tip > scene.check.tolerance * plan.length:
+    deviation = _deviation("the plan's model, finely integrated", model, plan, states)
+    if deviation.tip > scene.check.tolerance * plan.length:
         warnings.append(
-            f"a fine simulation is up to {1e3 * found.tip:.3g} mm off the plan ({1e3 * found.final_tip:.3g} mm at the "
-            "end): take more intervals, or more solver.substeps"
+            f"a fine simulation is up to {1e3 * deviation.tip:.3g} mm off the plan ({1e3 * deviation.final_tip:.3g} mm "
+            "at the end): take more intervals, or more solver.substeps"
         )
-    reason = _not_reproduced(plan, model, states, found)
+    reason = _not_reproduced(plan, model, states, deviation)
     if reason:
         advice = "take more solver.substeps, or more intervals"
-        return replace(plan, status=PlanStatus.NOT_SOLVED, message=reason, advice=advice, deviation=found)
+        return replace(plan, status=PlanStatus.NOT_SOLVED, message=reason, advice=advice, deviation=deviation)
     left, after = _left(motion, states), _left_after_the_end(motion, plan, states[-1])
     if left:
         warnings.append(f"between the nodes {left}: take more intervals")
@@ -140,16 +140,16 @@ def checked(plan: Plan, motion: Motion) -> Plan:
     if scene.check.finer is not None:
         finer, found_there = _on_finer(scene, plan, path)
         warnings += found_there
-    return replace(plan, deviation=found, finer=finer, warnings=tuple(warnings))
+    return replace(plan, deviation=deviation, finer=finer, warnings=tuple(warnings))
 
 
-def _not_reproduced(plan: Plan, model: Prediction, states: Array, found: Deviation) -> str:
+def _not_reproduced(plan: Plan, model: Prediction, states: Array, deviation: Deviation) -> str:
     """Why a plan in the inputs alone is none on the finely integrated model; empty where it is one."""
-    scene, most = plan.scene, plan.scene.check.tolerance * plan.length
+    scene, tolerance = plan.scene, plan.scene.check.tolerance * plan.length
     if scene.transcription != "single_shooting":
         return ""
-    if found.tip > most:
-        return f"no plan: a fine simulation of its inputs is up to {1e3 * found.tip:.3g} mm off"
+    if deviation.tip > tolerance:
+        return f"no plan: a fine simulation of its inputs is up to {1e3 * deviation.tip:.3g} mm off"
     if scene.goal.end != "held" or not any("friction_" in name for name in model.x_names):
         return ""
     # Rest may be asked of the drives alone, and friction may let go: the finger has to stay.
@@ -158,7 +158,7 @@ def _not_reproduced(plan: Plan, model: Prediction, states: Array, found: Deviati
     ends = states[-1], simulated(scene, model, path, states[-1], 1)[-1]
     first, last = (np.array(model.tip(x, u, p)).ravel() for x in ends)
     drift = float(np.hypot(*(last - first)))
-    return f"no plan: the tip moves on by {1e3 * drift:.3g} mm after its end" if drift > most else ""
+    return f"no plan: the tip moves on by {1e3 * drift:.3g} mm after its end" if drift > tolerance else ""
 
 
 def _left(motion: Motion, states: Array) -> str:
@@ -207,7 +207,9 @@ def _on_finer(scene: PlanScene, plan: Plan, path: Path) -> tuple[Deviation | Non
         states = simulated(fine, model, path, first_state_of_plan(fine, model)[0], 1)
     except NumericalError as error:
         return None, [f"on {name} {error}"]
-    found = _deviation(name, model, plan, states)
-    if found.final_tip <= _FINER_OFF * plan.length:
-        return found, []
-    return found, [f"on {name} the tip ends {1e3 * found.final_tip:.3g} mm from the plan: raise fidelity.elements"]
+    deviation = _deviation(name, model, plan, states)
+    if deviation.final_tip <= _FINER_OFF * plan.length:
+        return deviation, []
+    return deviation, [
+        f"on {name} the tip ends {1e3 * deviation.final_tip:.3g} mm from the plan: raise fidelity.elements"
+    ]

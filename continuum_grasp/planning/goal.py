@@ -76,7 +76,7 @@ def goal_parts(motion: Motion, settles: bool) -> list[GoalPart]:
     """
     goal, model, length = motion.scene.goal, motion.prediction, motion.length
     x, u, _, p, _ = motion.physical
-    found = []
+    parts = []
 
     def add(
         name: str, unit: str, names: tuple[str, ...], target: tuple[float, ...], scale: float | Array, value: ca.SX
@@ -87,7 +87,7 @@ def goal_parts(motion: Motion, settles: bool) -> list[GoalPart]:
         aim = getattr(goal, name)
         met = MET if aim.weight is None else _MET_BY_WEIGHT if aim.tolerance is None else aim.tolerance / scale
         scales = np.full(size, scale)
-        found.append(GoalPart(f"goal {name}", key, unit, names, np.array(target), scales, aim.weight, value, met))
+        parts.append(GoalPart(f"goal {name}", key, unit, names, np.array(target), scales, aim.weight, value, met))
 
     check_reach(motion.scene.finger, "goal", goal.targets, ranges=model.system.finger_model.ranges)
     # Scales make errors of different kinds comparable: a tenth of the length, half a radian, at least a newton.
@@ -121,15 +121,15 @@ def goal_parts(motion: Motion, settles: bool) -> list[GoalPart]:
         for rows, weight in ((np.flatnonzero(~np.array(weighted)), None), (np.flatnonzero(weighted), _SETTLED)):
             if not rows.size:
                 continue
-            names, zero, own = tuple(all_names[chosen][rows].tolist()), np.zeros(rows.size), value[rows.tolist()]
+            names, zero, selected = tuple(all_names[chosen][rows].tolist()), np.zeros(rows.size), value[rows.tolist()]
             unit = scale[chosen][rows]
             if weight is None:
-                found.append(GoalPart(goal.end, "goal.end", "state", names, zero, unit, None, own))
+                parts.append(GoalPart(goal.end, "goal.end", "state", names, zero, unit, None, selected))
             else:
                 name, ones = f"{goal.end}, finger", np.ones(rows.size)
                 share = weight * motion.scales.objective
-                found.append(GoalPart(name, "goal.end", "1", names, zero, ones, share, own / ca.DM(unit)))
-    return found
+                parts.append(GoalPart(name, "goal.end", "1", names, zero, ones, share, selected / ca.DM(unit)))
+    return parts
 
 
 def _stiffness(motion: Motion) -> Array:
@@ -139,12 +139,12 @@ def _stiffness(motion: Motion) -> Array:
     """
     model, (of_x, of_u) = motion.prediction, (motion.scales.x, motion.scales.u)
     u = np.array(motion.scene.initial_input)
-    given = model.at_rest(np.zeros(model.system.n), u), u, model.p_nominal
+    point = model.at_rest(np.zeros(model.system.n), u), u, model.p_nominal
     rate = model.dynamics(model.x, model.u, model.p)
     slopes = ca.Function(
         "slopes", [model.x, model.u, model.p], [ca.jacobian(rate, model.x), ca.jacobian(rate, model.u)]
     )
-    by_x, by_u = (np.abs(np.array(slope)) for slope in slopes(*given))
+    by_x, by_u = (np.abs(np.array(slope)) for slope in slopes(*point))
     unit = motion.first_duration / of_x
     greatest = np.maximum((by_x * of_x).max(axis=1), (by_u * of_u).max(axis=1, initial=0.0))
     # Its square root: an acceleration counts as the velocity that it has reached when the stiffness turns it around.

@@ -176,10 +176,10 @@ class StateBounds:
 
 def _groups(names: list[str], zones: tuple[str, ...]) -> dict[str, list[int]]:
     """Entries of each bound: curvature, speed, and zones by name."""
-    found: dict[str, list[int]] = {}
+    groups: dict[str, list[int]] = {}
     for k, name in enumerate(names):
         stem, _, number = name.rpartition("_")
         # A zone may itself be called "post_1".
         label = name if name in zones else stem if number.isdigit() else name
-        found.setdefault("speed" if label == "bending_rate" else label, []).append(k)
-    return found
+        groups.setdefault("speed" if label == "bending_rate" else label, []).append(k)
+    return groups

@@ -76,9 +76,9 @@ def final_posture(motion: Motion, goal: list[GoalPart], first: Posture, near: Hi
     if near is not None:
         starts = [(_with_bends(motion, first, near.bends), near.u)]
     points = [np.concatenate([q / reach, u / motion.scales.u]) for q, u in starts]
-    found = [_least_squares(residual, np.clip(y, low, high), low, high) for y in points]
+    solutions = [_least_squares(residual, np.clip(y, low, high), low, high) for y in points]
     # A later start has to be clearly better: the first one is nearest.
-    _, y = reduce(lambda best, new: new if new[0] < 0.9 * best[0] else best, found)
+    _, y = reduce(lambda best, new: new if new[0] < 0.9 * best[0] else best, solutions)
     return Posture(y[:n] * reach, y[n:] * motion.scales.u)
 
 
@@ -229,7 +229,7 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Hint | None
     backbone, base, pose = data[f"{name}.backbone"], data[f"{name}.base"].tolist(), data["object.pose"].tolist()
     forces = (*(force for _, force in middle), tip)
     aim = RowAim(value=forces, weight=_OF_FORCES, tolerance=_PRESSED * max(1.0, *forces))
-    found = scene.replaced(
+    closed = scene.replaced(
         grasp=None,
         finger=scene.finger.replaced(base=BasePose(position=tuple(base[:2]), angle=base[2])),
         object=scene.object and scene.object.replaced(position=tuple(pose[:2]), angle=pose[2]),
@@ -237,9 +237,9 @@ def closing(scene: PlanScene, given: Any = None) -> tuple[PlanScene, Hint | None
         goal=scene.goal.model_copy(update={"contact_force": aim}),
     )
     # Bending angles of the plan's elements, whose ends are not the stations of the grasp.
-    edges = np.cumsum([0.0, *Prediction(found).system.finger_model.lengths])
+    edges = np.cumsum([0.0, *Prediction(closed).system.finger_model.lengths])
     bends = np.diff(np.interp(edges, backbone[:, 0], np.unwrap(backbone[:, 3])))
-    return found, Hint(bends, np.clip(data[f"{name}.tensions"], *found.input_limits))
+    return closed, Hint(bends, np.clip(data[f"{name}.tensions"], *closed.input_limits))
 
 
 def _arrays(grasp: GraspScene, given: Any) -> Mapping[str, Any]:

@@ -62,8 +62,8 @@ class Motion:
         self.bounded = state_bounds(scene.bounds, model)
         for k, name in enumerate(self.bounded.names):
             if name.startswith("tension_"):
-                most = scene.finger.tendon_list[int(name.removeprefix("tension_")) - 1].max_tension
-                self.bounded.least[k] = scene.least_tension / most
+                greatest_tension = scene.finger.tendon_list[int(name.removeprefix("tension_")) - 1].max_tension
+                self.bounded.least[k] = scene.least_tension / greatest_tension
         self.hard = np.asarray(self.bounded.linear >= HARD.linear)
         self.linear = scene.input.form == "linear"
         self.nx, self.nu = model.nx, model.nu
@@ -73,15 +73,15 @@ class Motion:
         self.first_duration = float(np.sqrt(np.prod(scene.duration_range)))
         # Greatest coordinates (n) of shapes within half the bending range; 16 shapes for its order of magnitude.
         self.reach = np.abs(model.shapes(16)).max(axis=0)
-        self.scales = found = self._scales()
-        self.s_scale = np.concatenate([found.x, found.u]) if self.linear else found.x
-        self.units = np.concatenate([found.x, found.u, [found.time, found.objective]])
+        self.scales = scales = self._scales()
+        self.s_scale = np.concatenate([scales.x, scales.u]) if self.linear else scales.x
+        self.units = np.concatenate([scales.x, scales.u, [scales.time, scales.objective]])
 
     def _scales(self) -> _Scales:
         """Scales by which unknowns, defects and objective are of the order of one, as IPOPT's tolerances assume."""
         scene, time = self.scene, self.first_duration
-        least, most = (np.array(limit) for limit in scene.input_limits)
-        u = most - np.maximum(least, 0.0)  # a moment's range is symmetric
+        least, greatest = (np.array(limit) for limit in scene.input_limits)
+        u = greatest - np.maximum(least, 0.0)  # a moment's range is symmetric
         objective = {
             "least_time": time,
             "least_effort": float(u @ u) * time,
@@ -89,8 +89,8 @@ class Motion:
             "tracking": 1.0,
         }[scene.objective]
         x = np.array([self._unit(k, time) for k in range(self.nx)])
-        for one in self.prediction.driven:
-            x[[one.state, *one.rate]] = one.most, *[one.most / one.lag] * len(one.rate)
+        for drive in self.prediction.driven:
+            x[[drive.state, *drive.rate]] = drive.most, *[drive.most / drive.lag] * len(drive.rate)
         return _Scales(x, u, u / time, time, objective)
 
     def _unit(self, k: int, time: float) -> float:
@@ -131,13 +131,13 @@ class Motion:
         longest = min(scene.duration_range[1], _LONGER * self.first_duration) / scene.intervals
         steps, stages = fewest_evaluations(rates, longest, scene.solver.substeps)
         if steps > MOST_STEPS:
-            given = scene.solver.substeps
-            lever = "leave out solver.substeps" if given else "raise intervals"
+            substeps = scene.solver.substeps
+            lever = "leave out solver.substeps" if substeps else "raise intervals"
             raise InputError(
                 f"single_shooting follows motions of up to {np.abs(rates).max():.2g} 1/s, for which each of "
-                f"{scene.intervals} intervals needs more steps than {given or MOST_STEPS:,}: "
+                f"{scene.intervals} intervals needs more steps than {substeps or MOST_STEPS:,}: "
                 + (lever if scene.sudden else f"take method: collocation, or {lever}"),
-                key="solver.substeps" if given else "method",
+                key="solver.substeps" if substeps else "method",
             )
         return steps, stages
 
@@ -166,9 +166,9 @@ class Motion:
         if self.tracked is None or self._setpoints is None:
             return ()
         t = np.linspace(0.0, duration, len(x))
-        found = np.array(self.outputs(x.T, u.T, parameters_over_time(self.scene, self.prediction, t).T)).T
+        outputs = np.array(self.outputs(x.T, u.T, parameters_over_time(self.scene, self.prediction, t).T)).T
         return missed_setpoints(
-            self.tracked.names, found, self._setpoints.rows(t), t, self.scene.reference, self.length
+            self.tracked.names, outputs, self._setpoints.rows(t), t, self.scene.reference, self.length
         )
 
     @cached_property
@@ -177,8 +177,8 @@ class Motion:
         return self._function("rows", self.bounded.column)
 
     def _function(self, name: str, value: ca.SX) -> ca.Function:
-        given = [self.prediction.x, self.prediction.u, self.prediction.p]
-        return ca.Function(name, given, [ca.densify(ca.cse([value])[0])])
+        symbols = [self.prediction.x, self.prediction.u, self.prediction.p]
+        return ca.Function(name, symbols, [ca.densify(ca.cse([value])[0])])
 
     @cached_property
     def _units(self) -> list[ca.SX]:
@@ -213,8 +213,8 @@ class Motion:
         term = derived("flow", z, d, out, exact=self.exact, squared=squared)
         work = term.hessian.n_instructions() * self.scene.intervals
         simulated = self.scene.transcription == "single_shooting"  # in many steps
-        found = compiled(term) if simulated or work > _COMPILE_FROM else term
-        return _with_given_friction(found, self.prediction.x_names) if simulated else found
+        flow = compiled(term) if simulated or work > _COMPILE_FROM else term
+        return _with_given_friction(flow, self.prediction.x_names) if simulated else flow
 
     @cached_property
     def flow_of_given_friction(self) -> Term:
@@ -251,11 +251,11 @@ class Motion:
         Of tendons, and of the motors that balance them.
         """
         finger = self.prediction.system.finger_model
-        found = np.array(finger.sliding()(q, np.zeros(finger.nu), finger.p_nominal)).ravel()
+        sliding = np.array(finger.sliding()(q, np.zeros(finger.nu), finger.p_nominal)).ravel()
         x = self.prediction.at_rest(q, u)
         # The angle is two states before its friction.
         turned = [x[k - 2] / presliding for k, presliding in self.motor_friction.items()]
-        return np.concatenate([found[: len(self.tendon_friction)], turned])
+        return np.concatenate([sliding[: len(self.tendon_friction)], turned])
 
     @cached_property
     def sliding(self) -> ca.SX:

@@ -107,8 +107,8 @@ class PlanProblem:
         limits = [np.array(bound) / motion.scales.u for bound in scene.input_limits]
         if motion.linear:
             low[motion.nx :], high[motion.nx :] = limits
-            most = np.inf if scene.input.rate_max is None else scene.input.rate_max
-            limits = [-most / motion.scales.rate, most / motion.scales.rate]
+            rate_max = np.inf if scene.input.rate_max is None else scene.input.rate_max
+            limits = [-rate_max / motion.scales.rate, rate_max / motion.scales.rate]
         s = assembly.variables(intervals + 1, motion.ns, low, high)
         v = assembly.variables(intervals, motion.nu, *limits)
         degree = scene.solver.degree if scene.transcription == "collocation" else 0
@@ -135,9 +135,9 @@ class PlanProblem:
 
     def like(self, other: PlanProblem, w: Array) -> Array:
         """Unknowns that stand for the motion of another problem of this grid, between the nodes too."""
-        found, own = self.start(other.path(w)), self.motion_unknowns
-        found[:own] = w[:own]
-        return found
+        unknowns, count = self.start(other.path(w)), self.motion_unknowns
+        unknowns[:count] = w[:count]
+        return unknowns
 
     def start(self, path: Path) -> Array:
         """Unknowns that stand for a path."""
@@ -167,11 +167,11 @@ class PlanProblem:
 
     def _add_rate_limit(self) -> None:
         """Changes between intervals within the rate times their length."""
-        motion, most = self.motion, self.motion.scene.input.rate_max
-        if motion.linear or most is None:
+        motion, rate_max = self.motion, self.motion.scene.input.rate_max
+        if motion.linear or rate_max is None:
             return
         now, before = self._changes
-        share = most * motion.scales.time / self.grid.intervals / motion.scales.u
+        share = rate_max * motion.scales.time / self.grid.intervals / motion.scales.u
         for name, sign in (("input rate, up", 1.0), ("input rate, down", -1.0)):
             rows = self.assembly.rows(name, "input.rate_max", motion.input_unit, len(now), motion.scales.u, -np.inf)
             self.assembly.add_linear(rows, now, sign)

@@ -235,11 +235,11 @@ class Plan(MotionResult):
         aim = self.scene.goal.contact_force
         if not self.contact_forces.size:
             return {}
-        found, asked = (
+        pressed, asked = (
             ", ".join(f"{force:.3g}" for force in forces)
             for forces in (self.contact_forces[-1], aim.value if aim else ())
         )
-        return {"contact forces": f"{found} N at the end" + (f"; asked {asked}" if asked else "")}
+        return {"contact forces": f"{pressed} N at the end" + (f"; asked {asked}" if asked else "")}
 
     @property
     def solved(self) -> bool:
@@ -280,8 +280,8 @@ class Plan(MotionResult):
         """First output (count, size) of a function of (x, u, p) at nodes."""
         chosen = np.arange(len(self.t)) if indices is None else np.atleast_1d(np.asarray(indices, dtype=int))
         p = parameters_over_time(self.scene, self.prediction, self.t[chosen])
-        found = function.map(len(chosen))(*(ca.DM(v.T) for v in (self.x[chosen], self.u[chosen], p)))
-        return np.array(found).T
+        outputs = function.map(len(chosen))(*(ca.DM(v.T) for v in (self.x[chosen], self.u[chosen], p)))
+        return np.array(outputs).T
 
     @cached_property
     def tip(self) -> Array:
@@ -323,13 +323,13 @@ class Plan(MotionResult):
 
     def loads_at(self, index: int) -> list[tuple[Array, Array, str]]:
         """Known forces at a node: position (2,) [m], force (2,) [N], and kind."""
-        found = []
+        loads = []
         for load in self.scene.loads:
             if isinstance(load.force, tuple):
                 share = load.at / self.length
                 place = self.backbone([index], 101)[0][round(100 * share)]
-                found.append((place, np.array(load.force), "load"))
-        return found
+                loads.append((place, np.array(load.force), "load"))
+        return loads
 
     def inputs_at(self, t: ArrayLike) -> Array:
         """Inputs (len(t), nu) at instants [s]; the last one after the end."""
@@ -384,8 +384,8 @@ class Plan(MotionResult):
         }
         state = {name.removeprefix("solver "): data[name] for name in data if name.startswith("solver ")}
         deviation, finer = (
-            None if one is None else Deviation(**{**one, "contact_forces": tuple(one["contact_forces"])})
-            for one in (meta["deviation"], meta["finer"])
+            None if entries is None else Deviation(**{**entries, "contact_forces": tuple(entries["contact_forces"])})
+            for entries in (meta["deviation"], meta["finer"])
         )
         return cls(
             scene=PlanScene(**meta["config"]),

@@ -90,8 +90,10 @@ class Search:
         # since the limits of a plan are reported as satisfied.
         ipopt = {"acceptable_iter": 20, "bound_relax_factor": 0.0, "mu_strategy": "adaptive"}
         # Constraints are met to 1e-8 also where the optimum is asked for less accurately.
-        tolerance, most = options.tolerance, options.max_iterations
-        self._solver = new_solver(Settings(options.method, tolerance, min(1e-8, tolerance), most, {"ipopt": ipopt}))
+        tolerance, iterations = options.tolerance, options.max_iterations
+        self._solver = new_solver(
+            Settings(options.method, tolerance, min(1e-8, tolerance), iterations, {"ipopt": ipopt})
+        )
 
     def run(self) -> None:
         """Try all starts.
@@ -207,8 +209,8 @@ class Search:
                 with suppress(NumericalError):
                     states = simulated(self.scene, self.motion.prediction, path, self.x0, 1)
                     name, path, barrier = f"{name}, simulated", replace(path, x=states), _NEAR
-            found = self._try(name, self.problem.start(path), None, barrier) or self.best is not None
-            if not found and self._approach(name, path, barrier):
+            planned = self._try(name, self.problem.start(path), None, barrier) or self.best is not None
+            if not planned and self._approach(name, path, barrier):
                 return
 
     @property
@@ -303,15 +305,15 @@ class Search:
         if not (ended and attempt.violation <= self.feasible):
             return False
         self.relaxed.append((name, attempt))
-        found = diagnose(problem, attempt)
-        if found is None and not self.over:
+        diagnosis = diagnose(problem, attempt)
+        if diagnosis is None and not self.over:
             w = self.problem.like(problem, attempt.x)
             if not self._try(f"{name}, from the goal", w, None, barrier) and self.best is None:
                 # A plan all the same, if not the cheapest: its goal is met, its bounds and its motion hold.
                 f, g = (np.array(v).ravel() for v in self.problem.assembly.values(w))
                 self.best = replace(self.attempts[-1][1], status=Status.FAILED, x=w, g=g, objective=float(f[0]))
         elif attempt.objective <= min(a.objective for _, a in self.relaxed):
-            self.diagnosis = found
+            self.diagnosis = diagnosis
         ends = [a.objective for _, a in self.relaxed]
         return len(ends) > 2 and max(ends) - min(ends) <= _SAME * min(ends)
 

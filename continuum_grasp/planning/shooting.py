@@ -171,11 +171,11 @@ def _step(flow: Term, ns: int, h: float, stages: int, slopes: bool) -> ca.Functi
 
     def rate(y: ca.MX, share: float) -> ca.MX:
         z, numbers = ca.vertcat(y[:ns, 0], held), before + share * (after - before)
-        found = flow.value(z, numbers)
+        rates = flow.value(z, numbers)
         if not slopes:
-            return found
+            return rates
         of_z = ca.vertcat(y[:ns, 1:], ca.MX.eye(nz)[ns:, :])
-        return ca.horzcat(found, ca.mtimes(flow.jacobian(z, numbers), of_z))
+        return ca.horzcat(rates, ca.mtimes(flow.jacobian(z, numbers), of_z))
 
     first = rate(start, 0.0)
     last, now = start, start + b[1] * w1 * h * first

@@ -124,7 +124,7 @@ def _result(search: Search) -> Plan:
         if missed:
             status, message = PlanStatus.GOAL_MISSED, f"{message}, but a goal is missed"
             advice = "raise the weight of the goal, or a limit that is active (constraints with multipliers)"
-            warnings += [f"{one}: {advice}" for one in missed]
+            warnings += [f"{goal}: {advice}" for goal in missed]
     tried = [*search.attempts, *((f"{name}, distance from the goal", a) for name, a in search.relaxed)]
     return Plan(
         scene=scene,
@@ -179,31 +179,31 @@ def _lead(scene: PlanScene, u: Array, duration: float) -> str:
     The input may jump at the nodes by what the rate limit allows in an interval, at the first node (from
     ``input.initial``) and at the last one too: a drive that takes an interval for each jump ends up to one later.
     """
-    most = scene.input.rate_max
+    rate_max = scene.input.rate_max
     # Only least time gains by jumps, and inputs that are linear over an interval have none.
-    if scene.objective != "least_time" or scene.input.form == "linear" or most is None:
+    if scene.objective != "least_time" or scene.input.form == "linear" or rate_max is None:
         return ""
     first, last = (float(np.abs(jump).max()) for jump in (u[0] - np.array(scene.initial_input), u[-1] - u[-2]))
     unit = "N m" if u.shape[1] == 1 else "N"
     return (
         f"held inputs jump ({first:.3g} {unit} at the start, {last:.3g} {unit} at the end): a drive that keeps "
-        f"input.rate_max = {most:g} {unit}/s needs up to one interval ({1e3 * duration / scene.intervals:.3g} ms) more "
-        f"than these {duration:.4g} s; take input.form: linear, which has no jumps, or more intervals"
+        f"input.rate_max = {rate_max:g} {unit}/s needs up to one interval ({1e3 * duration / scene.intervals:.3g} ms) "
+        f"more than these {duration:.4g} s; take input.form: linear, which has no jumps, or more intervals"
     )
 
 
 def _failure(search: Search) -> tuple[PlanStatus, str, str, tuple[str, ...]]:
     """Status, message, advice and what is violated."""
-    found = search.diagnosis
-    if found is not None and not search.budget.stopped:
+    diagnosis = search.diagnosis
+    if diagnosis is not None and not search.budget.stopped:
         if search.scene.object is None:
-            return PlanStatus.INFEASIBLE, found.message, found.advice, found.violated
+            return PlanStatus.INFEASIBLE, diagnosis.message, diagnosis.advice, diagnosis.violated
         # With contact there are many least distances from the goal: a finger that touches nothing is pushed nowhere.
         return (
             PlanStatus.NOT_SOLVED,
-            f"no plan was found; at the nearest motion {found.message}",
-            found.advice,
-            found.violated,
+            f"no plan was found; at the nearest motion {diagnosis.message}",
+            diagnosis.advice,
+            diagnosis.violated,
         )
     last = search.attempts[-1][1]
     broken = [c for c in _constraints(search.problem, last).values() if c.excess > search.feasible]
@@ -242,12 +242,12 @@ def _constraints(problem: PlanProblem, attempt: Attempt) -> dict[str, Constraint
     """All constraints by name, in physical units."""
     motion, assembly = problem.motion, problem.assembly
     unit_cost, lam = motion.scales.objective, attempt.multipliers
-    found = {}
+    constraints = {}
 
     def add(name: str, key: str, unit: str, scale: Array, values: Array, low: Array, high: Array, force: Array) -> None:
         # A multiplier is objective per bound: its unit is the quotient of both units of the problem.
         bounds = values * scale, low * scale, high * scale
-        found[name] = Constraint(name, key, unit, *bounds, force * unit_cost / scale)
+        constraints[name] = Constraint(name, key, unit, *bounds, force * unit_cost / scale)
 
     for block in assembly.blocks:
         values, force = problem.bounds.values(attempt.x, attempt.g, block), lam.constraints[block.rows]
@@ -263,4 +263,4 @@ def _constraints(problem: PlanProblem, attempt: Attempt) -> dict[str, Constraint
     low, high = np.array(assembly.low), np.array(assembly.high)
     for name, key, unit, columns, scale in of_columns:
         add(name, key, unit, scale, *(v[columns] for v in (attempt.x, low, high, lam.bounds)))
-    return found
+    return constraints

@@ -38,33 +38,35 @@ def plot_accuracy(report: AccuracyReport, *, ax: Sequence[Axes] | None = None) -
     panels = [panel for panel in _PANELS if len(report.front(panel[0], panel[1])) > 1]
     if ax is None:
         figure = new_figure(4.6 * max(len(panels), 1), 4.2)
-        ax = [quiet(one) for one in figure.subplots(1, max(len(panels), 1), squeeze=False)[0]]
-    for one, (cost, error, text) in zip(ax, panels, strict=False):
+        ax = [quiet(panel) for panel in figure.subplots(1, max(len(panels), 1), squeeze=False)[0]]
+    for axes, (cost, error, text) in zip(ax, panels, strict=False):
         i, j = columns.index(cost), columns.index(error)
         front = report.front(cost, error)
-        one.plot([row[i] for row in front], [row[j] for row in front], color=GRAY, linewidth=5.0, alpha=0.35, zorder=1)
+        axes.plot([row[i] for row in front], [row[j] for row in front], color=GRAY, linewidth=5.0, alpha=0.35, zorder=1)
         for family, (color, marker) in zip(FAMILIES, cycle(_LOOKS), strict=False):
-            own = [row for row in rows if row[0].split(",")[0] == family and _drawn(row[i]) and _drawn(row[j])]
+            points = [row for row in rows if row[0].split(",")[0] == family and _drawn(row[i]) and _drawn(row[j])]
             look: dict[str, Any] = {
                 "color": color,
                 "markersize": 4.5,
                 "linewidth": 0.0,
                 "label": family.replace("_", " "),
             }
-            one.plot([row[i] for row in own], [row[j] for row in own], marker=marker, **look)
-            for row in own:
-                one.annotate(str(row[1]), (row[i], row[j]), (4, 3), textcoords="offset points", fontsize=7, color=color)
-        one.set_xscale("log")
-        one.set_yscale("log")
+            axes.plot([row[i] for row in points], [row[j] for row in points], marker=marker, **look)
+            for row in points:
+                axes.annotate(
+                    str(row[1]), (row[i], row[j]), (4, 3), textcoords="offset points", fontsize=7, color=color
+                )
+        axes.set_xscale("log")
+        axes.set_yscale("log")
         costs = [row[i] for row in rows if _drawn(row[i])]
         # decades alone would leave a narrow range with one tick or none
         subs = (1.0,) if max(costs) > 50.0 * min(costs) else (1.0, 2.0, 5.0)
-        one.xaxis.set_major_locator(LogLocator(subs=subs, numticks=9))
-        one.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
-        one.xaxis.set_minor_formatter(NullFormatter())
+        axes.xaxis.set_major_locator(LogLocator(subs=subs, numticks=9))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.0f}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
         if cost == "real-time factor":  # greater is better: turned, so that the best is at the lower left as elsewhere
-            one.invert_xaxis()
-        label(one, _COSTS[cost], text)
+            axes.invert_xaxis()
+        label(axes, _COSTS[cost], text)
     ax[0].legend(frameon=False, fontsize=8, title="number of elements beside", title_fontsize=8)
     return list(ax)
 

@@ -75,9 +75,9 @@ def plot_plan_path(plan: Plan, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _evenly(count: int, most: int) -> NDArray[np.intp]:
+def _evenly(count: int, limit: int) -> NDArray[np.intp]:
     """So many of the instants at most, from first to last."""
-    return np.unique(np.linspace(0, count - 1, most).astype(int))
+    return np.unique(np.linspace(0, count - 1, limit).astype(int))
 
 
 def _shown_points(run: ControlRun, shapes: Any) -> list[Any]:

@@ -78,20 +78,20 @@ def _draw_costs(ax: Axes, result: DesignResult) -> None:
 
 def _draw_influences(ax: Axes, result: DesignResult) -> None:
     """Bars at the start and at the best design, in its order; at an optimum only those at a bound remain."""
-    found = result.influences[:_MOST_KEYS]
-    before = () if result.first is None else 0.01 * result.first.slope[: len(found)]
-    places = np.arange(len(found))
+    influences = result.influences[:_MOST_KEYS]
+    before = () if result.first is None else 0.01 * result.first.slope[: len(influences)]
+    places = np.arange(len(influences))
     ax.barh(places[: len(before)] + 0.05, before, color=GRAY, height=0.22, label="at the start")
-    at_bound = np.array([bool(one.at) for one in found])
-    change = np.array([one.per_percent for one in found])
+    at_bound = np.array([bool(influence.at) for influence in influences])
+    change = np.array([influence.per_percent for influence in influences])
     for chosen, color, text in ((~at_bound, BLUE, "at the best design"), (at_bound, ORANGE, "there, at a bound")):
         if chosen.any():
             ax.barh(places[chosen] + 0.3, change[chosen], color=color, height=0.22, label=text)
     ax.axvline(0.0, color=GRAY, linewidth=0.8)
-    for at, one in zip(places, found, strict=True):
-        name = one.key + (f" (at its {one.at})" if one.at else "")
+    for at, influence in zip(places, influences, strict=True):
+        name = influence.key + (f" (at its {influence.at})" if influence.at else "")
         ax.text(0.01, at - 0.09, name, transform=ax.get_yaxis_transform(), fontsize=8, color=INK, va="bottom")
     ax.set_yticks([])
-    ax.set_ylim(len(found) - 0.45, -0.45)
+    ax.set_ylim(len(influences) - 0.45, -0.45)
     label(ax, "change of the cost per +1 % of the range", "")
     head(ax, "Sensitivities")

@@ -65,34 +65,34 @@ def plot_shapes(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
     drawn = dict(zip((name for name, _ in found.blocks), found.drawn, strict=True))
     names = [name for name in sets if len(drawn[name].at)][:_PANELS]
     panels = _panels(len(names), ax, 5.6, 4.4)
-    for one, name in zip(panels, names, strict=False):
+    for panel, name in zip(panels, names, strict=False):
         rows, lines = np.array(sets[name]), drawn[name]
         index = rows[:, 2:].astype(int)
         measured, predicted = found.measured[index], found.predictions[index]
         over_time = lines.over_time
         shown = np.isin(rows[:, 0], lines.at)
         box = bend_box([lines.backbones, measured, predicted], 0.06 * finger.rod.length)
-        unit = show_box(one, box)
-        label(one, f"x [{unit}]", f"y [{unit}]")
+        unit = show_box(panel, box)
+        label(panel, f"x [{unit}]", f"y [{unit}]")
         for backbone in lines.backbones:
-            one.plot(*backbone.T, color=BLUE, alpha=0.35 if over_time else 0.7, linewidth=1.6, zorder=2)
-        bodies.draw_clamp(one, lines.backbones[0], finger)
+            panel.plot(*backbone.T, color=BLUE, alpha=0.35 if over_time else 0.7, linewidth=1.6, zorder=2)
+        bodies.draw_clamp(panel, lines.backbones[0], finger)
         for place in np.unique(rows[:, 1]) if over_time else ():
-            own = rows[:, 1] == place
-            one.plot(*predicted[own].T, color=INK, linewidth=0.9, zorder=3)
-            one.scatter(measured[own, 0], measured[own, 1], s=3, color=GRAY, linewidth=0, zorder=3)
-        one.add_collection(_links(measured[shown], predicted[shown]))
+            here = rows[:, 1] == place
+            panel.plot(*predicted[here].T, color=INK, linewidth=0.9, zorder=3)
+            panel.scatter(measured[here, 0], measured[here, 1], s=3, color=GRAY, linewidth=0, zorder=3)
+        panel.add_collection(_links(measured[shown], predicted[shown]))
         inside = found.fitted[index[:, 0]]
         for chosen, color, what in ((shown & inside, INK, "measured"), (shown & ~inside, ORANGE, "measured, hold-out")):
             if chosen.any():
-                one.scatter(
+                panel.scatter(
                     measured[chosen, 0], measured[chosen, 1], s=20, color=color, linewidth=0, zorder=5, label=what
                 )
         count, every = len(lines.at), len(np.unique(rows[:, 0]))
         some = f" ({count} of {every})" if count < every else ""
-        one.plot([], [], color=BLUE, linewidth=1.6, label=f"simulated{some}")
+        panel.plot([], [], color=BLUE, linewidth=1.6, label=f"simulated{some}")
         off = 1e3 * np.linalg.norm(measured - predicted, axis=1)
-        head(one, f"{name}: {off.mean():.3g} mm off, {off.max():.3g} mm at most", 3)
+        head(panel, f"{name}: {off.mean():.3g} mm off, {off.max():.3g} mm at most", 3)
     return panels
 
 
@@ -110,7 +110,7 @@ def plot_series(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
     def missed(rows: NDArray[np.intp]) -> float:
         return float(np.sqrt(np.mean(found.residuals[rows] ** 2))) / ranges[found.entries[rows[0]].unit]
 
-    series = sorted(found.series.items(), key=lambda one: -missed(one[1]))[:_PANELS]
+    series = sorted(found.series.items(), key=lambda pair: -missed(pair[1]))[:_PANELS]
     panels = _panels(len(series), ax, 4.6, 4.4, ratios=(2.0, 1.0))
     for ((name, what), rows), above, below in zip(series, panels[0::2], panels[1::2], strict=False):
         entry = found.entries[rows[0]]
@@ -135,8 +135,8 @@ def plot_series(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
         if name not in found.paths:
             below.set_xlim(at.min() - 0.5, at.max() + 0.5)
             above.set_xlim(below.get_xlim())
-            for one in (above, below):
-                one.locator_params(axis="x", integer=True)
+            for panel in (above, below):
+                panel.locator_params(axis="x", integer=True)
         label(above, "", f"{what} [{unit}]")
         label(below, "time [s]" if name in found.paths else "row", f"error [{unit}]")
         head(above, name, 3)
@@ -147,18 +147,18 @@ def plot_innovations(found: Replay, *, ax: Sequence[Axes] | None = None) -> list
     """Draw what was measured less what was expected, with three standard deviations, and commands of log and replay."""
     names = [*found.compared_names, *found.u_names]
     panels = _panels(len(names), ax, 4.6, 3.0)
-    for k, (one, name) in enumerate(zip(panels, names, strict=False)):
+    for k, (panel, name) in enumerate(zip(panels, names, strict=False)):
         factor, unit = SHOWN_IN.get(unit_of(name), (1.0, unit_of(name)))
         if k < len(found.compared_names):
             band = 3.0 * factor * found.innovation_std[:, k]
-            one.fill_between(found.t, -band, band, color=BLUE, alpha=0.2, linewidth=0, label="3 standard deviations")
-            one.scatter(found.t, factor * found.innovation[:, k], s=4, color=INK, linewidth=0, label="innovation")
+            panel.fill_between(found.t, -band, band, color=BLUE, alpha=0.2, linewidth=0, label="3 standard deviations")
+            panel.scatter(found.t, factor * found.innovation[:, k], s=4, color=INK, linewidth=0, label="innovation")
         else:
             j = k - len(found.compared_names)
-            one.step(found.t, factor * found.logged[:, j], where="post", color=INK, linewidth=1.6, label="log")
-            one.step(found.t, factor * found.u[:, j], where="post", color=ORANGE, linewidth=1.0, label="replay")
-        label(one, "time [s]", f"{name_of(name)} [{unit}]")
-        head(one, "", 2)
+            panel.step(found.t, factor * found.logged[:, j], where="post", color=INK, linewidth=1.6, label="log")
+            panel.step(found.t, factor * found.u[:, j], where="post", color=ORANGE, linewidth=1.0, label="replay")
+        label(panel, "time [s]", f"{name_of(name)} [{unit}]")
+        head(panel, "", 2)
     return panels
 
 
@@ -178,11 +178,11 @@ def _panels(
     columns = min(3, max(count, 1))
     figure = new_figure(width * columns, height * -(-count // columns))
     grid = figure.add_gridspec(max(-(-count // columns), 1), columns)
-    found = []
+    panels = []
     for k in range(count):
         inner = grid[k // columns, k % columns].subgridspec(len(ratios), 1, height_ratios=ratios)
-        found += [quiet(figure.add_subplot(inner[i])) for i in range(len(ratios))]
-    return found
+        panels += [quiet(figure.add_subplot(inner[i])) for i in range(len(ratios))]
+    return panels
 
 
 def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
@@ -191,12 +191,12 @@ def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
     looks = zip(plan.commands.T, plan.command_names, (BLUE, ORANGE, GRAY) * 6, strict=False)
     for values, name, color in looks:
         ax.plot(plan.t, values, color=color, linewidth=1.2, label=name_of(name))
-    for k, one in enumerate(plan.segments):
+    for k, segment in enumerate(plan.segments):
         if k % 2:
-            ax.axvspan(one.start, one.end, color=GRAY, alpha=0.12, linewidth=0)
-        middle = 0.5 * (one.start + one.end)
+            ax.axvspan(segment.start, segment.end, color=GRAY, alpha=0.12, linewidth=0)
+        middle = 0.5 * (segment.start + segment.end)
         ax.annotate(
-            one.name,
+            segment.name,
             (middle, 0.98),
             xycoords=("data", "axes fraction"),
             rotation=90,

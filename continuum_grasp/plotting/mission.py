@@ -185,8 +185,8 @@ def _acting_forces(mission: MissionRun, index: int) -> list[Force]:
     """Forces of the contacts and of a pull at one instant, without what is too small to be seen beside the greatest."""
     pulled = _pull_at(mission, float(mission.t[index]))[:2]
     least = _SEEN * float(np.max(mission.contacts.normal_force, initial=0.0))
-    found = [*mission.contacts.at(index), (mission.object_pose[index, :2], pulled, "load")]
-    return [(np.asarray(at), np.asarray(force), kind) for at, force, kind in found if np.hypot(*force) > least]
+    forces = [*mission.contacts.at(index), (mission.object_pose[index, :2], pulled, "load")]
+    return [(np.asarray(at), np.asarray(force), kind) for at, force, kind in forces if np.hypot(*force) > least]
 
 
 def _draw_moment(ax: Axes, mission: MissionRun, t: float, pose: Array, **style: Any) -> list[Any]:
@@ -214,14 +214,14 @@ def plot_mission_timeline(mission: MissionRun, *, ax: Sequence[Axes] | None = No
     word, unit = COMMANDS[mission.assignments[0].control.finger.input_keys[0]]
     taken = f"{word} [{unit}]"
     end = max(float(mission.t[-1]), 1e-3)
-    for one, (draw, text) in zip(rest, curves, strict=True):
-        quiet(one)
+    for panel, (draw, text) in zip(rest, curves, strict=True):
+        quiet(panel)
         for span in mission.spans:
-            one.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0, zorder=0)
-        draw(one, mission)
-        one.set_ylabel(text.format(input=taken), color=INK)
+            panel.axvspan(span.start, span.end, color=_band(span.name), linewidth=0.0, zorder=0)
+        draw(panel, mission)
+        panel.set_ylabel(text.format(input=taken), color=INK)
         # Of three fingers the tensions, their setpoints and limits take two rows.
-        head(one, None, _ONE_ROW if len(one.get_legend_handles_labels()[1]) < 8 else 4)
+        head(panel, None, _ONE_ROW if len(panel.get_legend_handles_labels()[1]) < 8 else 4)
     rest[-1].set_xlabel("time [s]", color=INK)
     rest[-1].set_xlim(0.0, end)
     _draw_phases(strip, mission, end)
@@ -268,8 +268,8 @@ def _draw_inputs(ax: Axes, mission: MissionRun) -> None:
 
 def _touching(mission: MissionRun) -> dict[int, Any]:
     """Colors of the contacts that touch at any time, by their column."""
-    found = np.flatnonzero(np.any(mission.contacts.normal_force > 0.0, axis=0))
-    return dict(zip(found.tolist(), colors(len(found)), strict=True))
+    touching = np.flatnonzero(np.any(mission.contacts.normal_force > 0.0, axis=0))
+    return dict(zip(touching.tolist(), colors(len(touching)), strict=True))
 
 
 def _draw_normal_forces(ax: Axes, mission: MissionRun) -> None:
@@ -341,20 +341,20 @@ def plot_trials(outcomes: Sequence[Outcome]) -> list[Axes]:
     good = np.array([outcome.succeeded for outcome, _ in judged], dtype=bool)
     varied = [outcome.variation for outcome, _ in judged]
     scales = ("stiffness", "damping", "mass", "friction")
-    given = {
-        **{f"{name} [1]": [getattr(one, name) for one in varied] for name in scales},
-        **{f"shift {axis} [mm]": [1e3 * one.shift[k] for one in varied] for k, axis in enumerate("xy")},
+    abscissas = {
+        **{f"{name} [1]": [getattr(variation, name) for variation in varied] for name in scales},
+        **{f"shift {axis} [mm]": [1e3 * variation.shift[k] for variation in varied] for k, axis in enumerate("xy")},
     }
-    found = {
+    ordinates = {
         "force error [%]": np.array([100.0 * verdict.force_error for _, verdict in judged], dtype=float),
         "least slip margin [1]": np.array([verdict.slip_margin for _, verdict in judged], dtype=float),
     }
     figure = new_figure(10.2, 4.4)
-    grid = figure.subplots(2, len(given), sharex="col", sharey="row", squeeze=False)
-    for ax, name in zip(grid[-1], given, strict=True):
+    grid = figure.subplots(2, len(abscissas), sharex="col", sharey="row", squeeze=False)
+    for ax, name in zip(grid[-1], abscissas, strict=True):
         ax.set_xlabel(name, color=INK, fontsize=9)
-    for row, (what, values) in zip(grid, found.items(), strict=True):
-        for ax, against in zip(row, given.values(), strict=True):
+    for row, (what, values) in zip(grid, ordinates.items(), strict=True):
+        for ax, against in zip(row, abscissas.values(), strict=True):
             x = np.array(against, dtype=float)
             quiet(ax)
             ax.plot(x[good], values[good], "o", color=BLUE, markersize=3.5, alpha=0.8, markeredgewidth=0.0)

@@ -118,7 +118,7 @@ def _forces_and_box(
     motion: Trajectory | Plan, indices: NDArray[Any], points: list[NDArray[Any]], outlines: list[list[NDArray[Any]]]
 ) -> tuple[list[list[Force]], float, axes.Box]:
     """Forces at each of some instants, their drawn length per force, and limits that hold all arrows and shapes."""
-    forces = [[one for one in motion.loads_at(int(k)) if np.hypot(*one[1]) > 0] for k in indices]
+    forces = [[force for force in motion.loads_at(int(k)) if np.hypot(*force[1]) > 0] for k in indices]
     everything = list(chain(*forces))
     scale = force_scale(everything, _FORCE * motion.length)
     ends = [np.asarray(at) + scale * np.asarray(force) for at, force, _ in everything]
@@ -203,29 +203,29 @@ def plot_modes(
     displaced most is by ``amplitude`` lengths of the finger.
     """
     present = len(modes.frequencies_hz)
-    given = None if ax is None else list(np.ravel(np.asarray(ax, dtype=object)))
-    wanted = min(present, 6 if given is None else len(given)) if count is None else count
+    panels = None if ax is None else list(np.ravel(np.asarray(ax, dtype=object)))
+    wanted = min(present, 6 if panels is None else len(panels)) if count is None else count
     if not 0 < wanted <= present:
         raise InputError(f"expected 1 to {present} modes, got {wanted}", key="count")
-    if given is not None and len(given) < wanted:
-        raise InputError(f"expected axes for {wanted} modes, got {len(given)}", key="ax")
+    if panels is not None and len(panels) < wanted:
+        raise InputError(f"expected axes for {wanted} modes, got {len(panels)}", key="ax")
 
     rest = np.asarray(modes.backbone)
     length = float(np.hypot(*np.diff(rest, axis=0).T).sum())
     swing = amplitude * length * np.asarray(modes.shapes)[:wanted]
     box = axes.bend_box([rest, rest + swing, rest - swing], 0.07 * length, slimmest=0.4)
-    drawn = _new_axes(wanted, box, modes.stable) if given is None else given[:wanted]
-    for k, one in enumerate(drawn):
-        axes.plane_axes(one, box)
+    drawn = _new_axes(wanted, box, modes.stable) if panels is None else panels[:wanted]
+    for k, panel in enumerate(drawn):
+        axes.plane_axes(panel, box)
         plus, minus = rest + swing[k], rest - swing[k]
-        one.plot(*rest.T, color=GRAY, linewidth=1.4, linestyle="--", zorder=2)
-        one.plot(*plus.T, color=BLUE, linewidth=2.0, zorder=3)
-        one.plot(*minus.T, color=ORANGE, linewidth=2.0, zorder=3)
-        one.fill(*np.concatenate([plus, minus[::-1]]).T, color=BLUE, alpha=0.06, linewidth=0, zorder=1)
-        bodies.draw_clamp(one, rest, modes.scene.finger)
+        panel.plot(*rest.T, color=GRAY, linewidth=1.4, linestyle="--", zorder=2)
+        panel.plot(*plus.T, color=BLUE, linewidth=2.0, zorder=3)
+        panel.plot(*minus.T, color=ORANGE, linewidth=2.0, zorder=3)
+        panel.fill(*np.concatenate([plus, minus[::-1]]).T, color=BLUE, alpha=0.06, linewidth=0, zorder=1)
+        bodies.draw_clamp(panel, rest, modes.scene.finger)
         damping = modes.damping_ratios[k]  # NaN of an unstable mode
         ratio = "" if math.isnan(damping) else rf", $\zeta$ = {damping:.3g}"
-        one.set_title(f"mode {k + 1}: {modes.frequencies_hz[k]:.4g} Hz{ratio}", fontsize=10, color=INK)
+        panel.set_title(f"mode {k + 1}: {modes.frequencies_hz[k]:.4g} Hz{ratio}", fontsize=10, color=INK)
     return drawn
 
 
@@ -263,11 +263,11 @@ def plot_tensions_along(trajectory: Trajectory, *, ax: Axes | None = None) -> Ax
     lines = [np.column_stack([at, tensions[k]]) for at, tensions in along for k in chosen]
     drawn = axes.draw_timed(ax, lines, np.tile(t[chosen], len(along)), t, 1.6)
     drawn.set_linestyle([_STYLES[k % len(_STYLES)] for k in range(len(along)) for _ in chosen])
-    most = max(float(tensions[chosen].max()) for _, tensions in along)
+    greatest = max(float(tensions[chosen].max()) for _, tensions in along)
     for k in range(len(along)):
         ax.plot([], [], color=INK, linestyle=_STYLES[k % len(_STYLES)], label=f"tendon {k + 1}")
     ax.set_xlim(0.0, trajectory.length)
-    ax.set_ylim(0.0, 1.05 * max(most, 1e-3))
+    ax.set_ylim(0.0, 1.05 * max(greatest, 1e-3))
     unit = axes.length_unit(np.ptp(ax.get_xlim()), ax.xaxis)
     axes.label(ax, f"position along the finger [{unit}]", "tension [N]")
     axes.head(ax, trajectory.name)
@@ -287,7 +287,7 @@ def plot_tension_loop(trajectory: Trajectory, *, ax: Axes | None = None) -> Axes
 
 def _along(trajectory: Trajectory) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Places and tensions of every tendon."""
-    found = trajectory.tensions_along
-    if found is None:
+    tensions = trajectory.tensions_along
+    if tensions is None:
         raise InputError("the tensions of this finger are those that are commanded: there is nothing more to draw")
-    return found
+    return tensions

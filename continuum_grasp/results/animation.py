@@ -98,9 +98,9 @@ def _palette(images: list[Image]) -> Image:
     for image in chosen:
         sheet.paste(image, (0, top))
         top += image.height
-    found = sheet.quantize(colors=256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    quantized = sheet.quantize(colors=256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     chosen_colors = np.full((1, 3), 255)  # the ground stays white: none is near it, nor near another color
-    for color in np.array(found.getpalette(), dtype=int).reshape(-1, 3):
+    for color in np.array(quantized.getpalette(), dtype=int).reshape(-1, 3):
         if np.abs(chosen_colors - color).max(axis=1).min() > _COLORS_APART:
             chosen_colors = np.vstack([chosen_colors, color])
     palette = Image.new("P", (1, 1))
@@ -199,11 +199,11 @@ def _print(figure: Any) -> None:
     figure.set_size_inches(share * width, share * float(figure.get_figheight()))
     # Where text was placed by hand, not by a layout, it must not grow.
     grown = 1.0 if figure.get_layout_engine() is not None else share
-    for text in figure.findobj(lambda one: hasattr(one, "set_math_fontfamily")):
+    for text in figure.findobj(lambda artist: hasattr(artist, "set_math_fontfamily")):
         text.set(fontsize=min(_POINTS, grown * text.get_fontsize()), fontfamily="STIXGeneral", math_fontfamily="stix")
     for axes in figure.axes:
         axes.tick_params(labelsize=grown * (_POINTS - 1.0), labelfontfamily="STIXGeneral", width=0.6, length=2.5)
-    for line in figure.findobj(lambda one: hasattr(one, "set_markersize")):
+    for line in figure.findobj(lambda artist: hasattr(artist, "set_markersize")):
         line.set(linewidth=max(0.5, share * line.get_linewidth()), markersize=max(2.0, share * line.get_markersize()))
 
 

@@ -47,18 +47,18 @@ class Stored:
 
     def of(self, result: Any) -> Any:
         """The array of a result; None where it has none."""
-        found = attribute(result, self.source or self.name)
-        return np.array(found, dtype=str) if self.unit == "text" and found is not None else found
+        array = attribute(result, self.source or self.name)
+        return np.array(array, dtype=str) if self.unit == "text" and array is not None else array
 
     def each(self, words: Mapping[str, Iterable[str]]) -> list[Stored]:
         """Arrays for each name of each word in this array's name; the array itself where there is no such word."""
         for word, names in words.items():
             if f"{{{word}}}" in self.name:
-                given = [
+                copies = [
                     replace(self, **{key: getattr(self, key).replace(f"{{{word}}}", name) for key in ("name", "shape")})
                     for name in names
                 ]
-                return [one for each in given for one in each.each(words)]
+                return [stored for each in copies for stored in each.each(words)]
         return [self]
 
 
@@ -87,8 +87,8 @@ class Dimension:
         """A label for each of so many places; None where there are none."""
         if isinstance(self.labels, int):
             return list(range(self.labels, self.labels + size))
-        found = attribute(result, self.labels) if isinstance(self.labels, str) and self.labels else self.labels
-        labels = [] if found is None else list(found)
+        stated = attribute(result, self.labels) if isinstance(self.labels, str) and self.labels else self.labels
+        labels = [] if stated is None else list(stated)
         return labels[:size] if len(labels) >= size and labels else None
 
 

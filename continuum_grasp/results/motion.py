@@ -39,8 +39,8 @@ class MotionResult(Result):
     @property
     def length(self) -> float:
         """Length of the finger [m]."""
-        found: float = self.scene.finger.rod.length
-        return found
+        length: float = self.scene.finger.rod.length
+        return length
 
     @property
     def object_pose(self) -> Any:

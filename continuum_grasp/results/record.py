@@ -22,13 +22,13 @@ _PACKAGES = {"continuum_grasp": "continuum-grasp", "casadi": "casadi", "numpy": 
 @functools.cache
 def versions() -> dict[str, str]:
     """Versions of Python, the package, CasADi and numpy, ``"not installed"`` in a plain checkout; not to be changed."""
-    found = {"python": platform.python_version()}
+    installed = {"python": platform.python_version()}
     for name, distribution in _PACKAGES.items():
         try:
-            found[name] = metadata.version(distribution)
+            installed[name] = metadata.version(distribution)
         except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+            installed[name] = "not installed"
+    return installed
 
 
 def machine() -> dict[str, str]:
@@ -62,8 +62,8 @@ def begin_run(folder: str | os.PathLike[str], kind: str | None = None, *, retain
     old = _read(target)
     _remove(target, old, retained)
     for path in target.glob(".tmp-*"):
-        found = _TEMPORARY.match(path.name)
-        if found and not _alive(int(found[1])):  # of a process that was killed
+        match = _TEMPORARY.match(path.name)
+        if match and not _alive(int(match[1])):  # of a process that was killed
             path.unlink(missing_ok=True)
     # Recorded before the caller replaces them, so that a kill in between leaves them known.
     files = {name: digests for name, digests in old["files"].items() if name in retained}
@@ -117,9 +117,9 @@ def _read(folder: Path) -> dict[str, Any]:
     """The record of a folder, empty where there is none or it is damaged."""
     path = folder / RECORD
     try:
-        found = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-        files = {str(name): [str(digest) for digest in digests] for name, digests in found["files"].items()}
-        return {"known": True, "kind": found["kind"], "files": files, "parts": [str(name) for name in found["parts"]]}
+        record = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+        files = {str(name): [str(digest) for digest in digests] for name, digests in record["files"].items()}
+        return {"known": True, "kind": record["kind"], "files": files, "parts": [str(name) for name in record["parts"]]}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {"known": False, "kind": None, "files": {}, "parts": []}
 

@@ -79,7 +79,7 @@ class Result(Summarized):
     def __init_subclass__(cls) -> None:
         """Describe the stored arrays in the docstring, so that their description stands in one place."""
         super().__init_subclass__()
-        rows = [f"    {one.name} : {one.shape} ndarray\n        {one}" for one in cls.stored]
+        rows = [f"    {stored.name} : {stored.shape} ndarray\n        {stored}" for stored in cls.stored]
         if rows:
             doc = (cls.__doc__ or "").rstrip()
             cls.__doc__ = "\n".join([doc, "", "    Stored arrays", "    -------------", *rows, "    "])
@@ -87,8 +87,8 @@ class Result(Summarized):
     @property
     def name(self) -> str | None:
         """Name of the scene."""
-        found: str | None = None if self.scene is None else self.scene.name
-        return found
+        name: str | None = None if self.scene is None else self.scene.name
+        return name
 
     @property
     def outcome(self) -> str:
@@ -105,12 +105,12 @@ class Result(Summarized):
 
     def declared(self) -> list[Stored]:
         """The stored arrays, with names in place of `words`."""
-        return [each for one in self.stored for each in one.each(self.words())]
+        return [each for stored in self.stored for each in stored.each(self.words())]
 
     def stored_arrays(self) -> dict[str, Any]:
         """The arrays by the names that they are stored under."""
-        found = {one.name: one.of(self) for one in self.stored if "{" not in one.name}
-        return {name: value for name, value in found.items() if value is not None}
+        arrays = {stored.name: stored.of(self) for stored in self.stored if "{" not in stored.name}
+        return {name: value for name, value in arrays.items() if value is not None}
 
     def meta(self, **options: Any) -> dict[str, Any]:
         """Everything else that is stored; ``options`` are those of `details`."""
@@ -165,7 +165,7 @@ class Result(Summarized):
 
     def drawable(self) -> Sequence[Picture]:
         """The pictures that there are of this result, the main one first."""
-        return [one for one in self.pictures if not one.needs or _is_there(getattr(self, one.needs))]
+        return [picture for picture in self.pictures if not picture.needs or _is_there(getattr(self, picture.needs))]
 
     def plot(self, ax: Any = None, *, picture: str | None = None, **options: Any) -> Any:
         """Draw a picture; nothing is written, and a notebook shows what is returned.
@@ -190,7 +190,7 @@ class Result(Summarized):
         InputError
             There is no such picture, it takes no such option, or it has a figure of its own and ``ax`` is given.
         """
-        drawable = {one.name: one for one in (*self.drawable(), *self.on_request)}
+        drawable = {candidate.name: candidate for candidate in (*self.drawable(), *self.on_request)}
         known = ", ".join(drawable) or "none: there is nothing to draw"
         if not drawable or (picture is not None and picture not in drawable):
             raise InputError(f"no such picture of this result: {picture!r}; there are {known}", key="picture")
@@ -200,7 +200,7 @@ class Result(Summarized):
             if chosen.panels and not (takes and several):
                 instead = "leave ax out" + (", or give a list of axes" if takes else "")
                 raise InputError(f"{chosen.name} has panels in a figure of its own: {instead}", key="ax")
-            wrong = [one for one in (ax if chosen.panels else [ax]) if not hasattr(one, "get_xlim")]
+            wrong = [panel for panel in (ax if chosen.panels else [ax]) if not hasattr(panel, "get_xlim")]
             if wrong:
                 named = f"; write picture={ax!r}" if isinstance(ax, str) else ""
                 raise InputError(f"expected matplotlib axes, got {type(wrong[0]).__name__}{named}", key="ax")
@@ -209,13 +209,15 @@ class Result(Summarized):
 
     def _drawn(self, picture: Picture, options: Mapping[str, Any]) -> Any:
         maker, taken = maker_of(picture.maker), _options_of(picture)
-        given = {**picture.options, **options}
-        needed = [name for name, one in taken.items() if one.default is one.empty and name not in given]
+        arguments = {**picture.options, **options}
+        needed = [
+            name for name, parameter in taken.items() if parameter.default is parameter.empty and name not in arguments
+        ]
         known = ", ".join(name for name in taken if name != "ax") or "none"
-        for name in (*(name for name in given if name not in taken), *needed):
+        for name in (*(name for name in arguments if name not in taken), *needed):
             wrong = "this picture needs it" if name in needed else "no such option"
             raise InputError(f"{wrong}; {picture.name} takes {known}", key=name)
-        drawn = maker(self, **given)
+        drawn = maker(self, **arguments)
         return drawn[0].figure if picture.panels else drawn
 
     @check_arguments
@@ -246,10 +248,10 @@ class Result(Summarized):
         from continuum_grasp.results.animation import save_picture
 
         target = Path(folder)
-        drawn = {one.name: self._drawn(one, {}) for one in self.drawable()}
+        drawn = {picture.name: self._drawn(picture, {}) for picture in self.drawable()}
         choice("format", format, ("png", "pdf", "svg"))
         choice("style", style, ("screen", "paper"))
-        files = [save_picture(one, target / f"{name}.{format}", style=style) for name, one in drawn.items()]
+        files = [save_picture(drawing, target / f"{name}.{format}", style=style) for name, drawing in drawn.items()]
         return files + self._write(self.pages, target, pictures=drawn)
 
     def _write(self, files: Iterable[File], folder: Path, **options: Any) -> list[Path]:
@@ -337,7 +339,7 @@ class Result(Summarized):
 def _options_of(picture: Picture) -> dict[str, inspect.Parameter]:
     """Parameters of the function that draws a picture, by name."""
     parameters = inspect.signature(maker_of(picture.maker)).parameters
-    return {name: one for name, one in parameters.items() if one.kind is one.KEYWORD_ONLY}
+    return {name: parameter for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY}
 
 
 def _is_there(value: Any) -> bool:

@@ -185,20 +185,20 @@ def read_run(folder: str | os.PathLike[str]) -> Run:
 
 def _complete(meta: Mapping[str, Any]) -> dict[str, Any]:
     """The caller's meta data in plain form, with what is always recorded."""
-    given: dict[str, Any] = plain(meta)
-    own = {"config_sha256", "created", "format_version", "platform"} & given.keys()
-    if own:
-        raise InputError(f"recorded by the run folder itself, not given: {', '.join(sorted(own))}", key="meta")
-    config = given.pop("config", None)
+    entries: dict[str, Any] = plain(meta)
+    recorded = {"config_sha256", "created", "format_version", "platform"} & entries.keys()
+    if recorded:
+        raise InputError(f"recorded by the run folder itself, not given: {', '.join(sorted(recorded))}", key="meta")
+    config = entries.pop("config", None)
     return {
         "format_version": FORMAT_VERSION,
         "created": created_now(),
-        "status": given.pop("status", None),
-        "seed": given.pop("seed", None),
+        "status": entries.pop("status", None),
+        "seed": entries.pop("seed", None),
         "config_sha256": None if config is None else digest(config),
-        "versions": {**versions(), **given.pop("versions", {})},
+        "versions": {**versions(), **entries.pop("versions", {})},
         "platform": machine(),
-        **given,
+        **entries,
         "config": config,
     }
 

@@ -33,7 +33,7 @@ def to_xarray(result: Any) -> xarray.Dataset:
     """See `Result.to_xarray`."""
     xr = package("xarray")
     arrays, coordinates = _arrays(result), {}
-    sizes = {name: size for one, value in arrays for name, size in zip(one.dimensions, value.shape, strict=True)}
+    sizes = {name: size for stored, value in arrays for name, size in zip(stored.dimensions, value.shape, strict=True)}
     for name, size in sizes.items():
         dimension = _dimension(result, name)
         labels, units = _labels(result, name, size)
@@ -45,19 +45,19 @@ def to_xarray(result: Any) -> xarray.Dataset:
         if units is not None:
             coordinates[f"{name}_unit"] = (name, units, {"long_name": f"unit along {name}"})
     variables = {
-        one.name: (one.dimensions, value, {"units": _unit(one), "long_name": one.meaning})
-        for one, value in arrays
-        if not _is_label(result, one)
+        stored.name: (stored.dimensions, value, {"units": _unit(stored), "long_name": stored.meaning})
+        for stored, value in arrays
+        if not _is_label(result, stored)
     }
     about = {"kind": result.kind, "name": result.name or "", "status": result.outcome, "warnings": [*result.warnings]}
-    found: xarray.Dataset = xr.Dataset(variables, coordinates, about)
-    return found
+    dataset: xarray.Dataset = xr.Dataset(variables, coordinates, about)
+    return dataset
 
 
 def to_pandas(result: Any, dimension: str | None = None) -> pandas.DataFrame:
     """See `Result.to_pandas`."""
     arrays = _arrays(result)
-    known = list(dict.fromkeys(name for one, _ in arrays for name in one.dimensions))
+    known = list(dict.fromkeys(name for stored, _ in arrays for name in stored.dimensions))
     if not known:
         raise InputError("this result has no arrays to make a table of")
     if dimension is not None and dimension not in known:
@@ -65,21 +65,21 @@ def to_pandas(result: Any, dimension: str | None = None) -> pandas.DataFrame:
     rows = known[0] if dimension is None else dimension
     columns: dict[str, Array] = {}
     units, descriptions, count = {}, {}, 0
-    for one, value in arrays:
-        if rows not in one.dimensions or _is_label(result, one):
-            count = value.shape[one.dimensions.index(rows)] if rows in one.dimensions else count
+    for stored, value in arrays:
+        if rows not in stored.dimensions or _is_label(result, stored):
+            count = value.shape[stored.dimensions.index(rows)] if rows in stored.dimensions else count
             continue
-        along = np.moveaxis(value, one.dimensions.index(rows), 0)
-        count, others = len(along), [name for name in one.dimensions if name != rows]
-        found = [_entries(result, name, size) for name, size in zip(others, along.shape[1:], strict=True)]
-        for place, entries in zip(np.ndindex(*along.shape[1:]), product(*found), strict=True):
-            name = ".".join([one.name, *(label for label, _ in entries)])
+        along = np.moveaxis(value, stored.dimensions.index(rows), 0)
+        count, others = len(along), [name for name in stored.dimensions if name != rows]
+        other_entries = [_entries(result, name, size) for name, size in zip(others, along.shape[1:], strict=True)]
+        for place, entries in zip(np.ndindex(*along.shape[1:]), product(*other_entries), strict=True):
+            name = ".".join([stored.name, *(label for label, _ in entries)])
             columns[name] = along[(slice(None), *place)]
-            units[name] = next((unit for _, unit in entries if unit), "") or _unit(one)
-            descriptions[name] = one.meaning
-    labels, own = _labels(result, rows, count)
-    if own is not None:
-        columns = {"unit": own, **columns}
+            units[name] = next((unit for _, unit in entries if unit), "") or _unit(stored)
+            descriptions[name] = stored.meaning
+    labels, label_units = _labels(result, rows, count)
+    if label_units is not None:
+        columns = {"unit": label_units, **columns}
     pd = package("pandas")
     index = pd.Index(np.arange(count) if labels is None else labels, name=rows)
     frame: pandas.DataFrame = pd.DataFrame(columns, index=index)
@@ -89,18 +89,18 @@ def to_pandas(result: Any, dimension: str | None = None) -> pandas.DataFrame:
 
 def _arrays(result: Any) -> list[tuple[Stored, Array]]:
     """Declared arrays with their values."""
-    found = result.stored_arrays()
-    return [(one, np.asarray(found[one.name])) for one in result.declared() if one.name in found]
+    arrays = result.stored_arrays()
+    return [(stored, np.asarray(arrays[stored.name])) for stored in result.declared() if stored.name in arrays]
 
 
 def _dimension(result: Any, name: str) -> Any:
-    return next((one for one in result.dimensions if one.name == name), None)
+    return next((dimension for dimension in result.dimensions if dimension.name == name), None)
 
 
-def _is_label(result: Any, one: Stored) -> bool:
+def _is_label(result: Any, stored: Stored) -> bool:
     """Whether an array is what its dimension is labeled with."""
-    return len(one.dimensions) == 1 and any(
-        dimension.name == one.dimensions[0] and dimension.labels == (one.source or one.name)
+    return len(stored.dimensions) == 1 and any(
+        dimension.name == stored.dimensions[0] and dimension.labels == (stored.source or stored.name)
         for dimension in result.dimensions
     )
 
@@ -124,8 +124,8 @@ def _entries(result: Any, name: str, size: int) -> list[tuple[str, str]]:
     return list(zip(texts, [""] * size if units is None else units.tolist(), strict=True))
 
 
-def _unit(one: Stored) -> str:
-    return "" if one.unit == "text" else one.unit
+def _unit(stored: Stored) -> str:
+    return "" if stored.unit == "text" else stored.unit
 
 
 def pareto(x: Array, y: Array, x_greatest: bool = False, y_greatest: bool = False) -> NDArray[np.int64]:
@@ -135,9 +135,9 @@ def pareto(x: Array, y: Array, x_greatest: bool = False, y_greatest: bool = Fals
     """
     # Sorted by x, a point belongs to the front where its y is less than that of all before it.
     a, b = (-x if x_greatest else x), (-y if y_greatest else y)
-    found, least = [], np.inf
+    front, least = [], np.inf
     for k in np.lexsort((np.arange(len(a)), b, a)):
         if b[k] < least:
-            found.append(k)
+            front.append(k)
             least = b[k]
-    return np.array(found[::-1] if x_greatest else found, dtype=np.int64)
+    return np.array(front[::-1] if x_greatest else front, dtype=np.int64)

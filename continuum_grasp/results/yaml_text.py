@@ -31,7 +31,7 @@ def _text_node(dumper: yaml.SafeDumper, text: str) -> yaml.Node:
 def _list_node(dumper: yaml.SafeDumper, values: list[Any]) -> yaml.Node:
     node = dumper.represent_sequence("tag:yaml.org,2002:seq", values, flow_style=True)
     flat = not any(isinstance(value, (dict, list, str)) for value in values)
-    node.flow_style = flat and sum(len(one.value) + 2 for one in node.value) <= _WIDTH
+    node.flow_style = flat and sum(len(child.value) + 2 for child in node.value) <= _WIDTH
     return node
 
 

@@ -21,12 +21,12 @@ _PER_PANEL = 5
 
 def with_places(fixed: ArrayLike, others: Iterable[float]) -> Array:
     """Fixed places from start to end, and others that are none of those and not at one another, increasing."""
-    found = [float(at) for at in np.asarray(fixed)]
-    close = _SAME_PLACE * (found[-1] - found[0])
+    places = [float(at) for at in np.asarray(fixed)]
+    close = _SAME_PLACE * (places[-1] - places[0])
     for at in others:
-        if min(abs(at - known) for known in found) > close:
-            found.append(at)
-    return np.sort(found)
+        if min(abs(at - known) for known in places) > close:
+            places.append(at)
+    return np.sort(places)
 
 
 def panel_edges(marks: ArrayLike, longest: float) -> Array:

@@ -149,10 +149,10 @@ class Body:
 
 def bodies(finger: Finger) -> list[Body]:
     """Point masses and the body at the tip."""
-    found, tip = [Body(point.at, point.mass) for point in finger.masses], finger.tip_body
+    point_masses, tip = [Body(point.at, point.mass) for point in finger.masses], finger.tip_body
     if tip is not None:
-        found.append(Body(finger.profile.length, tip.mass, complex(*tip.center_of_mass), tip.rotary_inertia))
-    return found
+        point_masses.append(Body(finger.profile.length, tip.mass, complex(*tip.center_of_mass), tip.rotary_inertia))
+    return point_masses
 
 
 def _tendons(
@@ -164,28 +164,28 @@ def _tendons(
     way: float,
 ) -> list[Tendon]:
     """Moments of tendons and chambers, of tendons with one shape and without friction together, scaled."""
-    found = [
+    tendons = [
         Tendon(pull.channel.shape, pull.channel.gain * pressure * scale)
         for pull, pressure in zip(finger.pulls[len(finger.tendon_list) :], pressures, strict=True)
         if pressure != 0.0
     ]
     for channel in finger.channels:
         free = 0.0
-        for k, (arm, own) in enumerate(zip(channel.arms, finger.tendon_list, strict=False)):
-            friction, tension = math.copysign(own.friction, arm) * way, 0.0 if tensions is None else tensions[k]
+        for k, (arm, tendon) in enumerate(zip(channel.arms, finger.tendon_list, strict=False)):
+            friction, tension = math.copysign(tendon.friction, arm) * way, 0.0 if tensions is None else tensions[k]
             if arm == 0.0:
                 continue
-            if wound is not None and own.axial_stiffness is not None and own.series_stiffness is not None:
-                to = own.end(finger.profile.length) / finger.profile.length
-                cable = Cable(wound[k], arm, 1.0 / own.series_stiffness, 1.0 / own.axial_stiffness, to)
-                found.append(Tendon(channel.shape, arm * scale, friction, own.conduit_bend, cable))
-            elif own.friction == 0.0:
+            if wound is not None and tendon.axial_stiffness is not None and tendon.series_stiffness is not None:
+                to = tendon.end(finger.profile.length) / finger.profile.length
+                cable = Cable(wound[k], arm, 1.0 / tendon.series_stiffness, 1.0 / tendon.axial_stiffness, to)
+                tendons.append(Tendon(channel.shape, arm * scale, friction, tendon.conduit_bend, cable))
+            elif tendon.friction == 0.0:
                 free += arm * tension
             elif tension != 0.0:
-                found.append(Tendon(channel.shape, arm * tension * scale, friction, own.conduit_bend))
+                tendons.append(Tendon(channel.shape, arm * tension * scale, friction, tendon.conduit_bend))
         if free != 0.0:
-            found.append(Tendon(channel.shape, free * scale))
-    return found
+            tendons.append(Tendon(channel.shape, free * scale))
+    return tendons
 
 
 _SERVOS = "the exact rod knows torques of motors, one per tendon: give family and elements"
@@ -230,8 +230,8 @@ def read_problem(scene: Scene, extra_loads: Sequence[Load] = ()) -> RodProblem:
         else:
             couples.append((load.at, _at_zero(load.moment)[0]))
     actuation, tensions, wound = scene.actuation, None, None
-    given = {} if actuation is None else actuation.given
-    commands = {key: [_at_zero(value)[0] for value in values] for key, values in given.items()}
+    inputs = {} if actuation is None else actuation.given
+    commands = {key: [_at_zero(value)[0] for value in values] for key, values in inputs.items()}
     if drives := scene.finger.winches:
         tensions, wound = _wound(scene, commands.get(drives[0].key) or [0.0] * len(drives))
     couples += [(length, moment) for moment in commands.get("tip_moment", ())]

@@ -199,8 +199,8 @@ def deformed(problem: RodProblem, curvature: Callable[[Array], Array], *, tolera
     """
     equations = _first_equations(problem)
     start = problem.length * curvature(problem.length * equations.mesh.nodes)
-    found, steps = follow(equations, start, loads=False, folds=False)
-    return _refine(equations, found, steps, tolerance, 0)
+    state, steps = follow(equations, start, loads=False, folds=False)
+    return _refine(equations, state, steps, tolerance, 0)
 
 
 def _first_equations(problem: RodProblem) -> RodEquations:

@@ -85,10 +85,10 @@ class RodEquations:
         moment = np.zeros(self.mesh.size)
         for drive, tendon in self._drives:
             # What is wound up bends by no more than what leaves the tendon just taut.
-            most = (
+            greatest_tension = (
                 1.0 if tendon.cable is None else max(tendon.cable.wound, 0.0) / abs(tendon.cable.arm * tendon.amplitude)
             )
-            moment += most * np.abs(drive)
+            moment += greatest_tension * np.abs(drive)
         for at, couple in self.problem.couples:
             moment += abs(couple) * (self.mesh.nodes < at)
         curvature = np.abs(self.rest) + moment / self.bending_stiffness
@@ -166,10 +166,10 @@ class RodEquations:
         if tendon.cable is None:
             return drive * share, None if rate is None else drive[:, None] * rate
         tension, slope = self._tension(tendon, curvature, share, rate)
-        found = np.outer(drive * share, slope)
+        derivative = np.outer(drive * share, slope)
         if rate is not None:
-            found += (tension * drive)[:, None] * rate
-        return tension * drive * share, found
+            derivative += (tension * drive)[:, None] * rate
+        return tension * drive * share, derivative
 
     def _share(self, tendon: Tendon, curvature: Array) -> tuple[Array, Array | None]:
         """Share of the tension at the drive along the rod, and its derivative; None where it is one."""
@@ -199,10 +199,10 @@ class RodEquations:
         compliance = cable.series + float(along @ share)
         longer, slope, _ = _soft(cable.wound - float(drawn @ curvature))
         tension = longer / compliance
-        found = -slope / compliance * drawn
+        derivative = -slope / compliance * drawn
         if rate is not None:
-            found = found - tension / compliance * (along @ rate)
-        return tension, found
+            derivative = derivative - tension / compliance * (along @ rate)
+        return tension, derivative
 
     def tensions(self, curvature: Array) -> list[float]:
         """Tensions [N] of the tendons that are wound up, in their order."""

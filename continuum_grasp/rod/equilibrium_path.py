@@ -84,9 +84,9 @@ def follow(equations: RodEquations, start: Array, *, loads: bool, folds: bool = 
     direction, rate = _tangent(at(x, share), weights, np.zeros_like(x), 1.0)
     for steps in range(1, _MAX_PATH + 1):
         while True:
-            found = _correct(at, weights, x, share, direction, rate, size)
-            if found is not None:
-                trial, reached, balance, corrections = found
+            corrected = _correct(at, weights, x, share, direction, rate, size)
+            if corrected is not None:
+                trial, reached, balance, corrections = corrected
                 ahead, ahead_rate = _tangent(balance, weights, direction, rate)
                 # A tangent that turns by more than 32 degrees (cosine 0.85) may be that of another branch.
                 if size < 1e-3 or weights @ (ahead * direction) + ahead_rate * rate > 0.85:
@@ -133,9 +133,9 @@ def _tangent(balance: Balance, weights: Array, direction: Array, rate: float) ->
     """Unit tangent of the path that goes on in a direction."""
     right = np.zeros(len(weights) + 1)
     right[-1] = 1.0
-    found = _bordered(balance, weights * direction, rate, right)
-    found = found / np.sqrt(weights @ found[:-1] ** 2 + found[-1] ** 2)
-    return found[:-1], float(found[-1])
+    tangent = _bordered(balance, weights * direction, rate, right)
+    tangent = tangent / np.sqrt(weights @ tangent[:-1] ** 2 + tangent[-1] ** 2)
+    return tangent[:-1], float(tangent[-1])
 
 
 def _correct(

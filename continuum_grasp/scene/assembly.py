@@ -115,28 +115,28 @@ def _outline() -> Any:
 
 def _put_in_outlines(document: Document, body: KeyPath, main: Path) -> None:
     """Put a polygon in place of an outline in a file: of an object, or of members of a union."""
-    own = document.part(body)
-    if not isinstance(own.value, dict):
+    part = document.part(body)
+    if not isinstance(part.value, dict):
         return
-    members = own.value.get("members")
+    members = part.value.get("members")
     for k in range(len(members) if isinstance(members, list) else 0):
         _put_in_outlines(document, (*body, "members", k), main)
-    if own.value.get("shape") != "outline" or not isinstance(own.value.get("file"), str):
+    if part.value.get("shape") != "outline" or not isinstance(part.value.get("file"), str):
         return
-    file = named_file(own.place(("file",)), own.get(("file",)), main, "file of an outline", (*body, "file"))
+    file = named_file(part.place(("file",)), part.get(("file",)), main, "file of an outline", (*body, "file"))
     if document.varies_outlines:
-        own.value["file"] = str(file.resolve())
+        part.value["file"] = str(file.resolve())
         return
     others = import_module("continuum_grasp.scene.objects.body").ObjectBody.model_fields
-    rest = {key: value for key, value in own.value.items() if key in others}
-    own.value = {key: value for key, value in own.value.items() if key not in others} | {"file": str(file)}
+    rest = {key: value for key, value in part.value.items() if key in others}
+    part.value = {key: value for key, value in part.value.items() if key not in others} | {"file": str(file)}
     try:
-        found = validated(own, _outline())
+        outline = validated(part, _outline())
     except InputError as error:
         key = f"{dotted(body)}.{error.key}" if error.key else dotted(body)
         raise InputError(error.message, file=error.file, line=error.line, column=error.column, key=key) from None
-    vertices = [list(corner) for corner in found.vertices]
-    document.put(body, Document({"shape": "polygon", "vertices": vertices} | rest, own.places))
+    vertices = [list(corner) for corner in outline.vertices]
+    document.put(body, Document({"shape": "polygon", "vertices": vertices} | rest, part.places))
 
 
 def named_file(place: Place, target: str, main: Path, what: str, path: KeyPath) -> Path:
@@ -149,11 +149,11 @@ def named_file(place: Place, target: str, main: Path, what: str, path: KeyPath) 
 
 def _part_of(file: Path, words: str, needed: str = "", foreign: str = "") -> Document:
     """Contents of a file that holds a part of a scene, without its version; the part has one key, or lacks another."""
-    found = read_yaml(file, name=os.path.normpath(file))
-    if not isinstance(found.value, dict) or (needed and needed not in found.value) or foreign in found.value:
-        raise found.places[()].error(f"expected {words}")
-    take_version(found)
-    return found
+    document = read_yaml(file, name=os.path.normpath(file))
+    if not isinstance(document.value, dict) or (needed and needed not in document.value) or foreign in document.value:
+        raise document.places[()].error(f"expected {words}")
+    take_version(document)
+    return document
 
 
 def _put_in_fingers(document: Document, scene: KeyPath, main: Path) -> None:
@@ -172,9 +172,9 @@ def _put_in_fingers(document: Document, scene: KeyPath, main: Path) -> None:
 
 def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, ...]) -> Document:
     """The finger at ``path``, read from the file that it names."""
-    own = document.part(path)
-    key: KeyPath = ("extends",) if isinstance(own.value, dict) else ()
-    place, target = own.place(key), own.get(key)
+    part = document.part(path)
+    key: KeyPath = ("extends",) if isinstance(part.value, dict) else ()
+    place, target = part.place(key), part.get(key)
     if not isinstance(target, str):
         raise place.error("expected the path of a finger file", path + key)
     file = named_file(place, target, main, "finger file", path + key)
@@ -184,10 +184,10 @@ def _resolved(document: Document, path: KeyPath, main: Path, within: tuple[str, 
     base = _part_of(file, "a finger (rod, damping, tendons, ...)", foreign="finger")
     if "extends" in base.value:
         base = _resolved(base, (), file, (*within, os.path.realpath(file)))
-    if isinstance(own.value, dict):
-        del own.value["extends"]
-        own.forget(("extends",))
-        return base.merged(own)
+    if isinstance(part.value, dict):
+        del part.value["extends"]
+        part.forget(("extends",))
+        return base.merged(part)
     return base
 
 

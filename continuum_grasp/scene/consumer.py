@@ -81,8 +81,8 @@ class Consumer:
         head = f"{self.at}." if self.at else ""
         of = scene if of is None else of
         for key, why in self.refused.items():
-            if found := next(_given(of, key.removeprefix(head)), None):
-                raise InputError(why, key=f"{place}.{found}" if place else found)
+            if present := next(_given(of, key.removeprefix(head)), None):
+                raise InputError(why, key=f"{place}.{present}" if place else present)
         return tuple(
             f"{key}: {text}" for key, text in self.otherwise.items() if any(_given(of, key.removeprefix(head)))
         )
@@ -118,19 +118,19 @@ def _given(value: Any, key: str, where: str = "") -> Iterator[str]:
     path, _, word = key.partition("=")
     name, _, rest = path.partition(".")
     if isinstance(value, tuple | list):
-        for k, one in enumerate(value):
-            yield from _given(one, key, f"{where}[{k}]")
+        for k, child in enumerate(value):
+            yield from _given(child, key, f"{where}[{k}]")
     elif isinstance(value, Mapping):
-        for label, one in value.items():
-            yield from _given(one, key, f"{where}.{label}")
+        for label, child in value.items():
+            yield from _given(child, key, f"{where}.{label}")
     elif isinstance(value, BaseModel) and (field := _field(type(value), name)):
-        one, here = getattr(value, field), f"{where}.{name}".removeprefix(".")
+        child, here = getattr(value, field), f"{where}.{name}".removeprefix(".")
         default = type(value).model_fields[field].get_default(call_default_factory=True, validated_data={})
         if rest:
-            yield from _given(one, rest + (f"={word}" if word else ""), here)
-        elif word and isinstance(one, tuple):
-            yield from (f"{here}[{k}]" for k, each in enumerate(one) if each == word)
-        elif one == word if word else bool(one) if default is PydanticUndefined else one not in (default, None):
+            yield from _given(child, rest + (f"={word}" if word else ""), here)
+        elif word and isinstance(child, tuple):
+            yield from (f"{here}[{k}]" for k, each in enumerate(child) if each == word)
+        elif child == word if word else bool(child) if default is PydanticUndefined else child not in (default, None):
             yield here
 
 

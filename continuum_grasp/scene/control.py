@@ -44,7 +44,7 @@ def _late(scene: ControlScene) -> bool:
 def _blurred(scene: ControlScene) -> bool:
     """Whether one error of the friction stands for tendons with different coefficients."""
     asked = scene.estimator and scene.estimator.contact_detection
-    return bool(asked and asked.tendon_friction) and len({one.friction for one in scene.finger.tendon_list}) > 1
+    return bool(asked and asked.tendon_friction) and len({tendon.friction for tendon in scene.finger.tendon_list}) > 1
 
 
 def _sees(scene: ControlScene, *names: str) -> bool:
@@ -56,7 +56,7 @@ def _unlike(name: str) -> Consumer:
     """Refuse that plants differ in something that tendons do not have, or not alike."""
 
     def differs(scene: ControlScene) -> bool:
-        return len({getattr(one, name.removeprefix("tendon_")) for one in scene.finger.tendon_list} | {None}) != 2
+        return len({getattr(tendon, name.removeprefix("tendon_")) for tendon in scene.finger.tendon_list} | {None}) != 2
 
     return beside(f"mpc of tendons unlike in {name}", differs, _scenarios(name), "needs tendons that have it alike")
 
@@ -67,8 +67,8 @@ def _scenarios(*names: str) -> str:
 
 def _rigid(scene: ControlScene) -> bool:
     """Whether the scene leaves open how elastic the plant's tendons are."""
-    own = (tendon.axial_stiffness for tendon in scene.finger.tendon_list)
-    return scene.plant.axial_stiffness is None and None in own
+    stiffnesses = (tendon.axial_stiffness for tendon in scene.finger.tendon_list)
+    return scene.plant.axial_stiffness is None and None in stiffnesses
 
 
 def _jumps(scene: ControlScene) -> bool:
@@ -248,7 +248,10 @@ class ControlScene(CommandedScene):
     def model_parameters(self) -> tuple[str, ...]:
         """Parameters of the controller's model: ``parameters``, and what scenarios differ in."""
         varied = [
-            name for one in self.controller.scenarios for key in one.changes for name in self.scenario_parameters(key)
+            name
+            for scenario in self.controller.scenarios
+            for key in scenario.changes
+            for name in self.scenario_parameters(key)
         ]
         return tuple(dict.fromkeys((*self.parameters, *varied)))
 

@@ -157,39 +157,39 @@ class CommandedScene(FingerScene):
     @property
     def limits(self) -> InputLimits:
         """Limits of the input."""
-        found: InputLimits = attrgetter(self.AT)(self)
-        return found
+        limits: InputLimits = attrgetter(self.AT)(self)
+        return limits
 
     def _check(self) -> None:
         name, limits = self.finger.input_keys[0], self.limits
         if name == "tip_moment" and limits.moment_max is None:
             raise ValueError(f"{self.AT}.moment_max is needed: the greatest tip moment of a finger without tendons")
-        given = getattr(limits, name, None)
-        if given is None and name in ("lengths", "angles"):
+        pair = getattr(limits, name, None)
+        if pair is None and name in ("lengths", "angles"):
             raise ValueError(f"{self.AT}.{name} is needed: the least and the greatest that the drives are commanded")
-        most = min((drive.limit for drive in self.finger.winches), default=math.inf)
-        if given is not None and max(map(abs, given)) > most:
-            raise ValueError(f"{self.AT}.{name}: {list(given)} is beyond what drive.torque_max allows, {most:g}")
+        greatest = min((drive.limit for drive in self.finger.winches), default=math.inf)
+        if pair is not None and max(map(abs, pair)) > greatest:
+            raise ValueError(f"{self.AT}.{name}: {list(pair)} is beyond what drive.torque_max allows, {greatest:g}")
 
     @property
     def input_limits(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Least and greatest value of each input, in its unit."""
         finger, limits = self.finger, self.limits
-        ranges = [(one.least, one.most) for one in finger.inputs]
+        ranges = [(finger_input.least, finger_input.most) for finger_input in finger.inputs]
         if "tip_moment" in finger.input_keys:
             ranges = [(-(limits.moment_max or 0.0), limits.moment_max or 0.0)]
-        given = getattr(limits, finger.input_keys[0], None)
-        if given is not None:
-            ranges[: len(finger.winches)] = [given] * len(finger.winches)
-        return tuple(least for least, _ in ranges), tuple(most for _, most in ranges)
+        pair = getattr(limits, finger.input_keys[0], None)
+        if pair is not None:
+            ranges[: len(finger.winches)] = [pair] * len(finger.winches)
+        return tuple(least for least, _ in ranges), tuple(greatest for _, greatest in ranges)
 
     @property
     def rest_input(self) -> tuple[float, ...]:
         """Input that leaves the finger alone: no tip moment, the least tensions, or the pretension of its drives."""
-        least, most = self.input_limits
+        least, greatest = self.input_limits
         wanted = [drive.at_pretension for drive in self.finger.winches]
         wanted += [0.0] * (len(least) - len(wanted))
-        return tuple(min(max(at, low), high) for at, low, high in zip(wanted, least, most, strict=True))
+        return tuple(min(max(at, low), high) for at, low, high in zip(wanted, least, greatest, strict=True))
 
     @property
     def lag(self) -> float | None:
@@ -337,7 +337,7 @@ class Plant(_Differs):
 
     def tendon_changes(self, finger: Finger) -> dict[str, float]:
         """Changes of a finger's tendons, as ``Finger.with_tendons`` takes it."""
-        own = {"friction": self.tendon_friction, "presliding": self.presliding}
+        changes = {"friction": self.tendon_friction, "presliding": self.presliding}
         if finger.winches:
-            own |= {"axial_stiffness": self.axial_stiffness, "series_stiffness": self.series_stiffness}
-        return {key: value for key, value in own.items() if value is not None}
+            changes |= {"axial_stiffness": self.axial_stiffness, "series_stiffness": self.series_stiffness}
+        return {key: value for key, value in changes.items() if value is not None}

@@ -175,12 +175,15 @@ class Reference(Value):
 def tracked(verb: str, key: str) -> tuple[Consumer, ...]:
     """Refuse setpoints that nothing tracks, and weights without a setpoint, at a key of a scene."""
     terms = {name: "effort" if name == "input" else name for name in Reference.model_fields}
-    found = [
+    consumers = [
         needs(verb, f"reference.{name}", f"{key}.{term}", f"nothing tracks it: give {key}.{term} a weight")
         for name, term in terms.items()
     ]
     asked = (name for name in Reference.model_fields if name not in _WITH_DEFAULT)
-    return (*found, *(needs(verb, f"{key}.{name}", f"reference.{name}", f"needs reference.{name}") for name in asked))
+    return (
+        *consumers,
+        *(needs(verb, f"{key}.{name}", f"reference.{name}", f"needs reference.{name}") for name in asked),
+    )
 
 
 _WITH_DEFAULT = frozenset({"bending", "input"})

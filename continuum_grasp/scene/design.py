@@ -114,7 +114,7 @@ class Design(Varied):
     """Options of the search."""
 
     def _check(self) -> None:
-        names = [one.name for one in self.variables.values() if one.name is not None]
+        names = [entry.name for entry in self.variables.values() if entry.name is not None]
         for key, variable in self.variables.items():
             if variable.name is not None and names.count(variable.name) > 1:
                 raise ValueError(f"variables: {key!r} shares the name {variable.name!r} with another one")
@@ -140,7 +140,7 @@ class Design(Varied):
     @property
     def used(self) -> frozenset[str]:
         """Names in cost and limits."""
-        return frozenset().union(*(names_in(one) for one in self.expressions))
+        return frozenset().union(*(names_in(expression) for expression in self.expressions))
 
 
 def names_in(expression: str) -> frozenset[str]:

@@ -97,32 +97,35 @@ class DesignSpace:
         """
         actual = list(values)
         puts: list[tuple[KeyPath, float]] = []
-        for one, error in zip(self.tolerated, errors, strict=False):
-            if one.variable is None:
-                puts.append((one.path, one.nominal + error))
+        for number, error in zip(self.tolerated, errors, strict=False):
+            if number.variable is None:
+                puts.append((number.path, number.nominal + error))
             else:
-                actual[one.variable] += error
-        puts += [(one.path, value) for one, value in zip(self.coordinates, actual, strict=True)]
+                actual[number.variable] += error
+        puts += [(coordinate.path, value) for coordinate, value in zip(self.coordinates, actual, strict=True)]
         chosen = dict(zip(self.design.variables, actual, strict=True))
-        puts += [(one.path, one.times * chosen[one.source] + one.plus) for one in self.following]
+        puts += [
+            (following.path, following.times * chosen[following.source] + following.plus)
+            for following in self.following
+        ]
         document = self.cases[case]
         changes = [(path, placed(value, document.place(path))) for path, value in puts]
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of the scene's file, which has been read
-            found = validated(changed(document, changes, self.file), GraspScene)
-        _check_payload(self.design, found)
-        return found
+            scene = validated(changed(document, changes, self.file), GraspScene)
+        _check_payload(self.design, scene)
+        return scene
 
     @property
     def start(self) -> list[float]:
         """Values where the search starts."""
-        return [one.start for one in self.coordinates]
+        return [coordinate.start for coordinate in self.coordinates]
 
 
 def _check_payload(design: Design, scene: GraspScene) -> None:
     """Refuse to seek the greatest mass of grasps that must hold for many errors or friction states."""
-    for one in _PAYLOADS if "payload" in design.used else ():
-        one.check(scene)
+    for feature in _PAYLOADS if "payload" in design.used else ():
+        feature.check(scene)
 
 
 def design_space_of(design: Design, document: Document, file: str | os.PathLike[str]) -> DesignSpace:
@@ -161,21 +164,21 @@ def _coordinate(keys: SceneKeys, key: str, variable: DesignVariable, scene: Gras
 
 def _number(keys: SceneKeys, where: KeyPath, scene: GraspScene, path: KeyPath) -> float:
     """The number of the scene at a path, also one that its file leaves to the default."""
-    found: Any = reduce(child, path, scene)
-    if isinstance(found, bool) or not isinstance(found, int | float):
-        message = "the scene has no number there" + ("" if found is None else f", but {found!r:.60}")
+    number: Any = reduce(child, path, scene)
+    if isinstance(number, bool) or not isinstance(number, int | float):
+        message = "the scene has no number there" + ("" if number is None else f", but {number!r:.60}")
         raise keys.document.nearest(where).error(message, where)
-    return float(found)
+    return float(number)
 
 
 def _case(keys: SceneKeys, name: str, changes: Mapping[str, Any]) -> Document:
-    given = [keys.change(("cases", name, key), key, value) for key, value in changes.items()]
-    found = changed(keys.base, given, keys.file)
+    edits = [keys.change(("cases", name, key), key, value) for key, value in changes.items()]
+    document = changed(keys.base, edits, keys.file)
     try:
-        validated(found, GraspScene)
+        validated(document, GraspScene)
     except InputError as error:
         # Where every key is right on its own but the scene makes no sense, the variables may repair it.
         if not isinstance(error.__cause__, ValidationError) or fault_kinds(error.__cause__) != {"value_error"}:
             raise error from None
-    found.value = keys.shape.in_si((), found.value, found.value)
-    return found
+    document.value = keys.shape.in_si((), document.value, document.value)
+    return document

@@ -152,8 +152,8 @@ def plain(value: Any) -> Any:
     """
     if hasattr(value, "model_fields_set"):
         fields = type(value).model_fields.items()
-        given = value.model_fields_set | {name for name, field in fields if _is_tag(field.annotation)}
-        return {field.alias or name: plain(getattr(value, name)) for name, field in fields if name in given}
+        stated = value.model_fields_set | {name for name, field in fields if _is_tag(field.annotation)}
+        return {field.alias or name: plain(getattr(value, name)) for name, field in fields if name in stated}
     if isinstance(value, Mapping):
         return {key: plain(child) for key, child in value.items()}
     return [plain(child) for child in value] if isinstance(value, list | tuple) else value
@@ -182,13 +182,13 @@ def refuse_what_is_no_file(path: str | os.PathLike[str], name: str | None = None
 
     ``name`` is what errors call it in place of its path.
     """
-    given = Path(path)
+    file = Path(path)
     try:
-        if given.is_file() or not given.exists():
+        if file.is_file() or not file.exists():
             return
     except (OSError, ValueError):  # opening it says why
         return
-    what = "a folder" if given.is_dir() else "a pipe" if given.is_fifo() else "a device or socket"
+    what = "a folder" if file.is_dir() else "a pipe" if file.is_fifo() else "a device or socket"
     raise InputError(f"expected a file, got {what}", file=name or os.fspath(path))
 
 

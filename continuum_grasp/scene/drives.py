@@ -49,12 +49,12 @@ class Input(NamedTuple):
 
 def numbered(given: Iterable[tuple[str, float, float]]) -> tuple[Input, ...]:
     """Inputs by their keys and limits, those of one key with numbers from 1 on."""
-    found: list[Input] = []
-    for key, least, most in given:
+    inputs: list[Input] = []
+    for key, least, greatest in given:
         word, unit = COMMANDS[key]
-        number = 1 + sum(one.key == key for one in found)
-        found.append(Input(key, word if key == "tip_moment" else f"{word}_{number}", unit, least, most))
-    return tuple(found)
+        number = 1 + sum(earlier.key == key for earlier in inputs)
+        inputs.append(Input(key, word if key == "tip_moment" else f"{word}_{number}", unit, least, greatest))
+    return tuple(inputs)
 
 
 class Pull(NamedTuple):
@@ -69,11 +69,11 @@ class Pull(NamedTuple):
 def of_drives(whose: str, at: Sequence[str], *keys: str) -> tuple[Consumer, ...]:
     """Refuse commands or limits of them, ``at`` keys of scenes of one finger, of other drives than it has."""
 
-    def one(key: str) -> Consumer:
+    def refusal(key: str) -> Consumer:
         places = " ".join(f"{where}.{key}" for where in at)
         return beside(f"{whose} without {key}", lambda scene: key not in scene.finger.input_keys, places, _TAKES)
 
-    return tuple(map(one, keys))
+    return tuple(map(refusal, keys))
 
 
 _AT = "finger.tendons.drive"

@@ -168,8 +168,8 @@ class Finger(Value):
         # Only a rod given by its density shows by its mass in which unit its user thinks.
         for k, m in enumerate(self.masses if self.rod.density is not None else ()):
             if m.mass > 1e3 * self.rod.mass:
-                own = f"{self.rod.mass:.2g} kg"
-                doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {own}; is it in grams? (expected: kg)")
+                rod_mass = f"{self.rod.mass:.2g} kg"
+                doubt(f"masses[{k}].mass = {m.mass:g} kg on a rod of {rod_mass}; is it in grams? (expected: kg)")
 
         self._check_tendons()
         for key, chamber in zip(self.places_of("pressure"), self.chambers, strict=True):
@@ -199,10 +199,10 @@ class Finger(Value):
         for key, tendon in zip(self.places_of("tendons"), self.tendon_list, strict=False):
             check_tendon(key, tendon, self.rod.length)
             self.rod.check_inside(f"{key}.to", [tendon.to or 0.0])
-            key, most, half = f"{key}.offset", tendon.greatest_offset, self.half_thickness
-            if half is not None and 0.0 < half < most:
+            key, offset, half = f"{key}.offset", tendon.greatest_offset, self.half_thickness
+            if half is not None and 0.0 < half < offset:
                 doubt(
-                    f"{key} = {most:g} m is more than half_thickness = {half:g} m: the tendons run outside the finger"
+                    f"{key} = {offset:g} m is more than half_thickness = {half:g} m: the tendons run outside the finger"
                 )
             # The outer thickness of a graded rod is that of its sections, where nothing else is stated.
             if half is None and self.rod.graded and self.rod.own_thickness:
@@ -247,15 +247,15 @@ class Finger(Value):
         """The rod along its length, with the finger's rest curvature and thickness."""
         from continuum_grasp.scene.profile import Curve
 
-        own, length = self.rod.profile, self.rod.length
-        half = own.half_thickness if self.half_thickness is None else Curve.along(length, self.half_thickness)
-        rest = Curve.along(length, self.rest_curvature) if self.rest_curvature else own.rest_curvature
-        stiffness = own.bending_stiffness
+        profile, length = self.rod.profile, self.rod.length
+        half = profile.half_thickness if self.half_thickness is None else Curve.along(length, self.half_thickness)
+        rest = Curve.along(length, self.rest_curvature) if self.rest_curvature else profile.rest_curvature
+        stiffness = profile.bending_stiffness
         for chamber in self.chambers:
             if chamber.stiffness_share:
                 stiffness = stiffness.times(chamber.along(length, 1.0 + chamber.stiffness_share, 1.0))
-        graded = own.graded or stiffness.constant is None
-        return replace(own, rest_curvature=rest, half_thickness=half, bending_stiffness=stiffness, graded=graded)
+        graded = profile.graded or stiffness.constant is None
+        return replace(profile, rest_curvature=rest, half_thickness=half, bending_stiffness=stiffness, graded=graded)
 
     @cached_property
     def stop_curvature(self) -> Curve | None:
@@ -273,8 +273,8 @@ class Finger(Value):
         """The single tendons: those of the list, or the two of a pair, that on the -X side first."""
         if not isinstance(self.tendons, Tendons):
             return self.tendons or ()
-        own, offset = dict(self.tendons), self.tendons.offset
-        return tuple(Tendon(**{**own, "offset": side * offset}) for side in (1.0, -1.0))
+        entries, offset = dict(self.tendons), self.tendons.offset
+        return tuple(Tendon(**{**entries, "offset": side * offset}) for side in (1.0, -1.0))
 
     @cached_property
     def chambers(self) -> tuple[Chamber, ...]:
@@ -299,21 +299,21 @@ class Finger(Value):
     @property
     def winches(self) -> tuple[LengthDrive | MotorDrive, ...]:
         """Winches and motors of the tendons, those on one pulley once; none where tensions are commanded."""
-        found = tuple(tendon.drive for tendon in self.tendon_list if tendon.drive is not None)
-        return found[:1] if found and found[0].arrangement == "one_pulley" else found
+        winches = tuple(tendon.drive for tendon in self.tendon_list if tendon.drive is not None)
+        return winches[:1] if winches and winches[0].arrangement == "one_pulley" else winches
 
     @cached_property
     def inputs(self) -> tuple[Input, ...]:
         """The inputs, as the model has them: the tip moment, or those of drives or tensions, then pressures."""
-        own = [(drive.key, -drive.limit, drive.limit) for drive in self.winches]
-        own = own or [("tensions", one.min_tension, one.max_tension) for one in self.tendon_list]
-        own += [("pressures", one.min_pressure, one.max_pressure) for one in self.chambers]
-        return numbered(own or [("tip_moment", -math.inf, math.inf)])
+        limits = [(drive.key, -drive.limit, drive.limit) for drive in self.winches]
+        limits = limits or [("tensions", tendon.min_tension, tendon.max_tension) for tendon in self.tendon_list]
+        limits += [("pressures", chamber.min_pressure, chamber.max_pressure) for chamber in self.chambers]
+        return numbered(limits or [("tip_moment", -math.inf, math.inf)])
 
     @property
     def input_keys(self) -> tuple[str, ...]:
         """Key of each input in ``actuation``."""
-        return tuple(one.key for one in self.inputs)
+        return tuple(finger_input.key for finger_input in self.inputs)
 
     @property
     def input_words(self) -> str:
@@ -364,22 +364,27 @@ class Finger(Value):
 
     def places_of(self, key: str) -> tuple[str, ...]:
         """Paths to the entries of a key that may hold one or several: tendons, pressure."""
-        given = getattr(self, key)
-        if isinstance(given, tuple):
-            return tuple(f"{key}[{k}]" for k in range(len(given)))
-        return () if given is None else (key,)
+        entries = getattr(self, key)
+        if isinstance(entries, tuple):
+            return tuple(f"{key}[{k}]" for k in range(len(entries)))
+        return () if entries is None else (key,)
 
     @cached_property
     def channels(self) -> tuple[Channel, ...]:
         """The moments by which tendons and chambers bend the finger."""
         length, tendons, none = self.rod.length, len(self.tendon_list), (0.0,) * len(self.chambers)
-        own = (replace(one, arms=one.arms + none) for one in channels(length, self.tendon_list))
-        return (*own, *(one.channel(length, tendons + k, tendons + len(none)) for k, one in enumerate(self.chambers)))
+        of_tendons = (replace(channel, arms=channel.arms + none) for channel in channels(length, self.tendon_list))
+        return (
+            *of_tendons,
+            *(chamber.channel(length, tendons + k, tendons + len(none)) for k, chamber in enumerate(self.chambers)),
+        )
 
     @property
     def pulls(self) -> tuple[Pull, ...]:
         """Limits of each tendon's tension, then of each chamber's pressure, with its channel and arm."""
-        limits = [(one.min_tension, one.max_tension) for one in self.tendon_list]
-        limits += [(one.min_pressure, one.max_pressure) for one in self.chambers]
-        places = (next((one, one.arms[k]) for one in self.channels if one.arms[k]) for k in range(len(limits)))
-        return tuple(Pull(*own, *place) for own, place in zip(limits, places, strict=True))
+        limits = [(tendon.min_tension, tendon.max_tension) for tendon in self.tendon_list]
+        limits += [(chamber.min_pressure, chamber.max_pressure) for chamber in self.chambers]
+        places = (
+            next((channel, channel.arms[k]) for channel in self.channels if channel.arms[k]) for k in range(len(limits))
+        )
+        return tuple(Pull(*limit, *place) for limit, place in zip(limits, places, strict=True))

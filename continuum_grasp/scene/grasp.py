@@ -66,7 +66,7 @@ _ALONE = "one_pulley moves both tendons, and tendons_used leaves one: use per_te
 _PLACES = "stations stand in place of middle contacts: give one of them"
 _GRASPS = (
     Consumer("grasp", _OF_FIDELITY),
-    beside("grasp by stations", lambda s: any(one.stations for one in s.setups), "contacts.middle", _PLACES),
+    beside("grasp by stations", lambda s: any(setup.stations for setup in s.setups), "contacts.middle", _PLACES),
 )
 _FINGERS = (
     Consumer("grasp fingers", {f"finger.{key}": why for key, why in (_OF_FINGERS | _OF_FIDELITY).items()}, at="finger"),
@@ -74,7 +74,7 @@ _FINGERS = (
     beside("grasp by a tendon", lambda f: f.tendons_used != "both", "tendons.min_tension", _TAUT, "finger"),
     beside("grasp by one", lambda f: f.tendons_used != "both", f"{_ARRANGED}=one_pulley", _ALONE, "finger"),
 )
-_STATIONS = beside("grasp of a finger by stations", lambda one: one.stations, "contacts.middle", _PLACES, "finger")
+_STATIONS = beside("grasp of a finger by stations", lambda setup: setup.stations, "contacts.middle", _PLACES, "finger")
 
 
 @dataclass(frozen=True)
@@ -111,11 +111,11 @@ class FingerSetup:
         """The finger's tendons, a pair which every finger of a grasp has; the offset is that at the base."""
         if isinstance(self.finger.tendons, Tendons):
             return self.finger.tendons
-        one = self.finger.tendon_list[0]
+        tendon = self.finger.tendon_list[0]
         # The arm has the cosine of tendons that are inclined.
         return Tendons(
             offset=self.finger.channels[0].arms[0],
-            **{name: getattr(one, name) for name in Tendons.model_fields if name != "offset"},
+            **{name: getattr(tendon, name) for name in Tendons.model_fields if name != "offset"},
         )
 
     @property
@@ -126,8 +126,8 @@ class FingerSetup:
     @property
     def max_tension(self) -> float:
         """Greatest tension that a tendon bears and that its own motor pulls up [N]."""
-        law, most = self.drive, self.tendons.max_tension
-        return most if law is None or law.pulley else min(most, law.greatest)
+        law, limit = self.drive, self.tendons.max_tension
+        return limit if law is None or law.pulley else min(limit, law.greatest)
 
     @property
     def graded(self) -> bool:
@@ -250,7 +250,7 @@ class GraspScene(Configuration, Supported):
     def pairs(self) -> tuple[tuple[FingerSetup, FingerSetup], ...]:
         """Fingers that must keep clear of each other and could meet, two at a time."""
         two = combinations(self.setups, 2) if self.overlap == "forbid" else ()
-        return tuple((one, other) for one, other in two if _can_meet(one.finger, other.finger))
+        return tuple((setup, other) for setup, other in two if _can_meet(setup.finger, other.finger))
 
     @property
     def places(self) -> tuple[Place, ...]:
@@ -260,12 +260,12 @@ class GraspScene(Configuration, Supported):
     @property
     def state_columns(self) -> dict[str, slice]:
         """Columns of each finger's friction states among all those that must not matter; empty where none do."""
-        found, start = dict[str, slice](), 0
+        columns, start = dict[str, slice](), 0
         for setup in self.setups if self.friction_states == "any" else ():
             if setup.friction_states:
-                found[setup.name] = slice(start, start + setup.friction_states)
+                columns[setup.name] = slice(start, start + setup.friction_states)
                 start += setup.friction_states
-        return found
+        return columns
 
     @property
     def is_robust(self) -> bool:
@@ -275,8 +275,8 @@ class GraspScene(Configuration, Supported):
     @property
     def weights(self) -> ObjectiveWeights:
         """The objective as weights."""
-        given = self.objective
-        return given if isinstance(given, ObjectiveWeights) else ObjectiveWeights(**{given: 1.0})
+        objective = self.objective
+        return objective if isinstance(objective, ObjectiveWeights) else ObjectiveWeights(**{objective: 1.0})
 
     @property
     def aims(self) -> tuple[str, ...]:
@@ -306,14 +306,16 @@ class GraspScene(Configuration, Supported):
 
     def friction(self, contact: str) -> float:
         """Friction coefficient of a contact by its name [1]."""
-        if (own := self._finger_of(contact)) is not None:
-            return own.friction
+        if (setup := self._finger_of(contact)) is not None:
+            return setup.friction
         body = self.support_of(contact)
         return self.contacts.friction if body is None or body.friction is None else body.friction
 
     def support_of(self, contact: str) -> Place | None:
         """The wall or peg of a contact by its name; None for a finger's."""
-        return next((one for one in self.places if contact in (one.name, f"{one.name}.1", f"{one.name}.2")), None)
+        return next(
+            (place for place in self.places if contact in (place.name, f"{place.name}.1", f"{place.name}.2")), None
+        )
 
     def held_friction(self, contact: str) -> float:
         """Friction coefficient less ``contacts.reserve``, with which grasps are sought and certified [1]."""
@@ -321,8 +323,8 @@ class GraspScene(Configuration, Supported):
 
     def normal_force_max(self, contact: str) -> float:
         """Greatest normal force of a contact by its name [N]."""
-        own = self._finger_of(contact)
-        return self.contacts.normal_force_max if own is None else own.normal_force_max
+        setup = self._finger_of(contact)
+        return self.contacts.normal_force_max if setup is None else setup.normal_force_max
 
     def _finger_of(self, contact: str) -> FingerSetup | None:
         return next((setup for setup in self.setups if contact.startswith(f"{setup.name}.")), None)
@@ -404,8 +406,8 @@ class GraspScene(Configuration, Supported):
         fidelity = finger.fidelity or self.fidelity
         if finger.tendons is None:
             raise ValueError(f"{where}.tendons is needed: the tendon tension is what is sought")
-        for one in _FINGERS:
-            one.check(finger, where)
+        for feature in _FINGERS:
+            feature.check(finger, where)
         if setup.drive is not None and not setup.drive.greatest > 0.0:
             raise ValueError(f"{where}.tendons.drive.torque_max is no more than coulomb_friction: it pulls nothing")
         if isinstance(fidelity.elements, tuple):
@@ -449,34 +451,35 @@ class GraspScene(Configuration, Supported):
             )
 
     def _check_bases(self) -> None:
-        for one, other in self.pairs:
-            a, b = one.finger, other.finger
+        for setup, other in self.pairs:
+            a, b = setup.finger, other.finger
             half = float(a.profile.half_thickness(0.0)) + float(b.profile.half_thickness(0.0))
             gap = math.dist(a.base.position, b.base.position) - half
             if gap < -TOUCHING * half and a.base_free is None and b.base_free is None:
                 raise ValueError(
-                    f"fingers.{one.name}.base and fingers.{other.name}.base overlap by {-gap:.4g} m (half thicknesses "
-                    "included): move them apart, or set overlap: allow where the fingers lie at different heights"
+                    f"fingers.{setup.name}.base and fingers.{other.name}.base overlap by {-gap:.4g} m (half "
+                    "thicknesses included): move them apart, or set overlap: allow where the fingers lie at different "
+                    "heights"
                 )
 
     def _check_supports(self) -> None:
         near, where = TOUCHING * self.object.size, "and fixed" if self.object.free is None else "wherever it may be"
         for body in self.places:
-            least, most = self.gap_range(body)
+            least, greatest = self.gap_range(body)
             # The plane of a finite edge may cut the object beside the edge.
             solid = isinstance(body, Peg) or math.isinf(body.half_length) or body.touch == "on"
-            if most < -near and solid:
-                raise ValueError(f"supports.{body.name} lies {-most:.4g} m deep in the object {where}")
+            if greatest < -near and solid:
+                raise ValueError(f"supports.{body.name} lies {-greatest:.4g} m deep in the object {where}")
             if body.touch == "on" and least > near:
                 raise ValueError(f"supports.{body.name} should touch the object, which is {least:.4g} m away {where}")
 
 
-def _can_meet(one: GraspFinger, other: GraspFinger) -> bool:
+def _can_meet(finger: GraspFinger, other: GraspFinger) -> bool:
     """Whether two fingers are long enough to touch each other, whatever their shapes."""
-    if one.base_free is not None or other.base_free is not None:
+    if finger.base_free is not None or other.base_free is not None:
         return True
-    reach = one.rod.length + other.rod.length + one.thickness_radius + other.thickness_radius
-    return math.dist(one.base.position, other.base.position) < reach
+    reach = finger.rod.length + other.rod.length + finger.thickness_radius + other.thickness_radius
+    return math.dist(finger.base.position, other.base.position) < reach
 
 
 def is_graded(finger: GraspFinger) -> bool:

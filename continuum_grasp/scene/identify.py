@@ -16,7 +16,9 @@ _NUMBERED = ("tension", "length", "motor_angle", "torque", "frequency", "decay_r
 Estimated = Annotated[float, Field(ge=-1e15, le=1e15), Unit("SI unit of the parameter")]
 _READ, _DRIVES = "data.measured", f"goes with {', '.join(_NUMBERED)}"
 _PRIOR = "goes with start: estimated"
-_MEASURED = beside("identify but shapes at rest", lambda one: True, "conditions.choices", "goes with propose", "data")
+_MEASURED = beside(
+    "identify but shapes at rest", lambda data_set: True, "conditions.choices", "goes with propose", "data"
+)
 _Window = Annotated[Interval, Unit("s")]
 _Place = Annotated[float, Field(ge=0.0, le=1e4), Unit("m")]
 _Axis = Literal["x", "-x", "y", "-y"]
@@ -59,7 +61,9 @@ class Condition(Column):
 _Conditions = Annotated[tuple[Condition, ...], Field(strict=False)]
 
 
-OF_BENDS = beside("identify but by a bend", lambda one: one.quantity != "bend", "since", "goes with bend", _READ)
+OF_BENDS = beside(
+    "identify but by a bend", lambda reading: reading.quantity != "bend", "since", "goes with bend", _READ
+)
 
 
 class ReadingColumn(Column):
@@ -67,8 +71,14 @@ class ReadingColumn(Column):
 
     REFUSALS = (
         OF_BENDS,
-        beside("identify by sections", lambda one: one.quantity not in _NUMBERED, "of", _DRIVES, _READ),
-        beside("identify by drives", lambda one: one.quantity in _NUMBERED, "at offset", "goes with sections", _READ),
+        beside("identify by sections", lambda reading: reading.quantity not in _NUMBERED, "of", _DRIVES, _READ),
+        beside(
+            "identify by drives",
+            lambda reading: reading.quantity in _NUMBERED,
+            "at offset",
+            "goes with sections",
+            _READ,
+        ),
     )
 
     quantity: Quantity
@@ -130,7 +140,11 @@ class StaticPoses(_Data):
     REFUSALS = (
         needs("identify", "conditions.choices", "propose", at="data"),
         beside(
-            "identify of sequences", lambda one: one.sequence, "propose", "takes rows reached by themselves", "data"
+            "identify of sequences",
+            lambda data_set: data_set.sequence,
+            "propose",
+            "takes rows reached by themselves",
+            "data",
         ),
     )
 
@@ -169,7 +183,9 @@ class TipTrajectory(_Data):
     """Readings along a motion, such as the path of the tip."""
 
     REFUSALS = (
-        beside("identify of known starts", lambda one: one.start != "estimated", "start_prior", _PRIOR, "data"),
+        beside(
+            "identify of known starts", lambda data_set: data_set.start != "estimated", "start_prior", _PRIOR, "data"
+        ),
         _MEASURED,
     )
 
@@ -299,12 +315,12 @@ class IdentifyScene(Scene):
     """Commands that ``identify --design`` designs, where it is given and a set is a ``trajectory``."""
 
     def _check(self) -> None:
-        names = [one.name for one in self.estimate]
+        names = [estimate.name for estimate in self.estimate]
         for k, name in enumerate(names):
             if name in names[:k]:
                 raise ValueError(f"estimate[{k}].name: {name} is estimated twice")
-        laws = [one.name for one in self.laws]
+        laws = [law.name for law in self.laws]
         if len(laws) == 1 or len(set(laws)) < len(laws):
             raise ValueError("laws: expected two or more, with names of their own")
-        if self.estimate and self.data and all(one.use == "holdout" for one in self.data):
+        if self.estimate and self.data and all(data_set.use == "holdout" for data_set in self.data):
             raise ValueError("data: every set is a hold-out; one at least must be fitted")

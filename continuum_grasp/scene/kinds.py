@@ -48,5 +48,5 @@ def model_of(kind: str) -> type[BaseModel]:
         raise InputError(f"no such kind of configuration: expected one of {', '.join(KINDS)}, got {kind!r}")
     # A kind's module is loaded with its first file: a simulation needs none of those of control.
     module = import_module(f"continuum_grasp.scene.{KINDS[kind].module}")
-    found: type[BaseModel] = getattr(module, KINDS[kind].model)
-    return found
+    model: type[BaseModel] = getattr(module, KINDS[kind].model)
+    return model

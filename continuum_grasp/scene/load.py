@@ -118,7 +118,7 @@ def placed_scene_of(given: Any, kind: type[Any], overrides: Overrides = ()) -> t
 
 def _read(given: Any, kind: Any, overrides: Overrides, others: str = "") -> tuple[Any, Document]:
     if not isinstance(given, (str, os.PathLike)):
-        names = " or ".join(one.__name__ for one in _each(kind))
+        names = " or ".join(accepted.__name__ for accepted in _each(kind))
         raise InputError(f"expected a {names} or the path of its file{others}, got {given!r:.80}")
     loaded, document = load_placed(Path(given), overrides)
     if not isinstance(loaded, kind):
@@ -132,7 +132,7 @@ def _each(kind: type | tuple[type, ...]) -> tuple[type, ...]:
 
 def other_kind(file: str | os.PathLike[str], wanted: type | tuple[type, ...], loaded: Loaded) -> InputError:
     """The error that a file is of another kind than those wanted, and which command takes it."""
-    names = [one.__name__ for one in _each(wanted)]
+    names = [accepted.__name__ for accepted in _each(wanted)]
     asked = [kind for kind in KINDS.values() if kind.model in names]
     got = KINDS[kind_of_scene(loaded)]
     advice = f" (continuum-grasp {got.command})" if got.command else ""

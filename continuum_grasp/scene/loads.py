@@ -77,10 +77,10 @@ Load = Annotated[ForceLoad | MomentLoad, Field(discriminator="kind")]
 
 def by_key(keys: Sequence[str], values: Sequence[Any]) -> dict[str, Any]:
     """Keys and values of an ``actuation``, of one command per key given: commands of one key together, in order."""
-    given: dict[str, Any] = {}
+    commands: dict[str, Any] = {}
     for key, value in zip(keys, values, strict=True):
-        given[key] = value if key == "tip_moment" else (*given.get(key, ()), value)
-    return given
+        commands[key] = value if key == "tip_moment" else (*commands.get(key, ()), value)
+    return commands
 
 
 class Actuation(Value):
@@ -113,7 +113,9 @@ class Actuation(Value):
     def given(self) -> dict[str, tuple[float | Samples, ...]]:
         """Commands by their key: one per drive and chamber, or the tip moment alone."""
         named = ((key, getattr(self, key)) for key in COMMANDS)
-        return {key: own if isinstance(own, tuple) else (own,) for key, own in named if own is not None}
+        return {
+            key: command if isinstance(command, tuple) else (command,) for key, command in named if command is not None
+        }
 
     @property
     def values(self) -> tuple[float | Samples, ...]:

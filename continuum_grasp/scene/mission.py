@@ -222,7 +222,7 @@ _MISSIONS = (
         "missions",
         {"grasp.gravity.mode=none": _OFF, "plant.mounting": _COUNTS, **dict.fromkeys(_PLANT, _OF_LOOPS)},
     ),
-    beside("missions without a tip", lambda s: any(one.tip == "off" for one in s.grasp.setups), _TIPS, _CLOSES),
+    beside("missions without a tip", lambda s: any(setup.tip == "off" for setup in s.grasp.setups), _TIPS, _CLOSES),
     needs("missions", _OF_TURNS, "turn", "needs a turn"),
     needs("missions", "turn", "estimator.measured.object", _SEEN),
     excludes("missions", "estimator.disturbances.object_position", "turn", _MEASURED),
@@ -289,11 +289,14 @@ class MissionScene(Configuration):
             setup.finger.rod.check_inside("more_contacts[{}]", self.more_contacts, tip=False)
             if self.turn is not None and setup.finger.base_free is None:
                 check_reach(setup.finger, "turn", {"position": self.turn.position}, body=self.grasp.object)
-            own, where = setup.finger, "grasp.finger" if self.grasp.fingers is None else f"grasp.fingers.{setup.name}"
+            finger, where = (
+                setup.finger,
+                "grasp.finger" if self.grasp.fingers is None else f"grasp.fingers.{setup.name}",
+            )
             if self.tendons is not None:
-                own, where = own.replaced(tendons=self.tendons), ""
-            for one in _CARRIERS:
-                one.check(own, where)
+                finger, where = finger.replaced(tendons=self.tendons), ""
+            for feature in _CARRIERS:
+                feature.check(finger, where)
 
     @property
     def gravity(self) -> float:

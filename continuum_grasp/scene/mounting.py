@@ -50,6 +50,6 @@ class Mounting(Value):
 
     def _check(self) -> None:
         for name in ("drives", "tensions"):
-            ends = [one.of for one in getattr(self, name)]
+            ends = [connection.of for connection in getattr(self, name)]
             if sorted(ends) != list(range(1, len(ends) + 1)):
                 raise ValueError(f"{name}: expected every number from 1 to {len(ends)} once as `of`, got {ends}")

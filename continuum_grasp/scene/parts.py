@@ -183,13 +183,13 @@ def _edge_normal(a: Point, b: Point) -> float:
 
 def _turns(vertices: Sequence[Point]) -> tuple[Point, ...]:
     """Angle of the outward normal before each corner, and the turn of the normal there, up to half a turn [rad]."""
-    found = []
+    turns = []
     for before, here, after in zip((vertices[-1], *vertices), vertices, (*vertices[1:], vertices[0]), strict=False):
         low = _edge_normal(before, here)
         turn = (_edge_normal(here, after) - low) % math.tau
         # The ends of a segment turn by half a turn, but for rounding.
-        found.append((low, turn if turn < math.pi + _IN_LINE else turn - math.tau))
-    return tuple(found)
+        turns.append((low, turn if turn < math.pi + _IN_LINE else turn - math.tau))
+    return tuple(turns)
 
 
 def _segment_distance(p: Point, a: Point, b: Point) -> float:
@@ -262,9 +262,9 @@ def _convex_pieces(vertices: tuple[Point, ...]) -> list[tuple[Point, ...]]:
     owner = {side: piece for piece in pieces for side in pairwise([*piece, piece[0]])}
     sides = [(a, b) for a, b in owner if (b, a) in owner and a < b]
     for a, b in sorted(sides, key=lambda side: -math.dist(*side)):
-        one, other = owner[a, b], owner[b, a]
-        k, j = one.index(b), other.index(a)
-        whole = (*one[k:], *one[:k], *other[j + 1 :], *other[:j])[:-1]
+        polygon, other = owner[a, b], owner[b, a]
+        k, j = polygon.index(b), other.index(a)
+        whole = (*polygon[k:], *polygon[:k], *other[j + 1 :], *other[:j])[:-1]
         if all(turn > _IN_LINE for _, turn in _turns(whole)):
             owner |= dict.fromkeys(pairwise([*whole, whole[0]]), whole)
             del owner[a, b], owner[b, a]

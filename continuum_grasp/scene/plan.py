@@ -88,8 +88,8 @@ class Goal(Value):
     @property
     def targets(self) -> dict[str, tuple[float, ...]]:
         """Targets, by key: rows of numbers, x and y of points one after the other."""
-        found = {key: aim.value for key, aim in self if isinstance(aim, RowAim | PointAim)}
-        return found if self.shape is None else {**found, "shape": tuple(chain.from_iterable(self.shape.value))}
+        targets = {key: aim.value for key, aim in self if isinstance(aim, RowAim | PointAim)}
+        return targets if self.shape is None else {**targets, "shape": tuple(chain.from_iterable(self.shape.value))}
 
 
 class DurationRange(Value):
@@ -296,9 +296,9 @@ class PlanScene(CommandedScene):
     def least_tension(self) -> float:
         """Least tension of tendons that are wound up [N]."""
         drives = self.finger.winches
-        given = self.bounds.least_tension
-        if given is not None:
-            return given
+        stated = self.bounds.least_tension
+        if stated is not None:
+            return stated
         # On a common pulley the bend decides how taut the other tendon is: a bound would be one of the bend.
         return min((0.5 * drive.pretension for drive in drives if drive.arrangement == "per_tendon"), default=0.0)
 
@@ -325,8 +325,8 @@ class PlanScene(CommandedScene):
     @property
     def duration_range(self) -> tuple[float, float]:
         """Shortest and longest duration [s]."""
-        given = self.duration
-        return (given.least, given.most) if isinstance(given, DurationRange) else (given, given)
+        duration = self.duration
+        return (duration.least, duration.most) if isinstance(duration, DurationRange) else (duration, duration)
 
     @property
     def load_varies(self) -> bool:

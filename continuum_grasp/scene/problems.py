@@ -78,7 +78,9 @@ class _Located:
 def input_error(error: ValidationError, model: type[BaseModel], document: Document) -> InputError:
     """Every problem of a document on a line of its own, in the order of the file; its position is that of the first."""
     problems = explain(error, model, document.value)
-    placed = list(dict.fromkeys((document.nearest(one.path, at_key=one.at_key), one) for one in problems))
+    placed = list(
+        dict.fromkeys((document.nearest(problem.path, at_key=problem.at_key), problem) for problem in problems)
+    )
     main_file = document.places[()].file
     placed.sort(key=lambda item: (item[0].file != main_file, item[0].file, item[0].line or 0, item[0].column or 0))
     lines = [str(place.error(problem.message, problem.path)) for place, problem in placed[1:_MOST]]
@@ -106,8 +108,12 @@ def explain(error: ValidationError, model: type[BaseModel], data: Any) -> list[P
 
 def _is_echo(error: Any) -> bool:
     """Whether pydantic calls a list too short only since it does not count the entries that are wrong."""
-    given = error["input"]
-    return error["type"] == "too_short" and isinstance(given, list | tuple) and len(given) >= error["ctx"]["min_length"]
+    entries = error["input"]
+    return (
+        error["type"] == "too_short"
+        and isinstance(entries, list | tuple)
+        and len(entries) >= error["ctx"]["min_length"]
+    )
 
 
 def _locate(error: Any, data: Any, shape: Shape) -> _Located:
@@ -244,17 +250,17 @@ def _kind(item: _Located, shape: Shape, data: Any) -> str:
 def _mentioned(message: str, path: KeyPath, data: Any) -> KeyPath:
     """The key that a message begins with, where the data has it; otherwise the path itself."""
     value = Document(data).get(path)
-    found: list[str | int] = []
+    keys: list[str | int] = []
     start = re.match(r"[a-z_]\w*(?:\.[a-z_]\w*|\[\d+\])*", message)
     for name, index in re.findall(r"([a-z_]\w*)|\[(\d+)\]", start.group()) if start else ():
         if name and isinstance(value, dict) and name in value:
-            found.append(name)
+            keys.append(name)
         elif index and isinstance(value, list) and int(index) < len(value):
-            found.append(int(index))
+            keys.append(int(index))
         else:
             break
-        value = value[found[-1]]
-    return (*path, *found)
+        value = value[keys[-1]]
+    return (*path, *keys)
 
 
 def nearest(word: str, allowed: Iterable[str], *, say_all: bool = True) -> str:

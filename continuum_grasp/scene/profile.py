@@ -49,14 +49,14 @@ class Curve:
         """
         if isinstance(value, float | tuple):
             return cls((0.0, length), (_coefficients(_line(value, length)),))
-        return cls((0.0, *value.breaks, length), tuple((one,) for one in value.values))
+        return cls((0.0, *value.breaks, length), tuple((number,) for number in value.values))
 
     @classmethod
     def of_pieces(cls, length: float, starts: Sequence[float], coefficients: Sequence[tuple[float, ...]]) -> Curve:
         """Polynomials from places on [m], each up to the next place, without those of no length."""
         spans = zip(starts, (*starts[1:], length), coefficients, strict=True)
-        pieces = [(start, own) for start, end, own in spans if end - start > SAME * length]
-        return cls((*(start for start, _ in pieces), length), tuple(own for _, own in pieces))
+        pieces = [(start, polynomial) for start, end, polynomial in spans if end - start > SAME * length]
+        return cls((*(start for start, _ in pieces), length), tuple(polynomial for _, polynomial in pieces))
 
     @classmethod
     def through(cls, spline: PPoly, *, exponential: bool = False) -> Curve:
@@ -195,11 +195,11 @@ class Profile:
         It is smooth where the curves are.
         """
         spans, exponents = pairwise(np.asarray(bounds).tolist()), np.arange(powers)[:, None]
-        found = (
+        integrals = (
             integral(lambda s: density(s) * s**exponents, smooth_parts(self.length, self.curves, *span))
             for span in spans
         )
-        return np.stack([*found], axis=1)
+        return np.stack([*integrals], axis=1)
 
     def waves(self, s: Array) -> Array:
         """Integral of (rho A / E I)^(1/4), the waves of bending, from the first of positions (N,) [m] to each."""
@@ -261,30 +261,30 @@ def touching(length: float, spiral: SpiRob) -> Curve:
 
 def of_sections(length: float, sections: Sequence[RodSection]) -> Profile:
     """A rod of sections, which state all that they need."""
-    edges = (0.0, *(one.to for one in sections[:-1]), length)
+    edges = (0.0, *(section.to for section in sections[:-1]), length)
     spans = zip(sections, pairwise(edges), strict=True)
-    columns = zip(*(_of_section(one, b - a) for one, (a, b) in spans), strict=True)
+    columns = zip(*(_of_section(section, b - a) for section, (a, b) in spans), strict=True)
     stiffness, mass, inertia, rest, thickness = (Curve(edges, tuple(map(_coefficients, each))) for each in columns)
     half = thickness.scaled(0.5)
     return Profile(length, stiffness, mass, inertia, rest, half, None if sections[0].thick is None else half)
 
 
-def _of_section(one: RodSection, span: float) -> tuple[float | Polynomial, ...]:
+def _of_section(section: RodSection, span: float) -> tuple[float | Polynomial, ...]:
     """Stiffness, mass, rotary inertia, rest curvature and thickness of a section, of the distance from its start."""
     width, thickness, modulus, density = (
-        _line(value or 0.0, span) for value in (one.width, one.thick, one.youngs_modulus, one.density)
+        _line(value or 0.0, span) for value in (section.width, section.thick, section.youngs_modulus, section.density)
     )
-    inertia = _line(one.rotary_inertia or 0.0, span)
-    if one.bending_stiffness is not None:
-        stiffness, mass = _line(one.bending_stiffness, span), _line(one.linear_density or 0.0, span)
+    inertia = _line(section.rotary_inertia or 0.0, span)
+    if section.bending_stiffness is not None:
+        stiffness, mass = _line(section.bending_stiffness, span), _line(section.linear_density or 0.0, span)
     else:
-        if one.diameter is None:
+        if section.diameter is None:
             second, mass = width * thickness**3 / 12, density * width * thickness
         else:
             second, mass = math.pi * thickness**4 / 64, density * math.pi * thickness**2 / 4
         stiffness = modulus * second
-        inertia = density * second if one.rotary_inertia is None else inertia
-    return stiffness, mass, inertia, _line(one.rest_curvature or 0.0, span), thickness
+        inertia = density * second if section.rotary_inertia is None else inertia
+    return stiffness, mass, inertia, _line(section.rest_curvature or 0.0, span), thickness
 
 
 def of_samples(length: float, samples: RodSamples) -> Profile:
@@ -296,8 +296,8 @@ def of_samples(length: float, samples: RodSamples) -> Profile:
     def smooth(values: Sequence[float] | None, *, exponential: bool = False) -> Curve:
         if values is None:
             return Curve.along(length, 0.0)
-        given = np.log(values) if exponential else np.asarray(values)
-        return Curve.through(PchipInterpolator(at, given), exponential=exponential)
+        numbers = np.log(values) if exponential else np.asarray(values)
+        return Curve.through(PchipInterpolator(at, numbers), exponential=exponential)
 
     thickness = smooth(samples.thickness).scaled(0.5)
     return Profile(

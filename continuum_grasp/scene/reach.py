@@ -52,12 +52,14 @@ def check_reach(
     }
     if ranges:
         bent, whole = "the bending range of the model, fidelity.bending_range", sum(ranges)
-        limits["bending"] = "rad", bent, [(-one, one) for one in ranges]
+        limits["bending"] = "rad", bent, [(-limit, limit) for limit in ranges]
         limits["tip_angle"] = "rad", bent, [(base.angle - whole, base.angle + whole)]
     if body is not None:
         limits["object_angle"] = "rad", "a turn", [(body.angle - 2.0 * math.pi, body.angle + 2.0 * math.pi)]
         apart, deepest = body.distance(base.position), -2.0 * body.size - half
-        near = [(deepest, math.inf) if moves else (max(deepest, apart - one - half), apart + one) for one in touching]
+        near = [
+            (deepest, math.inf) if moves else (max(deepest, apart - place - half), apart + place) for place in touching
+        ]
         limits["gap"] = "m", "the distance of the object", near
     for name, value in given.items():
         for where, row in _rows(f"{key}.{name}" if key else name, value):
@@ -95,8 +97,8 @@ def check_references(scene: Any, cost: Cost, moves: bool = False) -> None:
     widths = {"shape": (2 * len(at), f"x, y of {len(at)} sections")}
     widths["input"] = len(scene.input_limits[0]), scene.finger.input_words
     for name, (width, words) in widths.items():
-        given = getattr(scene.reference, name)
-        got = width if given is None else given.width if isinstance(given, RowSamples) else len(given)
+        setpoint = getattr(scene.reference, name)
+        got = width if setpoint is None else setpoint.width if isinstance(setpoint, RowSamples) else len(setpoint)
         if got != width:
             raise InputError(f"expected {words}, got {got} numbers", key=f"reference.{name}")
     check_reach(scene.finger, "reference", dict(scene.reference), at, scene.object, stated_ranges(scene), gaps, moves)

@@ -114,14 +114,16 @@ class Rod(Section):
             "youngs_modulus": (1e3, 2e12, no_material),
             "density": (10.0, 23e3, no_solid),
         }
-        for key, (least, most, why) in usual.items():
+        for key, (least, greatest, why) in usual.items():
             for value in {*ends(getattr(self, key))}:
-                doubt_outside(f"rod.{key}", value, least, most, why)
+                doubt_outside(f"rod.{key}", value, least, greatest, why)
 
     def _check_section_keys(self, sections: tuple[RodSection, ...]) -> None:
-        for k, (one, two) in enumerate(pairwise(sections), 1):
-            if two.to <= one.to:
-                raise ValueError(f"sections[{k}].to = {two.to} m is not beyond {one.to} m, where the one before ends")
+        for k, (earlier, later) in enumerate(pairwise(sections), 1):
+            if later.to <= earlier.to:
+                raise ValueError(
+                    f"sections[{k}].to = {later.to} m is not beyond {earlier.to} m, where the one before ends"
+                )
         if not math.isclose(sections[-1].to, self.length, rel_tol=1e-9):
             last = f"sections[{len(sections) - 1}].to = {sections[-1].to} m"
             raise ValueError(f"{last}: the last section must end at the length of {self.length} m")
@@ -169,7 +171,7 @@ class Rod(Section):
         if self.samples is not None:
             return [(f"samples.at[{k}]", at, False) for k, at in enumerate(self.samples.at)]
         keys = [f"sections[{k}]" for k in range(len(self.sections or ()))] or ["spirob" if self.spirob else "section"]
-        spans = zip(keys, pairwise([0.0, *(one.to for one in self._all_sections)]), strict=True)
+        spans = zip(keys, pairwise([0.0, *(section.to for section in self._all_sections)]), strict=True)
         return [(key, at, at == start) for key, (start, end) in spans for at in (start, end)]
 
     @property
@@ -204,8 +206,8 @@ class Rod(Section):
     @property
     def one_modulus(self) -> bool:
         """Whether its bending stiffness is everywhere proportional to its ``youngs_modulus``."""
-        own = (section.shaped and section.youngs_modulus is None for section in self.sections or ())
-        return isinstance(self.youngs_modulus, float) and all(own)
+        shaped = (section.shaped and section.youngs_modulus is None for section in self.sections or ())
+        return isinstance(self.youngs_modulus, float) and all(shaped)
 
     @property
     def own_rest_curvature(self) -> bool:
@@ -247,13 +249,16 @@ class Rod(Section):
         from continuum_grasp.scene.profile import of_samples, of_sections
 
         if self.samples is not None:
-            found = of_samples(self.length, self.samples)
+            profile = of_samples(self.length, self.samples)
         else:
-            whole = (one.model_copy(update={k: getattr(self, k) for k in one.left_open}) for one in self._all_sections)
-            found = of_sections(self.length, [*whole])
-        if self.spirob is not None:
-            stiffness = found.bending_stiffness.scaled(self.spirob.core**3)
-            found = replace(
-                found, bending_stiffness=stiffness, half_depth=found.half_thickness.scaled(self.spirob.core)
+            whole = (
+                section.model_copy(update={k: getattr(self, k) for k in section.left_open})
+                for section in self._all_sections
             )
-        return replace(found, graded=self.graded).scaled(self.factors)
+            profile = of_sections(self.length, [*whole])
+        if self.spirob is not None:
+            stiffness = profile.bending_stiffness.scaled(self.spirob.core**3)
+            profile = replace(
+                profile, bending_stiffness=stiffness, half_depth=profile.half_thickness.scaled(self.spirob.core)
+            )
+        return replace(profile, graded=self.graded).scaled(self.factors)

@@ -60,12 +60,12 @@ def schema_text(schema: _Node) -> str:
 
 def schema_files() -> dict[str, str]:
     """Texts of a folder of schemas by name: one file per kind, and one of the definitions that they share."""
-    shared, found = dict[str, _Node](), dict[str, str]()
+    shared, files = dict[str, _Node](), dict[str, str]()
     for kind in KINDS:
         schema = json_schema(kind)
         shared |= schema.pop("$defs")
-        found[f"{kind}.json"] = schema_text(schema).replace('"#/$defs/', f'"{DEFINITIONS}#/$defs/')
-    return {**found, DEFINITIONS: schema_text({"$schema": _DIALECT, "$defs": dict(sorted(shared.items()))})}
+        files[f"{kind}.json"] = schema_text(schema).replace('"#/$defs/', f'"{DEFINITIONS}#/$defs/')
+    return {**files, DEFINITIONS: schema_text({"$schema": _DIALECT, "$defs": dict(sorted(shared.items()))})}
 
 
 def _give_examples(key: _Node) -> None:
@@ -77,9 +77,9 @@ def _give_examples(key: _Node) -> None:
         key["examples"] = [to_si(example, units[0]), example]
 
 
-def _take_files(scene: _Node, own: str, definitions: _Node) -> None:
+def _take_files(scene: _Node, kind: str, definitions: _Node) -> None:
     """Let a scene name finger files where fingers may stand."""
-    changes = _changes(own, definitions)
+    changes = _changes(kind, definitions)
     definitions[changes]["properties"] = {
         "extends": {"type": "string", "description": "Path of a finger file, relative to this file."},
         **definitions[changes]["properties"],
@@ -89,12 +89,12 @@ def _take_files(scene: _Node, own: str, definitions: _Node) -> None:
         "description": "The finger itself, the path of a finger file, or changes to one (extends).",
         "anyOf": [
             {"type": "string", "description": "Path of a finger file, relative to this file."},
-            {"$ref": f"#/$defs/{own}"},
+            {"$ref": f"#/$defs/{kind}"},
             {"$ref": f"#/$defs/{changes}"},
         ],
     }
     scene["properties"]["finger"] = finger
-    if own == "GraspFinger":
+    if kind == "GraspFinger":
         many = scene["properties"]["fingers"]
         many.pop("anyOf"), many.pop("default", None)
         many |= {"type": "object", "minProperties": 1, "maxProperties": 4, "additionalProperties": finger}

@@ -42,14 +42,14 @@ class Shape:
 
     def choices(self, path: KeyPath, data: Any) -> list[str]:
         """The words allowed at ``path``."""
-        found = (word for node in self._at(path, data) for word in [*node.get("enum", []), node.get("const")])
-        return [word for word in dict.fromkeys(found) if isinstance(word, str)]
+        words = (word for node in self._at(path, data) for word in [*node.get("enum", []), node.get("const")])
+        return [word for word in dict.fromkeys(words) if isinstance(word, str)]
 
     def tags(self, path: KeyPath, data: Any) -> list[str]:
         """The branches of a tagged union at ``path``."""
         nodes = self._follow(path, data)
-        found = (tag for node in nodes for tag in node.get("discriminator", {}).get("mapping", {}))
-        return list(dict.fromkeys(found))
+        tags = (tag for node in nodes for tag in node.get("discriminator", {}).get("mapping", {}))
+        return list(dict.fromkeys(tags))
 
     def description(self, path: KeyPath, data: Any) -> str:
         """The first line of what is written about the key at ``path``, in lower case at its start."""
@@ -62,7 +62,7 @@ class Shape:
     def unit(self, path: KeyPath, data: Any) -> str | None:
         """The SI unit of the number at ``path``, which may be that of the list or mapping it stands in."""
         for end in range(len(path), 0, -1):
-            nodes = [one for node in self._follow(path[:end], data) for one in alternatives(node)]
+            nodes = [alternative for node in self._follow(path[:end], data) for alternative in alternatives(node)]
             units = {node["unit"] for node in nodes if "unit" in node}
             if units:
                 return units.pop() if len(units) == 1 else None
@@ -71,9 +71,9 @@ class Shape:
     def in_si(self, path: KeyPath, value: Any, data: Any = None) -> Any:
         """The value for ``path``, with its texts that have a unit as SI numbers; others are left as they are."""
         if isinstance(value, dict):
-            return {key: self.in_si((*path, key), one, data) for key, one in value.items()}
+            return {key: self.in_si((*path, key), entry, data) for key, entry in value.items()}
         if isinstance(value, list | tuple):
-            return [self.in_si((*path, k), one, data) for k, one in enumerate(value)]
+            return [self.in_si((*path, k), entry, data) for k, entry in enumerate(value)]
         return Unit(self.unit(path, data)).read(value) if isinstance(value, str) else value
 
     def size(self, path: KeyPath, data: Any) -> int | None:

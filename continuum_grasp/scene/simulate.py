@@ -91,13 +91,21 @@ class Initial(Value):
     REFUSALS = (
         needs("initial", "friction_states", "reached_by=state", _BOTH, "initial"),
         needs("initial", "reached_by=state", "friction_states", _BOTH, "initial"),
-        beside("initial pose by name", lambda one: one.pose, "qd", _AT_REST, "initial"),
+        beside("initial pose by name", lambda initial: initial.pose, "qd", _AT_REST, "initial"),
         beside(
-            "initial pose that is no equilibrium", lambda one: one.pose != "equilibrium", _HOLDING, _HELD, "initial"
+            "initial pose that is no equilibrium",
+            lambda initial: initial.pose != "equilibrium",
+            _HOLDING,
+            _HELD,
+            "initial",
         ),
-        beside("initial loads", lambda one: True, "held_by.input", _RELEASED, "initial"),
+        beside("initial loads", lambda initial: True, "held_by.input", _RELEASED, "initial"),
         beside(
-            "initial loads over time", lambda one: True, "held_by.force.times held_by.moment.times", _HOLDS, "initial"
+            "initial loads over time",
+            lambda initial: True,
+            "held_by.force.times held_by.moment.times",
+            _HOLDS,
+            "initial",
         ),
     )
 
@@ -167,7 +175,8 @@ class FingerScene(Configuration, Surroundings):
             lambda s: (
                 not s.finger.damping.dry_friction
                 and not s.finger.damping.quadratic
-                and "quadratic_damping" not in (*s.parameters, *(one.name for one in getattr(s, "estimate", ())))
+                and "quadratic_damping"
+                not in (*s.parameters, *(estimate.name for estimate in getattr(s, "estimate", ())))
             ),
             "finger.damping.friction_cells",
             "has no effect: these are cells of finger.damping.dry_friction and finger.damping.quadratic",
@@ -215,11 +224,13 @@ class Scene(FingerScene):
         self.finger.rod.check_inside("loads[{}].at", (load.at for load in self.loads))
         self.finger.rod.check_inside("initial.held_by[{}].at", (load.at for load in self.initial.held_by))
         if self.actuation is not None:
-            given, finger = self.actuation.given, self.finger
+            commands, finger = self.actuation.given, self.finger
             for key in dict.fromkeys(finger.input_keys):
-                own = [(one.least, one.most) for one in finger.inputs if one.key == key]
+                limits = [
+                    (finger_input.least, finger_input.most) for finger_input in finger.inputs if finger_input.key == key
+                ]
                 allowed = _ALLOWED.get(key, "what drive.torque_max allows, {:g} to {:g}")
-                check_commands(f"actuation.{key}", given.get(key, ()), own, finger.input_words, allowed)
+                check_commands(f"actuation.{key}", commands.get(key, ()), limits, finger.input_words, allowed)
         motors = sum(isinstance(drive, MotorDrive) for drive in self.finger.winches)
         self._check_count("initial.motor_angles", self.initial.motor_angles, motors, "drive.kind: motor")
         # In mm/s2, the earth's is 9807.
@@ -248,7 +259,7 @@ def check_commands(
     """Refuse commands, at a key, that are not as many as there are limits, ``words`` of them, or beyond these."""
     if len(values) != len(limits):
         raise ValueError(f"{key}: expected {words}, got {len(values)} numbers")
-    for k, (given, (least, most)) in enumerate(zip(values, limits, strict=True)):
-        for value in given.values if isinstance(given, Samples) else (given,):
-            if not least <= value <= most:
-                raise ValueError(f"{key}[{k}] = {value:g} is outside {allowed.format(least, most)}")
+    for k, (command, (least, greatest)) in enumerate(zip(values, limits, strict=True)):
+        for value in command.values if isinstance(command, Samples) else (command,):
+            if not least <= value <= greatest:
+                raise ValueError(f"{key}[{k}] = {value:g} is outside {allowed.format(least, greatest)}")

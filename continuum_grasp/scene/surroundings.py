@@ -165,6 +165,6 @@ class Surroundings(Supported):
         # Overlaps of a union count twice. Outlines of 720 points have round shapes' gyration to 2e-5.
         area = second = 0.0
         for part in self.object.parts:
-            own, _, moment = polygon_moments(part.outline(720), self.object.com)
-            area, second = area + abs(own), second + abs(moment)
+            signed_area, _, moment = polygon_moments(part.outline(720), self.object.com)
+            area, second = area + abs(signed_area), second + abs(moment)
         return self.object.mass * (second / area)

@@ -76,9 +76,9 @@ class Grid(Value):
         import numpy as np
 
         spaced = np.geomspace if self.spacing == "log" else np.linspace
-        found = spaced(self.min or 0.0, self.max or 0.0, self.count or 2)
+        spaced_values = spaced(self.min or 0.0, self.max or 0.0, self.count or 2)
         # 0.1 + 2 * 0.1 would print as 0.30000000000000004 in tables and key paths.
-        rounded = [float(f"{value:.12g}") for value in found]
+        rounded = [float(f"{value:.12g}") for value in spaced_values]
         return tuple(map(int, rounded)) if all(value.is_integer() for value in rounded) else tuple(rounded)
 
 

@@ -65,7 +65,7 @@ class Table:
         """A table of columns, with units in brackets, that is in no file."""
         parts = [cast(re.Match[str], _HEADING.fullmatch(column)) for column in columns]
         lines = tuple(range(2, len(rows) + 2))
-        return cls("", tuple(one[1] for one in parts), tuple(one[2] for one in parts), tuple(rows), lines, 1)
+        return cls("", tuple(part[1] for part in parts), tuple(part[2] for part in parts), tuple(rows), lines, 1)
 
     def index(self, heading: str) -> int:
         """Number of a column, from 0, by its heading with or without the unit."""
@@ -82,18 +82,18 @@ class Table:
         at = self.index(heading)
         keep = [k for k, row in enumerate(self.rows) if any(_same(row[at], text) for text in texts)]
         if not keep:
-            found = ", ".join(list(dict.fromkeys(row[at] for row in self.rows))[:8])
-            raise InputError(f"no row in which {heading} is {' or '.join(texts)}; it is {found}", file=self.file)
+            present = ", ".join(list(dict.fromkeys(row[at] for row in self.rows))[:8])
+            raise InputError(f"no row in which {heading} is {' or '.join(texts)}; it is {present}", file=self.file)
         return replace(self, rows=tuple(self.rows[k] for k in keep), lines=tuple(self.lines[k] for k in keep))
 
     def groups(self, heading: str | None) -> list[NDArray[np.intp]]:
         """Rows that have the same text in a column, in the order of the first of each; None: each row by itself."""
         if heading is None:
             return [np.array([k]) for k in range(len(self.rows))]
-        at, found = self.index(heading), dict[str, list[int]]()
+        at, groups = self.index(heading), dict[str, list[int]]()
         for k, row in enumerate(self.rows):
-            found.setdefault(row[at], []).append(k)
-        return [np.array(rows) for rows in found.values()]
+            groups.setdefault(row[at], []).append(k)
+        return [np.array(rows) for rows in groups.values()]
 
     def numbers(self, heading: str, *, gaps: bool = False) -> Array:
         """A column as finite numbers (rows,), as they stand in the file; with gaps, empty cells are NaN."""
@@ -106,13 +106,13 @@ class Table:
         ``unit`` is that of the data where its heading does not say it. With gaps, empty cells are NaN.
         """
         at = self.index(heading)
-        own, given = self.units[at], unit
+        heading_unit, given = self.units[at], unit
         if si == "N":
-            own, unit = (_WEIGHTS.get(one or "", one) for one in (own, unit))
-        if unit is not None and own is not None and unit != own:
+            heading_unit, unit = (_WEIGHTS.get(one or "", one) for one in (heading_unit, unit))
+        if unit is not None and heading_unit is not None and unit != heading_unit:
             raise self.error(f"its heading says [{self.units[at]}], the configuration {given!r}", at)
         try:
-            factor = factor_to_si(unit or own or si, si)
+            factor = factor_to_si(unit or heading_unit or si, si)
         except InputError as error:
             raise self.error(f"column {self.headings[at]}: {error.message}", at) from None
         return factor * (self.numbers(heading, gaps=gaps) - zero)
@@ -212,7 +212,7 @@ def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
 
 def _separated(lines: Sequence[str]) -> tuple[str, list[tuple[str, ...]]]:
     """Character between cells, and cells: of semicolon, tab and comma the first that separates the last line."""
-    separator = next((one for one in ";\t" if one in lines[-1]), ",")
+    separator = next((character for character in ";\t" if character in lines[-1]), ",")
     return separator, [tuple(cell.strip() for cell in next(csv.reader([line], delimiter=separator))) for line in lines]
 
 
@@ -225,20 +225,20 @@ def _headings(rows: Sequence[Sequence[str]]) -> tuple[int, Sequence[str]]:
     if rows[0][0] == "scorer":
         top = next((k for k, row in enumerate(rows) if row[0] == "coords"), 2) + 1
         columns = list(zip(*rows[1:top], strict=True))[1:]
-        return top, ["frame", *("_".join(dict.fromkeys(part for part in one if part)) for one in columns)]
+        return top, ["frame", *("_".join(dict.fromkeys(part for part in cells if part)) for cells in columns)]
     first, second = rows[0], rows[1]
     if (
         (len(first) != len(second) or not all(first))
         and "t" in second
-        and all(_number_in(one) is None for one in second)
+        and all(_number_in(cell) is None for cell in second)
     ):
-        tracks = [one for one in first if one]
+        tracks = [word for word in first if word]
         if len(tracks) < 2:
             return 2, second
         names, last = list[str](), ""
-        for k, one in enumerate(second):
+        for k, cell in enumerate(second):
             last = first[k] if k < len(first) and first[k] else last
-            names.append(one if one == "t" else f"{last}_{one}")
+            names.append(cell if cell == "t" else f"{last}_{cell}")
         return 2, names
     return 1, first
 
@@ -248,7 +248,9 @@ def _sure(table: Table) -> Table:
     rows = [list(row) for row in table.rows]
     for at, heading in enumerate(table.headings):
         if heading.endswith("_likelihood"):
-            point = [k for k, one in enumerate(table.headings) if one.rpartition("_")[0] == heading.rpartition("_")[0]]
+            point = [
+                k for k, other in enumerate(table.headings) if other.rpartition("_")[0] == heading.rpartition("_")[0]
+            ]
             for row, value in zip(rows, table.numbers(heading, gaps=True), strict=True):
                 if not value >= _SURE:
                     for k in point:

@@ -180,7 +180,9 @@ def _on_pulley(name: str, where: Callable[[tuple[Tendon, ...]], bool], why: str)
 def _unlike(name: str) -> Consumer:
     """Refuse two tendons on one pulley that differ."""
     alike = f"tendons with the same {name}"
-    return _on_pulley(f"unlike in {name}", lambda given: len({getattr(one, name) for one in given}) > 1, alike)
+    return _on_pulley(
+        f"unlike in {name}", lambda tendons: len({getattr(tendon, name) for tendon in tendons}) > 1, alike
+    )
 
 
 _SIDES = "tendons at equal distances on both sides: it winds up the one by as much as it pays out the other"
@@ -223,9 +225,9 @@ def channels(length: float, tendons: tuple[Tendon, ...], *, apart: bool = False)
     """One channel per shape of moment along a finger of a length [m], or ``apart`` one per tendon."""
     from continuum_grasp.scene.profile import Channel
 
-    found = []
+    per_shape = []
     for group in [[k] for k in range(len(tendons))] if apart else alike(tendons, length):
         like, shape = tendons[group[0]], tendons[group[0]].shape(length)
         arms = tuple(tendon.arm(length) if k in group else 0.0 for k, tendon in enumerate(tendons))
-        found.append(Channel(shape, like.end(length) if shape.breaks else length, arms, like.time_constant))
-    return tuple(found)
+        per_shape.append(Channel(shape, like.end(length) if shape.breaks else length, arms, like.time_constant))
+    return tuple(per_shape)

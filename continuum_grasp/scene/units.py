@@ -75,8 +75,8 @@ def units_of(si: str) -> dict[str, Fraction]:
     quantity = QUANTITIES.get(si)
     if quantity is None:
         return {}
-    own = {} if si == "1" else {si: Fraction(1)}
-    return own | {unit: Fraction(factor) for unit, factor in quantity.factors.items()}
+    units = {} if si == "1" else {si: Fraction(1)}
+    return units | {unit: Fraction(factor) for unit, factor in quantity.factors.items()}
 
 
 def to_si(text: str, si: str) -> float | None:
@@ -133,9 +133,9 @@ def factor_to_si(unit: str, si: str) -> float:
     """
     if unit == si:
         return 1.0
-    found = _unit_in(f" {unit}", si)
-    if found is not None:
-        return float(units_of(si)[found])
+    spelled = _unit_in(f" {unit}", si)
+    if spelled is not None:
+        return float(units_of(si)[spelled])
     known = list(units_of(si)) or [si]
     # Names of one or two letters resemble each other by chance.
     near = difflib.get_close_matches(unit, known, n=1, cutoff=0.75)
@@ -157,12 +157,12 @@ class Unit:
     def read(self, value: Any) -> Any:
         """A value with its texts as SI numbers."""
         if isinstance(value, str) and self.si is not None:
-            found = to_si(value, self.si)
-            return value if found is None else found
+            number = to_si(value, self.si)
+            return value if number is None else number
         if isinstance(value, list | tuple):
-            return [self.read(one) for one in value]
+            return [self.read(entry) for entry in value]
         if isinstance(value, dict):
-            return {key: self.read(one) if key in ("value", "values") else one for key, one in value.items()}
+            return {key: self.read(entry) if key in ("value", "values") else entry for key, entry in value.items()}
         return value
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -181,8 +181,8 @@ class Unit:
 def _allow_texts(node: Any, texts: str) -> None:
     """Let all numbers of a JSON Schema be texts too, whose bounds do not concern these."""
     if isinstance(node, list):
-        for one in node:
-            _allow_texts(one, texts)
+        for child in node:
+            _allow_texts(child, texts)
     elif isinstance(node, dict):
         if node.get("type") == "number":
             node |= {"type": ["number", "string"], "pattern": texts}

@@ -63,20 +63,20 @@ class Value(BaseModel):
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         """Describe each field by the docstring below it."""
-        found = handler(schema)
-        properties = handler.resolve_ref_schema(found).get("properties", {})
+        json_schema = handler(schema)
+        properties = handler.resolve_ref_schema(json_schema).get("properties", {})
         for name, text in field_docs(cls).items():
             key = (cls.model_fields[name].alias or name) if name in cls.model_fields else name
             if key in properties:
                 properties[key].setdefault("description", text)
-        return found
+        return json_schema
 
     @model_validator(mode="after")
     def _checked(self) -> Self:
         # Base classes first: a class may rely on what they have checked.
         for kind in reversed(type(self).__mro__):
-            for one in vars(kind).get("REFUSALS", ()):
-                one.check(self)
+            for refusal in vars(kind).get("REFUSALS", ()):
+                refusal.check(self)
             if "_check" in vars(kind):
                 vars(kind)["_check"](self)
         return self
@@ -87,11 +87,11 @@ class Value(BaseModel):
             *others, last = keys
             raise ValueError(f"give exactly one of {', '.join(others)} and {last}")
 
-    def _check_below(self, least: str, most: str) -> None:
+    def _check_below(self, least: str, greatest: str) -> None:
         """Refuse a field that is not below another, where both are given."""
-        low, high = getattr(self, least), getattr(self, most)
+        low, high = getattr(self, least), getattr(self, greatest)
         if low is not None and high is not None and low >= high:
-            raise ValueError(f"{least} = {low:g} is not below {most} = {high:g}")
+            raise ValueError(f"{least} = {low:g} is not below {greatest} = {high:g}")
 
     def _check_count(self, key: str, values: Sized | None, count: int, of: str) -> None:
         """Refuse a list, where there is one, without as many entries as there are of something."""
@@ -140,10 +140,10 @@ class Value(BaseModel):
         from continuum_grasp.scene.document import Place
 
         name = type(self).__name__
-        given, document = read_overrides(changes, name), placed(self, Place(name))
-        for path, _ in given:
+        overrides, document = read_overrides(changes, name), placed(self, Place(name))
+        for path, _ in overrides:
             document.write_out(path, self)
-        return validated(changed(document, given, Path(name)), type(self))
+        return validated(changed(document, overrides, Path(name)), type(self))
 
     def stated(self, *without: str) -> dict[str, Any]:
         """Return the fields that differ from their defaults, what a user would write, ``without`` some."""
@@ -212,7 +212,7 @@ def _written(value: Any) -> str:
     """A value as it is written in Python."""
     if not isinstance(value, Value):
         return repr(value)
-    return f"{type(value).__name__}({', '.join(f'{name}={_written(one)}' for name, one in value.stated().items())})"
+    return f"{type(value).__name__}({', '.join(f'{name}={_written(entry)}' for name, entry in value.stated().items())})"
 
 
 @cache
@@ -222,15 +222,15 @@ def field_docs(model: type) -> dict[str, str]:
     Pydantic's ``use_attribute_docstrings`` reads the same when a class is made: a quarter of the time that a command
     takes to know its scene.
     """
-    found: dict[str, str] = {}
+    docs: dict[str, str] = {}
     for kind in reversed(model.__mro__):
         body = _classes(kind.__module__).get(kind.__qualname__)
         for field, below in pairwise(body.body if body is not None else ()):
             if isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name):
-                found.pop(field.target.id, None)  # declared anew
+                docs.pop(field.target.id, None)  # declared anew
                 if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
-                    found[field.target.id] = inspect.cleandoc(str(below.value.value))
-    return found
+                    docs[field.target.id] = inspect.cleandoc(str(below.value.value))
+    return docs
 
 
 @cache

@@ -115,7 +115,7 @@ def _random(scene: SceneKeys, key: str, draw: Draw) -> Random:
 
 def fault_kinds(error: ValidationError) -> set[str]:
     """Kinds of faults, in pydantic's words: ``value_error`` of checks of several keys."""
-    return {one["type"] for one in error.errors(include_url=False, include_context=False)}
+    return {fault["type"] for fault in error.errors(include_url=False, include_context=False)}
 
 
 class SceneKeys:
@@ -142,12 +142,12 @@ class SceneKeys:
         self, where: KeyPath, key: str, given: Sequence[Any], *, listed: bool, only_key: bool = False
     ) -> tuple[KeyPath, tuple[Any, ...]]:
         """Path of a key in the scene, and its values, each tried on its own in the scene."""
-        found: list[Any] = []
+        converted: list[Any] = []
         path: KeyPath = ()
         for k, value in enumerate(given):
             path, new = self.change((*where, k) if listed else where, key, value)
             tried = changed(self.base, [(path, new)], self.file)
-            found.append(self.shape.in_si(path, tried.get(path), tried.value))
+            converted.append(self.shape.in_si(path, tried.get(path), tried.value))
             try:
                 self.model.model_validate(tried.value)
             except ValidationError as error:
@@ -155,7 +155,7 @@ class SceneKeys:
                 # Checks of the whole scene fail single runs; for a key that follows, all but its existence does.
                 if kinds - {"value_error"} if not only_key else "extra_forbidden" in kinds:
                     raise input_error(error, self.model, tried) from error
-        return path, tuple(found)
+        return path, tuple(converted)
 
     def change(self, where: KeyPath, key: str, value: Any) -> Change:
         """A key of the scene with a value, at its place in the sweep."""

@@ -42,16 +42,16 @@ def _way_in_si(key: Any, way: Any, shapes: Sequence[Shape]) -> Any:
         path = path_of(key, "")
     except (InputError, TypeError):  # reported where the key is looked up in the scene
         return way
-    found = dict(way) if isinstance(way, dict) else {}
-    texts = [one for one in found.values() for one in (one if isinstance(one, list | tuple) else [one])]
-    if not any(isinstance(one, str | list | tuple | dict) for one in texts):
+    entries = dict(way) if isinstance(way, dict) else {}
+    texts = [text for text in entries.values() for text in (text if isinstance(text, list | tuple) else [text])]
+    if not any(isinstance(text, str | list | tuple | dict) for text in texts):
         return way
-    shape = next((one for one in shapes if one.unit(path, None)), shapes[0])
-    for name in _IN_UNIT & found.keys():
-        given = found[name]
-        several = isinstance(given, list | tuple)
-        found[name] = [shape.in_si(path, one) for one in given] if several else shape.in_si(path, given)
-    return found or way
+    shape = next((candidate for candidate in shapes if candidate.unit(path, None)), shapes[0])
+    for name in _IN_UNIT & entries.keys():
+        entry = entries[name]
+        several = isinstance(entry, list | tuple)
+        entries[name] = [shape.in_si(path, number) for number in entry] if several else shape.in_si(path, entry)
+    return entries or way
 
 
 class Follow(Value):
@@ -92,9 +92,9 @@ class Varied(Configuration):
 
     def in_folder(self, folder: Path) -> Self:
         """A copy whose paths are relative to another folder than the working directory."""
-        found = self.model_copy()
-        found._folder = folder
-        return found
+        moved = self.model_copy()
+        moved._folder = folder
+        return moved
 
     def changed(self, changes: Overrides) -> Self:
         return super().changed(changes).in_folder(self._folder)

@@ -38,8 +38,8 @@ class ContactForces:
     @staticmethod
     def of(core: Core, x: Array, u: Array, w: Array) -> ContactForces:
         """Contact forces of a compiled system at states x (T, nx), inputs u and forces w."""
-        found = dict(zip(core.model.touch.name_out(), core.batch("touch", x, u, w), strict=True))
-        wanted: dict[str, Any] = {name: np.asarray(found[name]) for name in _ARRAYS}
+        outputs = dict(zip(core.model.touch.name_out(), core.batch("touch", x, u, w), strict=True))
+        wanted: dict[str, Any] = {name: np.asarray(outputs[name]) for name in _ARRAYS}
         return ContactForces(tuple(core.model.touch_names), **wanted)
 
     @staticmethod
@@ -49,10 +49,10 @@ class ContactForces:
         """Contact forces from outputs of ``System.touch``, where ``rows`` gives the values of an expression over
         time.
         """
-        found: dict[str, Any] = {name: rows(ca.vec(touch[name])) for name in _ARRAYS}
+        arrays: dict[str, Any] = {name: rows(ca.vec(touch[name])) for name in _ARRAYS}
         for name in ("force", "point"):
-            found[name] = found[name].reshape(-1, len(names), 2).transpose(0, 2, 1)
-        return ContactForces(names, **found)
+            arrays[name] = arrays[name].reshape(-1, len(names), 2).transpose(0, 2, 1)
+        return ContactForces(names, **arrays)
 
     @staticmethod
     def joined(fingers: Mapping[str, ContactForces]) -> ContactForces:
@@ -60,10 +60,10 @@ class ContactForces:
         names: list[str] = []
         columns: dict[str, list[Array]] = {name: [] for name in _ARRAYS}
         for finger, contacts in fingers.items():
-            own = [k for k, name in enumerate(contacts.names) if contacts.on_finger(name)]
-            names += [f"{finger}.{contacts.names[k].partition('.')[2]}" for k in own]
+            indices = [k for k, name in enumerate(contacts.names) if contacts.on_finger(name)]
+            names += [f"{finger}.{contacts.names[k].partition('.')[2]}" for k in indices]
             for name, values in columns.items():
-                values.append(getattr(contacts, name)[..., own])
+                values.append(getattr(contacts, name)[..., indices])
         rest = [k for k, name in enumerate(contacts.names) if not contacts.on_finger(name)]
         for name, values in columns.items():
             values.append(getattr(contacts, name)[..., rest])
@@ -81,12 +81,12 @@ class ContactForces:
 
     def at(self, index: int) -> list[tuple[Array, Array, str]]:
         """Forces in the plane at one instant: position (2,) [m], force (2,) [N], and on what: finger or object."""
-        found = []
+        forces = []
         for k, name in enumerate(self.names):
             on_finger = self.on_finger(name)
             force = self.force[index, :, k] * (-1.0 if on_finger else 1.0)
-            found.append((self.point[index, :, k], force, "contact" if on_finger else "support"))
-        return found
+            forces.append((self.point[index, :, k], force, "contact" if on_finger else "support"))
+        return forces
 
 
 _ARRAYS = ("gap", "normal_force", "friction", "lift", "force", "point")
@@ -127,8 +127,8 @@ def overlap_text(run: Any, body: GraspObject, poses: Array, half_thickness: Curv
     """
     contacts: ContactForces = run.contacts
     looked = np.unique(np.linspace(0, len(run.t) - 1, _LOOKS).astype(int))
-    own = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
-    pressed = np.maximum(0.0, -contacts.gap[looked][:, own].min(axis=1))
+    columns = [k for k, name in enumerate(contacts.names) if name.startswith("finger.")]
+    pressed = np.maximum(0.0, -contacts.gap[looked][:, columns].min(axis=1))
     beyond = _overlaps(body, poses[looked, :3], run.backbone(looked, points), half_thickness) - pressed
     k = int(beyond.argmax())
     thinnest = float(half_thickness(half_thickness.edges).min())
@@ -148,5 +148,5 @@ def _overlaps(body: GraspObject, poses: Array, backbones: Array, half_thickness:
     at = ca.SX.sym("at", 2)
     # A function of one point takes all of them as columns.
     distance = ca.Function("distance", [at], [nearest(body.parts, Vec(at[0], at[1])).distance])
-    found = np.array(distance(local.reshape(-1, 2).T)).reshape(local.shape[:2])
-    return np.asarray(np.maximum(0.0, (half - found).max(axis=1)))
+    distances = np.array(distance(local.reshape(-1, 2).T)).reshape(local.shape[:2])
+    return np.asarray(np.maximum(0.0, (half - distances).max(axis=1)))

@@ -50,8 +50,8 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
     True
     """
     if isinstance(model, System):
-        own = initial_state(scene, model.finger_model)
-        return np.concatenate([own, model.state()[len(own) :]])
+        finger_state = initial_state(scene, model.finger_model)
+        return np.concatenate([finger_state, model.state()[len(finger_state) :]])
     signals = Signals(scene, model)
     u = signals.u(0.0)[0]
     initial, n = scene.initial, model.n
@@ -63,8 +63,8 @@ def initial_state(scene: Scene, model: FingerModel | System) -> Array:
         qd = np.zeros(n) if initial.qd is None else np.array(initial.qd, dtype=float)
     elif initial.pose == "equilibrium":
         held = statics_model(scene, model, (*scene.loads, *initial.held_by))
-        found = at_start(scene, held)
-        q, stands = found.q, found.u[: len(initial.motor_angles or ())]
+        rest = at_start(scene, held)
+        q, stands = rest.q, rest.u[: len(initial.motor_angles or ())]
     elif initial.pose == "straight":
         q = model.structure.straight()
     # Drives have reached what is commanded at time zero: nothing moves because of them.
@@ -85,13 +85,13 @@ def _standing(model: FingerModel, drives: Array, angles: Sequence[float], at_res
     """States of motors that stand at angles [rad] where ``at_rest`` balances the tensions, under a command ``u``: their
     dry friction bears the difference, as far as it does.
     """
-    found = drives.copy()
-    for k, (motor, states) in enumerate(zip(model.structure.motors, states_of_motors(model, found), strict=True)):
+    standing = drives.copy()
+    for k, (motor, states) in enumerate(zip(model.structure.motors, states_of_motors(model, standing), strict=True)):
         states[0] = angles[k]
         if motor.drive.presliding_angle is not None:
             torque, needed = (float(motor.torque(command, angles[k])) for command in (u[k], at_rest[k]))
             states[2:3] = state_of(np.clip([(torque - needed) / motor.drive.coulomb_friction], -1.0, 1.0))
-    return found
+    return standing
 
 
 def start_warnings(scene: Scene, model: FingerModel) -> tuple[str, ...]:

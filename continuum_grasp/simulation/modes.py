@@ -130,9 +130,9 @@ class Modes(Result):
 @check_arguments
 def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -> Modes:
     """Find the modes of a scene without ``fidelity.tolerance``; see `continuum_grasp.modes`."""
-    found = equilibrium(scene) if about is None else about
-    model, q, u, p = found.model, found.q, found.u, found.p
-    core, small = Core(model, compiled=False), small_motions(found)
+    rest = equilibrium(scene) if about is None else about
+    model, q, u, p = rest.model, rest.q, rest.u, rest.p
+    core, small = Core(model, compiled=False), small_motions(rest)
     values, right, left = _eigen(small.mass, small.stiffness)
     pulsations = _pulsations(values)
     ratios = np.full(len(values), np.nan)
@@ -150,9 +150,9 @@ def modes(scene: Scene, *, about: Equilibrium | None = None, points: int = 61) -
         pulsations / (2.0 * np.pi),
         ratios,
         coordinates,
-        found.backbone(points),
+        rest.backbone(points),
         shapes,
-        found,
+        rest,
         scene,
         stuck_frequencies_hz=None if small.stuck is None else _frequencies(small.mass, small.stuck),
         free_frequencies_hz=None if small.free is None else _frequencies(*small.free),
@@ -170,9 +170,9 @@ def _pulsations(values: NDArray[Any]) -> Array:
 
 def _frequencies(mass: Array, stiffness: Array) -> Array:
     """Natural frequencies [Hz]."""
-    found = _pulsations(_eigen(mass, stiffness)[0])
-    found[found <= _ROUNDING * found.max(initial=0.0)] = 0.0
-    return found / (2.0 * np.pi)
+    pulsations = _pulsations(_eigen(mass, stiffness)[0])
+    pulsations[pulsations <= _ROUNDING * pulsations.max(initial=0.0)] = 0.0
+    return pulsations / (2.0 * np.pi)
 
 
 def _eigen(mass: Array, stiffness: Array) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
@@ -228,10 +228,10 @@ def small_motions(found: Equilibrium) -> SmallMotions:
     return SmallMotions(mass, stiffness[:n, :n], damping, stuck, free)
 
 
-def _glued(model: FingerModel, found: Equilibrium, x: Array) -> Array:
+def _glued(model: FingerModel, rest: Equilibrium, x: Array) -> Array:
     """Stiffness of taut tendons: of those with friction as if they were glued to the finger all along."""
     made, total = model.structure, np.zeros((model.n, model.n))
-    tensions = np.array(model.tensions()(x, found.u, found.p)[0]).ravel()
+    tensions = np.array(model.tensions()(x, rest.u, rest.p)[0]).ravel()
     frictional = {tendon for cells in made.cell_sets for tendon in cells.tendons}
     for k, (tendon, tension) in enumerate(zip(model.finger.tendon_list, tensions, strict=True)):
         if tension < SLACK or tendon.axial_stiffness is None:

@@ -211,7 +211,9 @@ class _Run:
     def _planned(self, method: str, radius: float) -> Plan:
         """The method in sub-steps that are stable."""
         explicit = INTEGRATORS[method].stable is not None
-        wanted, most = (self._wanted(radius), _MOST_SUBSTEPS) if explicit else (self._implicit_substeps, _MOST_IMPLICIT)
+        wanted, limit = (
+            (self._wanted(radius), _MOST_SUBSTEPS) if explicit else (self._implicit_substeps, _MOST_IMPLICIT)
+        )
         made, u, w = self._model.structure, self._signals.u(0.0)[0], self._signals.w(0.0)[0, : self._model.nw]
         if INTEGRATORS[method].partial and (made.own_tendons or self._model.friction_names):
             # What drives and friction add must be stable in steps of twice the length too, which are compared with.
@@ -219,9 +221,9 @@ class _Run:
             finger = self._scene.finger.replaced(damping=self._scene.finger.damping.replaced(quadratic=0.0))
             linear = FingerModel(self._scene.replaced(finger=finger)) if made.has_law("damping") else self._model
             core, straight = Core(linear, compiled=False), np.zeros(self._model.n)
-            while wanted < most and grows(core, method, straight, u, w, self._p, 2.0 * self._time.step / wanted):
+            while wanted < limit and grows(core, method, straight, u, w, self._p, 2.0 * self._time.step / wanted):
                 wanted *= 2
-        return self._controlled(Plan(method, min(wanted, most), radius))
+        return self._controlled(Plan(method, min(wanted, limit), radius))
 
     def _controlled(self, plan: Plan, final: bool = False) -> Plan:
         """The plan with longer steps to compare with and, where the tolerance is pursued, the error to give up at."""
@@ -250,25 +252,25 @@ class _Run:
         done, steps = len(motion.states) - 1, self._stepper.steps
         # What is given up at its first look begins faster than it may go on.
         begun = done <= plan.every and done < steps
-        own, share = (plan.start.substeps, 1.0) if begun else (plan.substeps, done / steps)
+        taken, share = (plan.start.substeps, 1.0) if begun else (plan.substeps, done / steps)
         excess = motion.time_error / (self._time.tolerance * share)
         # Error goes with step^order on smooth motions, with the step where there are contacts and kinks: so many more
         # sub-steps; a multiple of four for steps of four times the length.
         factor = _MARGIN * excess ** (1.0 / plan.order if self._smooth(plan) else 1.0)
-        wanted = 4 * math.ceil(0.25 * own * float(np.clip(factor, *_GROWTH)))
-        substeps = min(wanted, max(own, _MOST_WORK[plan.method] // (1 if begun else steps)))
+        wanted = 4 * math.ceil(0.25 * taken * float(np.clip(factor, *_GROWTH)))
+        substeps = min(wanted, max(taken, _MOST_WORK[plan.method] // (1 if begun else steps)))
         finer = replace(plan, start_substeps=substeps) if begun else replace(plan, substeps=substeps)
         return self._controlled(finer, final=substeps < wanted)
 
     def _error_warnings(self, plan: Plan, motion: Motion) -> tuple[str, ...]:
         """Warnings about a time error beyond the tolerance."""
-        found, tolerance = motion.time_error, self._time.tolerance
-        if found <= tolerance or plan.method == "reference" or motion.error is not None:
+        error, tolerance = motion.time_error, self._time.tolerance
+        if error <= tolerance or plan.method == "reference" or motion.error is not None:
             return ()
         step = self._time.step / plan.substeps
-        if math.isnan(found):
+        if math.isnan(error):
             return (f"the time error is not known: there is one step of {step:g} s; take a smaller time.step",)
-        size = f"about {found:.2g} of the length" if math.isfinite(found) else "an error that cannot be estimated"
+        size = f"about {error:.2g} of the length" if math.isfinite(error) else "an error that cannot be estimated"
         if self._time.method == "auto":
             advice = "the motion is too sensitive for more: take a shorter duration, or a greater time.tolerance"
         else:

@@ -33,13 +33,13 @@ class SlackTime:
 
 def slack_times(t: ArrayLike, tensions: ArrayLike) -> list[SlackTime]:
     """Times in which tendons are slack, by tendon and instant, of tensions (T, tendons) [N] at the drives."""
-    instants, found = np.asarray(t, dtype=float), list[SlackTime]()
-    for k, own in enumerate(np.asarray(tensions, dtype=float).T):
-        slack = np.concatenate([[False], own < SLACK, [False]])
+    instants, times = np.asarray(t, dtype=float), list[SlackTime]()
+    for k, tension in enumerate(np.asarray(tensions, dtype=float).T):
+        slack = np.concatenate([[False], tension < SLACK, [False]])
         starts, stops = np.flatnonzero(np.diff(slack.astype(int)) > 0), np.flatnonzero(np.diff(slack.astype(int)) < 0)
         after = [*instants.tolist(), np.inf]
-        found += [SlackTime(k + 1, after[a], after[b]) for a, b in zip(starts, stops, strict=True)]
-    return found
+        times += [SlackTime(k + 1, after[a], after[b]) for a, b in zip(starts, stops, strict=True)]
+    return times
 
 
 @dataclass(frozen=True)
@@ -68,33 +68,35 @@ class TensionLimit:
 
 def tension_limits(finger: Finger, tensions: NDArray[np.float64] | None) -> tuple[TensionLimit, ...]:
     """Limits that tensions (tendons,) [N] at rest do not satisfy; slack is one where winches and motors pull."""
-    found: list[TensionLimit] = []
-    for k, own in enumerate(() if tensions is None else tensions.tolist()):
-        most = finger.tendon_list[k].max_tension
-        if own > most:
-            found.append(TensionLimit("max_tension", k + 1, own, most))
-        elif finger.winches and own < SLACK:
-            found.append(TensionLimit("slack", k + 1, own, SLACK))
-    return tuple(found)
+    limits: list[TensionLimit] = []
+    for k, tension in enumerate(() if tensions is None else tensions.tolist()):
+        limit = finger.tendon_list[k].max_tension
+        if tension > limit:
+            limits.append(TensionLimit("max_tension", k + 1, tension, limit))
+        elif finger.winches and tension < SLACK:
+            limits.append(TensionLimit("slack", k + 1, tension, SLACK))
+    return tuple(limits)
 
 
 def tension_warnings(finger: Finger, t: NDArray[np.float64], tensions: NDArray[np.float64] | None) -> tuple[str, ...]:
     """Warnings about tensions (T, tendons) [N] that winches and motors leave to the motion."""
     if tensions is None or not finger.winches:
         return ()
-    found, times = [], slack_times(t, tensions)
+    warnings, times = [], slack_times(t, tensions)
     for k, tendon in enumerate(finger.tendon_list):
-        own = tensions[:, k]
-        high = np.flatnonzero(own > tendon.max_tension)
+        tension = tensions[:, k]
+        high = np.flatnonzero(tension > tendon.max_tension)
         if high.size:
-            found.append(
+            warnings.append(
                 f"tendon {k + 1} exceeds max_tension = {tendon.max_tension:g} N at t = {t[high[0]]:g} s (greatest: "
-                f"{own.max():.3g} N)"
+                f"{tension.max():.3g} N)"
             )
         # One that is slack from the start on, as drives may leave it, does not go slack.
         begun = [each for each in times if each.tendon == k + 1 and each.begins > t[0]]
         if begun:
             again = f" until t = {begun[0].ends:g} s" if np.isfinite(begun[0].ends) else ""
             often = f" ({len(begun)} times in all)" if len(begun) > 1 else ""
-            found.append(f"tendon {k + 1} goes slack at t = {begun[0].begins:g} s: nothing pulls there{again}{often}")
-    return tuple(found)
+            warnings.append(
+                f"tendon {k + 1} goes slack at t = {begun[0].begins:g} s: nothing pulls there{again}{often}"
+            )
+    return tuple(warnings)

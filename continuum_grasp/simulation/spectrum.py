@@ -26,14 +26,14 @@ def contact_frequency(core: Core, states: Array, u: Array, w: Array, p: Array) -
     All contacts of the system are closed; elastic forces of the finger are left out. States are (count, nx).
     """
     system: System = core.model
-    found = [0.0]
+    frequencies = [0.0]
     for x in np.atleast_2d(states):
         still = _at_rest(system, x)
         gap = core.touch(still, u, w, p)[0]
         closed, opened = gap + _full(system), -np.abs(gap) - 1.0
         slopes = [core.pressed_linearization(still, u, w, p, press) for press in (closed, opened)]
-        found.append(spring_frequency(system, slopes[0] - slopes[1]))
-    return max(found)
+        frequencies.append(spring_frequency(system, slopes[0] - slopes[1]))
+    return max(frequencies)
 
 
 def spring_frequency(system: System, closing: Array) -> float:

@@ -115,10 +115,12 @@ class Equilibrium(Result):
         if self.tensions is None or not motors:
             return None
         drives = self.model.drives_at(self.q, self.u, self.friction_states, p=self.p)
-        own = dict(zip(self.model.p_names, self.p.tolist(), strict=True)).get("drive_coulomb_friction [N m]")
+        friction = dict(zip(self.model.p_names, self.p.tolist(), strict=True)).get("drive_coulomb_friction [N m]")
         tensions = self.tensions.tolist()
         states = zip(motors, states_of_motors(self.model, np.array(drives)), strict=True)
-        return np.array([motor.holding(at.tolist(), [tensions[k] for k in motor.tendons], own) for motor, at in states])
+        return np.array(
+            [motor.holding(at.tolist(), [tensions[k] for k in motor.tendons], friction) for motor, at in states]
+        )
 
     @cached_property
     def space_error(self) -> float:
@@ -127,8 +129,8 @@ class Equilibrium(Result):
         Taken from the equilibrium with every element halved, found when this is first read; infinite where there is
         none, nan where a model or states of friction are those of these elements alone.
         """
-        found: float = maker_of("accuracy.space:error_of_equilibrium")(self)
-        return found
+        error: float = maker_of("accuracy.space:error_of_equilibrium")(self)
+        return error
 
     def details(self) -> dict[str, Any]:
         """Error of the elements."""
@@ -219,8 +221,8 @@ def friction_history(
     elif count and reached_by == "releasing":
         # A stop that was at 1 far out is at -1 once it slid back by twice its range, however little is left of what it
         # slid. Where nothing slid at all, nothing says from which side.
-        own = slid(model, q, u, p)
-        history[:count] = np.where(np.abs(own) > _SAME_STATE, -np.sign(own), 0.0)
+        sliding = slid(model, q, u, p)
+        history[:count] = np.where(np.abs(sliding) > _SAME_STATE, -np.sign(sliding), 0.0)
     return history
 
 

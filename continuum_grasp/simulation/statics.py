@@ -85,9 +85,9 @@ class Search:
                 "the start is far outside the bending range: check units, or give a guess nearer to the shape",
             ) from error
         residual = float(np.abs(missing).max() / max(self._scales(q)))
-        given = self._u, self._w, self._p
-        found = Equilibrium(q, *given, steady, margin, residual, iterations, self._model, history=self._history)
-        return replace(found, warnings=(*warnings, *map(str, found.limits)))
+        inputs = self._u, self._w, self._p
+        solution = Equilibrium(q, *inputs, steady, margin, residual, iterations, self._model, history=self._history)
+        return replace(solution, warnings=(*warnings, *map(str, solution.limits)))
 
     def _checked(self, q: Array) -> tuple[str, ...]:
         """Warnings of a shape that the model is good for."""
@@ -187,8 +187,8 @@ class Search:
         if symmetric:
             return margin, direction, margin > 0.0
         # Without a potential the energy decides nothing: flutter shows in the motion alone (H. Ziegler, 1952).
-        found = poles(mass, stiffness, damping_matrix(self._core, q, self._u, self._p))
-        return margin, direction, bool(found.real.max() <= 1e-9 * np.abs(found).max())
+        eigenvalues = poles(mass, stiffness, damping_matrix(self._core, q, self._u, self._p))
+        return margin, direction, bool(eigenvalues.real.max() <= 1e-9 * np.abs(eigenvalues).max())
 
 
 _STATICS = Consumer(
@@ -265,11 +265,11 @@ def at_start(scene: Scene, model: FingerModel, **search: Any) -> Equilibrium:
     # Chambers beside the tendons have their pressures.
     pressures = scene.actuation.values[len(wound) :] if scene.actuation else (0.0,) * len(finger.chambers)
     held_at = wound if "lengths" in finger.input_keys else tuple(angles)
-    given = Actuation.of(finger.input_keys, (*held_at, *pressures))
-    same = scene.replaced(finger=finger, actuation=given, initial=scene.initial.replaced(motor_angles=None))
-    found = at_start(same, statics_model(same, model, model.loads), **search)
-    tensions = [] if found.tensions is None else found.tensions.tolist()
-    held = found.u.copy()  # moments that are inputs come after the drives
+    actuation = Actuation.of(finger.input_keys, (*held_at, *pressures))
+    same = scene.replaced(finger=finger, actuation=actuation, initial=scene.initial.replaced(motor_angles=None))
+    solution = at_start(same, statics_model(same, model, model.loads), **search)
+    tensions = [] if solution.tensions is None else solution.tensions.tolist()
+    held = solution.u.copy()  # moments that are inputs come after the drives
     for k, (motor, angle) in enumerate(zip(motors, angles, strict=True)):
         least, greatest = motor.holding([angle], [tensions[j] for j in motor.tendons], 0.0)
         if not math.isfinite(least + greatest):
@@ -280,7 +280,7 @@ def at_start(scene: Scene, model: FingerModel, **search: Any) -> Equilibrium:
                 advice="raise tendons.drive.torque_max, or let initial.motor_angles wind up less",
             )
         held[k] = 0.5 * (least + greatest)
-    return replace(found, model=model, u=held, p=np.array(model.p_nominal))
+    return replace(solution, model=model, u=held, p=np.array(model.p_nominal))
 
 
 def statics_model(scene: Scene, model: FingerModel, loads: Sequence[Load]) -> FingerModel:
@@ -296,9 +296,9 @@ def with_drives(finger: Finger, changed: Callable[[Any], Any]) -> Finger:
     tendons: Any = finger.tendons
     if tendons is None:
         return finger
-    given = tendons if isinstance(tendons, tuple) else (tendons,)
-    found = tuple(one.replaced(drive=changed(one.drive)) for one in given)
-    return finger.replaced(tendons=found if isinstance(tendons, tuple) else found[0])
+    listed = tendons if isinstance(tendons, tuple) else (tendons,)
+    replaced = tuple(tendon.replaced(drive=changed(tendon.drive)) for tendon in listed)
+    return finger.replaced(tendons=replaced if isinstance(tendons, tuple) else replaced[0])
 
 
 def following(drive: Any) -> LengthDrive:
@@ -378,7 +378,7 @@ def equilibrium_under(
     """
     choice("side", side, (1, -1))
     choice("reached_by", reached_by, ("pulling", "releasing", "state"))
-    given, forces, p = real_array("u", u), real_array("w", w), np.array(model.p_nominal)
+    command, forces, p = real_array("u", u), real_array("w", w), np.array(model.p_nominal)
     start = None if guess is None else real_array("guess", guess)
     if start is not None and (start.shape != (model.n,) or not np.all(np.isfinite(start))):
         raise InputError(f"guess: expected {model.n} finite entries, got {start.tolist()}")
@@ -387,15 +387,15 @@ def equilibrium_under(
     if count and reached_by == "state" and states.size != count:
         raise InputError(f"friction_states: expected {count} entries, got {states.tolist()}")
     first = "pulling" if reached_by == "releasing" else reached_by
-    search = Search(model, given, forces, p, friction_history(model, np.zeros(model.n), given, p, first, states))
-    found = search.find(search.rest() if start is None else start, stable, side)
+    search = Search(model, command, forces, p, friction_history(model, np.zeros(model.n), command, p, first, states))
+    solution = search.find(search.rest() if start is None else start, stable, side)
     for _ in range(_MOST_TURNS if reached_by == "releasing" else 0):
         # The shape decides which way the tendons slid back; it seldom changes that.
-        history = friction_history(model, found.q, given, p, reached_by)
-        if np.array_equal(history, found.history):
+        history = friction_history(model, solution.q, command, p, reached_by)
+        if np.array_equal(history, solution.history):
             break
-        found = Search(model, given, forces, p, history).find(found.q, stable, side)
-    return found
+        solution = Search(model, command, forces, p, history).find(solution.q, stable, side)
+    return solution
 
 
 @check_arguments
@@ -438,10 +438,10 @@ def equilibrium_path(scene: Scene, factors: Sequence[float], *, side: int = 1) -
     for factor in factors:
         scaled = p.copy()
         scaled[gravity] *= factor
-        given = model, factor * u, factor * w, scaled
-        q = path[-1].q if path else Search(*given, np.zeros(0)).rest()
+        arguments = model, factor * u, factor * w, scaled
+        q = path[-1].q if path else Search(*arguments, np.zeros(0)).rest()
         # A friction state follows what slides in the step as a stop does.
         history = np.append(states - slid(model, q, u, scaled), 1.0) if states.size else states
-        path.append(Search(*given, history).find(q, True, side))
+        path.append(Search(*arguments, history).find(q, True, side))
         states = path[-1].friction_states
     return path

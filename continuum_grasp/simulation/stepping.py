@@ -146,19 +146,19 @@ class Stepper:
 
     def run(self, x0: Array, plan: Plan) -> Motion:
         """Integrate until the end, an error, Ctrl-C, or a time error beyond the plan's tolerance."""
-        parts, found = [x0[None]], _Differences(plan)
+        parts, differences = [x0[None]], _Differences(plan)
         error: Stop | None
         try:
-            error = self._advance(parts, found, plan)
+            error = self._advance(parts, differences, plan)
         except KeyboardInterrupt as stop:
             if isinstance(stop, Interrupted):
                 parts.append(stop.result[1:])
             end = (sum(map(len, parts)) - 1) * self._time.step
             error = Interrupted(f"interrupted after t = {end:g} s of {self._time.duration:g} s")
             error.__cause__ = stop
-        return Motion(np.concatenate(parts), error, found.estimate)
+        return Motion(np.concatenate(parts), error, differences.estimate)
 
-    def _advance(self, parts: list[Array], found: _Differences, plan: Plan) -> NumericalError | None:
+    def _advance(self, parts: list[Array], differences: _Differences, plan: Plan) -> NumericalError | None:
         """Add the states after the last one and their differences, and say what stopped them."""
         substeps, h, start = plan.substeps, self._time.step, 0
         wanted = _CHUNK if math.isinf(plan.tolerance) else max(_LEAST_CHUNK, self.steps * substeps // _LOOKS)
@@ -166,18 +166,18 @@ class Stepper:
         while start < self.steps:
             now = plan if start else plan.start
             # Chunks end where steps of all lengths do; the first is as short as can be, to find out how fast it begins.
-            most = max(1, min(wanted, _CHUNK) // (substeps * plan.every)) if start else 1
-            count = min(most * now.every, self.steps - start)
-            levels = self._levels(ends if found.finite else ends[:1], start, count, now)
+            limit = max(1, min(wanted, _CHUNK) // (substeps * plan.every)) if start else 1
+            count = min(limit * now.every, self.steps - start)
+            levels = self._levels(ends if differences.finite else ends[:1], start, count, now)
             part = corrected = levels[0]
             if len(part) <= count:
                 parts.append(part[1:])
                 return self._stopped(now, start + len(part) - 1, part[-1])
             shared = part[:: now.every]
-            found.finite = found.finite and all(len(level) == len(shared) for level in levels[1:])
-            if found.finite and len(shared) > 1:
+            differences.finite = differences.finite and all(len(level) == len(shared) for level in levels[1:])
+            if differences.finite and len(shared) > 1:
                 levels[0] = shared
-                found.add(self._distances(levels, start * h, now.every, looked))
+                differences.add(self._distances(levels, start * h, now.every, looked))
                 ends = [level[-1] for level in levels]
                 # The corrected states are output only: the levels go on uncorrected, each with its own error.
                 if plan.corrected:
@@ -188,7 +188,7 @@ class Stepper:
             parts.append(corrected[1:])
             start += count
             self._progress(start / self.steps)
-            if found.estimate > plan.tolerance:
+            if differences.estimate > plan.tolerance:
                 return None
         return None
 
@@ -239,13 +239,13 @@ class Stepper:
         u = self.signals.u(start + some * (self._time.step * every))
         levels = [level[some] for level in levels]
         ends = [self._ends(x, u) for x in levels]
-        found = [np.hypot(*(a - b).transpose(1, 0, 2)).max() for a, b in pairwise(ends)]
+        distances = [np.hypot(*(a - b).transpose(1, 0, 2)).max() for a, b in pairwise(ends)]
         around = None if self.system is None else self.system.surroundings
         if self.system is not None and around is not None and around.object is not None and around.object_moves:
             poses = [level[:, self.system.object_states] for level in levels]
             moved = [greatest_motion(around.object, *pair) for pair in pairwise(poses)]
-            found = [max(pair) for pair in zip(found, moved, strict=True)]
-        return [float(one) / self._model.finger.rod.length for one in found]
+            distances = [max(pair) for pair in zip(distances, moved, strict=True)]
+        return [float(distance) / self._model.finger.rod.length for distance in distances]
 
     def _ends(self, x: Array, u: Array) -> Array:
         """Ends of the elements (T, 2, N) [m]."""
@@ -302,7 +302,7 @@ def _integrate_reference(
     options: Any = {"max_num_steps": 200_000, "newton_scheme": "direct"}
     options |= {"abstol": looser * _ABSOLUTE, "reltol": looser * _RELATIVE}
     # One output step per call: CVODES starts anew there, where the piecewise quadratic inputs may have kinks.
-    one = ca.integrator("reference", "cvodes", problem, 0.0, step, options)
+    integrator = ca.integrator("reference", "cvodes", problem, 0.0, step, options)
     steps = (len(u) - 1) // 2
     states = np.empty((steps + 1, model.nx))
     states[0] = x0
@@ -311,7 +311,7 @@ def _integrate_reference(
             rows = np.concatenate([u[2 * k : 2 * k + 3].ravel(), w[2 * k : 2 * k + 3].ravel()])
             reason = "the state is not finite"
             try:
-                states[k + 1] = np.array(one(x0=states[k], p=rows)["xf"]).ravel()
+                states[k + 1] = np.array(integrator(x0=states[k], p=rows)["xf"]).ravel()
             except RuntimeError as error:
                 states[k + 1], reason = np.nan, f"the reference integrator failed: {str(error).splitlines()[-1]}"
             if pressed():  # CasADi's integrators would report it as a failure of the motion

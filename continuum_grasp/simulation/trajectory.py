@@ -181,8 +181,8 @@ class Trajectory(MotionResult):
         places = self.model.tension_places()
         parts = np.split(along, np.cumsum([len(at) for at in places])[:-1], axis=1)
         return [
-            (np.append(0.0, at), np.column_stack([own, part]))
-            for at, own, part in zip(places, at_drives.T, parts, strict=True)
+            (np.append(0.0, at), np.column_stack([at_drive, part]))
+            for at, at_drive, part in zip(places, at_drives.T, parts, strict=True)
         ]
 
     @cached_property
@@ -228,9 +228,9 @@ class Trajectory(MotionResult):
 
         Contacts of the finger with an object act on the finger, supports on the object.
         """
-        found = [] if self.contacts is None else self.contacts.at(index)
-        own = acting_forces(self.core, self.q[index], self.acting[index], self.w[index])
-        return own + [(at, force, kind) for at, force, kind in found if np.any(force != 0.0)]
+        contact_forces = [] if self.contacts is None else self.contacts.at(index)
+        finger_forces = acting_forces(self.core, self.q[index], self.acting[index], self.w[index])
+        return finger_forces + [(at, force, kind) for at, force, kind in contact_forces if np.any(force != 0.0)]
 
     def pairs(self) -> dict[str, str]:
         """Time, where the tip ends, errors of the steps in time and of the elements, energy."""
@@ -288,15 +288,15 @@ def acting_forces(core: Core, q: Array, u: Array, w: Array, p: Array | None = No
     for load, (_, start) in zip(model.loads, model.load_entries, strict=True):
         if isinstance(load, ForceLoad):
             places.append((load.at, "load", start, load.follows))
-    found = []
+    forces = []
     for at, kind, start, follows in places:
         force = w[start : start + 2]
         if follows:  # across and along the section
             angle = float(core.orientation(q, u, [at], p)[0])
             c, s = np.cos(angle), np.sin(angle)
             force = np.array([[c, -s], [s, c]]) @ force
-        found.append((np.asarray(core.position(q, u, [at], p)), force, kind))
-    return [(at, force, kind) for at, force, kind in found if np.any(force != 0.0)]
+        forces.append((np.asarray(core.position(q, u, [at], p)), force, kind))
+    return [(at, force, kind) for at, force, kind in forces if np.any(force != 0.0)]
 
 
 def acting_input(model: FingerModel, x: Any, u: Any, p: Any = None) -> Any:
@@ -326,7 +326,7 @@ def limit_warnings(model: FingerModel, use: Array, t: ArrayLike | None = None) -
 
     ``use`` (T, elements) is the share of its bending range that each element uses, at instants (T,) [s] of a motion.
     """
-    limit, found = model.finger.curvature_limit, []
+    limit, warnings = model.finger.curvature_limit, []
 
     def first(beyond: NDArray[np.intp]) -> str:
         return "" if t is None else f" at t = {np.asarray(t)[beyond[0]]:g} s"
@@ -335,14 +335,14 @@ def limit_warnings(model: FingerModel, use: Array, t: ArrayLike | None = None) -
         curvature = use[:, k] * (reach / length)
         strained, beyond = np.flatnonzero(curvature > limit * (1 + 1e-9)), np.flatnonzero(use[:, k] > 1.0)
         if strained.size:
-            found.append(
+            warnings.append(
                 f"element {k + 1} exceeds the strain limit{first(strained)} "
                 f"(greatest: {curvature.max() / limit:.2f} times the limit; the model is accurate for less)"
             )
         if beyond.size and reach < limit * length * (1 - 1e-9):
-            found.append(
+            warnings.append(
                 f"element {k + 1} is bent beyond its declared range of {reach:.3g} rad{first(beyond)} "
                 f"(greatest: {use[:, k].max():.2f} times the range), where the model loses its accuracy: "
                 f"{'take more elements' if reach >= WIDEST else 'raise fidelity.bending_range'}"
             )
-    return tuple(found)
+    return tuple(warnings)

@@ -74,14 +74,14 @@ def read_plan(folder: Path) -> dict[str, Any]:
     path = folder / PLAN
     refuse_what_is_no_file(path)
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        plan = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise InputError(f"no sweep in this folder: there is no {PLAN}", file=str(folder)) from None
     except (OSError, ValueError) as error:
         raise InputError(f"cannot be read: {error}", file=str(path)) from None
-    if not isinstance(found, dict) or not {"scenes", "vary", "sample", "follow", "record"} <= found.keys():
+    if not isinstance(plan, dict) or not {"scenes", "vary", "sample", "follow", "record"} <= plan.keys():
         raise InputError("not the plan of a sweep", file=str(path))
-    return found
+    return plan
 
 
 def encode(row: Mapping[str, Any]) -> bytes:

@@ -46,10 +46,10 @@ class Plan:
     def __init__(self, sweep: Sweep, variation: Variation) -> None:
         self.sweep, self.variation = sweep, variation
         varied: list[Axis | Random | Tie] = [*variation.axes, *variation.draws, *variation.ties]
-        self.keys: tuple[str, ...] = tuple(one.key for one in varied)
-        self.paths: tuple[KeyPath, ...] = tuple(one.path for one in varied)
+        self.keys: tuple[str, ...] = tuple(entry.key for entry in varied)
+        self.paths: tuple[KeyPath, ...] = tuple(entry.path for entry in varied)
         self.columns = sweep.columns
-        self.units = {**QUANTITIES, **{one.key: one.unit for one in varied}}
+        self.units = {**QUANTITIES, **{entry.key: entry.unit for entry in varied}}
         self._counts = [len(axis.values) for axis in variation.axes]
         self._sources = [self.keys.index(tie.source) for tie in variation.ties]
         self._seed = 0 if sweep.sample is None else sweep.sample.seed
@@ -71,8 +71,8 @@ class Plan:
             values.append(axis.values[k])
             labels.append(axis.labels[k])
         if self.variation.draws:
-            for one, share in zip(self.variation.draws, self._shares(draw), strict=True):
-                value, label = _value(one, float(share))
+            for drawn, share in zip(self.variation.draws, self._shares(draw), strict=True):
+                value, label = _value(drawn, float(share))
                 values.append(value)
                 labels.append(label)
         for tie, source in zip(self.variation.ties, self._sources, strict=True):
@@ -85,7 +85,7 @@ class Plan:
         """Plain data that determine the scenes and the contents of their rows."""
         sample, varied = self.sweep.sample, self.variation
         drawn = {one.key: {one.kind: one.values if one.kind == "choice" else one.numbers} for one in varied.draws}
-        found: dict[str, Any] = plain(
+        record: dict[str, Any] = plain(
             {
                 "format_version": FORMAT_VERSION,
                 "scenes": len(self),
@@ -96,12 +96,12 @@ class Plan:
                 "record": self.sweep.record,
             }
         )
-        return found
+        return record
 
     @property
     def pictures(self) -> dict[str, Any]:
         """The pictures that the configuration asks for, as plain data."""
-        return {name: [one.model_dump() for one in getattr(self.sweep, name)] for name in ("maps", "pareto")}
+        return {name: [picture.model_dump() for picture in getattr(self.sweep, name)] for name in ("maps", "pareto")}
 
     def _shares(self, draw: int) -> NDArray[np.float64]:
         """Numbers between 0 and 1, one per drawn key."""
@@ -125,13 +125,13 @@ def _drawn(seed: int, block: int, count: int) -> NDArray[np.float64]:
 def differences(old: Mapping[str, Any], new: Mapping[str, Any], most: int = 6) -> list[str]:
     """Differences between two plans, in words, key by key."""
     a, b = _leaves(old), _leaves(new)
-    found = []
+    changes = []
     for key in {**a, **b}:
         there = f"{_short(a[key])} there" if key in a else "not given there"
         here = f"{_short(b[key])} here" if key in b else "not given here"
         if key not in a or key not in b or a[key] != b[key]:
-            found.append(f"{key}: {there}, {here}")
-    return found[:most] + ([f"and {len(found) - most} more"] if len(found) > most else [])
+            changes.append(f"{key}: {there}, {here}")
+    return changes[:most] + ([f"and {len(changes) - most} more"] if len(changes) > most else [])
 
 
 def _value(draw: Random, share: float) -> tuple[Any, Any]:
@@ -151,10 +151,10 @@ def _value(draw: Random, share: float) -> tuple[Any, Any]:
 
 def _leaves(data: Any, key: str = "") -> dict[str, Any]:
     if isinstance(data, Mapping) and data:
-        found: dict[str, Any] = {}
+        leaves: dict[str, Any] = {}
         for name, child in data.items():
-            found |= _leaves(child, f"{key}.{name}" if key else name)
-        return found
+            leaves |= _leaves(child, f"{key}.{name}" if key else name)
+        return leaves
     return {key: data}
 
 

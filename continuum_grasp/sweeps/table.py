@@ -155,8 +155,8 @@ class SweepTable(Result):
     @property
     def name(self) -> str | None:
         """Name of the sweep."""
-        found: str | None = read_plan(self.folder).get("name")
-        return found
+        name: str | None = read_plan(self.folder).get("name")
+        return name
 
     @property
     def status(self) -> str:
@@ -223,13 +223,13 @@ def sweep_table(folder: str | os.PathLike[str], *, statistics: Mapping[str, Any]
     target = Path(folder)
     plan = read_plan(target)
     keys, numbers = keys_of(plan), list(plan["columns"])
-    found: dict[str, list[Any]] = {name: [] for name in ("index", *_TEXTS, *keys, *numbers)}
+    cells: dict[str, list[Any]] = {name: [] for name in ("index", *_TEXTS, *keys, *numbers)}
     for _, row in rows_of(target, int(plan["scenes"])):
-        own = row | row["values"]
-        for name, values in found.items():
-            values.append(own.get(name))
-    order = np.argsort(np.array(found["index"], dtype=int), kind="stable")
-    columns = {name: _column(values, name in _TEXTS)[order] for name, values in found.items()}
+        entries = row | row["values"]
+        for name, values in cells.items():
+            values.append(entries.get(name))
+    order = np.argsort(np.array(cells["index"], dtype=int), kind="stable")
+    columns = {name: _column(values, name in _TEXTS)[order] for name, values in cells.items()}
     units = {key: unit for key, unit in plan.get("units", {}).items() if unit}
     follow = (key for key, tie in plan["follow"].items() if tie["key"] in plan["vary"])
     grid = (*plan["vary"], *follow)

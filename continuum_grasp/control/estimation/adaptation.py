@@ -57,8 +57,8 @@ class AdaptedState(NamedTuple):
         """Put together what is known: the parameter with its error, the error, and its standard deviation."""
         # The deviation of a relative error is that per the parameter as it was given.
         scale = 1.0 if self.name in _ABSOLUTE else value / (1.0 + error)
-        found = Observability.NOT_YET
+        observability = Observability.NOT_YET
         if std < _KNOWN * self.spread:
-            found = Observability.DEAD_TIME if self.name == "drive_time_constant" else Observability.OBSERVED
+            observability = Observability.DEAD_TIME if self.name == "drive_time_constant" else Observability.OBSERVED
         unit = self.label.split(" ", 1)[1][1:-1]
-        return Adapted(float(value), float(scale * std), float(scale * self.spread), unit, found)
+        return Adapted(float(value), float(scale * std), float(scale * self.spread), unit, observability)

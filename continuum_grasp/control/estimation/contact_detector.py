@@ -118,16 +118,16 @@ def contact_parts(model: ContactModel) -> dict[str, int]:
 
 def detected_contact(parts: Mapping[str, Array], places: Sequence[float]) -> DetectedContact:
     """Read what the C wrote of a contact."""
-    found = {name.removeprefix("contact_"): value for name, value in parts.items() if name.startswith("contact_")}
-    forces = np.stack([found["least"], found["most"]], axis=1)
+    numbers = {name.removeprefix("contact_"): value for name, value in parts.items() if name.startswith("contact_")}
+    forces = np.stack([numbers["least"], numbers["most"]], axis=1)
     forces[forces[:, 0] > forces[:, 1]] = np.nan
-    threshold = found["threshold"]
+    threshold = numbers["threshold"]
     return DetectedContact(
-        Contact(int(found["verdict"][0])),
-        found["residual"],
-        np.stack([found["low"], found["high"]], axis=1),
+        Contact(int(numbers["verdict"][0])),
+        numbers["residual"],
+        np.stack([numbers["low"], numbers["high"]], axis=1),
         np.array(places),
-        found["gain"].reshape(found["residual"].size, -1, order="F"),
+        numbers["gain"].reshape(numbers["residual"].size, -1, order="F"),
         np.where(threshold >= _MOST, np.inf, threshold),
         np.where(np.abs(forces) >= _MOST, np.copysign(np.inf, forces), forces),
     )
@@ -252,8 +252,8 @@ class ContactDetector(Remade, Summarized):
         InputError
             If it has another size or is not finite.
         """
-        z, own = vector("state", state, self._nx), np.asarray(self.settings["from"])
-        states, free = np.tile(z[own], (len(self.model.groups), 1)), self.model.finger.friction_states
+        z, indices = vector("state", state, self._nx), np.asarray(self.settings["from"])
+        states, free = np.tile(z[indices], (len(self.model.groups), 1)), self.model.finger.friction_states
         if free and not self.settings["history_known"]:
             states[-2, -free:], states[-1, -free:] = 1.0, -1.0
         self._c.start(states.ravel())

@@ -139,8 +139,10 @@ def contact_model_of(scene: ControlScene) -> ContactModel:
     free = FreeFinger(scene, names, asked.places or (0.5 * length, length))
     # All combinations of ends: a payload bends a finger that is softer by more than both add up to.
     ends = [
-        (own, own + errors[name]) if name == "tip_mass" else (own * (1.0 - errors[name]), own * (1.0 + errors[name]))
-        for name, own in zip(names, free.nominal, strict=True)
+        (nominal, nominal + errors[name])
+        if name == "tip_mass"
+        else (nominal * (1.0 - errors[name]), nominal * (1.0 + errors[name]))
+        for name, nominal in zip(names, free.nominal, strict=True)
     ]
     members = [free.nominal, *(np.array(corner) for corner in product(*ends) if names)]
     groups = [-1] + [0] * (len(members) - 1)
@@ -159,8 +161,8 @@ def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) 
     elif asked.torque is not None:
         names += [torque_name(k + 1) for k in range(count)]
     sizes = {"y": len(names), "u": count, "before": count, "h": 1}
-    given = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
-    y, u = given["y"], given["u"]
+    symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+    y, u = symbols["y"], symbols["u"]
     lengths, pulls = [], list[Scalar]()
     for k, winch in enumerate(winches):
         lengths.append(winch.radius * y[k])
@@ -172,10 +174,10 @@ def _measured(asked: Measured, winches: tuple[Winch, ...], scene: ControlScene) 
         if len(names) > count:
             torque: Scalar = y[count + k]
         else:
-            torque = winch.torque(u[k], y[k], (lengths[k] - given["before"][k]) / (given["h"] * winch.radius))
+            torque = winch.torque(u[k], y[k], (lengths[k] - symbols["before"][k]) / (symbols["h"] * winch.radius))
         pulls.append(torque / winch.radius)
-    found = {"length": ca.vertcat(*lengths), "pull": ca.densify(ca.vertcat(*pulls))}
-    return straight_function("contact_measured", given, found), tuple(names)
+    outputs = {"length": ca.vertcat(*lengths), "pull": ca.densify(ca.vertcat(*pulls))}
+    return straight_function("contact_measured", symbols, outputs), tuple(names)
 
 
 def _settings(scene: ControlScene, model: ContactModel) -> dict[str, ArrayLike]:
@@ -188,7 +190,7 @@ def _settings(scene: ControlScene, model: ContactModel) -> dict[str, ArrayLike]:
     prediction = model.prediction
     names = (*prediction.x_names[: 2 * finger.n], *finger.model.friction_names)
     limits = [measurement_range(scene, prediction, name) for name in model.measurement_names]
-    own = [_friction(scene.estimator.measured, winch, period, blend) for winch in motors]
+    frictions = [_friction(scene.estimator.measured, winch, period, blend) for winch in motors]
     return {
         "first": model.first(model.lengths, _friction_at_start(scene.initial, finger) if asked.history_known else None),
         "p": model.members,
@@ -197,7 +199,7 @@ def _settings(scene: ControlScene, model: ContactModel) -> dict[str, ArrayLike]:
         "substeps": steps_per_period(finger, model.members, period),
         "blend": blend,
         "fade": math.exp(-period / (_FADING * asked.time_constant)),
-        **{name: [each[name] for each in own] for name in _OF_MOTORS},
+        **{name: [each[name] for each in frictions] for name in _OF_MOTORS},
         "single": [int(len(winch.tendons) == 1) for winch in motors],
         "dry_error": asked.coulomb_friction,
         "model_error": asked.tension,

@@ -62,7 +62,12 @@ class Filtered(Summarized):
         self.innovation, self.innovation_variance = parts["innovation"], parts["innovation_variance"]
         self.verdict = tuple(Verdict(int(v)) for v in parts["verdict"])
         std = self.std if adapted else ()
-        self.adapted = {one.name: one.read(self.p[one.parameter], self.z[one.state], std[one.state]) for one in adapted}
+        self.adapted = {
+            adapted_state.name: adapted_state.read(
+                self.p[adapted_state.parameter], self.z[adapted_state.state], std[adapted_state.state]
+            )
+            for adapted_state in adapted
+        }
         self.anomaly = Anomaly.ESTIMATE_RESTARTED if restarted else Anomaly(0)
         self.anomaly |= Anomaly.ESTIMATE_LIMITED if parts["limited"][0] else Anomaly(0)
         for verdict in self.verdict:
@@ -74,7 +79,7 @@ class Filtered(Summarized):
         rows = {
             "z": ", ".join(f"{value:.4g}" for value in self.z),
             "std": ", ".join(f"{value:.2g}" for value in self.std),
-            "verdicts": ", ".join(one.name.lower() for one in self.verdict),
+            "verdicts": ", ".join(flag.name.lower() for flag in self.verdict),
         }
         if self.contact is not None:
             rows["contact"] = self.contact.contact.name.lower()
@@ -153,8 +158,8 @@ class Estimator(Remade, Summarized):
         nu, np_, nz, ny, nm = parts.stages.nu, parts.stages.np, e.nz, e.ny, e.nm
         sizes = {"limited": 1, "z": nz, "p": np_, "verdict": nm, "innovation": ny, "innovation_variance": ny}
         sizes |= {"then": nz, "covariance": nz * nz}
-        given = {"measurement": nm, "u": nu, "p": np_}
-        self._c = Compiled(estimator_source(parts, self.precision), parts.filter, given, sizes, "the estimator")
+        inputs = {"measurement": nm, "u": nu, "p": np_}
+        self._c = Compiled(estimator_source(parts, self.precision), parts.filter, inputs, sizes, "the estimator")
         self._measurement, self._u, self._p = self._c.given
         self._call = self._c.library.cg_step
         self._nominal = np.array(self.prediction.p_nominal, dtype=float)
@@ -233,16 +238,16 @@ class Estimator(Remade, Summarized):
 
     def save_state(self) -> bytes:
         """Return all that the next estimate depends on."""
-        own = self._c.save(0)
+        saved = self._c.save(0)
         # The detector's is behind that of the filter, whose size is known.
-        return own if self.detector is None else own + self.detector.save_state()
+        return saved if self.detector is None else saved + self.detector.save_state()
 
     def restore(self, saved: bytes) -> None:
         """Continue from a saved state, which must be of the same problem, version and precision."""
-        own = len(saved) if self.detector is None else len(self._c.save(0))
-        self._c.restore(saved[:own])
+        size = len(saved) if self.detector is None else len(self._c.save(0))
+        self._c.restore(saved[:size])
         if self.detector is not None:
-            self.detector.restore(saved[own:])
+            self.detector.restore(saved[size:])
 
     __getstate__ = save_state
     __setstate__ = restore

@@ -41,9 +41,9 @@ def quiet_sensitivities(scene: ControlScene, model: Prediction, estimation: Esti
     """
     _, initial, measured = noise_of(scene, model, estimation)
     period, p, nx = scene.controller.step, np.array(model.p_nominal), estimation.nx
-    scale, columns = np.sqrt(initial[:nx]), [one.state for one in estimation.adapted]
+    scale, columns = np.sqrt(initial[:nx]), [adapted_state.state for adapted_state in estimation.adapted]
     share = period / (_MEMORY + period)
-    found = np.zeros((len(columns), nx, nx))
+    covariances = np.zeros((len(columns), nx, nx))
     for rest, u in _rests(scene, model):
         z = np.concatenate([rest, np.zeros(estimation.nz - nx)])
         moved, gain = _stationary(scene, model, estimation, z, u, substeps)
@@ -53,12 +53,12 @@ def quiet_sensitivities(scene: ControlScene, model: Prediction, estimation: Esti
             away[k] = _AWAY * scale[k] if scale[k] > 0.0 else _AWAY
             ends = [np.array(estimation.step(z + side * away, u, p, period / substeps)[1]) for side in (1.0, -1.0)]
             slopes[:, k] = (ends[0] - ends[1])[:nx, columns] / (2.0 * away[k])
-        for k, one in enumerate(found):
+        for k, covariance in enumerate(covariances):
             # Errors of the estimate, and behind them the mean of the sensitivities that they make.
             by = share * slopes[:, :, k]
             motion = np.block([[moved, np.zeros((nx, nx))], [by @ moved, (1.0 - share) * np.eye(nx)]])
-            one += _settled(motion, np.vstack([gain, by @ gain]), measured)[nx:, nx:]
-    return np.array([_whitening(one, scale) for one in found])
+            covariance += _settled(motion, np.vstack([gain, by @ gain]), measured)[nx:, nx:]
+    return np.array([_whitening(covariance, scale) for covariance in covariances])
 
 
 def _rests(scene: ControlScene, model: Prediction) -> list[tuple[Array, Array]]:
@@ -66,13 +66,13 @@ def _rests(scene: ControlScene, model: Prediction) -> list[tuple[Array, Array]]:
     u = np.array(scene.rest_input)
     friction = bool(model.system.finger_model.friction_names)
     equilibrium = Initial(pose="equilibrium", reached_by="pulling" if friction else None)
-    found = [(start_state(scene, model, Initial(pose="rest"), u.tolist()), u)]
-    for k, most in enumerate(scene.input_limits[1]):
+    rests = [(start_state(scene, model, Initial(pose="rest"), u.tolist()), u)]
+    for k, limit in enumerate(scene.input_limits[1]):
         bent = np.array(u)
-        bent[k] += _BENT * (most - u[k])
+        bent[k] += _BENT * (limit - u[k])
         with suppress(SolverError):
-            found.append((start_state(scene, model, equilibrium, bent.tolist()), bent))
-    return found
+            rests.append((start_state(scene, model, equilibrium, bent.tolist()), bent))
+    return rests
 
 
 def _stationary(
@@ -112,5 +112,5 @@ def _whitening(covariance: Array, scale: Array) -> Array:
     if not bounded.any():
         return np.zeros_like(covariance)
     share = float((values / bounded).sum())
-    found: Array = (vectors / np.sqrt(bounded * share)).T * per / _EXCITED
-    return found
+    whitening: Array = (vectors / np.sqrt(bounded * share)).T * per / _EXCITED
+    return whitening

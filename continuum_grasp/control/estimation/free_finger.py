@@ -81,16 +81,16 @@ class FreeFinger:
         """``(s, wound, p) -> rate``: rate of the state."""
         n, x = self.n, self._x
         xd = self.model.forward_dynamics(x, self._lengths, ca.DM.zeros(self.model.nw), self._arguments[2])
-        own = [*range(2 * n), *range(x.numel() - self.friction_states, x.numel())]
-        return straight_function("free_rate", self._given(), {"rate": xd[own]})
+        indices = [*range(2 * n), *range(x.numel() - self.friction_states, x.numel())]
+        return straight_function("free_rate", self._given(), {"rate": xd[indices]})
 
     @cached_property
     def tension(self) -> ca.Function:
         """``(s, wound, p) -> tension, all``: what the tendons pull each winch with [N], on a pulley the difference; and
         the sum of their tensions.
         """
-        found = {"tension": self._pulls(signed=True), "all": self._pulls(signed=False)}
-        return straight_function("free_tension", self._given(), found)
+        outputs = {"tension": self._pulls(signed=True), "all": self._pulls(signed=False)}
+        return straight_function("free_tension", self._given(), outputs)
 
     def _pulls(self, *, signed: bool) -> ca.SX:
         tensions = self.model.tensions()(self._x, self._lengths, self._arguments[2])[0]
@@ -125,17 +125,17 @@ class FreeFinger:
         stiffness = self.model.statics(q, lengths, ca.DM.zeros(self.model.nw), p, *history)[1]
         slope = ca.jacobian(self._pulls(signed=True), s)[:, : self.n]
         sliding = ca.mtimes(slope, solve(ca.densify(stiffness), ca.horzcat(*across)))
-        own = self.model.structure.own_tendons
-        arms = [own[winch.tendons[0]].arms[winch.tendons[0]] for winch in self.winches]
-        most = ca.DM([-1.0 / arm for arm in arms]) @ ca.horzcat(*levers)
-        found = {"sliding": ca.densify(sliding), "most": ca.densify(most)}
-        return straight_function("free_gain", self._given(), found)
+        tendons = self.model.structure.own_tendons
+        arms = [tendons[winch.tendons[0]].arms[winch.tendons[0]] for winch in self.winches]
+        greatest = ca.DM([-1.0 / arm for arm in arms]) @ ca.horzcat(*levers)
+        outputs = {"sliding": ca.densify(sliding), "most": ca.densify(greatest)}
+        return straight_function("free_gain", self._given(), outputs)
 
     @cached_property
     def step(self) -> ca.Function:
         """``(s, wound, p, h) -> end``: one Runge-Kutta step, in which the winches have a constant rate."""
-        given = self._given()
-        wound, p = given["wound"], given["p"]
+        symbols = self._given()
+        wound, p = symbols["wound"], symbols["p"]
         count = len(self.winches)
         moved = ca.SX.sym("moved", self.size + count)
         lengths, rates = moved[self.size :], wound[1::2]
@@ -149,7 +149,7 @@ class FreeFinger:
         s, y, parameters, h = (
             ca.MX.sym(n, v) for n, v in zip(names, (self.size, 2 * count, p.numel(), 1), strict=True)
         )
-        begin = straight_function("free_begin", given, {"moved": ca.vertcat(given["s"], wound[::2])})
+        begin = straight_function("free_begin", symbols, {"moved": ca.vertcat(symbols["s"], wound[::2])})
         end = straight_function("free_end", {"moved": moved}, {"end": moved[: self.size]})
         (start,) = call(begin, s, y, parameters)
         (reached,) = differentiated_step("rk4", "free", slope, start, (y, parameters), h, instants=0)
@@ -157,8 +157,8 @@ class FreeFinger:
 
     def start(self, lengths: Array, friction: Friction) -> Array:
         """State at rest where the winches have wound up lengths [m]; ``friction`` says how it came there."""
-        found = equilibrium_under(self.model, lengths, np.zeros(self.model.nw), **friction)
-        return np.concatenate([found.q, np.zeros(self.n), found.friction_states])
+        equilibrium = equilibrium_under(self.model, lengths, np.zeros(self.model.nw), **friction)
+        return np.concatenate([equilibrium.q, np.zeros(self.n), equilibrium.friction_states])
 
     def substeps_per_second(self, members: Array) -> float:
         """Steps per second that stay stable with each of the parameters (count, np) in all shapes, with tendons that
@@ -176,16 +176,16 @@ class FreeFinger:
                 wound = np.zeros((len(self.winches), 2))
                 wound[:, 0] = self._taut(shape, friction)
                 for member in np.unique(members, axis=0):
-                    found = np.array(jacobian(s, wound.ravel(), member))
-                    if not np.all(np.isfinite(found)):
+                    matrix = np.array(jacobian(s, wound.ravel(), member))
+                    if not np.all(np.isfinite(matrix)):
                         raise NumericalError("the linearized motion is not finite", state=shape)
-                    fastest = max(fastest, float(np.abs(np.linalg.eigvals(found)).max()))
+                    fastest = max(fastest, float(np.abs(np.linalg.eigvals(matrix)).max()))
         return fastest / _STABLE
 
     def _taut(self, shape: Array, friction: Array) -> list[float]:
         """Lengths [m] at which each winch holds a fifth of what its tendon bears."""
-        most = 0.2 * min(tendon.max_tension for tendon in self.model.finger.tendon_list)
-        return self.model.drives_at(shape, np.zeros(self.model.nu), friction, pulled=most)[::2]
+        pull = 0.2 * min(tendon.max_tension for tendon in self.model.finger.tendon_list)
+        return self.model.drives_at(shape, np.zeros(self.model.nu), friction, pulled=pull)[::2]
 
 
 def steps_per_period(finger: FreeFinger, members: Array, period: float) -> int:

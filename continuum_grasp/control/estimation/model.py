@@ -132,46 +132,46 @@ def estimation_of(scene: ControlScene, model: Prediction, method: str = "rk4") -
     d = ca.SX.sym("d", len(disturbances))
     z, u, p = ca.vertcat(model.x, d), model.u, model.p
     full = ca.SX(p)
-    for k, one in enumerate(disturbances):
+    for k, disturbance in enumerate(disturbances):
         # A relative error of the stiffness needs no scale of its own; forces and moments add to the known ones.
-        full[one.parameter] += p[one.parameter] * d[k] if one.relative else d[k]
+        full[disturbance.parameter] += p[disturbance.parameter] * d[k] if disturbance.relative else d[k]
     compared = _compared(scene, scene.estimator.measured, model, full)
     outputs = ca.vertcat(*[row.value for row in compared])
     measurement_names = tuple(dict.fromkeys(name for row in compared for name in row.parts))
 
-    def function(name: str, given: dict[str, ca.SX], **found: ca.SX) -> ca.Function:
-        return straight_function(name, given, {key: ca.densify(value) for key, value in found.items()})
+    def function(name: str, inputs: dict[str, ca.SX], **results: ca.SX) -> ca.Function:
+        return straight_function(name, inputs, {key: ca.densify(value) for key, value in results.items()})
 
-    given = {"z": z, "u": u, "p": p}
+    inputs = {"z": z, "u": u, "p": p}
     parameters = function("estimated_parameters", {"z": z, "p": p}, full=full)
     # By the disturbed parameters themselves, as the stages' slope is, so that one kernel may serve both.
     rate = model.dynamics(model.x, u, p)
     nominal = ca.SX.sym("nominal", model.np)
     by_d = ca.mtimes(ca.jacobian(rate, p), ca.substitute(ca.jacobian(full, d), p, nominal))
-    found = {"rate": rate, "jacobian": ca.horzcat(ca.jacobian(rate, model.x), by_d)}
-    slope = straight_function("estimator_slope", given | {"nominal": nominal}, found)
+    derivatives = {"rate": rate, "jacobian": ca.horzcat(ca.jacobian(rate, model.x), by_d)}
+    slope = straight_function("estimator_slope", inputs | {"nominal": nominal}, derivatives)
     step, flow, single = _steps(slope, parameters, method)
-    z_names = (*model.x_names, *(one.name for one in disturbances))
+    z_names = (*model.x_names, *(disturbance.name for disturbance in disturbances))
     return Estimation(
         step=step,
         flow=flow,
         single=single if INTEGRATORS[method].stable is None else None,
-        outputs=function("estimator_outputs", given, y=outputs, H=ca.jacobian(outputs, z)),
+        outputs=function("estimator_outputs", inputs, y=outputs, H=ca.jacobian(outputs, z)),
         parameters=parameters,
         contact_forces=_contact_forces(model, disturbances),
         nx=model.nx,
         z_names=z_names,
-        drifts=np.array([one.drift for one in disturbances]),
-        spreads=np.array([one.spread for one in disturbances]),
+        drifts=np.array([disturbance.drift for disturbance in disturbances]),
+        spreads=np.array([disturbance.spread for disturbance in disturbances]),
         y_names=tuple(row.name for row in compared),
         measurement_names=measurement_names,
         mixing=np.array([[row.parts.get(name, 0.0) for name in measurement_names] for row in compared]),
         sensors=tuple(row.sensor for row in compared),
         friction=tuple(k for k, name in enumerate(z_names) if re.fullmatch(FRICTION, name)),
         adapted=tuple(
-            AdaptedState(model.p_names[one.parameter], model.nx + k, one.parameter, one.spread)
-            for k, one in enumerate(disturbances)
-            if one.adapted
+            AdaptedState(model.p_names[disturbance.parameter], model.nx + k, disturbance.parameter, disturbance.spread)
+            for k, disturbance in enumerate(disturbances)
+            if disturbance.adapted
         ),
     )
 
@@ -195,18 +195,19 @@ def _contact_forces(model: Prediction, disturbances: list[_Disturbance]) -> ca.F
     by_p = ca.jacobian(force, model.p)
     # By a relative error: what was given is the parameter without it.
     by_d = [
-        by_p[:, one.parameter] * (model.p[one.parameter] / (1.0 + d[k]) if one.relative else 1.0)
-        for k, one in enumerate(disturbances)
+        by_p[:, disturbance.parameter]
+        * (model.p[disturbance.parameter] / (1.0 + d[k]) if disturbance.relative else 1.0)
+        for k, disturbance in enumerate(disturbances)
     ]
     slope = ca.horzcat(ca.jacobian(force, model.x), *by_d)
-    given = [ca.vertcat(model.x, d), model.u, model.p]
-    return ca.Function("contact_forces", given, [force, ca.densify(slope)], ["z", "u", "p"], ["f", "H"])
+    inputs = [ca.vertcat(model.x, d), model.u, model.p]
+    return ca.Function("contact_forces", inputs, [force, ca.densify(slope)], ["z", "u", "p"], ["f", "H"])
 
 
 def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca.Function, ca.Function, ca.Function]:
     """Write the next z with the derivatives over the step and over half of it, without them, and with the first."""
-    given = [ca.MX.sym(name, slope.size1_in(k)) for k, name in enumerate("zup")] + [ca.MX.sym("h")]
-    start, u, p, h = given
+    symbols = [ca.MX.sym(name, slope.size1_in(k)) for k, name in enumerate("zup")] + [ca.MX.sym("h")]
+    start, u, p, h = symbols
     others = (u, *call(parameters, start, p), p)
     reached = differentiated_step(method, "estimator", slope, start, others, h, instants=2)
     (end,) = differentiated_step(method, "flow", slope, start, others, h, instants=0)
@@ -224,9 +225,9 @@ def _steps(slope: ca.Function, parameters: ca.Function, method: str) -> tuple[ca
     collect_end = straight_function("estimator_end", ends, moved)
     names = ["z", "u", "p", "h"]
     return (
-        ca.Function("estimator_step", given, call(collect, start, *reached), names, ["zn", "F", "G"]),
-        ca.Function("estimator_flow", given, call(collect_end, start, end), names, ["zn"]),
-        ca.Function("estimator_single", given, call(collect_alone, start, *alone), names, ["zn", "F"]),
+        ca.Function("estimator_step", symbols, call(collect, start, *reached), names, ["zn", "F", "G"]),
+        ca.Function("estimator_flow", symbols, call(collect_end, start, end), names, ["zn"]),
+        ca.Function("estimator_single", symbols, call(collect_alone, start, *alone), names, ["zn", "F"]),
     )
 
 
@@ -240,11 +241,11 @@ def _disturbances(asked: Estimator, model: Prediction) -> list[_Disturbance]:
         drifts |= {name: std / math.sqrt(asked.adapt.forgetting_time) for name, std in adapted.items()}
         spreads |= adapted
     return [
-        _Disturbance(found.expand(name), index, drift, spreads.get(key) or drift, key in relative, key in adapted)
+        _Disturbance(match.expand(name), index, drift, spreads.get(key) or drift, key in relative, key in adapted)
         for key, parameter, name in _DISTURBANCES
         if (drift := drifts.get(key)) is not None
         for index, label in enumerate(model.p_names)
-        if (found := re.fullmatch(parameter, label))
+        if (match := re.fullmatch(parameter, label))
     ]
 
 
@@ -259,29 +260,29 @@ class _Compared(NamedTuple):
 
 def _compared(scene: ControlScene, asked: Measured, model: Prediction, p: ca.SX) -> list[_Compared]:
     """List what the filter compares: readings, but of tensions without winches what of them bends the finger."""
-    own = model.system.finger_model.structure
+    structure = model.system.finger_model.structure
     tensions = dict[str, ca.SX]()
-    if own.winches and asked.tension is not None:
+    if structure.winches and asked.tension is not None:
         pulled = ca.vertsplit(model.tensions(model.x, model.u, p))
         tensions = {f"tension_{k + 1} [N]": tension for k, tension in enumerate(pulled)}
     states = dict(zip(model.x_names, ca.vertsplit(model.x), strict=True))
     shape = predicted(scene.controller.cost, model, p)
-    read = sensed(asked, shape, own.motors, states, model.u, tensions)
-    found = list[_Compared]()
+    read = sensed(asked, shape, structure.motors, states, model.u, tensions)
+    compared = list[_Compared]()
     for sensor, values in read.items():
-        found += [_Compared(sensor, name, value, {name: 1.0}) for name, value in values.items()]
-        if sensor != "tension" or own.winches:
+        compared += [_Compared(sensor, name, value, {name: 1.0}) for name, value in values.items()]
+        if sensor != "tension" or structure.winches:
             continue
         unit = model.u_names[0].split("[")[1][:-1]
-        for k, moment in enumerate(one for one in model.driven if one.rate):
+        for k, moment in enumerate(drive for drive in model.driven if drive.rate):
             # Of tendons that run alike, the difference alone bends the finger; their mean is no state of the model.
             first = next(arm for arm in moment.arms if arm)
             runtime = "tendon_offset [m]" in model.p_names
             arm = p[model.p_names.index("tendon_offset [m]")] if runtime else first
             inputs = model.u_names[: model.nu - len(scene.finger.chambers)]
             parts = {name: of / first for name, of in zip(inputs, moment.arms, strict=False)}
-            found.append(_Compared("tension", f"net_input_{k + 1} [{unit}]", model.x[moment.state] / arm, parts))
-    return found
+            compared.append(_Compared("tension", f"net_input_{k + 1} [{unit}]", model.x[moment.state] / arm, parts))
+    return compared
 
 
 def sensed(
@@ -297,30 +298,30 @@ def sensed(
     The finger is that of a controller or of a plant: its ``shape``, states by name, commands u (nu), and the tensions
     [N] that are read.
     """
-    found = dict[str, dict[str, ca.SX]]()
+    readings = dict[str, dict[str, ca.SX]]()
     if asked.tip is not None:
-        found["tip"] = dict(zip(("tip_x [m]", "tip_y [m]"), ca.vertsplit(shape.tip()), strict=True))
+        readings["tip"] = dict(zip(("tip_x [m]", "tip_y [m]"), ca.vertsplit(shape.tip()), strict=True))
     if asked.tension is not None:
-        found["tension"] = dict(tensions)
+        readings["tension"] = dict(tensions)
 
     def read_states(sensor: str, word: str) -> None:
         if getattr(asked, sensor) is not None:
-            own = {name: x for name, x in states.items() if name.startswith(word) and "_rate" not in name}
-            found[sensor] = own
+            selected = {name: x for name, x in states.items() if name.startswith(word) and "_rate" not in name}
+            readings[sensor] = selected
 
     read_states("length", "length_")
     read_states("angle", "motor_angle_")
     if asked.torque is not None:
         for k, motor in enumerate(motors):
             position, rate = (states[name] for name in motor.names(k + 1)[:2])
-            found.setdefault("torque", {})[torque_name(k + 1)] = ca.SX(motor.torque(u[k], position, rate))
+            readings.setdefault("torque", {})[torque_name(k + 1)] = ca.SX(motor.torque(u[k], position, rate))
     read_states("pressure", "pressure_")
     if asked.bending is not None:
         angles = ca.vertsplit(ca.vec(shape.sections(asked.bending.at)[1]))
-        found["bending"] = {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}
+        readings["bending"] = {f"angle_{k + 1} [rad]": angle for k, angle in enumerate(angles)}
     if asked.object is not None:
-        found["object"] = dict(zip(OBJECT_POSE, ca.vertsplit(shape.object_pose()[:3]), strict=True))
-    return found
+        readings["object"] = dict(zip(OBJECT_POSE, ca.vertsplit(shape.object_pose()[:3]), strict=True))
+    return readings
 
 
 def torque_name(number: int) -> str:

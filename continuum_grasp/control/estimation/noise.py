@@ -88,11 +88,14 @@ def noise_of(scene: ControlScene, model: Prediction, estimation: Estimation) -> 
     initial[:n] = (asked.initial_std * per_angle) ** 2
     # A mode that swings by that deviation has a rate of its angular frequency times that: 16 rad/s for a 60 cm rod.
     initial[n : 2 * n] = (10.0 * asked.initial_std * per_angle) ** 2
-    for one in model.driven:
+    for drive in model.driven:
         # Under white noise s a lag of time T has the variance s^2 T / 2, a critically damped one s^2 T^3 / 4.
-        wanted, rate, lag = (_DRIVE * one.most) ** 2, [*one.rate], one.lag
-        process[rate or one.state] = 4.0 * wanted / lag**3 if rate else 2.0 * wanted / lag
-        initial[one.state], initial[rate] = (_DRIVE_AT_START * one.most) ** 2, (_DRIVE_AT_START * one.most / lag) ** 2
+        wanted, rate, lag = (_DRIVE * drive.most) ** 2, [*drive.rate], drive.lag
+        process[rate or drive.state] = 4.0 * wanted / lag**3 if rate else 2.0 * wanted / lag
+        initial[drive.state], initial[rate] = (
+            (_DRIVE_AT_START * drive.most) ** 2,
+            (_DRIVE_AT_START * drive.most / lag) ** 2,
+        )
     body = model.system.surroundings
     if asked.measured.object is not None and body is not None and body.object is not None:
         pose = model.system.object_states
@@ -156,13 +159,13 @@ def _state_range(model: Prediction, stages: Stages) -> Array:
     """Coordinates well beyond the bending range, and rates of the fastest mode at that amplitude."""
     finger, n = model.system.finger_model, model.system.finger_model.n
     bend = max(map(finger.structure.family.coordinate_size, finger.ranges, finger.lengths))
-    most = np.full(model.nx, UNLIMITED)
-    most[:n] = _MARGIN * bend
-    most[n : 2 * n] = _MARGIN * bend * model.fastest_rate(stages.u_min, stages.u_max)
-    for one in model.driven:
+    limits = np.full(model.nx, UNLIMITED)
+    limits[:n] = _MARGIN * bend
+    limits[n : 2 * n] = _MARGIN * bend * model.fastest_rate(stages.u_min, stages.u_max)
+    for drive in model.driven:
         # A step of the command: 0.37 moment / lag.
-        most[[one.state, *one.rate]] = 2.0 * one.most, *[10.0 * one.most / one.lag] * len(one.rate)
-    return np.stack([-most, most], axis=1)
+        limits[[drive.state, *drive.rate]] = 2.0 * drive.most, *[10.0 * drive.most / drive.lag] * len(drive.rate)
+    return np.stack([-limits, limits], axis=1)
 
 
 def _unknown_range(model: Prediction, stages: Stages, name: str) -> tuple[float, float]:
@@ -192,8 +195,10 @@ def _disturbance_range(model: Prediction, name: str) -> tuple[float, float]:
     if name.startswith("unknown_contact_friction"):
         return (-1.0, 1.0)  # of its limit
     moment = name.endswith("[N m]")
-    most = _MOMENT * model.greatest_moment if moment else _FORCES * float(rod.bending_stiffness(0.0)) / rod.length**2
-    return (-most, most)
+    greatest = (
+        _MOMENT * model.greatest_moment if moment else _FORCES * float(rod.bending_stiffness(0.0)) / rod.length**2
+    )
+    return (-greatest, greatest)
 
 
 def _applicable(scene: ControlScene, model: Prediction, name: str) -> tuple[float, float]:
@@ -208,11 +213,11 @@ def _of_drive(model: Prediction, finger: Finger, name: str) -> tuple[float, floa
     """Range of a sensor of a winch or motor."""
     number = int(name.split(" ")[0].rsplit("_", 1)[1]) - 1
     if name.startswith(("length_", "motor_angle_")):
-        most = 2.0 * model.driven[number].most
+        greatest = 2.0 * model.driven[number].most
     else:
         drive = finger.winches[number]
-        most = 2.0 * drive.torque_max if isinstance(drive, MotorDrive) else math.inf
-    return (-most, most)
+        greatest = 2.0 * drive.torque_max if isinstance(drive, MotorDrive) else math.inf
+    return (-greatest, greatest)
 
 
 def measurement_range(scene: ControlScene, model: Prediction, name: str) -> tuple[float, float]:
@@ -227,8 +232,8 @@ def measurement_range(scene: ControlScene, model: Prediction, name: str) -> tupl
         base = finger.base.position["xy".index(name[7])]
         return (base - _SEEN * finger.rod.length, base + _SEEN * finger.rod.length)
     if name.startswith("tension_"):
-        most = finger.tendon_list[int(name.split(" ")[0].removeprefix("tension_")) - 1].max_tension
-        return (-0.5 * most, 2.0 * most)  # a slack tendon may read below zero, and a drive overshoot
+        greatest = finger.tendon_list[int(name.split(" ")[0].removeprefix("tension_")) - 1].max_tension
+        return (-0.5 * greatest, 2.0 * greatest)  # a slack tendon may read below zero, and a drive overshoot
     if name.startswith("pressure_"):
         chamber = finger.chambers[int(name.split(" ")[0].removeprefix("pressure_")) - 1]
         reach = chamber.max_pressure - chamber.min_pressure
@@ -236,17 +241,17 @@ def measurement_range(scene: ControlScene, model: Prediction, name: str) -> tupl
     if finger.winches and not name.startswith("angle_"):
         return _of_drive(model, finger, name)
     if name.startswith("angle_"):
-        most = math.pi + _MARGIN * sum(model.system.finger_model.ranges)
-        return (finger.base.angle - most, finger.base.angle + most)
-    most = 2.0 * model.greatest_moment
-    return (-most, most)
+        greatest = math.pi + _MARGIN * sum(model.system.finger_model.ranges)
+        return (finger.base.angle - greatest, finger.base.angle + greatest)
+    greatest = 2.0 * model.greatest_moment
+    return (-greatest, greatest)
 
 
 def _parameter_range(model: Prediction, name: str, nominal: float) -> tuple[float, float]:
     unit = name[name.index("[") + 1 : -1]
     if unit in ("N", "N m"):
-        most = _KNOWN * _disturbance_range(model, name)[1]
-        return (-most, most)
+        greatest = _KNOWN * _disturbance_range(model, name)[1]
+        return (-greatest, greatest)
     # Of either sign, or nominally zero.
     if name.startswith(("gravity", "base_", "rest_curvature", "object_")):
         return (-UNLIMITED, UNLIMITED)

@@ -60,13 +60,13 @@ class BoundedRows:
 
     def groups(self) -> dict[str, Row]:
         """Rows by groups of entries that were added together."""
-        found, at = {}, 0
+        groups, at = {}, 0
         for value in self.values:
             end = at + value.numel()
             names = tuple(self.names[at:end])
-            found[" ".join(names)] = Row(value, self.least[at], self.most[at], self.penalties[at], names)
+            groups[" ".join(names)] = Row(value, self.least[at], self.most[at], self.penalties[at], names)
             at = end
-        return found
+        return groups
 
     @property
     def linear(self) -> Array:
@@ -101,29 +101,29 @@ def curvature_limits(bounds: Bounds, model: FingerModel) -> tuple[Array, Array]:
 
 def state_bounds(bounds: Bounds, model: Prediction) -> BoundedRows:
     """List the rows of the state alone: curvatures, bending rates, tensions under winches, and distances from zones."""
-    found = BoundedRows()
+    rows = BoundedRows()
     penalty = _penalty(bounds.penalty or bounds.usual_penalty)
-    given = (model.x, model.u, model.p)
+    inputs = (model.x, model.u, model.p)
     if bounds.curvature is not None:
         # A row per node, relative to its limit: elements differ in range, and one scale of penalties serves all.
-        kappa = model.curvature(*given)
+        kappa = model.curvature(*inputs)
         limits = np.minimum(*curvature_limits(bounds, model.system.finger_model))
         names = [f"curvature_{k + 1}" for k in range(kappa.numel())]
-        found.add(names, kappa / ca.DM(limits), -1.0, 1.0, penalty)
+        rows.add(names, kappa / ca.DM(limits), -1.0, 1.0, penalty)
     if bounds.speed is not None:
-        rate = model.bending_rate(*given)
+        rate = model.bending_rate(*inputs)
         names = [f"bending_rate_{k + 1}" for k in range(rate.numel())]
-        found.add(names, rate / bounds.speed, -1.0, 1.0, penalty)
+        rows.add(names, rate / bounds.speed, -1.0, 1.0, penalty)
     if model.scene.finger.winches:
         # What drives leave, not an input: where the model has a higher tension than allowed, the plan must lower it.
-        most = [one.max_tension for one in model.scene.finger.tendon_list]
-        names = [f"tension_{k + 1}" for k in range(len(most))]
-        found.add(names, model.tensions(*given) / ca.DM(most), -ABSENT, 1.0, penalty)
-    _add_zones(found, bounds, model)
-    return found
+        greatest_tensions = [tendon.max_tension for tendon in model.scene.finger.tendon_list]
+        names = [f"tension_{k + 1}" for k in range(len(greatest_tensions))]
+        rows.add(names, model.tensions(*inputs) / ca.DM(greatest_tensions), -ABSENT, 1.0, penalty)
+    _add_zones(rows, bounds, model)
+    return rows
 
 
-def _add_zones(found: BoundedRows, bounds: Bounds, model: Prediction) -> None:
+def _add_zones(rows: BoundedRows, bounds: Bounds, model: Prediction) -> None:
     """Distance of the finger's surface from each zone, per finger length."""
     finger = model.scene.finger
     for name, zone in bounds.keep_out.items():
@@ -139,7 +139,7 @@ def _add_zones(found: BoundedRows, bounds: Bounds, model: Prediction) -> None:
         away = zone.clearance + finger.profile.half_thickness(places)
         gaps = distance_from(zone, where[0, :], where[1, :]).T - ca.DM(away)
         labels = [name] if len(places) == 1 else [f"{name}_{k + 1}" for k in range(len(places))]
-        found.add(labels, gaps / finger.rod.length, 0.0, ABSENT, _penalty(zone.penalty or bounds.usual_penalty))
+        rows.add(labels, gaps / finger.rod.length, 0.0, ABSENT, _penalty(zone.penalty or bounds.usual_penalty))
 
 
 def distance_from(zone: HalfPlaneZone | DiscZone, x: Any, y: Any) -> Any:
@@ -151,5 +151,5 @@ def distance_from(zone: HalfPlaneZone | DiscZone, x: Any, y: Any) -> Any:
     return (dx * dx + dy * dy + 1e-12) ** 0.5 - zone.radius
 
 
-def _penalty(given: Penalty | str) -> Penalty:
-    return given if isinstance(given, Penalty) else HARD
+def _penalty(penalty: Penalty | str) -> Penalty:
+    return penalty if isinstance(penalty, Penalty) else HARD

@@ -128,8 +128,8 @@ class ControlProblem(Summarized):
         known = ca.vertcat(x, u, p, held)
         for key, symbols in (("states", x), ("inputs", u), ("parameters", p)):
             _once(key, [bare(label) for label in _names(symbols)])
-        own = [known[k].element_hash() for k in range(known.numel())]
-        twice = [known[k].name() for k in range(len(own)) if own[k] in own[:k]]
+        hashes = [known[k].element_hash() for k in range(known.numel())]
+        twice = [known[k].name() for k in range(len(hashes)) if hashes[k] in hashes[:k]]
         if twice:
             raise InputError(f"a symbol is given twice among states, inputs, parameters and previous: {twice[0]}")
         reader = _Reader(known, u, held)
@@ -141,17 +141,17 @@ class ControlProblem(Summarized):
         bounded, ns = reader.rows(of_states | dict(rows or {}))
         if limits:
             raise InputError(f"expected names of states and inputs, got {', '.join(limits)}", key="bounds")
-        given = {"x": ca.vertcat(x, held), "u": u, "p": p}
-        targets = ca.vertcat(*[one.value for one in tracked.values()])
+        arguments = {"x": ca.vertcat(x, held), "u": u, "p": p}
+        targets = ca.vertcat(*[residual.value for residual in tracked.values()])
         functions = {
-            name: ca.Function(name, [*given.values()], [ca.densify(ca.cse([value])[0])], [*given], [output])
+            name: ca.Function(name, [*arguments.values()], [ca.densify(ca.cse([value])[0])], [*arguments], [output])
             for name, output, value in (
                 ("outputs", "y", targets),
                 ("rows", "c", bounded.column),
                 ("dynamics", "xd", reader.column("dynamics", dynamics, x.numel())),
             )
         }
-        nt = sum(len(one.names) for one in tracked.values() if one.final is not None)
+        nt = sum(len(residual.names) for residual in tracked.values() if residual.final is not None)
         method, stage = choice("method", method, CONTROL_METHODS), positive("stage", stage)
         running, terminal = cost_functions(functions["outputs"], functions["rows"], stage, nt, ns)
         self.stages = Stages(
@@ -171,7 +171,7 @@ class ControlProblem(Summarized):
             x_names=(*_names(x), *_names(held)),
             u_names=tuple(_names(u)),
             p_names=tuple(_names(p)),
-            r_names=tuple(label for one in tracked.values() for label in one.names),
+            r_names=tuple(label for residual in tracked.values() for label in residual.names),
             c_names=tuple(bounded.names),
             u_min=u_min,
             u_max=u_max,
@@ -179,13 +179,16 @@ class ControlProblem(Summarized):
             c_max=np.array(bounded.most),
             linear=bounded.linear,
             quadratic=bounded.quadratic,
-            weights=np.concatenate([one.weight for one in tracked.values()]),
+            weights=np.concatenate([residual.weight for residual in tracked.values()]),
             terminal_weights=np.concatenate(
-                [np.zeros(len(one.names)) if one.final is None else one.final for one in tracked.values()]
+                [
+                    np.zeros(len(residual.names)) if residual.final is None else residual.final
+                    for residual in tracked.values()
+                ]
             ),
             p_nominal=_nominal(nominal or {}, [bare(label) for label in _names(p)]),
         )
-        self.cost_names = tuple((key, len(one.names)) for key, one in tracked.items())
+        self.cost_names = tuple((key, len(residual.names)) for key, residual in tracked.items())
 
     def headline(self) -> str:
         """Sizes of the problem."""
@@ -221,9 +224,9 @@ class _Reader:
         value = ca.densify(ca.vec(value))
         if size is not None and value.numel() != size:
             raise InputError(f"expected {size} expressions, got {value.numel()}", key=key)
-        own = ca.Function("own", [self._known], [value], {"allow_free": True})
-        if own.has_free():
-            raise InputError(f"unknown symbols {', '.join(map(str, own.free_sx()))}", key=key)
+        probe = ca.Function("own", [self._known], [value], {"allow_free": True})
+        if probe.has_free():
+            raise InputError(f"unknown symbols {', '.join(map(str, probe.free_sx()))}", key=key)
         return value
 
     def of_state(self, value: ca.SX) -> bool:
@@ -237,14 +240,14 @@ class _Reader:
         if not given:
             raise InputError("expected at least one term", key="cost")
         _words("cost", given)
-        found = {}
+        residuals = {}
         for key, term in given.items():
             residual = _tuple(Residual, f"cost.{key}", term, "(expression, weight) or (expression, weight, final)")
             value = self.column(f"cost.{key}", residual.value)
             size = value.numel()
             weight, final = (
-                _weights(f"cost.{key}.{name}", 0.0 if one is None else one, size)
-                for name, one in (("weight", residual.weight), ("final", residual.final))
+                _weights(f"cost.{key}.{name}", 0.0 if cost_weight is None else cost_weight, size)
+                for name, cost_weight in (("weight", residual.weight), ("final", residual.final))
             )
             # At the end the inputs are those held, which are states where the ones before are; they do not change.
             held = residual.final is not None and self._previous.numel() and not ca.depends_on(value, self._previous)
@@ -255,15 +258,15 @@ class _Reader:
                     key=f"cost.{key}",
                 )
             names = residual.names or _numbered(key, size)
-            found[key] = Residual(value, weight, final if ends else None, names)
-        return dict(sorted(found.items(), key=lambda item: item[1].final is None))
+            residuals[key] = Residual(value, weight, final if ends else None, names)
+        return dict(sorted(residuals.items(), key=lambda item: item[1].final is None))
 
     def rows(self, given: Mapping[str, Any]) -> tuple[BoundedRows, int]:
         """Rows relative to their bounds, those of the states alone first, and how many those are."""
         read = {}
         _words("rows", given)
-        for key, one in given.items():
-            row = _tuple(Row, f"rows.{key}", one, "(expression, least, most)")
+        for key, entry in given.items():
+            row = _tuple(Row, f"rows.{key}", entry, "(expression, least, most)")
             value = self.column(f"rows.{key}", row.value)
             read[key] = row._replace(value=value, names=row.names or _numbered(key, value.numel()))
         bounded = BoundedRows()
@@ -273,10 +276,10 @@ class _Reader:
             penalty = _penalty(f"rows.{key}", row.penalty)
             size = len(row.names)
             pairs = zip(*(_spread(f"rows.{key}", bound, size) for bound in (row.least, row.most)), strict=True)
-            for k, (least, most) in enumerate(_bounds(f"rows.{key}", *pair) for pair in pairs):
-                scale = max([abs(bound) for bound in (least, most) if abs(bound) < ABSENT] or [0.0]) or 1.0
+            for k, (least, greatest) in enumerate(_bounds(f"rows.{key}", *pair) for pair in pairs):
+                scale = max([abs(bound) for bound in (least, greatest) if abs(bound) < ABSENT] or [0.0]) or 1.0
                 value = row.value[k] if scale == 1.0 else row.value[k] / scale
-                low, high = (bound if abs(bound) >= ABSENT else bound / scale for bound in (least, most))
+                low, high = (bound if abs(bound) >= ABSENT else bound / scale for bound in (least, greatest))
                 bounded.add([row.names[k]], value, low, high, penalty)
         _once("rows", bounded.names)
         return bounded, sum(len(read[key].names) for key in order if self.of_state(read[key].value))
@@ -285,14 +288,14 @@ class _Reader:
 def _symbols(key: str, given: Any) -> ca.SX:
     """A column of symbols."""
     try:
-        found = ca.SX(ca.vertcat(*given)) if isinstance(given, Sequence) else ca.SX(given)
+        symbols = ca.SX(ca.vertcat(*given)) if isinstance(given, Sequence) else ca.SX(given)
     except (NotImplementedError, TypeError, RuntimeError) as error:
         raise InputError(f"expected SX symbols, got {shown(given)}", key=key) from error
-    if not found.numel():
+    if not symbols.numel():
         return ca.SX(0, 1)
-    if not (found.is_dense() and found.is_column() and found.is_valid_input()):
+    if not (symbols.is_dense() and symbols.is_column() and symbols.is_valid_input()):
         raise InputError(f"expected a column of SX symbols, got {shown(given)}", key=key)
-    return found
+    return symbols
 
 
 def _names(symbols: ca.SX) -> list[str]:
@@ -326,33 +329,33 @@ def _tuple(kind: Any, key: str, given: Any, expected: str) -> Any:
 
 def _spread(key: str, given: ArrayLike, size: int) -> list[float]:
     """One bound per entry, from one for all or from as many."""
-    found = np.full(size, given) if np.ndim(given) == 0 else given
-    return list(map(float, vector(key, found, size, check=False)))
+    bounds = np.full(size, given) if np.ndim(given) == 0 else given
+    return list(map(float, vector(key, bounds, size, check=False)))
 
 
 def _weights(key: str, given: ArrayLike, size: int) -> Array:
     """One weight per entry."""
-    found = np.full(size, given) if np.ndim(given) == 0 else given
-    values = vector(key, found, size)
+    weights = np.full(size, given) if np.ndim(given) == 0 else given
+    values = vector(key, weights, size)
     if np.any(values < 0.0):
         raise InputError(f"expected no negative weight, got {values.tolist()}", key=key)
     return values
 
 
-def _bounds(key: str, least: Any, most: Any) -> tuple[float, float]:
+def _bounds(key: str, least: Any, greatest: Any) -> tuple[float, float]:
     """Two bounds in order; infinite ones are absent."""
-    low, high = (float(np.clip(value, -ABSENT, ABSENT)) for value in (least, most))
+    low, high = (float(np.clip(value, -ABSENT, ABSENT)) for value in (least, greatest))
     if not low <= high:  # NaN too
-        raise InputError(f"expected a least value that is not above the greatest, got {least!r}, {most!r}", key=key)
+        raise InputError(f"expected a least value that is not above the greatest, got {least!r}, {greatest!r}", key=key)
     return low, high
 
 
 def _pair(key: str, given: Any) -> tuple[float, float]:
     try:
-        least, most = (float(value) for value in given)
+        least, greatest = (float(value) for value in given)
     except (TypeError, ValueError) as error:
         raise InputError(f"expected (least, most), got {shown(given)}", key=key) from error
-    return _bounds(key, least, most)
+    return _bounds(key, least, greatest)
 
 
 def _input_bounds(limits: dict[str, Any], names: Sequence[str]) -> tuple[Array, Array]:

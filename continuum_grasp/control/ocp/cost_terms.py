@@ -76,8 +76,8 @@ def _near_base(finger: Finger) -> Limits:
 
 
 def _turned(finger: Finger) -> Limits:
-    most = 2.0 * math.pi * _TURNS
-    return ((finger.base.angle - most, finger.base.angle + most),)
+    turn = 2.0 * math.pi * _TURNS
+    return ((finger.base.angle - turn, finger.base.angle + turn),)
 
 
 def _elements(cost: Cost, model: Prediction) -> tuple[str, ...]:
@@ -206,30 +206,30 @@ class Tracked(NamedTuple):
 
 def tracked_groups(names: Sequence[str]) -> tuple[Tracked, ...]:
     """Outputs of a controller that follow setpoints (name and unit each); terms of the input are left out."""
-    found = []
+    groups = []
     for term in TERMS:
         # Setpoints of the input are what costs no effort, not what is followed.
         columns = tuple(k for k, name in enumerate(names) if term.of_state and term.reference and term.owns(name))
         if columns:
             unit = term.entry.split("[")[1][:-1]
-            found.append(Tracked(term.label, unit, columns, term.of_points, term.reference))
-    return tuple(found)
+            groups.append(Tracked(term.label, unit, columns, term.of_points, term.reference))
+    return tuple(groups)
 
 
 def predicted(cost: Cost, model: Prediction, p: ca.SX, input_rate: ca.SX | None = None) -> Quantities:
     """Quantities of a controller's model with parameters p (np)."""
-    given, names = (model.x, model.u, p), model.contact_names
+    inputs, names = (model.x, model.u, p), model.contact_names
 
     def touched(key: str, values: ca.Function) -> ca.SX:
-        return values(*given)[[names.index(name) for name in cost.tracked_contacts(key, names)]]
+        return values(*inputs)[[names.index(name) for name in cost.tracked_contacts(key, names)]]
 
     return Quantities(
         length=model.scene.finger.rod.length,
-        tip=lambda: model.tip(*given),
-        sections=lambda at: model.sections(tuple(at)).call([*given]),
+        tip=lambda: model.tip(*inputs),
+        sections=lambda at: model.sections(tuple(at)).call([*inputs]),
         object_pose=lambda: model.x[model.system.object_states],
-        bending=lambda: model.bending(*given),
-        bending_rate=lambda: model.bending_rate(*given),
+        bending=lambda: model.bending(*inputs),
+        bending_rate=lambda: model.bending_rate(*inputs),
         contact_force=lambda: touched("contact_force", model.contact_force),
         gap=lambda: touched("gap", model.gap),
         input=model.u,

@@ -73,11 +73,11 @@ def scenarios_of(scene: ControlScene, model: Prediction) -> Scenarios | None:
     asked = scene.controller.scenarios
     if not asked:
         return None
-    weights = np.array([one.weight for one in asked])
+    weights = np.array([scenario.weight for scenario in asked])
     scale, shift = np.ones((len(asked), model.np)), np.zeros((len(asked), model.np))
     names = [name.split(" ")[0] for name in model.p_names]
-    for k, one in enumerate(asked):
-        for key, value in one.changes.items():
+    for k, scenario in enumerate(asked):
+        for key, value in scenario.changes.items():
             at = [names.index(name) for name in scene.scenario_parameters(key)]
             if key == "tip_mass":
                 shift[k, at] = value
@@ -110,11 +110,11 @@ def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
     if torque.numel():
         names = tuple(f"torque_{k + 1}" for k in range(torque.numel()))
         rows["torque"] = Row(torque, -1.0, 1.0, HARD, names)
-    least, most = (np.array(limit) for limit in scene.input_limits)
+    least, greatest = (np.array(limit) for limit in scene.input_limits)
     plants = scenarios_of(scene, model)
     nominal = np.array(model.p_nominal)
     parameters = [nominal] if plants is None else list(plants.scale * nominal + plants.shift)
-    method, substeps = _integration(horizon, model, least, most, parameters)
+    method, substeps = _integration(horizon, model, least, greatest, parameters)
     return ControlProblem(
         states=model.x,
         inputs=model.u,
@@ -123,7 +123,7 @@ def problem_of(scene: ControlScene, model: Prediction) -> ControlProblem:
         dynamics=model.dynamics(model.x, model.u, model.p),
         cost=outputs.residuals(change),
         rows=rows,
-        bounds={name.split(" ")[0]: pair for name, *pair in zip(model.u_names, least, most, strict=True)},
+        bounds={name.split(" ")[0]: pair for name, *pair in zip(model.u_names, least, greatest, strict=True)},
         nominal={name.split(" ")[0]: value for name, value in zip(model.p_names, model.p_nominal, strict=True)},
         stages=horizon.stages,
         stage=horizon.stage,

@@ -59,20 +59,20 @@ def _replacement(key: str, value: Any, width: int, since: float, stage: float) -
         function: Function = value
         return function
     try:
-        found = numbers(value)
+        entries = numbers(value)
     except (TypeError, ValueError):
         raise InputError(f"expected numbers or a function of time, got {shown(value)}", key=key) from None
-    if not np.all(np.isfinite(found)):
+    if not np.all(np.isfinite(entries)):
         raise InputError(f"expected finite numbers, got {shown(value)}", key=key)
-    if found.size == width and found.ndim <= 1:
-        return tuple(found.ravel().tolist())
-    if width == 1 and found.ndim == 1:
-        found = found[:, None]
-    if found.ndim != 2 or found.shape[1] != width or not len(found):
+    if entries.size == width and entries.ndim <= 1:
+        return tuple(entries.ravel().tolist())
+    if width == 1 and entries.ndim == 1:
+        entries = entries[:, None]
+    if entries.ndim != 2 or entries.shape[1] != width or not len(entries):
         raise InputError(
-            f"expected ({width},) or a row per node from now on, (count, {width}), got {found.shape}", key=key
+            f"expected ({width},) or a row per node from now on, (count, {width}), got {entries.shape}", key=key
         )
-    return _Rows(since, stage, found)
+    return _Rows(since, stage, entries)
 
 
 class Setpoints:
@@ -113,7 +113,7 @@ class Setpoints:
     def rows(self, times: ArrayLike) -> Array:
         """Evaluate setpoints (len(times), nr) at instants [s]; what functions of time return must fit and be finite."""
         instants = np.atleast_1d(real_array("times", times))
-        return np.hstack([_rows(given, width, instants) for width, given in self._blocks])
+        return np.hstack([_rows(setpoint, width, instants) for width, setpoint in self._blocks])
 
 
 def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Function] | None = None) -> Setpoints:
@@ -137,21 +137,21 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
     InputError
         If a reference has another number of entries than its cost term or is out of reach, or if no term tracks it.
     """
-    given: dict[str, _Given | None] = {name: getattr(reference, name) for name in SETPOINTS}
+    references: dict[str, _Given | None] = {name: getattr(reference, name) for name in SETPOINTS}
     scene = outputs.model.scene
     # Tensions cannot be zero: effort is what exceeds the least ones.
-    if given["input"] is None:
-        given["input"] = scene.rest_input
+    if references["input"] is None:
+        references["input"] = scene.rest_input
     for name, function in (functions or {}).items():
         known = ", ".join(term.reference for term in outputs.terms if term.reference)
         if name not in known.split(", "):
             raise InputError(
                 f"expected some of {known}, which have a weight in controller.cost, got {name!r}", key="functions"
             )
-        given[name] = function
+        references[name] = function
     blocks: list[tuple[int, _Given | None]] = []
     for term in outputs.terms:
-        value, width = given.get(term.reference), len(term.names(outputs.cost, outputs.model))
+        value, width = references.get(term.reference), len(term.names(outputs.cost, outputs.model))
         size = value.width if isinstance(value, RowSamples) else len(value) if isinstance(value, tuple) else width
         if size != width:
             raise InputError(f"expected {width} entries, got {size}", key=f"reference.{term.reference}")
@@ -168,30 +168,30 @@ def setpoints(outputs: Outputs, reference: Reference, functions: Mapping[str, Fu
     return Setpoints(outputs.names, blocks, keys, check)
 
 
-def _rows(given: _Given | None, width: int, t: Array) -> Array:
-    if given is None:
+def _rows(setpoint: _Given | None, width: int, t: Array) -> Array:
+    if setpoint is None:
         return np.zeros((len(t), width))
-    if isinstance(given, CircleReference):
-        turned = given.phase + 2.0 * math.pi * given.frequency * np.maximum(t - given.start, 0.0)
+    if isinstance(setpoint, CircleReference):
+        turned = setpoint.phase + 2.0 * math.pi * setpoint.frequency * np.maximum(t - setpoint.start, 0.0)
         around = np.stack([np.cos(turned), np.sin(turned)], axis=1)
-        return np.asarray(np.array(given.center) + given.radius * around)
-    if isinstance(given, RowSamples):
-        return _sampled(given, t)
-    if isinstance(given, _Rows):
-        return given.at(t)
-    if callable(given):
-        return _called(given, width, t)
-    return np.tile(np.array(given, dtype=float), (len(t), 1))
+        return np.asarray(np.array(setpoint.center) + setpoint.radius * around)
+    if isinstance(setpoint, RowSamples):
+        return _sampled(setpoint, t)
+    if isinstance(setpoint, _Rows):
+        return setpoint.at(t)
+    if callable(setpoint):
+        return _called(setpoint, width, t)
+    return np.tile(np.array(setpoint, dtype=float), (len(t), 1))
 
 
-def _sampled(given: RowSamples, t: Array) -> Array:
-    if given.interpolation == "hold":
+def _sampled(sampled: RowSamples, t: Array) -> Array:
+    if sampled.interpolation == "hold":
         # Instants are sums of rounded periods: one that is an instant of the samples to rounding has its row already.
-        last = np.searchsorted(np.array(given.times), t * (1 + 1e-12) + 1e-12, side="right") - 1
-        return np.array(given.values)[np.maximum(last, 0)]
+        last = np.searchsorted(np.array(sampled.times), t * (1 + 1e-12) + 1e-12, side="right") - 1
+        return np.array(sampled.values)[np.maximum(last, 0)]
     columns = (
-        Samples(times=given.times, values=column, interpolation=given.interpolation)
-        for column in zip(*given.values, strict=True)
+        Samples(times=sampled.times, values=column, interpolation=sampled.interpolation)
+        for column in zip(*sampled.values, strict=True)
     )
     return np.stack([interpolate(samples, t)[0] for samples in columns], axis=1)
 
@@ -199,13 +199,13 @@ def _sampled(given: RowSamples, t: Array) -> Array:
 def _called(function: Function, width: int, t: Array) -> Array:
     rows = np.empty((len(t), width))
     for k, instant in enumerate(t.tolist()):
-        given = function(instant)
+        output = function(instant)
         try:
-            row = numbers(given).reshape(-1)
+            row = numbers(output).reshape(-1)
         except (TypeError, ValueError):
-            raise InputError(f"a setpoint at t = {instant:g} s: expected numbers, got {shown(given)}") from None
+            raise InputError(f"a setpoint at t = {instant:g} s: expected numbers, got {shown(output)}") from None
         if row.size != width or not np.all(np.isfinite(row)):
-            raise InputError(f"a setpoint at t = {instant:g} s: expected {width} finite entries, got {shown(given)}")
+            raise InputError(f"a setpoint at t = {instant:g} s: expected {width} finite entries, got {shown(output)}")
         rows[k] = row
     return rows
 
@@ -223,11 +223,11 @@ class Tracking:
 
 def tracking_of(group: Tracked, error: Array) -> Tracking:
     """Evaluate the errors of one tracked quantity (K + 1, nr)."""
-    own = error[:, group.columns]
-    last = own[-max(1, round(FINAL * len(own))) :].mean(axis=0)
+    errors = error[:, group.columns]
+    last = errors[-max(1, round(FINAL * len(errors))) :].mean(axis=0)
     # A point's error is the length of its vector; other quantities are scalars, points of one dimension.
     size = 2 if group.of_points else 1
-    sizes = np.linalg.norm(own.reshape(len(own), -1, size), axis=2)
+    sizes = np.linalg.norm(errors.reshape(len(errors), -1, size), axis=2)
     final = np.linalg.norm(last.reshape(-1, size), axis=1).max()
     return Tracking(group.label, group.unit, rms(sizes), float(sizes.max()), float(final))
 
@@ -236,7 +236,7 @@ def missed_setpoints(
     names: Sequence[str], tracked: Array, r: Array, t: Array, reference: Reference, length: float
 ) -> tuple[str, ...]:
     """Say what ends how far from setpoints r (K + 1, nr) which stood long enough to be met, by names of columns."""
-    found = []
+    messages = []
     for group in tracked_groups(names):
         rows, off = r[:, group.columns], tracking_of(group, tracked - r).final
         others = np.flatnonzero((rows != rows[-1]).any(axis=1))
@@ -255,8 +255,10 @@ def missed_setpoints(
                 "differs from the model (estimator.disturbances finds by how much), or tendons "
                 "are slack, so that commands have no effect (give drive.pretension)"
             )
-            found.append(f"{group.label}: {amount(off, group.unit)} off a setpoint that stood; likely cause: {cause}")
-    return tuple(found)
+            messages.append(
+                f"{group.label}: {amount(off, group.unit)} off a setpoint that stood; likely cause: {cause}"
+            )
+    return tuple(messages)
 
 
 def rms(values: Array) -> float:

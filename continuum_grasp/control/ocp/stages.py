@@ -155,23 +155,23 @@ def step_function(dynamics: ca.Function, nx: int, method: str = "rk4") -> ca.Fun
     CasADi's ``jacobian`` of the whole step takes 2.4 times as many instructions.
     """
     sizes = {"x": nx, "u": dynamics.size1_in(1), "p": dynamics.size1_in(2)}
-    given = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
-    x, u = given["x"], given["u"]
-    rate = dynamics(*given.values())
+    symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+    x, u = symbols["x"], symbols["u"]
+    rate = dynamics(*symbols.values())
     nd = rate.numel()
     jacobian = ca.jacobian(rate, ca.vertcat(x[:nd], u))
-    slope = straight_function("stage_slope", given, {"rate": rate, "jacobian": jacobian})
+    slope = straight_function("stage_slope", symbols, {"rate": rate, "jacobian": jacobian})
     at = [ca.MX.sym(name, size) for name, size in (sizes | {"h": 1}).items()]
     reached = differentiated_step(method, "stage", slope, at[0], (at[1], at[2]), at[3])
     end, by = ca.SX.sym("end", nd), ca.SX.sym("by", reached[1].sparsity())
-    found = {
+    outputs = {
         "xn": ca.vertcat(end, u[: nx - nd, :]),
         "A": ca.diagcat(by[:, :nd], ca.SX(nx - nd, nx - nd)),
         "B": ca.vertcat(by[:, nd:], ca.SX.eye(u.numel())[: nx - nd, :]),
     }
-    dense = {name: ca.densify(value) for name, value in found.items()}
+    dense = {name: ca.densify(value) for name, value in outputs.items()}
     collect = straight_function("stage_derivatives", {"u": u, "end": end, "by": by}, dense)
-    return ca.Function("stage_step", at, call(collect, at[1], *reached), ["x", "u", "p", "h"], list(found))
+    return ca.Function("stage_step", at, call(collect, at[1], *reached), ["x", "u", "p", "h"], list(outputs))
 
 
 _EXPANDED = ["l", "g", "H", "c", "C"]
@@ -190,9 +190,9 @@ def cost_functions(
     sizes = {name: outputs.size1_in(k) for k, name in enumerate("xup")}
     s = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
     y, c, z = outputs(*s.values()), rows(*s.values()), ca.vertcat(s["x"], s["u"])
-    found = {"y": y, "Y": ca.jacobian(y, z), "c": c, "C": ca.jacobian(c, z)}
-    values = last = straight_function("stage_values", s, found)
-    if found["Y"][:nt, sizes["x"] :].nnz():
+    expressions = {"y": y, "Y": ca.jacobian(y, z), "c": c, "C": ca.jacobian(c, z)}
+    values = last = straight_function("stage_values", s, expressions)
+    if expressions["Y"][:nt, sizes["x"] :].nnz():
         held = s["x"][-sizes["u"] :]
         y, c = (ca.substitute(value, s["u"], held) for value in (y, c))
         last = straight_function("last_values", s, {"y": y, "Y": ca.jacobian(y, z), "c": c, "C": ca.jacobian(c, z)})
@@ -215,18 +215,18 @@ def _expanded(name: str, values: ca.Function, nr: int, nz: int, nc: int, scale: 
     Gauss-Newton, since its Hessian is positive semidefinite, so that every QP is convex, and needs first derivatives
     only.
     """
-    given = {key: ca.SX.sym(key, values.sparsity_out(k)) for k, key in enumerate(values.name_out())}
-    given |= {key: ca.SX.sym(key, values.size1_out(0)) for key in ("r", "W")}
-    error, slope = given["y"][:nr, :] - given["r"][:nr, :], given["Y"][:nr, :nz]
-    scaled = scale * given["W"][:nr, :]
+    symbols = {key: ca.SX.sym(key, values.sparsity_out(k)) for k, key in enumerate(values.name_out())}
+    symbols |= {key: ca.SX.sym(key, values.size1_out(0)) for key in ("r", "W")}
+    error, slope = symbols["y"][:nr, :] - symbols["r"][:nr, :], symbols["Y"][:nr, :nz]
+    scaled = scale * symbols["W"][:nr, :]
     weighted = scaled * error
-    found = [
+    expressions = [
         0.5 * ca.dot(error, weighted),
         ca.mtimes(slope.T, weighted),
         ca.mtimes(slope.T, ca.mtimes(ca.diag(scaled), slope)),
-        given["c"][:nc, :],
-        given["C"][:nc, :nz],
+        symbols["c"][:nc, :],
+        symbols["C"][:nc, :nz],
     ]
     # Names of their own: C has no argument twice.
-    dense = {f"{key}_out": ca.densify(value) for key, value in zip(_EXPANDED, found, strict=True)}
-    return straight_function(name, given, dense)
+    dense = {f"{key}_out": ca.densify(value) for key, value in zip(_EXPANDED, expressions, strict=True)}
+    return straight_function(name, symbols, dense)

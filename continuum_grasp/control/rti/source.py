@@ -96,15 +96,15 @@ def iteration_source(
     cannot hold.
     """
     _check(stages)
-    own = [stages.step, stages.cost, stages.terminal]
-    vector, shared = in_lanes(own, real) if lanes else "", ""
+    stage_functions = [stages.step, stages.cost, stages.terminal]
+    vector, shared = in_lanes(stage_functions, real) if lanes else "", ""
     if vector and filtered is not None:
         slopes = {f.name(): f for f in straight_functions([stages.step, filtered])}
-        one = SharedSlope.of(slopes.get("stage_slope"), slopes.get("estimator_slope"))
-        if one is not None:
-            written = one.lanes("stage_slope", "estimator_slope", real)
-            shared = in_lanes([*own, filtered], real, written)
-    functions = _in_one_lane(stages.terminal) if vector else plain_source("stages", own, real)
+        shared_slope = SharedSlope.of(slopes.get("stage_slope"), slopes.get("estimator_slope"))
+        if shared_slope is not None:
+            written = shared_slope.lanes("stage_slope", "estimator_slope", real)
+            shared = in_lanes([*stage_functions, filtered], real, written)
+    functions = _in_one_lane(stages.terminal) if vector else plain_source("stages", stage_functions, real)
     # Rows are padded to four numbers, which fill a vector register of 32 bytes in double.
     width = f"#define RTI_W {-(-(stages.nx + stages.nu) // 4) * 4}" if lanes else ""
     parts = [
@@ -121,23 +121,25 @@ def iteration_source(
 
 def _in_one_lane(function: ca.Function) -> str:
     """Write a function of numbers that calls the one of lanes: of what is needed once, no scalar code beside it."""
-    given = [(k, max(function.nnz_in(k), 1), function.nnz_in(k)) for k in range(function.n_in())]
-    found = [(k, max(function.nnz_out(k), 1), function.nnz_out(k)) for k in range(function.n_out())]
+    inputs = [(k, max(function.nnz_in(k), 1), function.nnz_in(k)) for k in range(function.n_in())]
+    outputs = [(k, max(function.nnz_out(k), 1), function.nnz_out(k)) for k in range(function.n_out())]
     lines = [f"static int {function.name()}(const real *const arg[], real *const res[])", "{"]
-    lines += [f"  cg_lanes i{k}[{least}];" for k, least, _ in given] + [f"  cg_lanes o{k}[{n}];" for k, n, _ in found]
-    lines += [f"  for (int j = 0; j < {n}; ++j) i{k}[j] = (cg_lanes){{0}} + arg[{k}][j];" for k, _, n in given if n]
-    lines.append(f"  const cg_lanes *const in[] = {{{', '.join(f'i{k}' for k, *_ in given)}}};")
-    lines.append(f"  cg_lanes *const out[] = {{{', '.join(f'o{k}' for k, *_ in found)}}};")
+    lines += [f"  cg_lanes i{k}[{least}];" for k, least, _ in inputs] + [
+        f"  cg_lanes o{k}[{n}];" for k, n, _ in outputs
+    ]
+    lines += [f"  for (int j = 0; j < {n}; ++j) i{k}[j] = (cg_lanes){{0}} + arg[{k}][j];" for k, _, n in inputs if n]
+    lines.append(f"  const cg_lanes *const in[] = {{{', '.join(f'i{k}' for k, *_ in inputs)}}};")
+    lines.append(f"  cg_lanes *const out[] = {{{', '.join(f'o{k}' for k, *_ in outputs)}}};")
     lines.append(f"  {function.name()}_lanes(in, out);")
-    lines += [f"  for (int j = 0; j < {n}; ++j) res[{k}][j] = o{k}[j][0];" for k, _, n in found if n]
+    lines += [f"  for (int j = 0; j < {n}; ++j) res[{k}][j] = o{k}[j][0];" for k, _, n in outputs if n]
     return "\n".join([*lines, "  return 0;", "}", ""])
 
 
 def iteration_bodies(stages: Stages, *, lanes: bool) -> list[str]:
     """Write the C after the header."""
-    own = [_row_functions(stages), _stores(stages), _vector_products(stages, lanes)]
-    own.append(row_products(stages) if lanes else jacobian_products(stages))
-    return [template("rti_basis.c"), *own, *(template(name) for name in _ITERATION)]
+    bodies = [_row_functions(stages), _stores(stages), _vector_products(stages, lanes)]
+    bodies.append(row_products(stages) if lanes else jacobian_products(stages))
+    return [template("rti_basis.c"), *bodies, *(template(name) for name in _ITERATION)]
 
 
 def scenario_settings(stages: Stages) -> dict[str, NDArray[np.float64]]:
@@ -190,9 +192,9 @@ def _check(stages: Stages) -> None:
         stages.terminal: [1, nx, nx * nx, ns, ns * nx],
     }
     for function, expected in sizes.items():
-        found = [function.nnz_out(k) for k in range(function.n_out())]
-        if found != expected:
-            raise InputError(f"{function.name()}: expected dense outputs of {expected} entries, got {found}")
+        counts = [function.nnz_out(k) for k in range(function.n_out())]
+        if counts != expected:
+            raise InputError(f"{function.name()}: expected dense outputs of {expected} entries, got {counts}")
 
 
 def _nonzeros(function: ca.Function, output: int) -> Pattern:
@@ -368,17 +370,17 @@ def _carry(reached: Pattern, hessian: Pattern) -> str:
     """G = H + M' P M, its lower triangle."""
     lines: list[str] = []
     count, rows = 0, [np.flatnonzero(column) for column in reached.T]
-    for j, own in enumerate(rows):
-        needed = sorted({i for row in rows[: j + 1] for i in row}) if len(own) else []
+    for j, nonzeros in enumerate(rows):
+        needed = sorted({i for row in rows[: j + 1] for i in row}) if len(nonzeros) else []
         lines.append("  {")
         for i in needed:
-            terms = [f"P[{max(i, q)}][{min(i, q)}] * M[{q}][{j}]" for q in own]
+            terms = [f"P[{max(i, q)}][{min(i, q)}] * M[{q}][{j}]" for q in nonzeros]
             lines.append(f"    const real v{i} = {' + '.join(terms)};")
         for k, row in enumerate(rows[: j + 1]):
             terms = [f"H[{j}][{k}]"] * bool(hessian[j, k]) + [f"M[{i}][{k}] * v{i}" for i in row] * bool(needed)
             lines.append(f"    G[{j}][{k}] = {' + '.join(terms) or '0'};")
         lines.append("  }")
-        count += len(needed) * len(own) + sum(len(row) for row in rows[: j + 1]) * bool(needed)
+        count += len(needed) * len(nonzeros) + sum(len(row) for row in rows[: j + 1]) * bool(needed)
     return _function("RTI_UNROLLED_CONGRUENCE", _CONGRUENCE, "", lines) if count <= _MOST else ""
 
 

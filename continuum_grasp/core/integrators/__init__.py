@@ -46,6 +46,6 @@ def differentiated_step(
     branches or pivoting; their names begin with ``name``. The results are the next state (n), and its derivatives (n,
     n + m) at as many ``instants``: none, the end of the step, or also those half-way.
     """
-    found: list[ca.MX]
-    found = import_module(f"{__name__}.{method}").differentiated_step(name, slope, start, others, h, instants)
-    return found
+    results: list[ca.MX]
+    results = import_module(f"{__name__}.{method}").differentiated_step(name, slope, start, others, h, instants)
+    return results

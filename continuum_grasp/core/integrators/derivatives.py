@@ -21,12 +21,12 @@ def derivative_pattern(slope: ca.Function) -> ca.Sparsity:
     n, width = sparsity.shape
     jacobian = np.zeros((n, width), dtype=bool)
     jacobian[tuple(np.array(sparsity.get_triplet(), dtype=int))] = True
-    found = np.eye(n, width, dtype=bool)
+    pattern = np.eye(n, width, dtype=bool)
     # A path through n states has n links at most.
     for _ in range(n):
-        found |= jacobian[:, :n] @ found
-        found[:, n:] |= jacobian[:, n:]
-    rows, columns = np.nonzero(found)
+        pattern |= jacobian[:, :n] @ pattern
+        pattern[:, n:] |= jacobian[:, n:]
+    rows, columns = np.nonzero(pattern)
     return ca.Sparsity.triplet(n, width, rows.tolist(), columns.tolist())
 
 

@@ -67,8 +67,8 @@ def _middle(model: Any) -> ca.Function:
     scaled = ca.densify(ca.repmat(1.0 / unit, 1, x.numel()) * slope * ca.repmat(unit.T, x.numel(), 1))
     move = ca.solve(scaled, missing / unit, "qr")
     once = ca.Function("newton_iteration", symbols, [m - unit * move, ca.norm_inf(move)])
-    found: ca.Function = ca.Function.if_else("newton", once, ca.Function("converged", symbols, [m, correction]))
-    return found
+    middle: ca.Function = ca.Function.if_else("newton", once, ca.Function("converged", symbols, [m, correction]))
+    return middle
 
 
 def _momenta(model: Any) -> ca.Function:

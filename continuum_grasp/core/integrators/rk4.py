@@ -40,8 +40,8 @@ def differentiated_step(
     first, again = (_round(f"{name}_{which}", slope, instants, which == "first") for which in ("first", "again"))
     state, reached = start, list[ca.MX]()
     for k, coefficients in enumerate(_SLOPES):
-        given = [h, ca.MX(ca.DM(coefficients)), start, *call(slope, state, *others)[: 2 if instants else 1]]
-        state, *reached = call(again, *given, *reached) if k else call(first, *given)
+        arguments = [h, ca.MX(ca.DM(coefficients)), start, *call(slope, state, *others)[: 2 if instants else 1]]
+        state, *reached = call(again, *arguments, *reached) if k else call(first, *arguments)
     return reached[: 1 + instants]
 
 
@@ -53,20 +53,20 @@ def _round(name: str, slope: ca.Function, instants: int, is_first: bool) -> ca.F
     s = {key: ca.SX.sym(key, size) for key, size in sizes.items()}
     s |= {key: ca.SX.sym(key, sparsity) for key, sparsity in patterns.items()}
     asked = ["end", "end_by", "half_by"][: 1 + instants] + ["by"] * (instants > 0)
-    given = ["h", "coefficients", "start", "rate", *["jacobian"] * (instants > 0), *([] if is_first else asked)]
+    names = ["h", "coefficients", "start", "rate", *["jacobian"] * (instants > 0), *([] if is_first else asked)]
     if is_first:
         s |= dict.fromkeys(asked, identity(pattern)) | {"end": s["start"][:nd]}
     by_state, by_input = parts(s["jacobian"])
     changed = ca.mtimes(by_state, s["by"]) + by_input
     share, half_share, ahead = (s["coefficients"][k] * s["h"] for k in range(3))
-    found = {
+    expressions = {
         "state": ca.vertcat(s["start"][:nd] + ahead * s["rate"], s["start"][nd:, :]),
         "end": s["end"] + share * s["rate"],
         "end_by": s["end_by"] + share * changed,
         "half_by": s["half_by"] + half_share * changed,
         "by": identity(pattern) + ahead * changed,
     }
-    results = {"state": found["state"]} | {
-        f"next_{key}": found[key] if key == "end" else ca.project(found[key], pattern) for key in asked
+    results = {"state": expressions["state"]} | {
+        f"next_{key}": expressions[key] if key == "end" else ca.project(expressions[key], pattern) for key in asked
     }
-    return straight_function(name, {key: s[key] for key in given}, results)
+    return straight_function(name, {key: s[key] for key in names}, results)

@@ -34,43 +34,43 @@ def differentiated_step(
     first_guess = predict(f"{name}_predict", slope)
     corrections = [correct(f"{name}_{which}", slope, which == "first", instants > 0) for which in ("first", "last")]
     again = refine(f"{name}_refine", slope)
-    found: list[list[ca.MX]] = []
+    stages: list[list[ca.MX]] = []
     for share in (1.0, 0.5)[: max(1, instants)]:
         # Butcher's table: the first stage at gamma, the second at 1, where it is the step itself (stiffly accurate).
-        given, base, stage = [h, ca.MX(share)], start, list[ca.MX]()
+        arguments, base, stage = [h, ca.MX(share)], start, list[ca.MX]()
         for stage_of in corrections:
-            k, at = call(first_guess, *given, base, *call(slope, base, *others))
+            k, at = call(first_guess, *arguments, base, *call(slope, base, *others))
             for _ in range(between):
-                k, at = call(again, *given, base, *call(slope, at, *others), k)
-            base, *stage = call(stage_of, *given, start, *call(slope, at, *others), k, *stage)
-        found.append([base, *stage])
-    return [found[0][0], *(derivatives for _, *following in found for derivatives in following)]
+                k, at = call(again, *arguments, base, *call(slope, at, *others), k)
+            base, *stage = call(stage_of, *arguments, start, *call(slope, at, *others), k, *stage)
+        stages.append([base, *stage])
+    return [stages[0][0], *(derivatives for _, *following in stages for derivatives in following)]
 
 
 def _given(slope: ca.Function) -> tuple[dict[str, ca.SX], ca.SX, ca.SX]:
     """Inputs: the step, the share of it that is taken, a state, rate and Jacobian; and the lengths of both stages."""
     sizes = {"h": 1, "share": 1, "start": slope.size1_in(0), "rate": slope.size1_out(0)}
-    given = {key: ca.SX.sym(key, size) for key, size in (sizes | {"jacobian": slope.sparsity_out(1)}).items()}
-    length = given["share"] * given["h"]
-    return given, GAMMA * length, (1.0 - GAMMA) * length
+    symbols = {key: ca.SX.sym(key, size) for key, size in (sizes | {"jacobian": slope.sparsity_out(1)}).items()}
+    length = symbols["share"] * symbols["h"]
+    return symbols, GAMMA * length, (1.0 - GAMMA) * length
 
 
 def predict(name: str, slope: ca.Function) -> ca.Function:
     """First Newton iteration of a stage: its rate, and the state where the second one linearizes."""
-    given, step, _ = _given(slope)
-    start, rate, n = given["start"], given["rate"], slope.size1_out(0)
-    k = solve(ca.SX.eye(n) - step * parts(given["jacobian"])[0], rate)
-    return straight_function(name, given, {"k": k, "at": ca.vertcat(start[:n, :] + step * k, start[n:, :])})
+    symbols, step, _ = _given(slope)
+    start, rate, n = symbols["start"], symbols["rate"], slope.size1_out(0)
+    k = solve(ca.SX.eye(n) - step * parts(symbols["jacobian"])[0], rate)
+    return straight_function(name, symbols, {"k": k, "at": ca.vertcat(start[:n, :] + step * k, start[n:, :])})
 
 
 def refine(name: str, slope: ca.Function) -> ca.Function:
     """A Newton iteration between the first and the last one of a stage."""
-    given, step, _ = _given(slope)
-    start, n = given["start"], slope.size1_out(0)
+    symbols, step, _ = _given(slope)
+    start, n = symbols["start"], slope.size1_out(0)
     k = ca.SX.sym("k", n)
-    rates = k + solve(ca.SX.eye(n) - step * parts(given["jacobian"])[0], given["rate"] - k)
-    found = {"next": rates, "at": ca.vertcat(start[:n, :] + step * rates, start[n:, :])}
-    return straight_function(name, given | {"k": k}, found)
+    rates = k + solve(ca.SX.eye(n) - step * parts(symbols["jacobian"])[0], symbols["rate"] - k)
+    results = {"next": rates, "at": ca.vertcat(start[:n, :] + step * rates, start[n:, :])}
+    return straight_function(name, symbols | {"k": k}, results)
 
 
 def correct(name: str, slope: ca.Function, is_first: bool, with_derivatives: bool) -> ca.Function:
@@ -79,22 +79,22 @@ def correct(name: str, slope: ca.Function, is_first: bool, with_derivatives: boo
 
     A stage ``y = base + step f(y, u)`` has derivatives Y with ``(I - step J) Y = Y_base + step J_u``.
     """
-    given, step, ahead = _given(slope)
-    n, pattern, start = slope.size1_out(0), derivative_pattern(slope), given["start"]
+    symbols, step, ahead = _given(slope)
+    n, pattern, start = slope.size1_out(0), derivative_pattern(slope), symbols["start"]
     k, before, reached = ca.SX.sym("k", n), ca.SX.sym("before", n), ca.SX.sym("reached", pattern)
-    by_state, by_input = parts(given["jacobian"])
+    by_state, by_input = parts(symbols["jacobian"])
     unmoved = identity(pattern)
     # The base of the second stage goes on with the rate of the first, from which the derivatives there have come.
     base = unmoved if is_first else unmoved + (1.0 - GAMMA) / GAMMA * (reached - unmoved)
-    columns = ca.horzcat(given["rate"] - k, *[base + step * by_input] * with_derivatives)
+    columns = ca.horzcat(symbols["rate"] - k, *[base + step * by_input] * with_derivatives)
     solved = solve(ca.SX.eye(n) - step * by_state, columns)
     rates = k + solved[:, 0]
-    given["k"] = k
+    symbols["k"] = k
     if is_first:
-        found = {"next": ca.vertcat(start[:n, :] + ahead * rates, start[n:, :]), "rates": rates}
+        results = {"next": ca.vertcat(start[:n, :] + ahead * rates, start[n:, :]), "rates": rates}
     else:
-        given |= {"before": before} | ({"reached": reached} if with_derivatives else {})
-        found = {"end": start[:n, :] + ahead * before + step * rates}
+        symbols |= {"before": before} | ({"reached": reached} if with_derivatives else {})
+        results = {"end": start[:n, :] + ahead * before + step * rates}
     if with_derivatives:
-        found["by"] = ca.project(solved[:, 1:], pattern)
-    return straight_function(name, given, found)
+        results["by"] = ca.project(solved[:, 1:], pattern)
+    return straight_function(name, symbols, results)

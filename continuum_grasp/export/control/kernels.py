@@ -72,27 +72,29 @@ def adapters_of(functions: Sequence[ca.Function]) -> list[Adapter]:
 
 def _own(function: ca.Function) -> Adapter:
     name = function.name()
-    given = {n: f"arg[{k}]" for k, n in enumerate(function.name_in())}
-    given |= {n: f"res[{k}]" for k, n in enumerate(function.name_out())}
+    expressions = {n: f"arg[{k}]" for k, n in enumerate(function.name_in())}
+    expressions |= {n: f"res[{k}]" for k, n in enumerate(function.name_out())}
     # What has no result, parameters where there are none, needs no kernel.
     kernel = Kernel(name, function, _TEXTS[name.rpartition("_")[2]], called=True) if function.nnz_out() else None
-    return Adapter(function, kernel, given)
+    return Adapter(function, kernel, expressions)
 
 
 def _slopes(stage: ca.Function | None, filtered: ca.Function | None) -> dict[str, Adapter]:
     """Adapters of the slope by state and input, and of that by state and disturbances; none if there is one alone."""
-    one = SharedSlope.of(stage, filtered)
-    if one is None or stage is None or filtered is None:
+    shared_slope = SharedSlope.of(stage, filtered)
+    if shared_slope is None or stage is None or filtered is None:
         return {}
-    kernel = Kernel("slope", straight_function("slope", *one), _TEXTS["slope"], called=True)
-    by_x, by_u = (one.found[name].nnz() for name in ("by_x", "by_u"))
-    given = {"z": "arg[0]", "u": "arg[1]", "p": "arg[2]", "rate": "res[0]", "by_x": "res[1]"}
+    kernel = Kernel("slope", straight_function("slope", *shared_slope), _TEXTS["slope"], called=True)
+    by_x, by_u = (shared_slope.found[name].nnz() for name in ("by_x", "by_u"))
+    expressions = {"z": "arg[0]", "u": "arg[1]", "p": "arg[2]", "rate": "res[0]", "by_x": "res[1]"}
     return {
-        stage.name(): Adapter(stage, kernel, given | {"nominal": "arg[2]", "by_u": "behind", "by_d": "0"}, behind=by_x),
+        stage.name(): Adapter(
+            stage, kernel, expressions | {"nominal": "arg[2]", "by_u": "behind", "by_d": "0"}, behind=by_x
+        ),
         filtered.name(): Adapter(
             filtered,
             kernel,
-            given | {"nominal": "arg[3]", "by_u": "unused", "by_d": "behind"},
+            expressions | {"nominal": "arg[3]", "by_u": "unused", "by_d": "behind"},
             max(by_u, 1),
             by_x,
         ),

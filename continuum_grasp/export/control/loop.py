@@ -99,21 +99,21 @@ class Loop(ControlParts):
     ) -> Loop:
         """A scene's loop for a package that computes in a type, with the ``phases`` of a mission."""
         model = Prediction(scene)
-        own = ControlParts.of_scene(scene, model)
-        z = np.zeros(len(own.estimated_names))
+        control_parts = ControlParts.of_scene(scene, model)
+        z = np.zeros(len(control_parts.estimated_names))
         z[: model.nx] = first_state(scene, model)  # disturbances start at zero, as nothing is known of them
         n, kicks = model.system.finger_model.n, np.zeros(model.nx)
         kicks[n : 2 * n] = 1.0  # rates of the coordinates
         return Loop(
-            **vars(own),
+            **vars(control_parts),
             parts=tuple(parts),
-            members=own.settings_in(real.name),
+            members=control_parts.settings_in(real.name),
             first=z,
             setpoints=setpoints(Outputs.of(scene.controller.cost, model), scene.reference),
             duration=scene.duration or 1.0,
             kicks=kicks,
             safe="the least tensions" if scene.finger.tendons is not None else "no moment",
-            phases=phases(own.stages) if phases is not None and "mission" in parts else None,
+            phases=phases(control_parts.stages) if phases is not None and "mission" in parts else None,
         )
 
     @staticmethod
@@ -187,8 +187,8 @@ class Loop(ControlParts):
     @cached_property
     def wanted(self) -> Array:
         """Setpoints (nr) with which the scene begins."""
-        found: Array = self.setpoints.rows(0.0)[0]
-        return found
+        wanted: Array = self.setpoints.rows(0.0)[0]
+        return wanted
 
     @property
     def measured_at_start(self) -> Array:
@@ -203,8 +203,8 @@ class Loop(ControlParts):
         if e is None:
             return z
         # The filter compares mixing @ measurement with its outputs; the pseudo-inverse leads back.
-        found: Array = np.linalg.pinv(e.mixing) @ np.array(e.outputs(z, u, self.stages.p_nominal)[0]).ravel()
-        return found
+        measurement: Array = np.linalg.pinv(e.mixing) @ np.array(e.outputs(z, u, self.stages.p_nominal)[0]).ravel()
+        return measurement
 
     @cached_property
     def known(self) -> Struct | None:
@@ -272,32 +272,37 @@ class Loop(ControlParts):
     def functions(self) -> tuple[ca.Function, ...]:
         """Functions of stages and estimator that the C of ``control/c`` calls."""
         s, e, controls = self.stages, self.estimation, "mpc" in self.parts
-        found = [s.step, s.cost, s.terminal] if controls else []
+        functions = [s.step, s.cost, s.terminal] if controls else []
         if e is not None:
-            found += [e.step, e.outputs, *([e.parameters] if controls else []), *([e.flow] if self.ahead > 1 else [])]
+            functions += [
+                e.step,
+                e.outputs,
+                *([e.parameters] if controls else []),
+                *([e.flow] if self.ahead > 1 else []),
+            ]
         if self.contact is not None:
-            found += self.contact.functions
+            functions += self.contact.functions
         if e is not None and e.contact_forces is not None and self.phases is not None:
-            given = [ca.SX.sym(name, e.contact_forces.size1_in(k)) for k, name in enumerate("zup")]
-            found.append(ca.Function("estimator_forces", given, [e.contact_forces(*given)[0]], [*"zup"], ["f"]))
-        return tuple(found)
+            symbols = [ca.SX.sym(name, e.contact_forces.size1_in(k)) for k, name in enumerate("zup")]
+            functions.append(ca.Function("estimator_forces", symbols, [e.contact_forces(*symbols)[0]], [*"zup"], ["f"]))
+        return tuple(functions)
 
 
 def identifiers(labels: Iterable[str]) -> list[str]:
     """C identifiers of labels ``name [unit]``, each once."""
-    found: list[str] = []
+    names: list[str] = []
     for label in labels:
         name = re.sub(r"\W+", "_", label.split(" [")[0], flags=re.ASCII).strip("_")
         name = f"_{name}" if name[:1].isdigit() else name or "unnamed"
         further = (f"{name}_{count}" for count in itertools.count(2))
-        found.append(name if name not in found else next(one for one in further if one not in found))
-    return found
+        names.append(name if name not in names else next(candidate for candidate in further if candidate not in names))
+    return names
 
 
 def unit_of(label: str) -> str:
     """Unit of a label; 1 where it has none, as names of a scene's zones do."""
-    found = re.search(r" \[([\w ]+(?:/[\w ]+)*)\]$", label, re.ASCII)
-    return found[1] if found else "1"
+    match = re.search(r" \[([\w ]+(?:/[\w ]+)*)\]$", label, re.ASCII)
+    return match[1] if match else "1"
 
 
 def named_fields(labels: Sequence[str], ranges: Array) -> tuple[Field, ...]:

@@ -67,9 +67,9 @@ class _Host:
 
     def run(self, name: str, row: Array, outputs: int) -> tuple[int, Array]:
         """Code and outputs of a row, after those before."""
-        given, out = np.ascontiguousarray(row, dtype=self._dtype), np.zeros(outputs, dtype=self._dtype)
+        entries, out = np.ascontiguousarray(row, dtype=self._dtype), np.zeros(outputs, dtype=self._dtype)
         run = getattr(self._library, f"host_{name}")
-        return int(run(self._memory, *(ctypes.c_void_p(array.ctypes.data) for array in (given, out)))), out
+        return int(run(self._memory, *(ctypes.c_void_p(array.ctypes.data) for array in (entries, out)))), out
 
 
 class _Record:
@@ -117,8 +117,8 @@ class Finger:
         s = self._loop.stages
         held = np.asarray(u, dtype=float)
         for _ in range(self._parts):
-            given = np.concatenate([self.x, held[: s.nx - s.nd]])
-            x = np.array(s.step(given, held, s.p_nominal, self._loop.period / self._parts)[0]).ravel()[: s.nd]
+            state = np.concatenate([self.x, held[: s.nx - s.nd]])
+            x = np.array(s.step(state, held, s.p_nominal, self._loop.period / self._parts)[0]).ravel()[: s.nd]
             # A finger that a bad command threw out of the model's range starts again, so that the episode goes on.
             self.x = x if np.isfinite(x).all() else self._loop.first[: s.nd].copy()
 
@@ -130,8 +130,8 @@ class Finger:
         value = loop.measured(np.concatenate([self.x, np.zeros(e.nz - e.nx)]), u)
         self._then = [*self._then[-loop.periods :], value] if loop.periods else [value]
         noise = np.array([1e-4 if "[m]" in name else 1e-2 for name in loop.measurement_names])
-        found: Array = self._then[0] + noise * self._rng.standard_normal(len(noise))
-        return found
+        measurements: Array = self._then[0] + noise * self._rng.standard_normal(len(noise))
+        return measurements
 
     def kick(self, size: float) -> None:
         """Push it: change its rates, or states of which nothing more is known, at once."""
@@ -189,8 +189,8 @@ def _settings(loop: Loop, episode: int, k: int) -> Array:
 
 def _target(loop: Loop, rng: np.random.Generator) -> Array:
     """Setpoints at some instant."""
-    found: Array = loop.setpoints.rows(rng.uniform(0.0, loop.duration))[0]
-    return found
+    setpoints: Array = loop.setpoints.rows(rng.uniform(0.0, loop.duration))[0]
+    return setpoints
 
 
 def _felt(loop: Loop) -> int:
@@ -212,16 +212,16 @@ def _controller_vectors(contents: Contents, loop: Loop, host: _Host, function: S
             if k % 25 == 15:
                 finger.kick(1.0 + episode)
             wanted = np.where(np.arange(len(now)) == k % len(now), np.nan, now) if k % 29 == 21 else now
-            given = rng.uniform(*limits) if k % 27 == 5 else u
+            applied = rng.uniform(*limits) if k % 27 == 5 else u
             if episode and k % 27 == 5:  # off, or beyond what can be commanded
-                given = np.clip([pair[k % 2] for pair in loop.applied.bounded], -UNLIMITED, UNLIMITED) * (k % 4 > 1)
+                applied = np.clip([pair[k % 2] for pair in loop.applied.bounded], -UNLIMITED, UNLIMITED) * (k % 4 > 1)
             # Kind of the call as in tests/check.h: usual, without a plan before, or hard.
             kind = 1 if not planned else 2 if episode else 0
             settings = _settings(loop, episode, k)
             y = _spoilt(loop, finger.measured(u), episode, k, rng)
             switch = (_HELD - k % _HELD) * loop.period / loop.stages.stage
             flags = (k == 0, k % 37 == 8, k % 27 in (5, 6), kind)
-            code, out = record.call(flags, settings, _known(loop, k), y, wanted, later, [switch], given)
+            code, out = record.call(flags, settings, _known(loop, k), y, wanted, later, [switch], applied)
             planned = code >= 0 and code != Code.WARN_SAFE_RAMP
             u = out[:nu].astype(float) if code >= 0 else u
             finger.advance(u)
@@ -323,8 +323,8 @@ def _replayed(loop: Loop, vectors: Vectors, host: _Host) -> tuple[Array, Array]:
 def _differences(vectors: Vectors, output: Struct, codes: np.ndarray, other: np.ndarray) -> tuple[OutputError, ...]:
     """Greatest of each output; infinite where only one of them gives an output."""
     usual = vectors.inputs[:, 3] == 0.0
-    found, true = vectors.outputs[usual, : vectors.close].astype(float), other[usual, : vectors.close]
-    off = np.abs(found - true).max(axis=0)
+    computed, true = vectors.outputs[usual, : vectors.close].astype(float), other[usual, : vectors.close]
+    off = np.abs(computed - true).max(axis=0)
     if ((codes < 0) != (vectors.codes < 0))[usual].any():
         off[:] = np.inf
     return tuple(

@@ -60,18 +60,18 @@ class _Writer:
     # -- memory ------------------------------------------------------------------------------------------------------
 
     def macros(self) -> str:
-        loop, found = self.loop, list[str]()
+        loop, lines = self.loop, list[str]()
         if self.mpc:
-            found += [
+            lines += [
                 line for line in dimensions(loop.stages, self.real.name).splitlines() if line.startswith("#define")
             ]
-            found.append("#define RTI_LANES 1")  # plain C has no vectors: one lane
-        found += macros(loop, controls=self.mpc)
+            lines.append("#define RTI_LANES 1")  # plain C has no vectors: one lane
+        lines += macros(loop, controls=self.mpc)
         if loop.phases is not None:
-            found += [f"#define MISSION_{name} {size}" for name, size in loop.phases.sizes.items()]
+            lines += [f"#define MISSION_{name} {size}" for name, size in loop.phases.sizes.items()]
         if self.real.name == "float":
-            found.append("#define CG_SINGLE")
-        return self.renamed("\n".join(dict.fromkeys(found)))
+            lines.append("#define CG_SINGLE")
+        return self.renamed("\n".join(dict.fromkeys(lines)))
 
     def settled(self, text: str) -> str:
         """Without what only scenarios or contacts need, where there are none."""
@@ -81,11 +81,11 @@ class _Writer:
         return text
 
     def headers(self) -> list[str]:
-        found = ["rti.h"] if self.mpc else []
-        found += ["ekf.h"] if self.filter else []
-        found += ["contact_detector.h"] if self.loop.contact is not None else []
-        found += ["supervisor.h", "controller.h"] if self.mpc else []
-        return [*found, "mission.h"] if self.loop.phases is not None else found
+        headers = ["rti.h"] if self.mpc else []
+        headers += ["ekf.h"] if self.filter else []
+        headers += ["contact_detector.h"] if self.loop.contact is not None else []
+        headers += ["supervisor.h", "controller.h"] if self.mpc else []
+        return [*headers, "mission.h"] if self.loop.phases is not None else headers
 
     def memory(self, words: dict[str, object]) -> str:
         types = self.renamed(self.settled("\n".join(without_prototypes(template(name))[0] for name in self.headers())))
@@ -133,8 +133,8 @@ class _Writer:
         else:
             texts += [self.own_settings("ekf"), *([self.own_settings("contact")] if loop.contact is not None else [])]
         if loop.phases is not None:
-            own = self.initializer(loop.phases.members)
-            texts.append(f"static const {p}_phases_settings phase_settings = {own};")
+            phase_settings = self.initializer(loop.phases.members)
+            texts.append(f"static const {p}_phases_settings phase_settings = {phase_settings};")
         if "estimator" in loop.parts:
             names = ("MISSING", "ABSURD", "OUTLIER", "REOPENED")
             bits = ", ".join(["0", *(f"{p.upper()}_ANOMALY_{name}" for name in names), "0"])
@@ -144,8 +144,8 @@ class _Writer:
     def own_settings(self, module: str) -> str:
         """Settings of a module, where there are none of a controller around them."""
         start, members = f"{module}.", self.loop.members.items()
-        own = {name.removeprefix(start): values for name, values in members if name.startswith(start)}
-        return f"static const {self.prefix}_{module}_settings {module}_settings = {self.initializer(own)};"
+        settings = {name.removeprefix(start): values for name, values in members if name.startswith(start)}
+        return f"static const {self.prefix}_{module}_settings {module}_settings = {self.initializer(settings)};"
 
     def initializer(self, members: Settings) -> str:
         lines = (f"  .{name} = {self.braced(np.asarray(v), is_whole(v))}" for name, v in members.items())

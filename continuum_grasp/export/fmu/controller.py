@@ -48,10 +48,10 @@ def controller_unit(
         "measurement", "input", structs["measurement"], list(loop["measurement_at_start"].values()), may_be_missing=True
     )
     nominal = list(loop["nominal_known"].values())
-    given, states, words = _of_loop(manifest, preview) if alone else _of_mission(loop["mission"])
+    input_groups, states, words = _of_loop(manifest, preview) if alone else _of_mission(loop["mission"])
     groups = {
         "FMU_MEASUREMENT": measured,
-        **given,
+        **input_groups,
         "FMU_KNOWN": variables_of("known", "tunable", structs.get("known", []), nominal),
         "FMU_COMMAND": variables_of("command", "output", structs["command"]),
         "FMU_ESTIMATE": variables_of("estimate", "output", structs[start]),

@@ -17,8 +17,8 @@ def model_description(unit: Unit, fmi: str, token: str) -> str:
     """XML of a version, ``"2"`` or ``"3"``."""
     old, reals = fmi == "2", unit.variables
     units = {name: base_unit(name) for name in sorted({variable.unit for variable in reals} | {"s"})}
-    given = {"title": unit.title, "what": unit.what, "hash": unit.manifest["configuration_hash"], "token": token}
-    words = {name: escape(str(text), {'"': "&quot;"}) for name, text in given.items()} | {
+    texts = {"title": unit.title, "what": unit.what, "hash": unit.manifest["configuration_hash"], "token": token}
+    words = {name: escape(str(text), {'"': "&quot;"}) for name, text in texts.items()} | {
         "fmi": fmi,
         "old": old,
         "id": "guid" if old else "instantiationToken",
@@ -36,11 +36,16 @@ def model_description(unit: Unit, fmi: str, token: str) -> str:
     offset = 1 if old else 0
 
     def add(kind: str, name: str, text: str, more: Mapping[str, str], values: Mapping[str, str]) -> None:
-        own = {"name": name, "valueReference": str(len(listed)), **({"description": text} if text else {}), **more}
+        attributes = {
+            "name": name,
+            "valueReference": str(len(listed)),
+            **({"description": text} if text else {}),
+            **more,
+        }
         if old:
-            ElementTree.SubElement(ElementTree.SubElement(listed, "ScalarVariable", own), kind, dict(values))
+            ElementTree.SubElement(ElementTree.SubElement(listed, "ScalarVariable", attributes), kind, dict(values))
         else:
-            ElementTree.SubElement(listed, kind, {**own, **values})
+            ElementTree.SubElement(listed, kind, {**attributes, **values})
 
     first = next((k for k, v in enumerate(reals) if v.kind == "state"), 0)
     rates = [k for k, v in enumerate(reals) if v.kind == "rate"]
@@ -78,17 +83,17 @@ def _number(value: float) -> str:
 
 def _real(unit: Unit, variable: Variable) -> dict[str, str]:
     """Attributes that both versions have of a real variable."""
-    found = {"unit": variable.unit}
+    attributes = {"unit": variable.unit}
     if variable.kind in ("input", "tunable", "fixed"):  # what is computed may leave the range in which it is taken
         if math.isfinite(variable.low):
-            found["min"] = _number(variable.low)
+            attributes["min"] = _number(variable.low)
         if math.isfinite(variable.high):
-            found["max"] = _number(variable.high)
+            attributes["max"] = _number(variable.high)
     if variable.nominal is not None:
-        found["nominal"] = _number(variable.nominal)
+        attributes["nominal"] = _number(variable.nominal)
     if variable.kind not in ("output", "rate"):
-        found["start"] = _number(variable.start)
-    return found
+        attributes["start"] = _number(variable.start)
+    return attributes
 
 
 def _roles(unit: Unit, variable: Variable) -> dict[str, str]:
@@ -140,7 +145,7 @@ def base_unit(unit: str) -> dict[str, int] | None:
     Factors stand side by side; a stroke divides by the one factor, or parenthesis, behind it: ``N m2`` is
     ``{"kg": 1, "m": 3, "s": -2}``.
     """
-    found, at = dict[str, int](), 0
+    exponents, at = dict[str, int](), 0
     while not at or at < len(unit):
         match = _FACTOR.match(unit, at)
         inner = None if match is None else _BASE.get(match[3]) if match[2] is None else base_unit(match[2])
@@ -148,5 +153,5 @@ def base_unit(unit: str) -> dict[str, int] | None:
             return None
         power, at = (-1 if match[1] else 1) * int(match[4] or 1), match.end()
         for name, exponent in inner.items():
-            found[name] = found.get(name, 0) + power * exponent
-    return {name: power for name, power in found.items() if power}
+            exponents[name] = exponents.get(name, 0) + power * exponent
+    return {name: power for name, power in exponents.items() if power}

@@ -133,15 +133,15 @@ def variables_of(
     **more: Any,
 ) -> tuple[Variable, ...]:
     """Variables ``group.name`` of the entries that a manifest has of a struct, with their values to begin with."""
-    found = []
+    variables = []
     for k, entry in enumerate(entries):
         known = {name: entry[name] for name in ("low", "high", "nominal") if name in entry}
         start = 0.0 if starts is None else float(starts[k])
         if kind == "tunable" and start != 0.0:
             known.setdefault("nominal", abs(start))
         name, text = f"{group}.{entry['name']}", entry.get("text", "")
-        found.append(Variable(name, entry["unit"], text, kind, start, **known, **more))
-    return tuple(found)
+        variables.append(Variable(name, entry["unit"], text, kind, start, **known, **more))
+    return tuple(variables)
 
 
 def count(name: str, text: str) -> Variable:

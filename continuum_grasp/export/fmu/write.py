@@ -154,7 +154,7 @@ def export_fmu(
     ('tendon_step_plant_fmi3.fmu', ('tip.x', 'tip.y', 'tip.angle', 'code'))
     """
     scene = scene_of(given, (Scene, ControlScene, *_MISSIONS))
-    own = prefix_of(name) if name is not None else identifier_of(given, scene)
+    identifier = prefix_of(name) if name is not None else identifier_of(given, scene)
     versions = chosen([fmi] if isinstance(fmi, str) else fmi, VERSIONS, "version", "fmi")
     alone = isinstance(scene, Scene)
     has = WHAT[:1] if alone else WHAT[1:] if isinstance(scene, _MISSIONS) else WHAT
@@ -163,16 +163,16 @@ def export_fmu(
     given_options: dict[str, Any] = {f"what={kind}": "what" for kind in kinds}
     given_options |= {"step": bool(step), "ranges": bool(ranges), "substeps": bool(substeps), "preview": preview}
     given_options["finger"] = finger is not None
-    for one in _UNITS:
-        one.check((scene, kinds), of=given_options)
-    files = {(k, fmi): Path(folder) / f"{own}_{k}_fmi{fmi}.fmu" for k in WHAT if k in kinds for fmi in versions}
+    for feature in _UNITS:
+        feature.check((scene, kinds), of=given_options)
+    files = {(k, fmi): Path(folder) / f"{identifier}_{k}_fmi{fmi}.fmu" for k in WHAT if k in kinds for fmi in versions}
     for file in files.values():
         check_file(file, is_unit)
     makers = {
         "plant": partial(finger_unit, step=step, substeps=substeps, ranges=ranges) if alone else loop_plant_unit,
         "controller": partial(controller_unit, preview=preview, finger=finger),
     }
-    units = {kind: makers[kind](scene, f"{own}_{kind}") for kind in kinds}
+    units = {kind: makers[kind](scene, f"{identifier}_{kind}") for kind in kinds}
     with tempfile.TemporaryDirectory() as work:
         return tuple(
             _written(units[kind], kind, version, file, binary, Path(work)) for (kind, version), file in files.items()
@@ -221,15 +221,15 @@ def _files(unit: Unit, fmi: str) -> dict[str, str]:
     digest = hashlib.sha256("".join([source, *unit.sources.values()]).encode()).hexdigest()
     token = f"{{{uuid.UUID(digest[:32])}}}"
     sources = {**unit.sources, f"fmi{fmi}.c": source.replace(_NO_TOKEN, token)}
-    found = {f"sources/{name}": text for name, text in sources.items()}
-    found["modelDescription.xml"] = model_description(unit, fmi, token)
-    found["documentation/index.html"] = _page(unit)
-    found["documentation/licenses/license.txt"] = fill("LICENSE", {"version": __version__})
-    found["resources/MANIFEST.json"] = manifest_text(unit.manifest)
+    files = {f"sources/{name}": text for name, text in sources.items()}
+    files["modelDescription.xml"] = model_description(unit, fmi, token)
+    files["documentation/index.html"] = _page(unit)
+    files["documentation/licenses/license.txt"] = fill("LICENSE", {"version": __version__})
+    files["resources/MANIFEST.json"] = manifest_text(unit.manifest)
     if fmi == "3":
         names = sorted(name for name in sources if name.endswith(".c"))
-        found["sources/buildDescription.xml"] = fill("fmu/build.xml", {"unit": unit, "sources": names})
-    return found
+        files["sources/buildDescription.xml"] = fill("fmu/build.xml", {"unit": unit, "sources": names})
+    return files
 
 
 _SPELLED: dict[str, dict[str, Any]] = {
@@ -275,8 +275,8 @@ def _source(unit: Unit, fmi: str) -> str:
         **unit.words,
     }
     types, *glue = (fill(f"fmu/{name}", words) for name in unit.glue)
-    own = {"v": fmi, "linear": unit.linear, **_SPELLED[fmi]}
-    parts = {name: fill(f"fmu/{name}.c", own) for name in ("names", "shared")}
+    texts = {"v": fmi, "linear": unit.linear, **_SPELLED[fmi]}
+    parts = {name: fill(f"fmu/{name}.c", texts) for name in ("names", "shared")}
     words |= {**parts, "prototypes": "<<prototypes>>", "others": _rest(fmi)}
     standard = fill(f"fmu/fmi{fmi}.c", words)
     declared = "\n".join(f"{head};" for head in _FUNCTION.findall(standard))
@@ -290,7 +290,7 @@ def _rest(fmi: str) -> str:
     """
     of = f"{_SPELLED[fmi]['handle']} instance, const fmi{fmi}ValueReference vr[], size_t n"
     declared = _DECLARED.findall(fill(f"fmu/rest{fmi}.txt", {}).replace("OF", of))
-    heads = [(name, " ".join(given.split())) for name, given in declared]
+    heads = [(name, " ".join(text.split())) for name, text in declared]
     rows = [(name, head, _ARGUMENT.findall(head), head.startswith(of)) for name, head in heads]
     return fill("fmu/rest.c", {"v": fmi, "functions": rows})
 

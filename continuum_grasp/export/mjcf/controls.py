@@ -53,8 +53,8 @@ class Control:
         *_, channel, arm = pull
         # 1/(T s + 1)^2 and 1/(2 T s + 1) have the same mean delay 2 T.
         lag = channel.time_constant and channel.order * channel.time_constant
-        given = {"lag": lag, **others}
-        return cls(name, value, channel.to, tuple(channel.shape.breaks), channel=channel, arm=arm, **given)
+        arguments = {"lag": lag, **others}
+        return cls(name, value, channel.to, tuple(channel.shape.breaks), channel=channel, arm=arm, **arguments)
 
     def levers(self, at: Array) -> Array:
         """Moments about hinges at places (N,) per control: of a tendon how far it is drawn in per angle [m]."""
@@ -80,19 +80,19 @@ class Control:
 
 def controls_of(scene: Scene) -> list[Control]:
     """All actuators of a scene: tendons, or the tip moment, then the components of its loads."""
-    found = _inputs(scene)
+    controls = _inputs(scene)
     tip = scene.finger.profile.length
     for k, load in enumerate(scene.loads):
         value = value_of(load)
         if not isinstance(load, ForceLoad):
             name, jumps = f"load_{k + 1}_moment", (load.at,) if load.at < tip else ()
-            found.append(Control(name, value, load.at, jumps, gear=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0)))
+            controls.append(Control(name, value, load.at, jumps, gear=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0)))
             continue
         for component, axis in enumerate("xy"):
             gear = tuple(float(j == component) for j in range(6))
             name = f"load_{k + 1}_{axis}"
-            found.append(Control(name, value, load.at, (), component, gear, load.follows))
-    return found
+            controls.append(Control(name, value, load.at, (), component, gear, load.follows))
+    return controls
 
 
 def _inputs(scene: Scene) -> list[Control]:
@@ -103,17 +103,17 @@ def _inputs(scene: Scene) -> list[Control]:
         gear = (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
         return [Control("tip_moment", actuation.tip_moment, finger.profile.length, gear=gear)]
     tendons = len(finger.tendon_list)
-    given = {} if actuation is None else actuation.given
-    pressures = given.get("pressures", (0.0,) * len(finger.chambers))
-    found = _tendons(scene)
-    for k, (own, pressure) in enumerate(zip(finger.pulls[tendons:], pressures, strict=True)):
-        found.append(Control.of(f"chamber_{k + 1}", pressure, own, limits=(own.least, own.most)))
-    return found
+    commands = {} if actuation is None else actuation.given
+    pressures = commands.get("pressures", (0.0,) * len(finger.chambers))
+    controls = _tendons(scene)
+    for k, (chamber, pressure) in enumerate(zip(finger.pulls[tendons:], pressures, strict=True)):
+        controls.append(Control.of(f"chamber_{k + 1}", pressure, chamber, limits=(chamber.least, chamber.most)))
+    return controls
 
 
 def _tendons(scene: Scene) -> list[Control]:
     """Tendons whose tensions are commanded, or those of winches that follow lengths."""
-    finger, actuation, found = scene.finger, scene.actuation, list[Control]()
+    finger, actuation, controls = scene.finger, scene.actuation, list[Control]()
     pulley = len(finger.winches) < len(finger.tendon_list)
     lengths = (0.0,) * len(finger.winches) if actuation is None else actuation.values
     tensions = None if actuation is None else actuation.tensions
@@ -122,23 +122,27 @@ def _tendons(scene: Scene) -> list[Control]:
         if not finger.winches:
             # Slack tendons, of a scene without input, have no tension at all.
             limits = (0.0 if tensions is None else tendon.min_tension, tendon.max_tension)
-            found.append(Control.of(name, 0.0 if tensions is None else tensions[j], pull, limits=limits))
+            controls.append(Control.of(name, 0.0 if tensions is None else tensions[j], pull, limits=limits))
             continue
         if not isinstance(drive, LengthDrive):
             raise TypeError("motors are refused")
         to = tendon.end(finger.profile.length)
         compliance = 1.0 / (tendon.series_stiffness or 1.0) + to / (tendon.axial_stiffness or 1.0)
-        own = {"lag": 2.0 * drive.time_constant, "cable": 1.0 / compliance, "sense": -1.0 if pulley and j == 1 else 1.0}
-        own["start"] = drive.pretension * compliance - drive.slack
-        found.append(Control.of(name, lengths[0 if pulley else j], pull, **own))
-    return found
+        properties = {
+            "lag": 2.0 * drive.time_constant,
+            "cable": 1.0 / compliance,
+            "sense": -1.0 if pulley and j == 1 else 1.0,
+        }
+        properties["start"] = drive.pretension * compliance - drive.slack
+        controls.append(Control.of(name, lengths[0 if pulley else j], pull, **properties))
+    return controls
 
 
 def cable_springs(controls: Sequence[Control], at: Array) -> Array:
     """Stiffness (N, N) of all cables, taut, at hinges [N m/rad]."""
-    found = np.zeros((len(at), len(at)))
-    for one in controls:
-        if one.cable is not None:
-            levers = one.levers(at)
-            found += one.cable * np.outer(levers, levers)
-    return found
+    stiffness = np.zeros((len(at), len(at)))
+    for control in controls:
+        if control.cable is not None:
+            levers = control.levers(at)
+            stiffness += control.cable * np.outer(levers, levers)
+    return stiffness

@@ -36,23 +36,23 @@ def add_surroundings(root: ET.Element, scene: Scene) -> None:
     cos, sin = math.cos(body.angle), math.sin(body.angle)
     x = body.position[0] + cos * body.com[0] - sin * body.com[1]
     y = body.position[1] + sin * body.com[0] + cos * body.com[1]
-    one = ET.SubElement(world, "body", name="object", pos=numbers(x, y, 0.0))
+    element = ET.SubElement(world, "body", name="object", pos=numbers(x, y, 0.0))
     if scene.object_moves:
         table = scene.table if scene.out_of_plane_gravity else None  # one in the plane is a wall
-        most = 0.0 if table is None else table.friction * body.mass * scene.out_of_plane_gravity
+        friction_limit = 0.0 if table is None else table.friction * body.mass * scene.out_of_plane_gravity
         for name, kind, axis in (("x", "slide", "1 0 0"), ("y", "slide", "0 1 0"), ("angle", "hinge", "0 0 1")):
-            joint = ET.SubElement(one, "joint", name=f"object_{name}", type=kind, axis=axis)
+            joint = ET.SubElement(element, "joint", name=f"object_{name}", type=kind, axis=axis)
             if kind == "slide" and table is not None:
-                joint.set("frictionloss", numbers(most))
+                joint.set("frictionloss", numbers(friction_limit))
             elif table is not None and table.friction_radius > 0.0:
-                joint.set("frictionloss", numbers(most * table.friction_radius))
+                joint.set("frictionloss", numbers(friction_limit * table.friction_radius))
         inertia = numbers(*[scene.inertia] * 3)
-        ET.SubElement(one, "inertial", pos="0 0 0", mass=numbers(body.mass), diaginertia=inertia)
+        ET.SubElement(element, "inertial", pos="0 0 0", mass=numbers(body.mass), diaginertia=inertia)
     asset = ET.Element("asset")
     width = _WIDTH * scene.finger.profile.length
     for k, part in enumerate(body.pieces):
         placed = part.placed((body.position[0] - x, body.position[1] - y), body.angle)
-        one.append(_geometry(asset, f"part_{k + 1}", placed, width))
+        element.append(_geometry(asset, f"part_{k + 1}", placed, width))
     if len(asset):
         root.insert([*root].index(world) + 1, asset)
     in_plane = None if scene.table is None else scene.table.wall
@@ -97,10 +97,14 @@ def _wall(wall: Wall, width: float, friction: dict[str, str]) -> ET.Element:
     return geom
 
 
-def _friction(scene: Scene, own: float | None) -> dict[str, str]:
+def _friction(scene: Scene, coefficient: float | None) -> dict[str, str]:
     """Friction of a surface that the object touches."""
     law = scene.contact_law
-    return {"friction": numbers((law.friction if law is not None else 0.0) if own is None else own, 0.0, 0.0)}
+    return {
+        "friction": numbers(
+            (law.friction if law is not None else 0.0) if coefficient is None else coefficient, 0.0, 0.0
+        )
+    }
 
 
 def numbers(*values: float) -> str:

@@ -77,7 +77,7 @@ def _link(scene: Scene, links: Links, k: int, sites: Mapping[str, float]) -> dic
     profile = scene.finger.profile
     before = float(links.at[k - 1]) if k > 0 else 0.0
     begin, end = (float(links.at[k]), float(links.ends[k])) if k >= 0 else (0.0, float(links.at[0]))
-    found: dict[str, object] = {
+    link: dict[str, object] = {
         "number": k + 1,
         "place": begin - before,
         "radius": float(profile.half_thickness(0.5 * (begin + end))) or _THIN * profile.length,
@@ -85,11 +85,11 @@ def _link(scene: Scene, links: Links, k: int, sites: Mapping[str, float]) -> dic
         "sites": [(name, at - begin) for name, at in sites.items()],
     }
     if k >= 0:
-        found |= {
+        link |= {
             name: getattr(links, name)[k] for name in ("stiffness", "damping", "rest", "across", "mass", "inertia")
         }
-        found["center"] = links.center[k] - begin
-    return found
+        link["center"] = links.center[k] - begin
+    return link
 
 
 def _explanation(

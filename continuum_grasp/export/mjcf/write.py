@@ -107,18 +107,18 @@ class HingeChain:
     @property
     def control_names(self) -> list[str]:
         """Names of the actuators, in their order."""
-        return [one.name for one in self._controls]
+        return [control.name for control in self._controls]
 
     @property
     def varies(self) -> bool:
         """Whether a control of the scene varies in time."""
-        return any(one.varies for one in self._controls)
+        return any(control.varies for control in self._controls)
 
     @check_arguments
     def controls(self, t: ArrayLike) -> Array:
         """Controls (T, nu) of the scene at instants (T,) [s], for ``mjData.ctrl``: tensions [N], moments [N m], ..."""
         instants = np.atleast_1d(np.asarray(t, dtype=float))
-        return np.stack([np.zeros(len(instants)), *(one(instants) for one in self._controls)], axis=1)[:, 1:]
+        return np.stack([np.zeros(len(instants)), *(control(instants) for control in self._controls)], axis=1)[:, 1:]
 
 
 @check_arguments
@@ -173,9 +173,9 @@ def export_mjcf(
     whole("hinges", hinges, 1, _MOST_HINGES)
     per_arc = FingerModel(resolve_fidelity(scene)[0]).lengths if scene.finger.damping.per_arc else ()
     controls = controls_of(scene)
-    if file is not None and scene.time is not None and any(one.varies for one in controls):
+    if file is not None and scene.time is not None and any(control.varies for control in controls):
         check_file(Path(file).with_suffix(".csv"), partial(is_marked, mark=b"time,"))
-    links = lump(scene.finger, hinges, [at for one in controls for at in one.jumps], per_arc=per_arc)
+    links = lump(scene.finger, hinges, [at for control in controls for at in control.jumps], per_arc=per_arc)
     if links.inertia.min() < _LEAST_INERTIA:
         raise InputError(
             f"a link of {hinges} has an inertia of {links.inertia.min():.2g} kg m2, below MuJoCo's least of "
@@ -195,18 +195,18 @@ def export_mjcf(
 
 def _differences(scene: Scene, controls: list[Control]) -> list[str]:
     """Differences of the chain from the finger, in words."""
-    found = []
-    if any(one.lag and one.channel and one.channel.order > 1 for one in controls):
+    differences = []
+    if any(control.lag and control.channel and control.channel.order > 1 for control in controls):
         key = "tendons.drive.time_constant" if scene.finger.winches else "tendons.time_constant"
-        found.append(
+        differences.append(
             f"{key}: MuJoCo's filter is of first order; it has twice the time constant of the critically damped one of "
             "second order, which has the same mean delay"
         )
-    if any(one.varies for one in controls):
-        found.append(
+    if any(control.varies for control in controls):
+        differences.append(
             "inputs that vary in time: MJCF has their values at time zero; the rest is in the table of controls"
         )
-    return found
+    return differences
 
 
 def _start(scene: Scene, links: Links) -> tuple[Array, Array]:

@@ -144,5 +144,5 @@ def _runner(subject: Subject, loop: Loop, name: str, **between: int) -> str:
     words = {"loop": loop, "low": ROW_FLAGS + 2 * loop.stages.nr, "behind": loop.command.size + loop.start.size}
     reported = () if loop.phases is None else loop.phases.reported
     words["watches"] = between.get("height", 0)
-    words["reported"] = [(k + 1, own) for k, (own, _) in enumerate(reported)]
+    words["reported"] = [(k + 1, entry) for k, (entry, _) in enumerate(reported)]
     return fill(f"tests/run_{name}.c", {"p": subject.prefix, **places, **words})

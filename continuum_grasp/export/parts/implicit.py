@@ -46,11 +46,11 @@ def implicit_step(subject: Subject) -> Part:
         for _ in range(substeps):
             base, before = x, dict[str, Array]()
             for stage in (first, last):
-                given = {"h": part, **slope.evaluate(real, **{**rows, "x": base})}
-                ahead = guess.evaluate(real, start=base, **given)
-                given = {"h": part, **slope.evaluate(real, **{**rows, "x": ahead["at"]})}
-                found = stage.evaluate(real, start=x, k=ahead["k"], **given, **before)
-                base, before = found["next"], {"before": found["rates"]} if stage is first else {}
+                inputs = {"h": part, **slope.evaluate(real, **{**rows, "x": base})}
+                ahead = guess.evaluate(real, start=base, **inputs)
+                inputs = {"h": part, **slope.evaluate(real, **{**rows, "x": ahead["at"]})}
+                results = stage.evaluate(real, start=x, k=ahead["k"], **inputs, **before)
+                base, before = results["next"], {"before": results["rates"]} if stage is first else {}
             off = size.evaluate(real, x=base, at=ahead["at"])["off"]
             with np.errstate(invalid="ignore"):
                 x, moved = base, np.where(off > moved, off, moved)
@@ -80,28 +80,28 @@ def _kernels(subject: Subject) -> tuple[Kernel, Kernel, Kernel, Kernel, Kernel]:
     """Slope with its Jacobian; first guess of a stage; both stages; and the size of the last one's correction."""
     eq, moving = subject.equations, subject.moving
     rate = ca.densify(column(eq.state_rate))
-    given = {"x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}
-    slope = straight_function("slope", given, {"rate": rate, "jacobian": ca.jacobian(rate, eq.x)})
-    found = [("slope", slope, "Rate of change of the state, and its derivative by the state.")]
-    found.append(("guess", _whole(predict("guess", slope)), "First Newton iteration of a stage."))
+    symbols = {"x": eq.x, "u": eq.u, "w": eq.w, "p": eq.p}
+    slope = straight_function("slope", symbols, {"rate": rate, "jacobian": ca.jacobian(rate, eq.x)})
+    kernels = [("slope", slope, "Rate of change of the state, and its derivative by the state.")]
+    kernels.append(("guess", _whole(predict("guess", slope)), "First Newton iteration of a stage."))
     for name, is_first in (("first", True), ("last", False)):
         text = f"Second Newton iteration of the {name} stage."
-        found.append((name, _whole(correct(name, slope, is_first, with_derivatives=False)), text))
+        kernels.append((name, _whole(correct(name, slope, is_first, with_derivatives=False)), text))
     x, at = ca.SX.sym("x", moving.nx), ca.SX.sym("at", moving.nx)
     off: ca.SX = ca.SX(0.0)
     for j, field in enumerate(subject.state.fields[: moving.n]):
         off = ca.fmax(off, ca.fabs((1.0 / field.high) * (x[j] - at[j])))
     size = straight_function("size", {"x": x, "at": at}, {"off": off})
-    found.append(("size", size, "Last correction of a step, per range of the bending coordinates."))
+    kernels.append(("size", size, "Last correction of a step, per range of the bending coordinates."))
     slope_kernel, guess, first, last, measure = (
-        Kernel(f"implicit_{name}", function, text, called=True) for name, function, text in found
+        Kernel(f"implicit_{name}", function, text, called=True) for name, function, text in kernels
     )
     return slope_kernel, guess, first, last, measure
 
 
 def _whole(function: ca.Function) -> ca.Function:
     """Function of a whole step, with the ends of both stages under one name."""
-    given = {name: function.sx_in(k) for k, name in enumerate(function.name_in())}
-    found = function.call({**given, "share": ca.SX(1.0)})
-    named = {"next" if name == "end" else name: found[name] for name in function.name_out()}
-    return straight_function(function.name(), {k: v for k, v in given.items() if k != "share"}, named)
+    symbols = {name: function.sx_in(k) for k, name in enumerate(function.name_in())}
+    results = function.call({**symbols, "share": ca.SX(1.0)})
+    named = {"next" if name == "end" else name: results[name] for name in function.name_out()}
+    return straight_function(function.name(), {k: v for k, v in symbols.items() if k != "share"}, named)

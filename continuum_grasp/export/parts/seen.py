@@ -44,37 +44,37 @@ def sections_kernel(
     kind, _, text, fields = _SECTIONS[name]
     across, turn = getattr(system, kind)(at)(x, u, p)
     axes = "v" * (name == "velocities")
-    found = {f"section_{axes}x": across[0, :].T, f"section_{axes}y": across[1, :].T, f"section_{fields[2][0]}": turn}
-    return _kernel(name, given, found, text)
+    outputs = {f"section_{axes}x": across[0, :].T, f"section_{axes}y": across[1, :].T, f"section_{fields[2][0]}": turn}
+    return _kernel(name, given, outputs, text)
 
 
 def contact_kernel(system: System, given: Symbols, x: ca.SX, u: ca.SX, w: ca.SX, p: ca.SX) -> Kernel:
     """Gaps and forces of all contacts, as of ``System.touch``; vectors by their components."""
-    found = by_component(dict(zip(system.touch.name_out(), system.touch(x, u, w, p), strict=True)))
-    return _kernel("contact", given, found, "Gaps and forces of all contacts.")
+    outputs = by_component(dict(zip(system.touch.name_out(), system.touch(x, u, w, p), strict=True)))
+    return _kernel("contact", given, outputs, "Gaps and forces of all contacts.")
 
 
 def by_component(touch: Mapping[str, ca.SX]) -> dict[str, ca.SX]:
     """Outputs of ``System.touch``, those that are vectors by their components, in the order of ``TOUCH``."""
-    found: dict[str, ca.SX] = {}
+    components: dict[str, ca.SX] = {}
     for name, value in touch.items():
-        found |= {f"{name}_x": value[0, :].T, f"{name}_y": value[1, :].T} if name in _VECTORS else {name: value}
-    return found
+        components |= {f"{name}_x": value[0, :].T, f"{name}_y": value[1, :].T} if name in _VECTORS else {name: value}
+    return components
 
 
 _VECTORS = ("force", "point", "normal")
 """Outputs of ``System.touch`` that are world vectors (2, K)."""
 
 
-def _kernel(name: str, given: Symbols, found: Symbols, text: str) -> Kernel:
-    return Kernel(name, straight_function(name, dict(given), {n: ca.densify(v) for n, v in found.items()}), text)
+def _kernel(name: str, symbols: Symbols, outputs: Symbols, text: str) -> Kernel:
+    return Kernel(name, straight_function(name, dict(symbols), {n: ca.densify(v) for n, v in outputs.items()}), text)
 
 
 def sections(name: str, subject: Subject) -> Part:
     """Write many sections in one call, without derivatives, or their velocities."""
     kind, text, _, entries = _SECTIONS[name]
-    given = {letter: ca.SX.sym(letter, getattr(subject.system, f"n{letter}")) for letter in "xup"}
-    kernel = sections_kernel(name, subject.system, subject.stations, given, *given.values())
+    symbols = {letter: ca.SX.sym(letter, getattr(subject.system, f"n{letter}")) for letter in "xup"}
+    kernel = sections_kernel(name, subject.system, subject.stations, symbols, *symbols.values())
     struct = Struct(kind, text, tuple(Field(f, unit, said, shape=(subject.sections,)) for f, unit, said in entries))
     inputs, output = subject.acting(forces=False, drawn=True), Argument(struct.name, struct, "result")
     call = evaluating(subject, kernel, name, text + DRAWN, inputs, output, warns=True)

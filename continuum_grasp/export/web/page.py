@@ -311,7 +311,7 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
             "sections": plant.pushed,
             "most": _PULL * 0.5 * math.pi * finger.rod.stiffness / length**2,
         },
-        "tendons": [_tendon(one, plant.at, length) for one in finger.tendon_list],
+        "tendons": [_tendon(tendon, plant.at, length) for tendon in finger.tendon_list],
         "discs": _discs(finger),
         "masses": [[mass.at / length, mass.mass] for mass in finger.masses],
         "touches": system.touch_names,
@@ -322,7 +322,7 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
 
 def _touched(system: System) -> dict[str, Any]:
     """Data of the object, of friction and of the supports; none where nothing is touched."""
-    own, body = system.finger_model, system.surroundings
+    model, body = system.finger_model, system.surroundings
     if body is None or body.object is None or body.contact_law is None:
         return {}
     of_object = list(system.object_parameters)
@@ -331,22 +331,22 @@ def _touched(system: System) -> dict[str, Any]:
     supports = {wall.name: wall.friction for wall in body.walls} | {peg.name: peg.friction for peg in body.pegs}
     law = body.contact_law.friction
     limits = [supports.get(name.partition(".")[0]) for name in system.touch_names]
-    farthest = 10.0 * own.finger.rod.length
+    farthest = 10.0 * model.finger.rod.length
     return {
         "object": {
             "parts": [np.round(np.array(part.outline(96)), _DIGITS).tolist() for part in body.object.parts],
             "pose": [float(v) for v in body.object.pose],
             "state": first if moves else None,
-            "wrench": own.nw if moves else None,
-            "parameter": own.np + of_object.index("object_x") if "object_x" in of_object else None,
+            "wrench": model.nw if moves else None,
+            "parameter": model.np + of_object.index("object_x") if "object_x" in of_object else None,
             "mass": body.object.mass,
             "height": first + 3 if moves and body.out_of_plane_gravity else None,
             "most": 10.0 * max(body.object.mass, 0.02),
         },
         "friction": {
-            "parameter": own.np + of_object.index(FRICTION),
+            "parameter": model.np + of_object.index(FRICTION),
             "law": law,
-            "of": [law if one is None else one for one in limits],
+            "of": [law if limit is None else limit for limit in limits],
         },
         "walls": [[*wall.point, *wall.normal, min(wall.half_length, farthest)] for wall in body.walls],
         "pegs": [[*peg.position, peg.radius] for peg in body.pegs],

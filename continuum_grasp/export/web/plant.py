@@ -138,19 +138,19 @@ class WebPlant:
         """Usual sizes of the states, by which differences are taken."""
         finger = self.system.finger_model
         limits = finger.structure.coordinate_limits()
-        found = [*limits, *(_FAST * limit for limit in limits)]
-        return found + [_USUAL.get(unit_of(name), 0.01) for name in self.x_names[len(found) :]]
+        scales = [*limits, *(_FAST * limit for limit in limits)]
+        return scales + [_USUAL.get(unit_of(name), 0.01) for name in self.x_names[len(scales) :]]
 
     @cached_property
     def look(self) -> tuple[Kernel, ...]:
         """Drawn points: sections and contacts, by the kernels of ``export_c``."""
         x, _, w, p = self.symbols
-        own, given = x[: self.system.nx], self.given
-        kernels = [sections_kernel("shape", self.system, self.at.tolist(), given, own, self.acting, p)]
+        finger_state, symbols = x[: self.system.nx], self.given
+        kernels = [sections_kernel("shape", self.system, self.at.tolist(), symbols, finger_state, self.acting, p)]
         if self.system.touch_names:
-            kernels.append(contact_kernel(self.system, given, own, self.acting, w, p))
+            kernels.append(contact_kernel(self.system, symbols, finger_state, self.acting, w, p))
         if self.tensions.numel():
-            seen = straight_function("pull", given, {"tension": ca.densify(self.tensions)})
+            seen = straight_function("pull", symbols, {"tension": ca.densify(self.tensions)})
             kernels.append(Kernel("pull", seen, "Tension of each tendon at its drive."))
         return tuple(kernels)
 
@@ -221,9 +221,9 @@ class WebPlant:
     def arrays(self) -> dict[str, int]:
         """Sizes of the arrays in its memory."""
         seen = [kernel.outputs for kernel in self._kernels[1:]]
-        given = {name: value.numel() for name, value in self.given.items()}
+        sizes = {name: value.numel() for name, value in self.given.items()}
         node = {} if self.planned is None else {"node": self.planned.size1_in(0)}
-        return given | node | {k: v for of in seen for k, v in of.items()}
+        return sizes | node | {k: v for of in seen for k, v in of.items()}
 
 
 def _pushed(scene: Scene, lengths: Sequence[float]) -> Scene:
@@ -245,15 +245,17 @@ def plant_of_scene(given: Scene) -> WebPlant:
     place = () if scene.object_moves else ("object_x", "object_y")
     varied = () if scene.object is None else (FRICTION, *place)
     system = System(scene, family=family, object_parameters=varied)
-    x, u, w, p = (ca.SX.sym(*one) for one in (("x", system.nx), ("u", system.nu), ("w", system.nw), ("p", system.np)))
+    x, u, w, p = (
+        ca.SX.sym(*symbol) for symbol in (("x", system.nx), ("u", system.nu), ("w", system.nw), ("p", system.np))
+    )
     symbols = x, u, w, p
     signals = Signals(scene, system.finger_model, nw=system.nw)
     rest = signals.u(0.0)[0]
     start = initial_state(scene, system)
     rate, names = system.forward_dynamics(*symbols), tuple(system.x_names)
-    own, tensions = system.finger_model, u[: len(finger.tendon_list)]
-    if own.structure.own_tendons:
-        tensions = own.tensions()(x[: own.nx], u[: own.nu], p[: own.np])[0]
+    finger_model, tensions = system.finger_model, u[: len(finger.tendon_list)]
+    if finger_model.structure.own_tendons:
+        tensions = finger_model.tensions()(x[: finger_model.nx], u[: finger_model.nu], p[: finger_model.np])[0]
     nominal = np.array(system.p_nominal)
     return WebPlant(system, symbols, rate, u, ca.SX(0, 1), start, rest, signals, nominal, names, tensions)
 
@@ -277,11 +279,13 @@ _PAGE = Consumer(
 def plant_of_loop(scene: ControlScene, of: PlantModel | None = None) -> tuple[WebPlant, Sensors]:
     """The plant of a closed loop, which its controller drives, and its sensors; ``of`` where it is not the scene's."""
     _PAGE.check(scene)
-    own = of or PlantModel(scene)
-    of_object = own.elements.object_parameters
+    plant_model = of or PlantModel(scene)
+    of_object = plant_model.elements.object_parameters
     if scene.object is not None and FRICTION not in of_object:
         of_object = (FRICTION, *of_object)
-    model = PlantModel(scene, _pushed(own.scene, own.elements.finger_model.lengths), own.parameters, of_object)
+    model = PlantModel(
+        scene, _pushed(plant_model.scene, plant_model.elements.finger_model.lengths), plant_model.parameters, of_object
+    )
     prediction = Prediction(scene)
     sensors, system = Sensors(scene, model, prediction, None), model.elements
     sensed = sensors.value(*model.symbols[:3])
@@ -296,7 +300,9 @@ def plant_of_loop(scene: ControlScene, of: PlantModel | None = None) -> tuple[We
         model.start,
         model.rest_input,
         signals,
-        own.p if of_object == own.elements.object_parameters else np.insert(own.p, own.finger_parameters, 1.0),
+        plant_model.p
+        if of_object == plant_model.elements.object_parameters
+        else np.insert(plant_model.p, plant_model.finger_parameters, 1.0),
         model.x_names,
         model.tensions if scene.finger.tendon_list else ca.SX(0, 1),
         planned_sections(prediction, stages_of(scene, prediction)),

@@ -93,8 +93,8 @@ def trajectory_record(run: Trajectory, plant: WebPlant) -> Record:
 
 def _with_tip(run: Trajectory) -> dict[str, Array]:
     """Curvature at the tip of matched clothoids, which those of a page have as a coordinate: its inputs may jump."""
-    given, options = run.model.structure.asked
-    system = System(given, **options) if run.system is None else run.system
+    finger, options = run.model.structure.asked
+    system = System(finger, **options) if run.system is None else run.system
     rows = [np.array(system.curvature(x, u, system.p_nominal)).ravel() for x, u in zip(run.x, run.u, strict=True)]
     columns = {f"kappa_{k}": column for k, column in enumerate(np.array(rows).T)}
     rates = {f"{name}_rate [1/m/s]": np.gradient(column, run.t) for name, column in columns.items()}
@@ -110,14 +110,14 @@ def loop_record(run: ControlRun, plant: WebPlant, changes: Sequence[Any] = ()) -
     for name, column in zip(run.disturbance_names, run.disturbance.T, strict=True):
         z[:, run.estimated_names.index(name)] = column
     columns = _columns(run.x_names, run.x), _columns(run.u_names, u), _columns(run.readings.plant.w_names, run.w)
-    found, known = _record(plant, run.t, *columns), run.given_parameters
-    chosen, at = frames_of(run.t), np.arange(0.0, run.t[-1] + found.dt, found.dt)
+    record, known = _record(plant, run.t, *columns), run.given_parameters
+    chosen, at = frames_of(run.t), np.arange(0.0, run.t[-1] + record.dt, record.dt)
     return replace(
-        found,
+        record,
         z=rounded(np.vstack([z, z[-1:]])[chosen]),
         known=rounded(np.vstack([known, known[-1:]])[chosen]),
         reference=rounded(np.array([np.interp(at, run.t, column) for column in run.r.T]).T),
-        changes=[{k: v if k == "t" else rounded([v])[0] for k, v in one.items()} for one in changes],
+        changes=[{k: v if k == "t" else rounded([v])[0] for k, v in change.items()} for change in changes],
     )
 
 
@@ -133,6 +133,6 @@ def _record(plant: WebPlant, t: Array, x: dict[str, Array], u: dict[str, Array],
     nothing, chosen = np.zeros(len(t)), frames_of(t)
     forces = [w.get(name, nothing) if k not in plant.hands else nothing for k, name in enumerate(plant.system.w_names)]
     rows = [x[name] for name in plant.x_names], [u[name] for name in plant.u_names], forces
-    state, given, pushing = (rounded(np.array(of).reshape(len(of), len(t)).T[chosen]) for of in rows)
+    state, inputs, pushing = (rounded(np.array(of).reshape(len(of), len(t)).T[chosen]) for of in rows)
     step = max(float(np.diff(t).min()), 0.005)
-    return Record([float(f"{v:.7g}") for v in t[chosen]], state, given, pushing, dt=step)
+    return Record([float(f"{v:.7g}") for v in t[chosen]], state, inputs, pushing, dt=step)

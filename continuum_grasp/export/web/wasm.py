@@ -61,9 +61,9 @@ def add_sizes(contents: Contents, files: Mapping[str, str]) -> tuple[int, int]:
         source = f'#include "{prefix}.h"\nconst unsigned int sizes[] = {{{sizes}}};\n'
         write_files(Path(folder), {**files, "sizes.c": source})
         assembly = _run(Path(folder), *_FLAGS, "-I.", "-S", "sizes.c", "-o", "-")
-    found = _INTEGER.findall(assembly)
-    contents.words.update((f"{name}_bytes", size) for name, size in zip(owned, found, strict=False))
-    return int(found[-2]), int(found[-1])
+    numbers = _INTEGER.findall(assembly)
+    contents.words.update((f"{name}_bytes", size) for name, size in zip(owned, numbers, strict=False))
+    return int(numbers[-2]), int(numbers[-1])
 
 
 def _run(folder: Path, *arguments: str) -> str:

@@ -228,8 +228,8 @@ def _not_finite(scene: GraspScene, arrays: Mapping[str, Any]) -> int:
     """Number of entries of a grasp that are NaN or infinite; the stations of supports are NaN by right."""
     names = [f"{setup.name}.{name}" for setup in scene.setups for name in OF_FINGER]
     names += ["object.pose", *(key for key in OF_CONTACTS if key not in ("contact_names", "contact_stations"))]
-    found = [_numbers(arrays.get(name, 0.0)) for name in names]
-    return sum(int((~np.isfinite(values)).sum()) for values in found if values is not None)
+    stored = [_numbers(arrays.get(name, 0.0)) for name in names]
+    return sum(int((~np.isfinite(values)).sum()) for values in stored if values is not None)
 
 
 def _misfits(scene: GraspScene, arrays: Mapping[str, Any], *, reached: bool) -> int:
@@ -252,13 +252,13 @@ def _misfits(scene: GraspScene, arrays: Mapping[str, Any], *, reached: bool) -> 
         "contact_parts": (count,),
     }
     for setup in scene.setups:
-        own, n = f"{setup.name}.", setup.elements
+        prefix, n = f"{setup.name}.", setup.elements
         # Of n elements, at D places each, by M coordinates: all of q, and the tip's curvature where that is none.
-        shapes, backbone = shape(f"{own}curvature_shapes") or (), shape(f"{own}backbone")
+        shapes, backbone = shape(f"{prefix}curvature_shapes") or (), shape(f"{prefix}backbone")
         coordinates = (shapes[-1] if shapes else 0) - FAMILIES[setup.family].matches_tip
-        expected |= {f"{own}q": (coordinates,), f"{own}lengths": (n,), f"{own}tip_curvature": ()}
-        expected |= {f"{own}tensions": (2,), f"{own}base": (3,)}
-        wrong += [str(arrays.get(f"{own}family")) != setup.family, reached and f"{own}friction_states" in arrays]
+        expected |= {f"{prefix}q": (coordinates,), f"{prefix}lengths": (n,), f"{prefix}tip_curvature": ()}
+        expected |= {f"{prefix}tensions": (2,), f"{prefix}base": (3,)}
+        wrong += [str(arrays.get(f"{prefix}family")) != setup.family, reached and f"{prefix}friction_states" in arrays]
         wrong += [len(shapes) != 3 or shapes[0] != n or 0 in shapes]
         wrong += [backbone is None or len(backbone) != 2 or backbone[0] < 2 or backbone[1] != 4]
     return sum(wrong) + sum(shape(name) != wanted for name, wanted in expected.items())
@@ -311,17 +311,17 @@ def _storage(finger: RecomputedFinger) -> Iterator[Check]:
 
 def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator[Check]:
     setup, length = finger.setup, finger.length
-    most, used = setup.tendons.max_tension, finger.finger.tendons_used
-    over = [(t - most, setup.tendons.min_tension - t) for t in finger.tensions]
+    limit, used = setup.tendons.max_tension, finger.finger.tendons_used
+    over = [(t - limit, setup.tendons.min_tension - t) for t in finger.tensions]
     if used != "both":  # the tendon that is not there cannot pull
         unused = 1 if used == "left" else 0
         over[unused] = abs(finger.tensions[unused]), 0.0
-    yield Check.part(f"tendon tension, {finger.name}", worst(*(v for pair in over for v in pair)), most, "N")
+    yield Check.part(f"tendon tension, {finger.name}", worst(*(v for pair in over for v in pair)), limit, "N")
     if finger.wound is not None and finger.wound.over_torque is not None:
         over_torque, greatest = finger.wound.over_torque
         yield Check.part(f"torque, {finger.name}", over_torque, greatest, "N m")
     if finger.wound is not None and finger.wound.law.pulley:
-        yield Check.part(f"tendons of one pulley, {finger.name}", finger.wound.misfit(), most, "N")
+        yield Check.part(f"tendons of one pulley, {finger.name}", finger.wound.misfit(), limit, "N")
     bounds = dict(zip(setup.middle_names, setup.contact_bounds, strict=True))
     for contact in grasp.of(finger):
         if contact.name in bounds:
@@ -335,8 +335,8 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
         value = float(np.max(np.concatenate(strains))) / allowed - 1
         yield Check(f"bending strain, {finger.name}", value, EXACT, f"{allowed:.4g}")
     bends = float(np.abs(finger.lengths[:, None] * finger.shape.curvatures).max())
-    most = setup.bending_range
-    yield Check(f"bending range, {finger.name}", bends / most - 1, EXACT, f"{most:.4g} rad")
+    limit = setup.bending_range
+    yield Check(f"bending range, {finger.name}", bends / limit - 1, EXACT, f"{limit:.4g} rad")
 
 
 def _object(grasp: RecomputedGrasp) -> Iterator[Check]:

@@ -97,8 +97,8 @@ def contact_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
         n, f, lift = c.normal_force, c.friction_force, c.lift
         over = float(np.hypot(f, lift)) - c.held_friction * n
         yield Check.part(f"friction cone, {c.name}", over, scale, "N")
-        most = c.normal_force_max  # pulls count against the forces in play, however high the limit is
-        yield Check(f"normal force, {c.name}", worst(-n / scale, n / most - 1), EXACT, f"{most:.4g} N")
+        limit = c.normal_force_max  # pulls count against the forces in play, however high the limit is
+        yield Check(f"normal force, {c.name}", worst(-n / scale, n / limit - 1), EXACT, f"{limit:.4g} N")
         if friction_only:
             yield Check.part(f"no lift in the plane, {c.name}", abs(lift), scale, "N")
         yield from _geometry(grasp, c)
@@ -143,9 +143,9 @@ def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
         depths.append((peg.name, peg.radius - float(grasp.object.distance(np.asarray(peg.position)[None])[0])))
     for what, depth in depths:
         yield Check.part(f"penetration of the object into {what}", depth, length, "m", PENETRATION)
-    for one, other in combinations(grasp.fingers, 2) if grasp.scene.overlap == "forbid" else ():
-        name = f"overlap of fingers, {one.name}, {other.name}"
-        yield Check.part(name, overlap(one, other), other.length, "m", PENETRATION)
+    for first, other in combinations(grasp.fingers, 2) if grasp.scene.overlap == "forbid" else ():
+        name = f"overlap of fingers, {first.name}, {other.name}"
+        yield Check.part(name, overlap(first, other), other.length, "m", PENETRATION)
 
 
 def depth_in_object(points: Array, body: PlacedObject, thickness: float | Array) -> float:

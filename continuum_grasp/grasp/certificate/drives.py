@@ -118,12 +118,12 @@ class WoundTendons:
         held = self.held if held is None else held
         if law.pulley:
             wound = held[0] - law.servo * (left - right) if law.locks else self._wound_by_pulley
-            given = law.start + wound * np.array([1.0, -1.0])
+            commanded = law.start + wound * np.array([1.0, -1.0])
         elif not law.locks:
             return float(np.abs(self.tensions - held).max())
         else:
-            given = held - law.servo * self.tensions
-        off = np.abs(_softened(given - self.paths) / self.compliances - self.tensions).max()
+            commanded = held - law.servo * self.tensions
+        off = np.abs(_softened(commanded - self.paths) / self.compliances - self.tensions).max()
         # Of a motor on a pulley under a torque also the difference of the tensions.
         return float(max(off, abs(left - right - held[0])) if law.pulley and not law.locks else off)
 
@@ -142,8 +142,8 @@ class WoundTendons:
     @property
     def springs(self) -> Array:
         """Tension at the drive per path drawn in while the drives hold (2,) [N/m]; none of a slack tendon."""
-        own = np.where(self.taut, _softness(self.wound - self.paths), 0.0) / self.compliances
-        return np.array(self.law.springs(own.tolist()))
+        stiffness = np.where(self.taut, _softness(self.wound - self.paths), 0.0) / self.compliances
+        return np.array(self.law.springs(stiffness.tolist()))
 
     @property
     def drives(self) -> tuple[DriveState, ...]:

@@ -92,8 +92,8 @@ class TendonFriction:
 
     def _shares(self, arm: float) -> tuple[Array, Array]:
         """Change of a tendon's tension across each cell, and its mean tension there per that at the base."""
-        own = math.copysign(1.0, arm) * self.losses
-        return own, np.exp(-(np.cumsum(own) - 0.5 * own)) * (1.0 + own**2 / 24.0)
+        losses = math.copysign(1.0, arm) * self.losses
+        return losses, np.exp(-(np.cumsum(losses) - 0.5 * losses)) * (1.0 + losses**2 / 24.0)
 
     def shares(self, arm: float, s: Array) -> Array:
         """Tension (G,) at positions [m] of the tendon with this arm, per that at the base."""
@@ -111,8 +111,8 @@ class TendonFriction:
         across = (s - self.edges[cell]) / self._widths[cell] - 0.5
         moment = np.zeros(s.shape)
         for arm, tension in zip(channel.arms, tensions, strict=True):
-            own, mean = self._shares(arm)
-            moment += arm * tension * mean[cell] * (1.0 - own[cell] * across)
+            losses, mean = self._shares(arm)
+            moment += arm * tension * mean[cell] * (1.0 - losses[cell] * across)
         return np.asarray(moment * channel.shape(s))
 
 
@@ -192,7 +192,9 @@ def friction_of(
 
 def pulled_states(setup: FingerSetup, shape: FingerShape) -> Array:
     """States (K,) of a finger that was pulled from its shape at rest on."""
-    return np.concatenate([one.pulled for one in friction_of(setup, shape) if one is not None] or [np.zeros(0)])
+    return np.concatenate(
+        [friction.pulled for friction in friction_of(setup, shape) if friction is not None] or [np.zeros(0)]
+    )
 
 
 def state_cells(scene: GraspScene) -> list[NDArray[np.bool_]]:

@@ -22,26 +22,26 @@ its size, and rad."""
 
 def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Recompute) -> Iterator[Check]:
     """The checks of what is stored with ``held.`` before its name, one for each set of friction states."""
-    given, frictional = _given(grasp, arrays), _frictional(grasp)
-    if not given and not grasp.scene.state_columns:
+    stored, frictional = _given(grasp, arrays), _frictional(grasp)
+    if not stored and not grasp.scene.state_columns:
         return
-    wrong = _misfits(grasp, given)
+    wrong = _misfits(grasp, stored)
     yield Check("arrays of friction states that are missing or do not fit", float(wrong), 0.0)
     if wrong:
         return
-    states = np.concatenate([given[f"{finger.name}.friction_states"] for finger in frictional], axis=1)
+    states = np.concatenate([stored[f"{finger.name}.friction_states"] for finger in frictional], axis=1)
     yield Check("friction states within their range", float(np.abs(states).max() - 1.0), EXACT)
     pulled = [np.where(pulled_states(f.setup, f.shape) < 0.0, -1.0, 1.0) for f in frictional]
     ways = (
-        np.concatenate([w * own for w, own in zip(way, pulled, strict=True)])
+        np.concatenate([w * finger_states for w, finger_states in zip(way, pulled, strict=True)])
         for way in product((1.0, -1.0), repeat=len(pulled))
     )
     missing = sum(not (states == way).all(axis=1).any() for way in ways)
     yield Check("pulled and released fingers that are not among the friction states", float(missing), 0.0)
     postures = held_postures(grasp, arrays)
     yield Check("friction states next to the worst that are missing", float(_untried(grasp, states, postures)), 0.0)
-    for k, own in enumerate(postures):
-        value = worst(*_parts(grasp, own, recompute).values())
+    for k, posture in enumerate(postures):
+        value = worst(*_parts(grasp, posture, recompute).values())
         yield Check(f"held with friction states, {k + 1}", value, 1.0, "limits")
 
 
@@ -52,28 +52,28 @@ def _untried(grasp: RecomputedGrasp, states: Array, postures: Sequence[Mapping[s
     these were tried, whoever sought them, can be seen from what is stored. Of several with the least the best counts.
     """
     # Forces that are no numbers are the worst.
-    reserves = np.nan_to_num([_reserve(grasp, own) for own in postures], nan=-np.inf)
+    reserves = np.nan_to_num([_reserve(grasp, posture) for posture in postures], nan=-np.inf)
     worst = states[reserves <= reserves.min() + CONES * grasp.force_scale]
-    turned = [[np.where(cell, -one, one) for cell in state_cells(grasp.scene)] for one in worst]
-    return min(sum(not (states == one).all(axis=1).any() for one in each) for each in turned)
+    turned = [[np.where(cell, -row, row) for cell in state_cells(grasp.scene)] for row in worst]
+    return min(sum(not (states == row).all(axis=1).any() for row in each) for each in turned)
 
 
-def _reserve(grasp: RecomputedGrasp, own: Mapping[str, Any]) -> float:
+def _reserve(grasp: RecomputedGrasp, posture: Mapping[str, Any]) -> float:
     """By how much all friction cones of a posture could be narrower [N]."""
-    normal, *sideways = np.asarray(own["contact_forces"], dtype=float).T
-    friction = np.array([grasp.scene.held_friction(str(name)) for name in own["contact_names"]])
+    normal, *sideways = np.asarray(posture["contact_forces"], dtype=float).T
+    friction = np.array([grasp.scene.held_friction(str(name)) for name in posture["contact_names"]])
     return float((friction * normal - np.hypot(*sideways)).min(initial=np.inf))
 
 
 def held_postures(grasp: RecomputedGrasp, arrays: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Arrays of the postures that are stored, one for each set of friction states."""
-    given, found = _given(grasp, arrays), []
-    for k in range(len(given["object.pose"]) if given else 0):
-        own = {**arrays, **{key: value[k] for key, value in given.items()}}
+    stored, postures = _given(grasp, arrays), []
+    for k in range(len(stored["object.pose"]) if stored else 0):
+        posture = {**arrays, **{key: value[k] for key, value in stored.items()}}
         # Contacts without a name are clear here, as the penetrations show.
-        on = own["contact_names"] != ""
-        found.append(own | {key: own[key][on] for key in OF_CONTACTS})
-    return found
+        on = posture["contact_names"] != ""
+        postures.append(posture | {key: posture[key][on] for key in OF_CONTACTS})
+    return postures
 
 
 def _given(grasp: RecomputedGrasp, arrays: Mapping[str, Any]) -> dict[str, Array]:
@@ -87,21 +87,21 @@ def _frictional(grasp: RecomputedGrasp) -> list[RecomputedFinger]:
     return [finger for finger in grasp.fingers if finger.setup.friction_states]
 
 
-def _misfits(grasp: RecomputedGrasp, given: Mapping[str, Array]) -> int:
+def _misfits(grasp: RecomputedGrasp, stored: Mapping[str, Array]) -> int:
     """Count arrays of postures that are missing, unknown, or of another number of postures, contacts or states."""
-    names = given.get("contact_names", np.zeros(0))
+    names = stored.get("contact_names", np.zeros(0))
     count = {f"{finger.name}.friction_states": finger.setup.friction_states for finger in _frictional(grasp)}
     expected = {"object.pose", *OF_CONTACTS, *count, *(f"{f.name}.{key}" for f in grasp.fingers for key in OF_FINGER)}
-    wrong = len(expected ^ given.keys()) + (names.ndim != 2 or 0 in names.shape or not count)
-    for key, value in given.items():
+    wrong = len(expected ^ stored.keys()) + (names.ndim != 2 or 0 in names.shape or not count)
+    for key, value in stored.items():
         shared = names.shape if key in OF_CONTACTS else (*names.shape[:1], *([count[key]] if key in count else ()))
         wrong += value.shape[: len(shared)] != shared or (key != "contact_names" and value.dtype.kind not in "fiub")
     return wrong
 
 
-def _parts(grasp: RecomputedGrasp, own: Mapping[str, Any], recompute: Recompute) -> dict[str, float]:
+def _parts(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Recompute) -> dict[str, float]:
     """The parts of its limits that a posture takes, by name."""
-    checks, posture = recompute(own)
+    checks, posture = recompute(arrays)
     if posture is None:
         return {check.name: float("inf") for check in checks if not check.passed}
     parts = {check.name: _part(check) for check in checks}

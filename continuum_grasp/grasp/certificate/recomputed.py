@@ -95,15 +95,15 @@ class RecomputedFinger(StoredFinger):
     @property
     def weight(self) -> float:
         """Weight of the finger and the masses on it [N]."""
-        own = float(self.profile.linear_density(self.rod.nodes) @ self.rod.weights)
-        return float(np.hypot(*self.gravity)) * (own + sum(mass.mass for mass in self.finger.masses))
+        rod_mass = float(self.profile.linear_density(self.rod.nodes) @ self.rod.weights)
+        return float(np.hypot(*self.gravity)) * (rod_mass + sum(mass.mass for mass in self.finger.masses))
 
     def virtual_work(self) -> Array:
         """Virtual work of all moments and forces in each bending coordinate, per greatest turn of a section (n,) [N m]:
         in equilibrium the potential of bending, weight, tendons and contact forces is stationary.
         """
         # The tension falls at another rate in each friction cell, and dry friction has another moment in each.
-        cells = [one.edges[1:-1].tolist() for one in (self.friction, self.dry) if one is not None]
+        cells = [friction.edges[1:-1].tolist() for friction in (self.friction, self.dry) if friction is not None]
         marks = [*(mass.at for mass in self.finger.masses), *(edge for edges in cells for edge in edges)]
         rod = DenseRod(self.finger, self.shape.joints, _COARSE, self.base, marks=marks)
         # A complex step subtracts nothing, so the derivative is exact to rounding (Squire and Trapp 1998).
@@ -211,7 +211,7 @@ class RecomputedGrasp:
         positions, normals, stations, parts = (
             np.asarray(arrays[f"contact_{key}"], dtype=float) for key in ("positions", "normals", "stations", "parts")
         )
-        known, found = known_contacts(self.scene), []
+        known, contacts = known_contacts(self.scene), []
         for k, name in enumerate(self.names):
             if name not in known:  # which `mode_check` counts
                 continue
@@ -222,14 +222,14 @@ class RecomputedGrasp:
                 length = finger.length
             else:
                 radius = support.radius if isinstance(support, Peg) else np.inf
-                length = max(self.size, *(one.length for one in self.fingers))
+                length = max(self.size, *(recomputed.length for recomputed in self.fingers))
             place = name, kind, finger, joint, support, int(parts[k]), radius, length
             stored = positions[k], normals[k], float(stations[k])
             n, f, lift = (float(value) for value in self.forces[k])
             limits = self.scene.friction(name), self.scene.held_friction(name), self.scene.normal_force_max(name)
-            found.append(RecomputedContact(*place, *stored, n, f, lift, *limits))
-        self._touch(found)
-        return found
+            contacts.append(RecomputedContact(*place, *stored, n, f, lift, *limits))
+        self._touch(contacts)
+        return contacts
 
     def _touch(self, contacts: list[RecomputedContact]) -> None:
         """Normals and points of contact from the geometry, and what does not fit."""
@@ -251,11 +251,11 @@ class RecomputedGrasp:
                 continue
             if c.kind == "middle" and c.finger is not None:  # tangent: the finger's own normal
                 angle = c.finger.angles[c.finger.joint_edges[c.joint]]
-                own = np.array([np.cos(angle), np.sin(angle)])
-                own = own if own @ unit >= 0.0 else -own
+                normal = np.array([np.cos(angle), np.sin(angle)])
+                normal = normal if normal @ unit >= 0.0 else -normal
                 # The finger is as thick as discs along it: where these grow, the skin leans by the slope of the radius.
                 lean = c.finger.skin.slope(c.finger.joint_position(c.joint))
-                c.normal = np.sqrt(1.0 - lean**2) * own + lean * np.array([-np.sin(angle), np.cos(angle)])
+                c.normal = np.sqrt(1.0 - lean**2) * normal + lean * np.array([-np.sin(angle), np.cos(angle)])
             else:
                 c.normal = unit if c.radius < _BLUNT * c.length else near.normal[k]
             c.point = centers[k] - c.radius * c.normal

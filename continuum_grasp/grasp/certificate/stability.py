@@ -63,8 +63,8 @@ def contact_stability(grasp: RecomputedGrasp, cells: int = CELLS) -> Stability:
     # Makes angles of nodes, shifts and turn of the object comparable, however many nodes there are.
     metric = np.concatenate([chain.ds(chain.length) / chain.length for chain in chains] + [[grasp.size**-2] * 2, [1.0]])
     for chain, start in zip(chains, starts, strict=False):
-        own = slice(start, start + chain.nodes.size)
-        hessian[own, own] = chain.hessian()
+        span = slice(start, start + chain.nodes.size)
+        hessian[span, span] = chain.hessian()
     rows: list[Array] = []
     for contact in grasp.contacts:
         if contact.normal_force > EXACT * grasp.force_scale:  # within the tolerance of balance, it holds nothing

@@ -39,8 +39,8 @@ def nearest(part: Part, points: Array) -> Nearest:
     part = _superellipse_part(part)
     turn = _turn(part.angle)
     center = np.asarray(part.center)
-    found = _superellipse(part.semi_axes, part.exponent, (points - center) @ turn)
-    return Nearest(found.distance, found.point @ turn.T + center, found.normal @ turn.T, found.radius)
+    spot = _superellipse(part.semi_axes, part.exponent, (points - center) @ turn)
+    return Nearest(spot.distance, spot.point @ turn.T + center, spot.normal @ turn.T, spot.radius)
 
 
 def support_point(part: Part, direction: Array) -> Array:
@@ -77,13 +77,13 @@ class PlacedObject:
         return self._nearest(points, self.parts[part])
 
     def _nearest(self, points: Array, part: Part) -> Nearest:
-        found = nearest(part, (points - self.position) @ self._turn)
-        return Nearest(found.distance, self.world(found.point), found.normal @ self._turn.T, found.radius)
+        spot = nearest(part, (points - self.position) @ self._turn)
+        return Nearest(spot.distance, self.world(spot.point), spot.normal @ self._turn.T, spot.radius)
 
     def nearest_of(self, points: Array, parts: Sequence[Part]) -> Nearest:
         """Nearest points where each point (n, 2) has a part of its own."""
-        found = [self._nearest(point[None], part) for point, part in zip(points, parts, strict=True)]
-        return Nearest(*(np.concatenate([getattr(one, key.name) for one in found]) for key in fields(Nearest)))
+        spots = [self._nearest(point[None], part) for point, part in zip(points, parts, strict=True)]
+        return Nearest(*(np.concatenate([getattr(spot, key.name) for spot in spots]) for key in fields(Nearest)))
 
     def touched(self, part: int, point: Array, normal: Array, depth: float) -> Part:
         """Feature of a part that a contact is on, whose center and normal (2,) are given in the world; see
@@ -101,13 +101,13 @@ class PlacedObject:
 
     def farthest(self, direction: Array) -> Array:
         """World point of each part that lies farthest in a world direction (parts, 2) [m]."""
-        own = np.asarray(np.asarray(direction) @ self._turn)
-        return self.world(np.stack([support_point(part, own) for part in self.parts]))
+        local = np.asarray(np.asarray(direction) @ self._turn)
+        return self.world(np.stack([support_point(part, local) for part in self.parts]))
 
     def corners(self, part: int) -> Array:
         """World positions (m, 2) of the corners of a polygon; none of other parts."""
-        one = self.parts[part]
-        return self.world(np.reshape(one.vertices if isinstance(one, OffsetPolygon) else (), (-1, 2)))
+        shape = self.parts[part]
+        return self.world(np.reshape(shape.vertices if isinstance(shape, OffsetPolygon) else (), (-1, 2)))
 
     def sharp_places(self, radius: float) -> tuple[Array, Array]:
         """World positions (m, 2) where the surface bends sharper than a radius, and how round it is there (m,) [m]."""
@@ -121,8 +121,8 @@ class PlacedObject:
                 part = _superellipse_part(part)
                 (a, b), turn = part.semi_axes, _turn(part.angle)
                 quadrant = np.stack(_curve(a, b, part.exponent, _polar(a, b))[0], axis=1)
-                found = _superellipse(part.semi_axes, part.exponent, quadrant)
-                ends = found.point[found.radius < radius]
+                spots = _superellipse(part.semi_axes, part.exponent, quadrant)
+                ends = spots.point[spots.radius < radius]
                 both = np.concatenate([ends * sign for sign in ((1, 1), (-1, 1), (1, -1), (-1, -1))])
                 places.append(both @ turn.T + np.asarray(part.center))
                 rounds.append(np.zeros(len(both)))

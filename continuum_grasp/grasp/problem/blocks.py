@@ -87,8 +87,8 @@ class Rows(Constraints):
         off = ~(np.maximum(lower - g, g - upper) <= tolerance)  # also where a value is not finite
         violated = (block for block in self.blocks if off[block.rows].any())
         scaled = (replace(block, scale=np.array([units.get(block.unit, 1.0)])) for block in violated)
-        found = [block.violation(g[block.rows]) for block in scaled]
-        return sorted((v for v in found if v.scaled > tolerance), key=lambda v: -v.scaled)
+        violations = [block.violation(g[block.rows]) for block in scaled]
+        return sorted((v for v in violations if v.scaled > tolerance), key=lambda v: -v.scaled)
 
 
 class Expressed(Rows):

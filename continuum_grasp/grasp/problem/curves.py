@@ -85,11 +85,11 @@ class CurvesSpec:
                 f"more than {MOST_STEEP}: give smaller jumps, or half_thickness",
                 key="rod",
             )
-        most = max(each.spec.panels for each in made)
-        if most > MOST_PANELS:
+        panels = max(each.spec.panels for each in made)
+        if panels > MOST_PANELS:
             raise InputError(
-                f"{setup.name} consists of {most} parts with curves of their own, a grasp takes {MOST_PANELS} at most: "
-                "give fewer sections or samples",
+                f"{setup.name} consists of {panels} parts with curves of their own, a grasp takes {MOST_PANELS} at "
+                "most: give fewer sections or samples",
                 key="rod",
             )
         return CurvesSpec(tuple(each.spec for each in made))
@@ -125,17 +125,17 @@ def _curves(setup: FingerSetup, weighs: bool) -> list[_Made]:
     (channel,) = finger.channels  # a grasp has a pair of tendons, which run alike
     breaks = [at for at in (*profile.breaks, *channel.shape.breaks) if at < length]
     edges = tuple(with_places((0.0, length), breaks).tolist())
-    found = [
+    curves = [
         _made("stiffness", profile.bending_stiffness, edges, 1.0 / setup.stiffness),
         _made("rest", profile.rest_curvature, edges, length),
         thickness,
         _made("channel", channel.shape, edges, 1.0),
     ]
     if finger.strain_limit is not None and profile.half_depth is not None:
-        found.append(_alone("depth", profile.half_depth, 1.0 / length))
+        curves.append(_alone("depth", profile.half_depth, 1.0 / length))
     if weighs:
-        found.append(_made("density", profile.linear_density, edges, 1.0 / finger.rod.mass_per_length))
-    return found
+        curves.append(_made("density", profile.linear_density, edges, 1.0 / finger.rod.mass_per_length))
+    return curves
 
 
 def _alone(name: str, curve: Curve, scale: float) -> _Made:
@@ -201,12 +201,12 @@ class Curves:
 
     def _piece(self, name: str, value: Callable[[int, Any], ca.SX], s: Any, tip_side: bool) -> ca.SX:
         breaks = self._breaks[_group(name)]
-        found = value(0, ca.fmin(s, breaks[0]) if breaks else s)
+        piece = value(0, ca.fmin(s, breaks[0]) if breaks else s)
         for panel, start in enumerate(breaks, 1):
             # Clipped to its panel, beyond which a polynomial may vanish, and its inverse be infinite.
             at = ca.fmax(s, start)
             if panel < len(breaks):
                 at = ca.fmin(at, breaks[panel])
             beyond = s >= start if tip_side else s > start
-            found = ca.if_else(beyond, value(panel, at), found)
-        return found
+            piece = ca.if_else(beyond, value(panel, at), piece)
+        return piece

@@ -74,7 +74,7 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
     ends = [finger.joints_at(*state) for finger, state in zip(fingers, states, strict=True)]
     loads: list[tuple[dict[int, ca.SX], dict[int, ca.SX]]] = [({}, {}) for _ in fingers]
     force, moment, gaps = wrench[:2], wrench[2], list[_Row]()
-    for contact, own in zip(contacts, forces, strict=True):
+    for contact, components in zip(contacts, forces, strict=True):
         spec, half, turned = contact.spec, ca.SX(0), ca.SX(0)
         gap = pose[:2] + spun @ (contact.point - problem.pose[:2])
         if spec.finger >= 0:
@@ -82,7 +82,7 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
             half, turned = finger.half(spec), angles[end] + finger.base[2] - finger.angles[end]
             gap += half * rotation(turned) @ contact.normal - finger.world(places[:, end])
         turn, step = _rolled(problem, contact, turned, pose[2])
-        load = rotation(turn) @ (own[0] * contact.normal + own[1] * contact.across)
+        load = rotation(turn) @ (components[0] * contact.normal + components[1] * contact.across)
         arm = spun @ (contact.point - problem.center_of_mass) + step * contact.across
         force -= load
         moment -= arm[0] * load[1] - arm[1] * load[0]
@@ -91,7 +91,7 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
             lever = half * (turned - turn) - step
             on, couples = loads[spec.finger]
             on[spec.joint] = rotation(-finger.base[2]) @ load / finger.number("force share")
-            couples[spec.joint] = (contact.force[0] * lever - half * own[1]) / _moment(finger)
+            couples[spec.joint] = (contact.force[0] * lever - half * components[1]) / _moment(finger)
         gaps.append((f"sticking contact, {spec.name}", gap, "m", "disturbances"))
     for finger, (q, u), borne, pull in zip(fingers, states, loads, pulls, strict=True):
         missing = _moment(finger) * finger.missing_force(q, u, finger.loads(*borne))

@@ -163,8 +163,8 @@ def _compiled(spec: ProblemSpec, compiler: Compiler, work: Path) -> Path:
 def described(problem: GraspProblem) -> str:
     """The layout of a problem as JSON."""
     rows = [
-        (one.name, one.key, one.unit, len(one.rows), float(one.lower[0, 0]), float(one.upper[0, 0]))
-        for one in problem.rows.blocks
+        (block.name, block.key, block.unit, len(block.rows), float(block.lower[0, 0]), float(block.upper[0, 0]))
+        for block in problem.rows.blocks
     ]
     guarded = []
     for finger in problem.fingers:
@@ -187,9 +187,9 @@ def places_reader(problem: GraspProblem) -> ca.Function:
     for k, finger in enumerate(problem.fingers):
         points, _, _, half = finger.guarded
         count = _unprobed(finger)
-        own = [contact for contact in problem.contacts if contact.spec.finger == k]
-        own.sort(key=lambda contact: finger.end_of(contact.spec))
-        touched = ca.horzcat(ca.SX(2, 0), *(contact.local.point for contact in own))
+        contacts = [contact for contact in problem.contacts if contact.spec.finger == k]
+        contacts.sort(key=lambda contact: finger.end_of(contact.spec))
+        touched = ca.horzcat(ca.SX(2, 0), *(contact.local.point for contact in contacts))
         out += [touched, points[:, :count], half[:count], finger.curvatures()[1], *finger.stored()]
     return ca.Function("places", [problem.x.symbol, problem.numbers.symbol], out)
 

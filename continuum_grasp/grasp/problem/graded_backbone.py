@@ -73,9 +73,9 @@ class GradedBackbone(Backbone):
         made = model.structure
         count, self._matched = len(made.lengths), made.matched
         sizes = {"lengths": count, "curves": spec.size, "scales": count + 1, "known": count + 1}
-        own = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
-        self.curves, self._scales, self._known = Curves(spec, own["curves"]), own["scales"], own["known"]
-        lengths = ca.vertsplit(own["lengths"])
+        symbols = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+        self.curves, self._scales, self._known = Curves(spec, symbols["curves"]), symbols["scales"], symbols["known"]
+        lengths = ca.vertsplit(symbols["lengths"])
         self.ends = [ca.SX(0.0), *accumulate(lengths)]
         varies = any(curve.name == "stiffness" and curve.degree for curve in spec.curves)
         accuracy = made.accuracy or made.family.default_accuracy
@@ -83,16 +83,16 @@ class GradedBackbone(Backbone):
         self._rule = collocation(min(nodes, 16))
         equations = Equations(self._along(made))
         self._pulls = 0.0 if made.cell_sets else equations.commanded[0].moment
-        super().__init__(equations, lengths, ca.vertcat(*own.values(), equations.p))
+        super().__init__(equations, lengths, ca.vertcat(*symbols.values(), equations.p))
 
     def _along(self, made: Structure) -> Structure:
         """The structure, whose laws see the curves."""
-        found, count = copy(made), len(made.lengths)
-        found.tendon_sets = tuple(
+        structure, count = copy(made), len(made.lengths)
+        structure.tendon_sets = tuple(
             replace(cells, cells=tuple(self._cells(len(cells.cells) // count))) for cells in made.tendon_sets
         )
-        found.laws = tuple(replace(law, ports=tuple(self._ports(len(law.ports) // count))) for law in made.laws)
-        return found
+        structure.laws = tuple(replace(law, ports=tuple(self._ports(len(law.ports) // count))) for law in made.laws)
+        return structure
 
     # -- curvature -----------------------------------------------------------------------------------------------
 
@@ -127,22 +127,22 @@ class GradedBackbone(Backbone):
 
     def _nodes(self, a: Any, b: Any) -> list[tuple[Callable[[str], ca.SX], ca.SX, ca.SX]]:
         """Gauss nodes between two places of an element: values of the curves there, places, and weights."""
-        rule, found = list(zip(self._rule.nodes.tolist(), self._rule.weights.tolist(), strict=True)), []
+        rule, nodes = list(zip(self._rule.nodes.tolist(), self._rule.weights.tolist(), strict=True)), []
         for part, (low, high) in enumerate(pairwise(self._edges(a, b))):
             places = [(low + (high - low) * u, (high - low) * weight) for u, weight in rule]
-            found += [(self.curves.on(part, s), s, weight) for s, weight in places]
-        return found
+            nodes += [(self.curves.on(part, s), s, weight) for s, weight in places]
+        return nodes
 
     def _edges(self, a: Any, b: Any) -> list[Any]:
         """Ends of the parts between two places of an element, some without length."""
         return [a, *(ca.fmin(ca.fmax(at, a), b) for at in self.curves.breaks), b]
 
     def _panels(self, k: int, start: Scalar, point: ca.SX, angle: Scalar) -> list[Panel]:
-        found: list[Panel] = []
+        panels: list[Panel] = []
         for number, (a, b) in enumerate(pairwise(self._edges(self.ends[k], self.ends[k + 1]))):
-            found.append(_Part(self, k, number, self._rule, a, b - a, point, angle))
-            point, angle = found[-1].end, found[-1].end_angle
-        return found
+            panels.append(_Part(self, k, number, self._rule, a, b - a, point, angle))
+            point, angle = panels[-1].end, panels[-1].end_angle
+        return panels
 
     def _at(self, element: int, fractions: Any) -> ca.SX:
         start, length = self.ends[element], self.lengths[element]
@@ -158,8 +158,8 @@ class GradedBackbone(Backbone):
         total = ca.SX.zeros(3, 3)
         for value, s, weight in self._nodes(a, b):
             shape, hats = value("channel"), self._hats(k, s) / value("stiffness")
-            own = weight * ca.vertcat(hats, value("rest"))
-            total += ca.horzcat(ca.if_else(shape != 0.0, own, 0.0), shape * own, shape * own * s)
+            integrand = weight * ca.vertcat(hats, value("rest"))
+            total += ca.horzcat(ca.if_else(shape != 0.0, integrand, 0.0), shape * integrand, shape * integrand * s)
         return total
 
     def _bounds(self, k: int, count: int) -> list[tuple[Any, Any]]:
@@ -169,7 +169,7 @@ class GradedBackbone(Backbone):
 
     def _cells(self, count: int) -> list[Cell]:
         """Friction cells of the tendons, so many on each element."""
-        found = []
+        cells = []
         for k in range(len(self.ends) - 1):
             for a, b in self._bounds(k, count):
                 middle = 0.5 * (a + b)
@@ -177,20 +177,20 @@ class GradedBackbone(Backbone):
                 whole, drawn, first = ca.horzsplit(self._integrals(k, a, middle) + late)
                 leaning = (first - middle * drawn) / (b - a)
                 bend, work, lean, beyond = (ca.vertsplit(each) for each in (whole, drawn, leaning, late[:, 1]))
-                found.append(Cell(k, b - a, b - a, bend, work, lean[:-1], beyond))
-        return found
+                cells.append(Cell(k, b - a, b - a, bend, work, lean[:-1], beyond))
+        return cells
 
     def _ports(self, count: int) -> list[Port]:
         """Ports at which the laws of the sections see the curvature above rest, so many on each element."""
-        found, base = [], self.curves.at(0.0)("stiffness")
+        ports, base = [], self.curves.at(0.0)("stiffness")
         for k in range(len(self.ends) - 1):
             for a, b in self._bounds(k, count):
                 parts = (weight * (value("stiffness") / base) for value, _, weight in self._nodes(a, b))
                 measure = sum(parts, ca.SX(0.0))
                 # Weighted by the stiffness, curvatures are moments, which are linear.
                 hats = self._hats(k, 0.5 * (a + b)) * ((b - a) / base / measure)
-                found.append(Port(k, measure, ca.vertsplit(hats), 0.0))
-        return found
+                ports.append(Port(k, measure, ca.vertsplit(hats), 0.0))
+        return ports
 
     # -- statics -------------------------------------------------------------------------------------------------
 
@@ -204,8 +204,8 @@ class GradedBackbone(Backbone):
                 early, late = ca.vertsplit(self._hats(k, s) * (weight * moment / value("stiffness")))
                 force[k] += early
                 force[k + 1] += late
-        found = column(force[: self._eq.q.numel()])
-        return found - column(self._eq.resting.tendons.actuation) if self._eq.structure.cell_sets else found
+        resistance = column(force[: self._eq.q.numel()])
+        return resistance - column(self._eq.resting.tendons.actuation) if self._eq.structure.cell_sets else resistance
 
     def _work(self, masses: ca.SX) -> ca.SX:
         return super()._work(masses) + self._eq.u[-1] * self._angles[-1]

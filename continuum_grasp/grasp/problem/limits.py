@@ -22,8 +22,8 @@ def add_limits(problem: Unknowns) -> None:
     places = [_keep_clear(problem, finger) for finger in problem.fingers]
     for finger in problem.fingers:
         _keep_limits(problem, finger)
-    for one, other in problem.spec.pairs:
-        _keep_apart(problem, (one, other), (places[one], places[other]))
+    for first, other in problem.spec.pairs:
+        _keep_apart(problem, (first, other), (places[first], places[other]))
     if problem.spec.free:
         _keep_object_clear(problem)
 
@@ -54,8 +54,8 @@ def _bound_contacts(problem: Unknowns) -> None:
             pressed = n - problem.reserve * number("force reference")
             require(f"pressed, {name}", pressed, "N", "contacts", upper=ca.inf)
         require(f"friction cone, {name}", cone, "N", f"contacts.friction ({name})", upper=ca.inf)
-        most = number(f"{name}.normal_force_max") + problem.slack["normal force"]
-        require(f"normal force, {name}", most - n, "N", "contacts.normal_force_max", upper=ca.inf)
+        limit = number(f"{name}.normal_force_max") + problem.slack["normal force"]
+        require(f"normal force, {name}", limit - n, "N", "contacts.normal_force_max", upper=ca.inf)
 
 
 def _keep_clear(problem: Unknowns, finger: UnitFinger) -> ca.SX:
@@ -95,9 +95,9 @@ def _keep_apart(problem: Unknowns, pair: tuple[int, int], places: tuple[ca.SX, c
     The places are between guarded ones (2, K), with weights that the search renews; the gaps needed make up for the
     bend between these.
     """
-    one, other = (problem.fingers[k] for k in pair)
-    name, number = f"{one.spec.name}, {other.spec.name}", problem.numbers
-    count = one.spec.elements + other.spec.elements
+    finger, other = (problem.fingers[k] for k in pair)
+    name, number = f"{finger.spec.name}, {other.spec.name}", problem.numbers
+    count = finger.spec.elements + other.spec.elements
     near = [
         points @ ca.reshape(number(f"{side} of {name}", count * points.shape[1]), points.shape[1], count)
         for side, points in zip(("first", "second"), places, strict=True)
@@ -115,18 +115,18 @@ def _keep_limits(problem: Unknowns, finger: UnitFinger) -> None:
     require(f"tendon tension, {name}", over, "1", f"{name}.tendons.max_tension", lower=-ca.inf)
     if finger.spec.drive is not None and finger.spec.drive.pulley:
         difference = finger.pulls[0] - finger.pulls[1]
-        most = number("torque_max") + slack["tension"] * number("pull_per_force")
-        spare = ca.vertcat(most - difference, most + difference)
+        limit = number("torque_max") + slack["tension"] * number("pull_per_force")
+        spare = ca.vertcat(limit - difference, limit + difference)
         require(f"torque, {name}", spare, "1", f"{name}.tendons.drive.torque_max", upper=ca.inf)
     bends = ca.vec(finger.curvatures()[2].T)
-    most = number("bending_range") + slack["bending range"]
-    spare = ca.vertcat(most - bends, most + bends)
+    limit = number("bending_range") + slack["bending range"]
+    spare = ca.vertcat(limit - bends, limit + bends)
     require(f"bending range, {name}", spare, "rad", "fidelity.bending_range", upper=ca.inf)
     if finger.spec.strained:
         # The strain of the skin is curvature times half the diameter: a limit on the curvature, relaxed by a part.
         curvature = finger.curvatures()[0]
-        most = number("curvature_limit") * (1.0 + slack["strain"])
-        spare = ca.vertcat(most - curvature, most + curvature)
+        limit = number("curvature_limit") * (1.0 + slack["strain"])
+        spare = ca.vertcat(limit - curvature, limit + curvature)
         require(f"bending strain, {name}", spare, "1", f"{name}.strain_limit", upper=ca.inf)
     on = [joint for joint, touches in zip(finger.joints, finger.spec.touching, strict=True) if touches]
     if len(on) > 1:

@@ -96,8 +96,8 @@ def with_contacts_changed(scene: GraspScene, key: str, change: Callable[[float],
     """The scene with a limit of contacts changed wherever it has a number for it."""
 
     def changed(value: V) -> V:
-        given = getattr(value, key, None)
-        return value if given is None else _with(value, **{key: change(given)})
+        current = getattr(value, key, None)
+        return value if current is None else _with(value, **{key: change(current)})
 
     fingers = _fingers(scene, lambda setup: _with(setup.finger, contacts=changed(setup.finger.contacts)))
     supports = {name: changed(support) for name, support in scene.supports.items()}
@@ -124,7 +124,7 @@ def with_bending_range(scene: GraspScene, least: float, more: float = 0.0) -> Gr
 
 def gives_bending_range(scene: GraspScene) -> bool:
     """Whether the user gave a bending range: by default it is a choice of the program, which it refines itself."""
-    return any((one.fidelity or scene.fidelity).bending_range is not None for one in scene.named_fingers.values())
+    return any((setup.fidelity or scene.fidelity).bending_range is not None for setup in scene.named_fingers.values())
 
 
 def _bendable(scene: GraspScene) -> float:
@@ -179,7 +179,7 @@ RELAXATIONS = (
         "friction is too low: coefficient {limit:.4g}, {needed:.4g} needed",
         start=lambda s: 0.5,
         limit=lambda s: min([setup.friction for setup in s.setups] + [s.contacts.friction]),
-        relaxed=lambda s, amount: with_contacts_changed(s, "friction", lambda given: given + amount),
+        relaxed=lambda s, amount: with_contacts_changed(s, "friction", lambda friction: friction + amount),
         most=lambda s: 20.0,
         bounds_shape=False,
     ),
@@ -190,7 +190,7 @@ RELAXATIONS = (
         "a contact must bear more: {limit:.4g} N allowed, {needed:.4g} N needed",
         start=_normal_max,
         limit=_normal_max,
-        relaxed=lambda s, amount: with_contacts_changed(s, "normal_force_max", lambda given: given + amount),
+        relaxed=lambda s, amount: with_contacts_changed(s, "normal_force_max", lambda force: force + amount),
         bounds_shape=False,
     ),
     Relaxation(

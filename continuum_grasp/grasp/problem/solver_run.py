@@ -129,27 +129,27 @@ class GraspSolverRun:
         sits = contact_features(scene, start.contacts)
         circles = self._circles(scene, start, sits) if smoothed else {}
         if circles:
-            found = self._round(scene, solved, sits, circles, x0, options.get("enough", np.inf))
+            attempt = self._round(scene, solved, sits, circles, x0, options.get("enough", np.inf))
         else:
-            found = solved(sits, x0)
-        while found not in options.get("known", ()) and (beyond := self._beyond(scene, found)) is not None:
+            attempt = solved(sits, x0)
+        while attempt not in options.get("known", ()) and (beyond := self._beyond(scene, attempt)) is not None:
             other = solved(*beyond, rung=0)
-            better = other.converged and other.objective < found.objective - EXACT * abs(found.objective)
-            found = _after(other, found) if better else _after(found, other)
+            better = other.converged and other.objective < attempt.objective - EXACT * abs(attempt.objective)
+            attempt = _after(other, attempt) if better else _after(attempt, other)
             if not better:
                 break
-        return found
+        return attempt
 
     def _circles(self, scene: GraspScene, start: Start, sits: dict[str, Feature]) -> dict[str, Feature]:
         """Circles that stand for blunt corners about features, by name of the contact."""
-        found = {}
+        circles = {}
         for name, feature in sits.items():
             part = scene.object.parts[start.contacts[name].part]
             circle = surface_of(part).smoothed(part, feature)
             # An object that is fixed at a support has no places there.
             if circle is not None and f"place, {name}" in self.problem.x.at:
-                found[name] = circle
-        return found
+                circles[name] = circle
+        return circles
 
     def _round(
         self,
@@ -164,9 +164,9 @@ class GraspSolverRun:
 
         Each of many blunt corners has a minimum of its own; the best are near that of a smooth curve.
         """
-        found = smooth = solved(sits | circles, x0)
+        attempt = smooth = solved(sits | circles, x0)
         if not smooth.converged or smooth.objective > enough:
-            return found
+            return attempt
         ends = start_from(scene, self.arrays(scene, smooth)).contacts
         parts = {name: scene.object.parts[ends[name].part] for name in circles}
         near = [surface_of(parts[name]).near(parts[name], *ends[name].place)[:NEXT] for name in circles]
@@ -175,27 +175,27 @@ class GraspSolverRun:
             for name, feature in features.items():
                 place = surface_of(parts[name]).place(parts[name], feature, *ends[name].place)
                 x[self.problem.x.at[f"place, {name}"]] = place
-            found = _after(solved(sits | features, x), found)
-            if found.converged:
+            attempt = _after(solved(sits | features, x), attempt)
+            if attempt.converged:
                 break
-        return found
+        return attempt
 
-    def _beyond(self, scene: GraspScene, found: Attempt) -> tuple[dict[str, Feature], Array] | None:
+    def _beyond(self, scene: GraspScene, attempt: Attempt) -> tuple[dict[str, Feature], Array] | None:
         """The features beyond the ends of faces and corners against which contacts press, and the unknowns there."""
-        if not found.converged:
+        if not attempt.converged:
             return None
-        features, x, at = dict(found.features), found.x.copy(), self.problem.x.at
-        for name, feature in found.features.items():
+        features, x, at = dict(attempt.features), attempt.x.copy(), self.problem.x.at
+        for name, feature in attempt.features.items():
             if f"place, {name}" not in at:  # of an object that is fixed at a support
                 continue
-            place, part = at[f"place, {name}"], scene.object.parts[found.start.contacts[name].part]
+            place, part = at[f"place, {name}"], scene.object.parts[attempt.start.contacts[name].part]
             for k, (low, high) in enumerate(zip(feature.lower, feature.upper, strict=True)):
-                value, push = found.x[place][k], found.multipliers.bounds[place][k]
+                value, push = attempt.x[place][k], attempt.multipliers.bounds[place][k]
                 side = int(value >= high - EXACT and push > 0.0) - int(value <= low + EXACT and push < 0.0)
                 beyond = surface_of(part).beyond(part, feature, side) if side and low < high else None
                 if beyond is not None:
                     features[name], x[place] = beyond
-        return (features, x) if features != found.features else None
+        return (features, x) if features != attempt.features else None
 
     def _run(
         self,
@@ -242,14 +242,20 @@ class GraspSolverRun:
         x = np.clip(x, low, high)
         look = self._look(scene, values)
         begin = look(x, problem.numbers.pack(values, 0.0))[1]
-        alike = [one for one in known if one.features == features and _parts(one.start) == _parts(start)]
-        ends: dict[str, Any] = {"patience": patience, "standstill": standstill, "known": [one.x for one in alike]}
+        alike = [
+            earlier for earlier in known if earlier.features == features and _parts(earlier.start) == _parts(start)
+        ]
+        ends: dict[str, Any] = {
+            "patience": patience,
+            "standstill": standstill,
+            "known": [earlier.x for earlier in alike],
+        }
         first = nlp.Start(x, low, high, *problem.rows.bounds(), begin, option_set=options, **ends)
         with budget.share(iterations) as part:
             last, last_numbers = solve_clear(solve, self.nlp, first, look, allowed_depth(scene), part, cap, enough)
         last = replace(last, seconds=time.perf_counter() - began)
         if last.outcome == KNOWN:
-            return min(alike, key=lambda one: float(np.abs(one.x - last.x).max()))
+            return min(alike, key=lambda earlier: float(np.abs(earlier.x - last.x).max()))
         violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
         return Attempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
 
@@ -382,8 +388,8 @@ def solve_clear(
 
     def solved(start: nlp.Start) -> nlp.Attempt:
         nonlocal iterations
-        with budget.share(most) as one:
-            attempt = solve(start, one)
+        with budget.share(most) as share:
+            attempt = solve(start, share)
         iterations += attempt.iterations
         return attempt
 

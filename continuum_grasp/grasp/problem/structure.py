@@ -184,7 +184,7 @@ class ProblemSpec:
             planes=len(scene.walls) - len(bounded),
             edges=len(bounded),
             pegs=len(scene.pegs),
-            pairs=tuple((index[one.name], index[other.name]) for one, other in scene.pairs),
+            pairs=tuple((index[finger.name], index[other.name]) for finger, other in scene.pairs),
             free=scene.object.free is not None,
             gravity=gravity.mode,
             tilt=isinstance(gravity, OutOfPlaneGravity) and gravity.tilt == "balance",

@@ -64,13 +64,13 @@ class _Obstacle:
 
 def _obstacles(scene: GraspScene, setup: FingerSetup, emerging: int, base: Array, units: Units) -> list[_Obstacle]:
     """The obstacles of a finger: half planes, then what circles stand for."""
-    found, clear = [], (1.0 - ROUNDING) * float(setup.finger.profile.half_thickness(0.0)) / units.length
+    obstacles, clear = [], (1.0 - ROUNDING) * float(setup.finger.profile.half_thickness(0.0)) / units.length
     for wall in (wall for wall in scene.walls if wall.part is None):
         height = float((base[:2] - np.asarray(wall.point) / units.length) @ np.asarray(wall.normal))
         # A base within a support is no penetration: the finger comes out of it, up to its first contact.
-        found.append(_Obstacle(wall, "", min(0.0, height) if height < clear else None, emerging))
+        obstacles.append(_Obstacle(wall, "", min(0.0, height) if height < clear else None, emerging))
     fixed = [body.part for body in scene.places if body.part is not None]
-    return [*found, *(_Obstacle(part, f"near_fixed_{k}") for k, part in enumerate(fixed))]
+    return [*obstacles, *(_Obstacle(part, f"near_fixed_{k}") for k, part in enumerate(fixed))]
 
 
 class Surroundings:
@@ -91,8 +91,8 @@ class Surroundings:
             self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, units, allowed, sight, numbers, probes)
             for k, setup in enumerate(scene.setups)
         ]
-        for one, other in self._problem.spec.pairs:
-            deep = _between(traced[one], traced[other], sight.numbers) - float(x[at["relaxed overlap"]][0])
+        for finger, other in self._problem.spec.pairs:
+            deep = _between(traced[finger], traced[other], sight.numbers) - float(x[at["relaxed overlap"]][0])
             sight.deepest = max(sight.deepest, deep)
         for i, peg in enumerate(scene.pegs if self._problem.spec.free else ()):
             local = _local(np.asarray(peg.position)[None] / units.length, pose)
@@ -111,7 +111,7 @@ class Surroundings:
         allowed: list[float],
         sight: Sight,
         numbers: Array,
-        given: Mapping[str, Array] | None,
+        earlier: Mapping[str, Array] | None,
     ) -> _Traced:
         """Look along one finger; supports and object may be ``allowed`` deep in it."""
         finger, name = self._problem.fingers[index], setup.name
@@ -138,12 +138,12 @@ class Surroundings:
 
         even = np.tile(np.arange(FINE + 1) / FINE, (finger.spec.elements, 1))
         dense = along(even)
-        if given is None:
+        if earlier is None:
             picks = _deepest(depth(dense, True), finger.spec.probes)
             before = numbers[self._problem.numbers.at[f"{name}.probes"]].reshape(picks.shape)
             probes = _refined(lambda fractions: depth(along(fractions), False), picks, before)
         else:
-            probes = given[name].reshape(finger.spec.elements, finger.spec.probes)
+            probes = earlier[name].reshape(finger.spec.elements, finger.spec.probes)
         at, owner, thick = along(probes)
         at, thick = np.concatenate([points.T, at]), np.concatenate([half, thick])
         owner = np.concatenate([finger.elements, owner]).astype(int)
@@ -193,27 +193,27 @@ class _Traced:
         after = np.clip(np.searchsorted(at, picks), 1, at.size - 1)
         before = after - 1
         share = np.clip((picks - at[before]) / np.maximum(at[after] - at[before], 1), 0.0, 1.0)
-        found, columns = np.zeros((at.size, picks.size)), np.arange(picks.size)
-        found[order[before], columns] += 1.0 - share
-        found[order[after], columns] += share
-        return found
+        weights, columns = np.zeros((at.size, picks.size)), np.arange(picks.size)
+        weights[order[before], columns] += 1.0 - share
+        weights[order[after], columns] += share
+        return weights
 
 
-def _between(one: _Traced, other: _Traced, numbers: Values) -> float:
+def _between(finger: _Traced, other: _Traced, numbers: Values) -> float:
     """Depth of two fingers in each other; the places where each element is nearest go into the numbers."""
-    away = np.hypot(*(one.points[:, None] - other.points).transpose(2, 0, 1))
-    gap = away - one.half[:, None] - other.half
-    rows = [np.flatnonzero(one.owner == k)[:, None] for k in range(int(one.owner[-1]) + 1)]
+    away = np.hypot(*(finger.points[:, None] - other.points).transpose(2, 0, 1))
+    gap = away - finger.half[:, None] - other.half
+    rows = [np.flatnonzero(finger.owner == k)[:, None] for k in range(int(finger.owner[-1]) + 1)]
     columns = [np.flatnonzero(other.owner == k) for k in range(int(other.owner[-1]) + 1)]
-    every = np.arange(len(one.points))[:, None], np.arange(len(other.points))
+    every = np.arange(len(finger.points))[:, None], np.arange(len(other.points))
     picks = []
     for i, j in (*((row, every[1]) for row in rows), *((every[0], column) for column in columns)):
         k = int(gap[i, j].argmin())
         picks.append((int(i.ravel()[k // j.size]), int(j[k % j.size])))
     first, second = np.array(picks).T
-    weights = one.weights(first), other.weights(second)
-    chords = np.hypot(*(weights[0].T @ one.guarded - weights[1].T @ other.guarded).T)
-    name = f"{one.name}, {other.name}"
+    weights = finger.weights(first), other.weights(second)
+    chords = np.hypot(*(weights[0].T @ finger.guarded - weights[1].T @ other.guarded).T)
+    name = f"{finger.name}, {other.name}"
     # Column after column, as CasADi has it; between guarded places a finger bends away from the line through them.
     numbers |= {f"{side} of {name}": w.ravel(order="F") for side, w in zip(("first", "second"), weights, strict=True)}
     numbers[f"gap of {name}"] = chords - gap[first, second]
@@ -324,11 +324,11 @@ def _refined(depth: Callable[[Array], Array], picks: Array, before: Array) -> Ar
         picks = np.clip(picks, 1.0 / FINE, 1.0 - 1.0 / FINE)
     # The deepest of all, apart from each other; zero is a place that no look has put there.
     every = np.concatenate([picks, np.where(before > 0.0, before, picks)], axis=1)
-    seen, found = depth(every), np.empty_like(picks)
+    seen, deepest = depth(every), np.empty_like(picks)
     for k in range(picks.shape[1]):
-        found[:, k] = every[np.arange(len(every)), seen.argmax(axis=1)]
-        seen[np.abs(every - found[:, k : k + 1]) < 1.0 / FINE] = -np.inf
-    return np.sort(found, axis=1)
+        deepest[:, k] = every[np.arange(len(every)), seen.argmax(axis=1)]
+        seen[np.abs(every - deepest[:, k : k + 1]) < 1.0 / FINE] = -np.inf
+    return np.sort(deepest, axis=1)
 
 
 def _peak(values: Array, rows: Array, pick: Array) -> Array:
@@ -381,8 +381,8 @@ def _beside(
     """Circles (NEAR, K) and distances (K,) of the pieces nearest to points of the object's frame (K, 2), for each of
     ``count`` of them; of the points that are marked (K,) as ``touching`` at places (T, 2), without what they touch.
     """
-    found = [_nearest(piece, points, units) for piece in pieces]
-    circles, gaps = (np.stack(every) for every in zip(*found, strict=True))
+    nearest = [_nearest(piece, points, units) for piece in pieces]
+    circles, gaps = (np.stack(every) for every in zip(*nearest, strict=True))
     if touching is not None and count > 1:
         marked, places = np.flatnonzero(touching[0]), touching[1]
         where, at = np.nonzero([_nearest(piece, places, units)[1] < EXACT for piece in pieces])

@@ -198,10 +198,10 @@ class UnitFinger:
         stretched = [c * pull for c, pull in zip(self.compliances(), ca.vertsplit(self.pulls), strict=True)]
         length = self.number("meters")
         if not spec.pulley and not self.spec.in_error:
-            given = self.command - ca.vertcat(path, -path) - servo * self.pulls
+            commanded = self.command - ca.vertcat(path, -path) - servo * self.pulls
             # Where nothing pulls, let out until it is slack.
             width = SOFT / length
-            return ca.vertcat(*(a - width / (1.0 + (a / width) ** 4) for a in stretched)) - given
+            return ca.vertcat(*(a - width / (1.0 + (a / width) ** 4) for a in stretched)) - commanded
         rows: list[ca.SX] = []
         difference = self.pulls[0] - self.pulls[1]
         if self.wound is not None:
@@ -264,7 +264,7 @@ def unit_model(spec: FingerSpec) -> FingerModel:
         ),
     )
     contacts = tuple(count / spec.elements for count in spec.before)
-    own = [] if spec.curves.graded else ["element_lengths"]
+    names = [] if spec.curves.graded else ["element_lengths"]
     return FingerModel(
         unit,
         contacts=contacts,
@@ -273,7 +273,7 @@ def unit_model(spec: FingerSpec) -> FingerModel:
         elements=(1.0 / spec.elements,) * spec.elements,
         bending_range=spec.bending_range,
         accuracy=spec.accuracy or ACCURACY,
-        parameters=(*own, *_optional(spec)),
+        parameters=(*names, *_optional(spec)),
         loads=tuple(MomentLoad(at=at, moment=0.0) for at in (*contacts, 1.0)),
         tip_force=True,
     )

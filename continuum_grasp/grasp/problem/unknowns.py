@@ -118,6 +118,6 @@ class Layout:
         rows = Rows()
         for name, key, unit, count, lower, upper in blocks:
             rows.rows(name, key, unit, count, 1.0, lower, upper)
-        own = zip(spec.fingers, guarded, strict=True)
-        fingers = [FingerLayout(finger, x[f"{finger.name}.q"], *places) for finger, places in own]
+        pairs = zip(spec.fingers, guarded, strict=True)
+        fingers = [FingerLayout(finger, x[f"{finger.name}.q"], *places) for finger, places in pairs]
         return Layout(spec, Places(x), Places(numbers), rows, fingers)

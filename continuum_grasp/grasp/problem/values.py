@@ -76,25 +76,25 @@ class Units:
 
 def contact_features(scene: GraspScene, contacts: dict[str, ContactStart]) -> dict[str, Feature]:
     """The face, corner or smooth part that each contact of a start sits on."""
-    found = {}
+    features = {}
     for name, start in contacts.items():
         part = scene.object.parts[start.part]
-        found[name] = surface_of(part).near(part, *start.place)[0]
-    return found
+        features[name] = surface_of(part).near(part, *start.place)[0]
+    return features
 
 
 def moved_features(
     before: GraspScene, after: GraspScene, contacts: Mapping[str, ContactStart], features: dict[str, Feature]
 ) -> dict[str, Feature]:
     """Faces, corners and smooth parts in a scene whose object may have other dimensions."""
-    found = dict(features)
+    moved = dict(features)
     if before.object.parts == after.object.parts:
-        return found
+        return moved
     for name, contact in contacts.items():
         old, new = before.object.parts[contact.part], after.object.parts[contact.part]
         surface = surface_of(old)
-        found[name] = surface_of(new).features(new)[surface.features(old).index(features[name])]
-    return found
+        moved[name] = surface_of(new).features(new)[surface.features(old).index(features[name])]
+    return moved
 
 
 def problem_values(problem: Layout, scene: GraspScene, start: Start, features: dict[str, Feature]) -> Values:
@@ -197,9 +197,9 @@ def _counts(setup: FingerSetup) -> list[int]:
 def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: Units) -> Values:
     finger, rod, tendons, start = setup.finger, setup.finger.rod, setup.tendons, whole.fingers[setup.name]
     tensions = whole.tensions.get(setup.name, (0.0, 0.0))
-    length, offset, most, used = rod.length, tendons.offset, setup.max_tension, finger.tendons_used
+    length, offset, greatest_tension, used = rod.length, tendons.offset, setup.max_tension, finger.tendons_used
     moment = setup.stiffness / length
-    own = rod.mass_per_length * length
+    rod_mass = rod.mass_per_length * length
     gravity = scene.gravity.vector if isinstance(scene.gravity, PlanarGravity) else (0.0, 0.0)
     weighs = any(gravity)
     inner = inner_masses(finger)
@@ -214,11 +214,13 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
         "tendon_friction": tendons.friction,
         **_branch_values(setup, moment),
         "friction_history": _history(setup, whole),
-        "tip_mass": sum(mass.mass for mass in finger.masses if mass not in inner) / own,
+        "tip_mass": sum(mass.mass for mass in finger.masses if mass not in inner) / rod_mass,
         "bending_range": setup.bending_range,
-        "pull_max": most * offset / moment,
+        "pull_max": greatest_tension * offset / moment,
         "pull_min": [least, least],
-        "pull_most": [most * offset / moment if used in ("both", side) else 0.0 for side in ("left", "right")],
+        "pull_most": [
+            greatest_tension * offset / moment if used in ("both", side) else 0.0 for side in ("left", "right")
+        ],
         "pull_per_force": units.force * offset / moment,
         "tension weight": tension_weight(scene) * moment / offset,
         "pull_held": [t * offset / moment for t in tensions],
@@ -235,7 +237,7 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
             "taut": SOFT / (law.series + law.axial) / pull,
             "start": law.start / length,
             # Winches that follow a length have no limit: no difference of tensions is twice their greatest.
-            "torque_max": min(law.greatest, 2.0 * most) / pull,
+            "torque_max": min(law.greatest, 2.0 * greatest_tension) / pull,
         }
     if setup.graded:
         values |= _graded_values(setup, start)
@@ -245,7 +247,7 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
             "curvature_limit": finger.curvature_limit * length if finger.strain_limit is not None else 0.0,
         }
     for k, mass in enumerate(inner):
-        values |= {f"mass_{k}": mass.mass / own, f"mass_{k}.at": mass.at / length}
+        values |= {f"mass_{k}": mass.mass / rod_mass, f"mass_{k}.at": mass.at / length}
     values |= {f"joint_{k}": s / length for k, s in enumerate(setup.middle_places)}
     values["tolerance"] = (
         tolerance_of(setup, scene) * length / units.length if setup.stations else (scene.solver.penetration_tolerance)
@@ -264,8 +266,8 @@ def _branch_values(setup: FingerSetup, moment: float) -> Values:
 
 def _history(setup: FingerSetup, start: Start) -> Array:
     """Friction states and whether the finger was pulled from its shape at rest on, as `FingerModel` takes them."""
-    given = start.friction_states.get(setup.name)
-    return np.append(np.zeros(setup.friction_states), 1.0) if given is None else np.append(given, 0.0)
+    states = start.friction_states.get(setup.name)
+    return np.append(np.zeros(setup.friction_states), 1.0) if states is None else np.append(states, 0.0)
 
 
 def held_values(setup: FingerSetup, arrays: Mapping[str, Any]) -> Array:
@@ -294,11 +296,11 @@ def tension_weight(scene: GraspScene) -> float:
 
 def _objective_values(scene: GraspScene, units: Units) -> Values:
     weights, alone = scene.weights, len(scene.aims) == 1
-    most = scene.contacts.normal_force_max / units.force
+    greatest_force = scene.contacts.normal_force_max / units.force
     per_force = max(scene.weight, units.force)
     # A single aim is in units of about one; of several, each is a share of its limit times its weight.
     return {
-        "normal weight": 1.0 / (per_force / units.force) if alone else weights.least_normal_force / most,
+        "normal weight": 1.0 / (per_force / units.force) if alone else weights.least_normal_force / greatest_force,
         "margin weight": 1.0 if alone else weights.greatest_friction_margin,
         "disturbance weight": 1.0 if alone else weights.greatest_disturbance,
         "wrenches": [

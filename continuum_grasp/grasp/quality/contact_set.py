@@ -82,7 +82,7 @@ def cone_edges(contacts: ContactSet) -> Array:
     scale = np.array([1.0, 1.0, contacts.scene.torque_scale])
     normal, across = (contacts.wrench_map()[:, :, i].T / scale for i in (0, 1))
     slopes = [(mu, -mu) if mu > 0.0 else (0.0,) for mu in contacts.friction]
-    edges = [normal[k] + slope * across[k] for k, own in enumerate(slopes) for slope in own]
+    edges = [normal[k] + slope * across[k] for k, pair in enumerate(slopes) for slope in pair]
     return np.reshape(edges, (-1, 3))
 
 

@@ -96,11 +96,11 @@ def solve_lp(
         return none
     matrix = ca.sparsify(ca.DM(rows))
     solver = ca.conic("lp", "highs", {"a": matrix.sparsity(), "h": ca.Sparsity(n, n)}, _OPTIONS)
-    found = solver(g=ca.DM(cost), a=matrix, lba=low[:m], uba=high[:m], lbx=low[m:], ubx=high[m:])
+    solution = solver(g=ca.DM(cost), a=matrix, lba=low[:m], uba=high[:m], lbx=low[m:], ubx=high[m:])
     status = _NAMES.get(str(solver.stats()["return_status"]), "failed")
     if status != "optimal":
         return replace(none, status=status)
-    x = np.asarray(found["x"], dtype=float).ravel()
+    x = np.asarray(solution["x"], dtype=float).ravel()
     values = np.concatenate([rows @ x, x])
     size = 1.0 + np.concatenate([np.abs(rows) @ np.abs(x), np.abs(x)])
     residual = float((np.maximum(np.maximum(low - values, values - high), 0.0) / size).max(initial=0.0))
@@ -169,22 +169,22 @@ def solve_socp(
     """
     cost, rows = np.asarray(cost, dtype=float), np.asarray(rows, dtype=float)
     low, high = (np.broadcast_to(np.asarray(v, dtype=float), (rows.shape[0],)) for v in (row_lower, row_upper))
-    least, most = (np.broadcast_to(np.asarray(v, dtype=float), cost.shape) for v in (lower, upper))
+    least, greatest = (np.broadcast_to(np.asarray(v, dtype=float), cost.shape) for v in (lower, upper))
     count = cones.spare.size
     for _ in range(ROUNDS):
         planes, limit = cones.planes()
         # One more unknown per cone, how deep the point lies within all of its planes, is worth INWARD of the cost.
         depth = np.zeros((limit.size, count))
         depth[np.arange(limit.size), [k for k, _ in cones.cuts]] = 1.0
-        found = solve_lp(
+        solution = solve_lp(
             np.concatenate([cost, np.full(count, -INWARD)]),
             np.block([[rows, np.zeros((rows.shape[0], count))], [planes, depth]]),
             np.concatenate([low, np.full(limit.size, -np.inf)]),
             np.concatenate([high, limit]),
             np.concatenate([least, np.zeros(count)]),
-            np.concatenate([most, np.ones(count)]),
+            np.concatenate([greatest, np.ones(count)]),
         )
-        x = found.x[: cost.size]
-        if not found.optimal or not cones.cut(x):
-            return replace(found, x=x, objective=float(cost @ x))
+        x = solution.x[: cost.size]
+        if not solution.optimal or not cones.cut(x):
+            return replace(solution, x=x, objective=float(cost @ x))
     return LPOutcome("failed", np.full(cost.size, np.nan), float("nan"), float("nan"))

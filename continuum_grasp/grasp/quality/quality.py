@@ -66,7 +66,9 @@ class Quality:
     def friction_margins(self) -> dict[str, float]:
         """1 - |friction force| / (coefficient * normal force) by contact; contacts without friction are not listed."""
         contacts = contacts_of(self.scene, self.arrays)
-        return {one.name: one.friction_margin for one in contacts if self.scene.friction(one.name) > 0.0}
+        return {
+            contact.name: contact.friction_margin for contact in contacts if self.scene.friction(contact.name) > 0.0
+        }
 
     @property
     def friction_margin(self) -> float:
@@ -85,8 +87,8 @@ class Quality:
     def normal_force_spread(self) -> float:
         """(greatest - least) / greatest normal force; 0: all contacts press alike [1]."""
         normal = self._contacts.forces[:, 0]
-        most = float(normal.max(initial=0.0))
-        return 0.0 if most <= 0.0 else float(1.0 - normal.min() / most)
+        greatest = float(normal.max(initial=0.0))
+        return 0.0 if greatest <= 0.0 else float(1.0 - normal.min() / greatest)
 
     def rows(self) -> tuple[tuple[str, float, str], ...]:
         """Name, value [1] and description of every index, for tables."""

@@ -61,14 +61,14 @@ def resistance(
     """
     scene = response.contacts.scene
     kind: Tendons = tendons or scene.disturbances.tendons
-    given = np.asarray(scene.wrenches if wrenches is None else wrenches, dtype=float).reshape(-1, 3)
+    disturbances = np.asarray(scene.wrenches if wrenches is None else wrenches, dtype=float).reshape(-1, 3)
     stable = response.stable(kind)
     if stable:
         limits = _Limits(response, kind, displacement_limit)
-        answers = [limits.greatest(wrench) for wrench in given]
+        answers = [limits.greatest(wrench) for wrench in disturbances]
     else:
-        answers = [(0.0, ("unstable",))] * len(given)
-    return Resistance(given, np.array([a[0] for a in answers]), tuple(a[1] for a in answers), kind, stable)
+        answers = [(0.0, ("unstable",))] * len(disturbances)
+    return Resistance(disturbances, np.array([a[0] for a in answers]), tuple(a[1] for a in answers), kind, stable)
 
 
 class _Limits:
@@ -128,24 +128,24 @@ class _Limits:
         )
         if self._cuts is not None:  # of the wrench before: tangent planes hold for every one
             cones.cuts = list(self._cuts)
-        most = UNLIMITED * float(self.normal_max.max()) / self.scale
+        factor_limit = UNLIMITED * float(self.normal_max.max()) / self.scale
         normal, widest = self.forces[:, 0], np.maximum(np.abs(self.ranges).max(axis=1), self.scale)
         rows = np.concatenate([effect[:, 0], moves / self.reach[:, None], pulls / widest[:, None]])
         still = np.ones(motion.size)
         row_low = np.concatenate([(self.low - normal) / self.scale, -still, self.ranges[:, 0] / widest])
         row_high = np.concatenate([(self.high - normal) / self.scale, still, self.ranges[:, 1] / widest])
-        upper = np.concatenate([[most], self.ranges[free, 1] / spans, -self.ranges[free, 0] / spans])
-        found = solve_socp(np.append(-1.0, np.full(both.size, INWARD)), rows, row_low, row_high, 0.0, upper, cones)
-        if found.status == "infeasible":
+        upper = np.concatenate([[factor_limit], self.ranges[free, 1] / spans, -self.ranges[free, 0] / spans])
+        solution = solve_socp(np.append(-1.0, np.full(both.size, INWARD)), rows, row_low, row_high, 0.0, upper, cones)
+        if solution.status == "infeasible":
             return 0.0, self._reached(self.forces, 0.0 * differences, 0.0 * motion)
-        if not found.optimal:
+        if not solution.optimal:
             return math.nan, ("not computed",)
         self._cuts = cones.cuts
-        if found.x[0] >= most * (1.0 - 1e-9):
+        if solution.x[0] >= factor_limit * (1.0 - 1e-9):
             return math.inf, ()
         forces = self.forces.copy()
-        forces[:, :2] += self.scale * (effect @ found.x)
-        return float(found.x[0] * unit), self._reached(forces, pulls @ found.x, moves @ found.x)
+        forces[:, :2] += self.scale * (effect @ solution.x)
+        return float(solution.x[0] * unit), self._reached(forces, pulls @ solution.x, moves @ solution.x)
 
     def _reached(self, forces: Array, changes: Array, motion: Array) -> tuple[str, ...]:
         """Names of the limits that are reached or passed."""
@@ -158,8 +158,8 @@ class _Limits:
                 words.append(f"{name} slips")
             if normal >= self.high[k] - slack:
                 words.append(f"{name} is pressed too hard")
-        for setup, change, (least, most) in zip(self.setups, changes, self.ranges, strict=True):
-            if change <= least + EXACT * (most - least) or change >= most - EXACT * (most - least):
+        for setup, change, (least, greatest) in zip(self.setups, changes, self.ranges, strict=True):
+            if change <= least + EXACT * (greatest - least) or change >= greatest - EXACT * (greatest - least):
                 words.append(f"{setup.name} is at its tension limit")
         far = np.abs(motion) >= self.reach * (1.0 - EXACT)
         words += ["the object moves"] if far[:3].any() else []
@@ -173,18 +173,18 @@ def difference_range(setup: FingerSetup, tensions: Array, tendons: Tendons) -> t
     Locked antagonists share a change equally, until one would fall below the least tension; it stays there and the
     other takes the rest.
     """
-    least, most, used = setup.tendons.min_tension, setup.max_tension, setup.finger.tendons_used
+    least, greatest, used = setup.tendons.min_tension, setup.max_tension, setup.finger.tendons_used
     now = float(tensions[0] - tensions[1])
-    slack = tensions <= TAUT * most
+    slack = tensions <= TAUT * greatest
     if setup.drive is not None and tendons == "locked" and slack.any():
         # A slack tendon stays so; the other takes all of a change until it is slack itself.
-        low, high = (-tensions[0], most - tensions[0]) if slack[1] else (tensions[1] - most, tensions[1])
+        low, high = (-tensions[0], greatest - tensions[0]) if slack[1] else (tensions[1] - greatest, tensions[1])
     elif used != "both":
-        low, high = (least - now, most - now) if used == "left" else (-most - now, -least - now)
+        low, high = (least - now, greatest - now) if used == "left" else (-greatest - now, -least - now)
     elif tendons == "retensioned":
-        low, high = least - most - now, most - least - now
+        low, high = least - greatest - now, greatest - least - now
     else:
-        spare = np.maximum(most - tensions, 0.0), np.maximum(tensions - least, 0.0)
+        spare = np.maximum(greatest - tensions, 0.0), np.maximum(tensions - least, 0.0)
         high = float(min(2.0 * spare[0][0], spare[0][0] + spare[1][1]))
         low = -float(min(2.0 * spare[0][1], spare[0][1] + spare[1][0]))
     return min(low, 0.0), max(high, 0.0)

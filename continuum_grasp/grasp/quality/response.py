@@ -71,8 +71,8 @@ class GraspResponse:
         self._jacobian = np.zeros((2 * count, size))
         self._turn_of_normal = np.zeros((count, size))
         # Difference of the tensions per path drawn in while drives hold; infinite where tendons do not elongate.
-        own = [np.inf if f.wound is None else float(f.wound.springs.sum()) for f in self._fingers]
-        self._springs = own if springs is None else [*springs]
+        stiffness = [np.inf if f.wound is None else float(f.wound.springs.sum()) for f in self._fingers]
+        self._springs = stiffness if springs is None else [*springs]
         # Change of a tendon's path per its offset, and the work of its tension: with tendon friction, which the motion
         # leaves as it is, the two differ and locked tendons make the system unsymmetric.
         self._plain, self._shared, self._turned = (np.zeros((len(self._fingers), size)) for _ in range(3))

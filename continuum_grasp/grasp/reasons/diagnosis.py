@@ -76,7 +76,7 @@ class Repairs(Elastic):
             for limits, repair in self.found.items()
             if len(limits) == 1 or not any(suffices(limit, repair) for limit in limits)
         ]
-        return ordered(self._reason(one) for repair in needed if (one := self.as_demanded(repair)) is not None)
+        return ordered(self._reason(reason) for repair in needed if (reason := self.as_demanded(repair)) is not None)
 
     def _reason(self, repair: Repair) -> Reason:
         """A repair in words; where little is missing, whether its posture needs none after all is tried."""
@@ -117,27 +117,29 @@ class Repairs(Elastic):
         """Relax other limits from where some are, which count the more: a point that satisfies all leads there more
         surely than starts do.
         """
-        most = {limit: MODEST * limit.most(self.scene) / limit.start(self.scene) for limit in point.parts}
-        if any(part > most[limit] for limit, part in point.parts.items()):
+        modest = {limit: MODEST * limit.most(self.scene) / limit.start(self.scene) for limit in point.parts}
+        if any(part > modest[limit] for limit, part in point.parts.items()):
             return  # so far that is relaxed alone only
         known = tuple(limit for limit, part in point.parts.items() if part >= NONE)
-        weights = {one.name: 1.0 / FLOOR for one in known}
+        weights = {relaxation.name: 1.0 / FLOOR for relaxation in known}
         if len(set(others) - set(known)) > 1:
             # Where none of them is relaxed though all may be, none is in the place of something.
             every = self.relax(tuple(dict.fromkeys((*known, *others))), point, weights=weights)
-            if every is not None and all(every.parts[one] < NONE for one in others if one not in known):
-                others = [one for one in others if one in known]
+            if every is not None and all(
+                every.parts[relaxation] < NONE for relaxation in others if relaxation not in known
+            ):
+                others = [relaxation for relaxation in others if relaxation in known]
         for limit in others:
-            rest = [one for one in known if one is not limit]
+            rest = [relaxation for relaxation in known if relaxation is not limit]
             at = self.relax((*rest, limit), point, weights={**weights, limit.name: 1.0}) if rest else point
-            if at is not None and all(at.parts[one] < NONE for one in rest):
+            if at is not None and all(at.parts[relaxation] < NONE for relaxation in rest):
                 self.attempt((limit,), at)
 
-    def _from(self, limit: Relaxation, starts: Iterable[Start], most: int) -> None:
+    def _from(self, limit: Relaxation, starts: Iterable[Start], count: int) -> None:
         """Relax a limit as little as possible, from so many new starts until several agree."""
         begun = len(self._tried.setdefault((limit,), []))
         for start in starts:
-            enough = len(self._tried[limit,]) - begun >= most or settled(self.totals[limit,])
+            enough = len(self._tried[limit,]) - begun >= count or settled(self.totals[limit,])
             if not enough and self._is_new((limit,), start):
                 self._tried[limit,].append((start, self.attempt((limit,), start)))
 
@@ -188,7 +190,7 @@ class Repairs(Elastic):
                 self.relax([limit for limit in needed if limit is not left], point)
                 for left in sorted(needed, key=parts.__getitem__)
             )
-            best = next((one for one in fewer if one is not None), None)
+            best = next((repair for repair in fewer if repair is not None), None)
             if best is None:
                 break
             point = best
@@ -198,7 +200,7 @@ class Repairs(Elastic):
 def _least(points: Iterable[Repair | None]) -> list[Repair]:
     """Points with different sums of parts, the least first."""
     least: list[Repair] = []
-    for point in sorted((one for one in points if one is not None), key=lambda one: one.total):
+    for point in sorted((repair for repair in points if repair is not None), key=lambda repair: repair.total):
         if not (least and same(point.total, least[-1].total)):
             least.append(point)
     return least

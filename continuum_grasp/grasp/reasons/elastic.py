@@ -84,7 +84,7 @@ class Elastic:
             patience = PATIENCE if self.found else None
             start, parts, x0, rung = begin, dict.fromkeys(limits, 1.0), None, 2
         solver, usual = search.solver(start), {limit: limit.start(scene) for limit in limits}
-        relaxed = [(limit, most * parts.get(limit, 0.0)) for limit, most in usual.items()]
+        relaxed = [(limit, amount * parts.get(limit, 0.0)) for limit, amount in usual.items()]
         ends = {"iterations": FIRST_CAP, "standstill": STANDSTILL, "patience": patience}
         options: dict[str, Any] = {"rung": rung, "relaxed": relaxed, "x0": x0, "weights": weights, **ends}
         attempt = solver.run(scene, start, search.budget, smoothed=x0 is None, **options)
@@ -154,15 +154,15 @@ class Elastic:
         scene, search = self.scene, self.search
         if search.budget.over:
             return None
-        most = {limit: limit.sensible(scene) / limit.start(scene) for limit in repair.parts}
-        parts = {limit: min(part + step, most[limit]) for limit, part in repair.parts.items()}
+        greatest = {limit: limit.sensible(scene) / limit.start(scene) for limit in repair.parts}
+        parts = {limit: min(part + step, greatest[limit]) for limit, part in repair.parts.items()}
         eased, start, bounds = self.relaxed(parts), repair.attempt.start, scene.robust or Robust.model_construct()
         solver = search.solver(start)
         attempt = solver.run(eased, start, search.budget, rung=2, x0=repair.attempt.x, iterations=FIRST_CAP)
         if not attempt.converged or not np.isfinite(attempt.x).all():
             return None
-        found = find_robust(eased, bounds, solver.arrays(eased, attempt), search.budget)
-        return replace(repair, parts=parts, arrays=found.arrays) if found.holds else None
+        exchange = find_robust(eased, bounds, solver.arrays(eased, attempt), search.budget)
+        return replace(repair, parts=parts, arrays=exchange.arrays) if exchange.holds else None
 
 
 def settled(totals: list[float]) -> bool:

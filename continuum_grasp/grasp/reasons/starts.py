@@ -56,7 +56,7 @@ class Starts:
         relaxed, known = eased(self._scene, [limit], 1.0 if part is None else part), list[Start]()
         if limit.limit is None:
             closest = sorted(self._search.tried, key=lambda tried: tried.attempt.badness)
-            tried = list({id(one.attempt.start): one.attempt.start for one in closest}.values())
+            tried = list({id(scanned.attempt.start): scanned.attempt.start for scanned in closest}.values())
             known = spread(tried or self._search.rough_starts_of(contact_modes(self._scene)[0]))
         if relaxed is self._scene:
             return known
@@ -67,7 +67,7 @@ class Starts:
         the shape relaxed in several amounts.
         """
         limits = list(limits)
-        scans = self._search.rebalanced(eased(self._scene, [one for one in limits if not one.bounds_shape], 1.0))
+        scans = self._search.rebalanced(eased(self._scene, [limit for limit in limits if not limit.bounds_shape], 1.0))
         near = [*self._lost, *(self.rough if self._search.unscanned else interleaved(scans))]
         wider = [start for factor in WIDER for start in self._of(eased(self._scene, limits, factor))]
         return [*near[:HELD], *interleaved(wider)[: 2 * HELD]]
@@ -102,15 +102,15 @@ class Starts:
     def _hopeful(self, starts: list[Start]) -> list[Start]:
         """Starts nearly in balance, and nearer than without the limit relaxed."""
         search, tips = self._search, {setup.tip_name for setup in self._scene.setups}
-        most = NEARLY_BALANCED if all(setup.elements <= 2 for setup in self._scene.setups) else BENT
+        threshold = NEARLY_BALANCED if all(setup.elements <= 2 for setup in self._scene.setups) else BENT
 
         def enough(start: Start) -> float:
             # Behind the last contact a finger is as its tendons bend it, and a small imbalance says little.
             if not tips <= start.contacts.keys():
                 return UNLIKELY
-            alike = (one.start for one in search.basins if one.start.contacts.keys() == start.contacts.keys())
-            known = min((one.imbalance for one in alike), default=math.inf)
-            return min(most, max(NEARER * known, NONE))
+            alike = (basin.start for basin in search.basins if basin.start.contacts.keys() == start.contacts.keys())
+            known = min((other.imbalance for other in alike), default=math.inf)
+            return min(threshold, max(NEARER * known, NONE))
 
         return [start for start in starts if start.imbalance < enough(start)]
 

@@ -40,7 +40,7 @@ def ordered(reasons: Iterable[Reason]) -> list[Reason]:
     for reason in sorted(reasons, key=rank):
         if tied and (rank(reason)[:3] != rank(tied[0])[:3] or rank(reason)[3] - rank(tied[0])[3] > NONE):
             result, tied = result + tied, []
-        tied = sorted([*tied, reason], key=lambda one: [names.index(part.name) for part in (one, *one.also)])
+        tied = sorted([*tied, reason], key=lambda ranked: [names.index(part.name) for part in (ranked, *ranked.also)])
     return result + tied
 
 
@@ -51,7 +51,7 @@ def is_rare(reason: Reason) -> bool:
 
 def is_clear(reason: Reason, scene: GraspScene) -> bool:
     """Whether so much is missing that no other start would do without."""
-    (relaxation,) = (one for one in RELAXATIONS if one.name == reason.name)
+    (relaxation,) = (candidate for candidate in RELAXATIONS if candidate.name == reason.name)
     if relaxation.limit is None or reason.limit <= 0.0:
         return reason.needed >= CLEAR * relaxation.start(scene)
     return abs(reason.needed / reason.limit - 1.0) >= CLEAR
@@ -71,19 +71,19 @@ def part_of(elastic: Elastic, limit: Relaxation, repair: Repair) -> Reason:
     """A limit of a repair, in the scene where the others are relaxed."""
     others = {other: part for other, part in repair.parts.items() if other is not limit}
     scene, amount = elastic.relaxed(others, spare=1.0), repair.parts[limit] * limit.start(elastic.scene)
-    given = 0.0 if limit.limit is None else limit.limit(scene)
+    bound = 0.0 if limit.limit is None else limit.limit(scene)
     needed, unit = limit.value(scene, amount), "" if limit.unit == "1" else limit.unit
-    text = limit.needed.format(limit=given, needed=needed)
+    text = limit.needed.format(limit=bound, needed=needed)
     advice = limit.repair.format(key=limit.key, needed=needed, unit=unit).strip()
     advice += limit.beside(scene, limit.relaxed(scene, amount))
-    return Reason(limit.name, limit.key, limit.unit, given, needed, text, advice)
+    return Reason(limit.name, limit.key, limit.unit, bound, needed, text, advice)
 
 
 def out_of_reach(scene: GraspScene) -> Reason | None:
     """The exact test of distance: no shape at all can touch."""
     needed = [s for s in scene.setups if "on" in (*s.middles, s.tip) or len(scene.setups) == 1]
     away = [(_distance(scene, setup), _reach(setup)) for setup in needed]
-    missing, distance, reach = max(((d - r, d, r) for d, r in away), key=lambda one: one[0], default=(0.0, 0.0, 0.0))
+    missing, distance, reach = max(((d - r, d, r) for d, r in away), key=lambda gap: gap[0], default=(0.0, 0.0, 0.0))
     if missing <= ROUNDING * reach:
         return None
     text = f"the object is out of reach: it is {distance:.4g} m from the base, {reach:.4g} m can be reached"

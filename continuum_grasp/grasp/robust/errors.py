@@ -61,13 +61,13 @@ def corners(bounds: Robust) -> Array:
 
 def alone(bounds: Robust) -> dict[str, Array]:
     """Per bound, its two ends (or four, of the position) with no other error (K, 6)."""
-    found = {}
+    ends = {}
     for name in BOUNDS:
         bound = getattr(bounds, name)
         if bound:
             columns = (0, 1) if name == "position" else (ERRORS.index(name),)
-            found[name] = np.array([sign * bound * np.eye(6)[k] for k in columns for sign in (1.0, -1.0)])
-    return found
+            ends[name] = np.array([sign * bound * np.eye(6)[k] for k in columns for sign in (1.0, -1.0)])
+    return ends
 
 
 def drawn(bounds: Robust, seed: int) -> Array:
@@ -83,9 +83,9 @@ def extremes(scene: GraspScene, arrays: Mapping[str, Any]) -> Array:
     if not setups:
         return np.zeros((1, 0))
     slid = [pulled_states(setup, FingerShape(setup, arrays)) for setup in setups]
-    pulled = [np.where(own < 0.0, -1.0, 1.0) for own in slid]
+    pulled = [np.where(states < 0.0, -1.0, 1.0) for states in slid]
     ways = sorted(product((1.0, -1.0), repeat=len(setups)), key=lambda way: len(set(way)))
-    return np.array([np.concatenate([w * own for w, own in zip(way, pulled, strict=True)]) for way in ways])
+    return np.array([np.concatenate([w * states for w, states in zip(way, pulled, strict=True)]) for way in ways])
 
 
 def with_states(errors: Array, states: Array) -> Array:
@@ -187,12 +187,12 @@ class InError:
         of the problem, by the names of the unknowns.
         """
         x, y, turn = (np.array(self.pose_in_error(error)) - self.pose).tolist()
-        moved, found = complex(x, y) * cmath.exp(-1j * self.pose[2]), {}
+        moved, landings = complex(x, y) * cmath.exp(-1j * self.pose[2]), {}
         for contact in spec.contacts:
             if spec.lands(contact) and contact.name in start.contacts:
                 place = cmath.exp(-1j * turn) * (complex(*start.contacts[contact.name].point) - moved)
-                found[f"landing, {contact.name}"] = np.array(Units.of(self.scene).point((place.real, place.imag)))
-        return found
+                landings[f"landing, {contact.name}"] = np.array(Units.of(self.scene).point((place.real, place.imag)))
+        return landings
 
     def scene_with(self, error: Array) -> GraspScene:
         """The scene with an error."""
@@ -204,7 +204,7 @@ class InError:
         free = Freedom(**ranges) if self.yields or self.scene.object.free is not None else None
         pose = {"position": (x, y), "angle": angle, "free": free}
         body = scene.object.model_copy(update={**pose, "mass": mass * scene.object.mass})
-        changed = with_contacts_changed(scene, "friction", lambda given: friction * given)
+        changed = with_contacts_changed(scene, "friction", lambda nominal: friction * nominal)
         return changed.model_copy(update={"object": body})
 
     def _sized(self, error: Array) -> GraspScene:
@@ -221,9 +221,9 @@ def scaled(body: Any, factor: float) -> Any:
 
     def grown(path: tuple[str | int, ...], value: Any) -> Any:
         if isinstance(value, dict):
-            return {key: grown((*path, key), one) for key, one in value.items()}
+            return {key: grown((*path, key), entry) for key, entry in value.items()}
         if isinstance(value, list | tuple):
-            return tuple(grown((*path, k), one) for k, one in enumerate(value))
+            return tuple(grown((*path, k), entry) for k, entry in enumerate(value))
         is_length = isinstance(value, float) and _SHAPE.unit(path, data) == "m"
         return factor * value if is_length else value
 

@@ -103,7 +103,7 @@ def robust_problem(
     ps = ca.vertsplit(p, _starts([*numbers, *[3] * count]))
     ps, errors = ps[: count + 1], ps[count + 1 :]
     mine = expressions(nominal.problem.spec)
-    made = {one: _link_functions(mine, expressions(one.problem.spec), left) for one in dict.fromkeys(others)}
+    made = {solver: _link_functions(mine, expressions(solver.problem.spec), left) for solver in dict.fromkeys(others)}
     links = [made[other] for other in others]
 
     values = [part.nlp.values(a, b) for part, a, b in zip(parts, xs, ps, strict=True)]
@@ -115,18 +115,18 @@ def robust_problem(
     # Of the parts, which may be compiled functions, and whose blocks CasADi would not see as soon.
     slopes = [part.nlp.functions["grad_f"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
     gradient = ca.Function("nlp_grad_f", [x, p], [f, ca.vertcat(*slopes)], ["x", "p"], ["f", "grad_f_x"])
-    own = [part.nlp.functions["jac_g"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
-    rows = ca.vertcat(ca.diagcat(*own), ca.jacobian(ca.vertcat(*linked), x))
+    jacobians = [part.nlp.functions["jac_g"](a, b)[1] for part, a, b in zip(parts, xs, ps, strict=True)]
+    rows = ca.vertcat(ca.diagcat(*jacobians), ca.jacobian(ca.vertcat(*linked), x))
     jacobian = ca.Function("nlp_jac_g", [x, p], [g, rows], ["x", "p"], ["g", "jac_g_x"])
     weight, forces = ca.MX.sym("weight"), ca.MX.sym("forces", g.numel())
     shares = ca.vertsplit(forces, _starts([*(part.problem.rows.count for part in parts), *rows_linked]))
     each = list(zip(parts, xs, ps, shares, strict=False))
-    blocks = [part.nlp.functions["hess_lag"](a, b, weight, own) for part, a, b, own in each]
+    blocks = [part.nlp.functions["hess_lag"](a, b, weight, multipliers) for part, a, b, multipliers in each]
     own_forces = zip(links, errors, shares[count + 1 :], strict=True)
-    blocks[0] += sum(bend(xs[0], ps[0], e, own) for (_, bend), e, own in own_forces)
+    blocks[0] += sum(bend(xs[0], ps[0], e, multipliers) for (_, bend), e, multipliers in own_forces)
     names = ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
     hessian = ca.Function("nlp_hess_l", [x, p, weight, forces], [ca.triu(ca.diagcat(*blocks))], *names)
-    along = [part.nlp.slope(a, b, weight, own) for part, a, b, own in each]
+    along = [part.nlp.slope(a, b, weight, multipliers) for part, a, b, multipliers in each]
     pull = ca.gradient(ca.dot(ca.vertcat(*shares[count + 1 :]), ca.vertcat(*linked)), p)
     by_numbers = ca.vertcat(*along, ca.MX.zeros(3 * count)) + pull
     slope = ca.Function("nlp_slope", [x, p, weight, forces], [by_numbers], names[0], ["grad_gamma_p"])
@@ -189,24 +189,26 @@ class JointSolverRun:
         features = features or contact_features(scene, start.contacts)
         sides = self._sides(scene, start, features)
         values = [
-            problem_values(solver.problem, each, begin, own)
-            for solver, (each, begin, own) in zip(self._solvers, sides, strict=True)
+            problem_values(solver.problem, each, begin, sits)
+            for solver, (each, begin, sits) in zip(self._solvers, sides, strict=True)
         ]
-        for one in values[1:]:
-            one["effort weight"] = _EFFORT
+        for error_values in values[1:]:
+            error_values["effort weight"] = _EFFORT
         low, high = self.bounds(scene, start, features)
 
         def look(x: Array, numbers: Array) -> tuple[float, Array]:
-            deepest, found = -np.inf, []
+            deepest, runtime_numbers = -np.inf, []
             parts = zip(self._solvers, sides, values, self._xs(x), self._ps(numbers), strict=True)
-            for solver, (each, _, _), own, part, p in parts:
+            for solver, (each, _, _), posture_values, part, p in parts:
                 sight = solver.near.look(each, part, p)
                 deepest = max(deepest, sight.deepest)
-                found.append(solver.problem.numbers.pack({**own, **sight.numbers}))
-            return deepest, np.concatenate([*found, offsets])
+                runtime_numbers.append(solver.problem.numbers.pack({**posture_values, **sight.numbers}))
+            return deepest, np.concatenate([*runtime_numbers, offsets])
 
         offsets = self._offsets(scene, start)
-        packed = [s.problem.numbers.pack(one, 0.0) for s, one in zip(self._solvers, values, strict=True)]
+        packed = [
+            s.problem.numbers.pack(posture_values, 0.0) for s, posture_values in zip(self._solvers, values, strict=True)
+        ]
         if x0 is None:
             starts = zip(self._solvers, sides, strict=True)
             x0 = np.concatenate([starting_point(s.problem, *side) for s, side in starts])
@@ -246,8 +248,8 @@ class JointSolverRun:
         """Indices of the constraints of guarded places (n,)."""
         counts = [solver.problem.rows.count for solver in self._solvers]
         starts = np.cumsum([0, *counts[:-1]])
-        found = [start + solver.guarded for start, solver in zip(starts, self._solvers, strict=True)]
-        return np.asarray(np.concatenate(found))
+        guarded = [start + solver.guarded for start, solver in zip(starts, self._solvers, strict=True)]
+        return np.asarray(np.concatenate(guarded))
 
     def arrays(self, scene: GraspScene, attempt: Attempt) -> dict[str, Array]:
         """The physical numbers of the nominal grasp."""
@@ -256,19 +258,19 @@ class JointSolverRun:
     def numbers_near(self, scene: GraspScene, attempt: Attempt, start: Start, features: dict[str, Feature]) -> Array:
         """Run-time numbers of a scene of the same structure at the unknowns of an attempt."""
         sides = self._sides(scene, start, features)
-        found = [
-            solver.numbers_near(each, self._part(attempt, k), begin, own)
-            for k, (solver, (each, begin, own)) in enumerate(zip(self._solvers, sides, strict=True))
+        numbers = [
+            solver.numbers_near(each, self._part(attempt, k), begin, sits)
+            for k, (solver, (each, begin, sits)) in enumerate(zip(self._solvers, sides, strict=True))
         ]
-        return np.concatenate([*found, self._offsets(scene, start)])
+        return np.concatenate([*numbers, self._offsets(scene, start)])
 
     def acting(self, attempt: Attempt) -> Array:
         """The errors (A, 6 + S) that decide the optimum: those with forces on what all postures share."""
         links = attempt.multipliers.constraints[sum(solver.problem.rows.count for solver in self._solvers) :]
         each = np.split(links, np.cumsum(self._links)[:-1]) if links.size else []
-        forces = np.array([np.abs(own).max() for own in each])
-        found: Array = self.errors[forces > _ACTS * forces.max(initial=0.0)]
-        return found
+        forces = np.array([np.abs(multipliers).max() for multipliers in each])
+        acting: Array = self.errors[forces > _ACTS * forces.max(initial=0.0)]
+        return acting
 
     def _part(self, attempt: Attempt, k: int) -> Attempt:
         return replace(attempt, x=self._xs(attempt.x)[k], numbers=self._ps(attempt.numbers)[k])
@@ -284,19 +286,23 @@ class JointSolverRun:
         """By how much the object's pose is off in each error, in units of the problem (3 K,)."""
         in_error, units = _in_error(scene, start), Units.of(scene)
         moved = (np.array(in_error.pose_in_error(error)) - in_error.pose for error in self.errors)
-        return np.concatenate([np.zeros(0), *(np.array(units.pose(one.tolist())) for one in moved)])
+        return np.concatenate([np.zeros(0), *(np.array(units.pose(pose.tolist())) for pose in moved)])
 
     def _sides(self, scene: GraspScene, start: Start, features: dict[str, Feature]) -> list[_Side]:
         """Scene, start and features of the nominal grasp and of each error."""
-        in_error, found = _in_error(scene, start), [(scene, start, features)]
+        in_error, sides = _in_error(scene, start), [(scene, start, features)]
         for error, on in zip(self.errors, self.touching, strict=True):
-            own, sits = start, features
+            full_start, sits = start, features
             if on.keys() != start.contacts.keys():
-                own = with_contacts(scene, start, {name: start.contacts.get(name, at) for name, at in on.items()})
-                sits = {name: features.get(name, at) for name, at in contact_features(scene, own.contacts).items()}
-            each, begin = in_error.plant(own, error)
-            found.append((each, begin, moved_features(scene, each, own.contacts, sits)))
-        return found
+                full_start = with_contacts(
+                    scene, start, {name: start.contacts.get(name, at) for name, at in on.items()}
+                )
+                sits = {
+                    name: features.get(name, at) for name, at in contact_features(scene, full_start.contacts).items()
+                }
+            each, begin = in_error.plant(full_start, error)
+            sides.append((each, begin, moved_features(scene, each, full_start.contacts, sits)))
+        return sides
 
 
 def _in_error(scene: GraspScene, start: Start) -> InError:

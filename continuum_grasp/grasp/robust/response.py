@@ -153,10 +153,10 @@ class Responder:
                 margin = max(margin, 0.0)
         elif attempt.status is nlp.Status.INFEASIBLE:
             margin = -np.inf
-        found = Response(error, scene, reserve, margin, weakest, start, attempt, solver, begin)
+        response = Response(error, scene, reserve, margin, weakest, start, attempt, solver, begin)
         if attempt.converged:
-            self._known.append(found)
-        return found
+            self._known.append(response)
+        return response
 
     def _next(self, response: Response) -> Iterator[Start]:
         """Starts with the contacts that a posture which does not hold asks for, those most likely to hold first."""
@@ -188,7 +188,7 @@ class Responder:
 
     def _near_object(self, response: Response, names: Sequence[str]) -> Iterator[tuple[str, ContactStart]]:
         """Contacts that are off and nearly touch the object or are deep in it, deepest first, and where."""
-        scene, arrays, found = response.scene, response.arrays, []
+        scene, arrays, near = response.scene, response.arrays, []
         x, y, angle = arrays["object.pose"].tolist()
         for setup in scene.setups if names else ():
             line, length = arrays[f"{setup.name}.backbone"], setup.finger.rod.length
@@ -202,8 +202,8 @@ class Responder:
                 if gap < NEAR * length:
                     size = 1.0 + float(response.error[3])
                     point = at.point[0] / size, at.point[1] / size
-                    found.append((gap, name, replace(at, point=point)))
-        yield from ((name, at) for _, name, at in sorted(found, key=lambda one: one[0]))
+                    near.append((gap, name, replace(at, point=point)))
+        yield from ((name, at) for _, name, at in sorted(near, key=lambda entry: entry[0]))
 
     def _pinned(self, solver: GraspSolverRun, scene: GraspScene, start: Start, error: Array) -> dict[str, Array]:
         """Unknowns that are given, in units of the problem; NaN where one is not."""
@@ -226,7 +226,7 @@ class Responder:
         known = self._known if begin is None else self._with_contacts(begin)
         if not known:
             return None
-        away = np.array([one.error for one in known]) - error
+        away = np.array([response.error for response in known]) - error
         away[:, :2] /= self.scene.object.size
         return known[int((away**2).sum(axis=1).argmin())]
 
@@ -251,11 +251,11 @@ def _reserve(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -> flo
 
 def _least_margin(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -> tuple[float, str]:
     """Least friction margin, and the contact that has it."""
-    found = []
+    margins = []
     for contact in solver.problem.spec.contacts:
         n, *sideways = attempt.x[solver.problem.x.at[f"force, {contact.name}"]]
         friction = scene.friction(contact.name)
         if n < 0.0 or friction > 0.0:
             margin = 1.0 - float(np.linalg.norm(sideways)) / (friction * n) if friction * n > 0.0 else -np.inf
-            found.append((margin, contact.name))
-    return min(found, default=(1.0, ""))
+            margins.append((margin, contact.name))
+    return min(margins, default=(1.0, ""))

@@ -118,13 +118,13 @@ class Robustness(Summarized):
 
     def warnings(self) -> list[str]:
         """Warnings before this grasp is relied on."""
-        one = self.robust
-        if one is None or one.holds:
+        trials = self.robust
+        if trials is None or trials.holds:
             return []
-        unknown = int(np.isnan(one.margins).sum())
-        failed = one.margins.size - one.held - unknown
+        unknown = int(np.isnan(trials.margins).sum())
+        failed = trials.margins.size - trials.held - unknown
         answers = f", and {unknown} have no answer" if unknown else ""
-        return [f"of {one.margins.size} draws within robust {failed} do not hold with these tensions{answers}"]
+        return [f"of {trials.margins.size} draws within robust {failed} do not hold with these tensions{answers}"]
 
     def headline(self) -> str:
         """Draws that hold."""
@@ -141,44 +141,44 @@ class Robustness(Summarized):
         both = (self.nominal, self.robust)
 
         def row(name: str, text: Any) -> tuple[str, str, str]:
-            nominal, robust = ("" if one is None else str(text(one)) for one in both)
+            nominal, robust = ("" if trials is None else str(text(trials)) for trials in both)
             return name, nominal, robust
 
         return [
-            row("sum of tensions", lambda one: f"{one.tension:.2f} N"),
-            row("draws held, tensions fixed", lambda one: f"{one.held} of {one.margins.size}"),
-            row("least margin, draws and corners", lambda one: _margin(one.least)),
+            row("sum of tensions", lambda trials: f"{trials.tension:.2f} N"),
+            row("draws held, tensions fixed", lambda trials: f"{trials.held} of {trials.margins.size}"),
+            row("least margin, draws and corners", lambda trials: _margin(trials.least)),
             *(
-                row(f"least margin, {name} alone", lambda one, name=name: _margin(one.alone[name]))
+                row(f"least margin, {name} alone", lambda trials, name=name: _margin(trials.alone[name]))
                 for name in self.nominal.alone
             ),
-            row("least reserve at", lambda one: one.worst or "-"),
+            row("least reserve at", lambda trials: trials.worst or "-"),
             row("fails first", _weakest),
         ]
 
     def data(self) -> dict[str, Any]:
         """The results as plain data."""
 
-        def of(one: Trials) -> dict[str, Any]:
+        def of(trials: Trials) -> dict[str, Any]:
             return {
-                "tension": one.tension,
-                "draws": int(one.margins.size),
-                "held": one.held,
-                "least_margin": one.least,
-                "corners": int(one.corner_margins.size),
-                "corners_held": int((one.corner_margins >= 0.0).sum()),
-                "least_margin_alone": dict(one.alone),
-                "least_reserve_at": one.worst,
-                "fails_first": dict(one.weakest),
-                "solved_anew": one.anew,
+                "tension": trials.tension,
+                "draws": int(trials.margins.size),
+                "held": trials.held,
+                "least_margin": trials.least,
+                "corners": int(trials.corner_margins.size),
+                "corners_held": int((trials.corner_margins >= 0.0).sum()),
+                "least_margin_alone": dict(trials.alone),
+                "least_reserve_at": trials.worst,
+                "fails_first": dict(trials.weakest),
+                "solved_anew": trials.anew,
             }
 
-        found = {"nominal": of(self.nominal)}
-        return found if self.robust is None else {**found, "robust": of(self.robust)}
+        compared = {"nominal": of(self.nominal)}
+        return compared if self.robust is None else {**compared, "robust": of(self.robust)}
 
 
-def _weakest(one: Trials) -> str:
-    ranked = sorted(one.weakest.items(), key=lambda pair: -pair[1])
+def _weakest(trials: Trials) -> str:
+    ranked = sorted(trials.weakest.items(), key=lambda pair: -pair[1])
     return ", ".join(f"{name} ({count})" for name, count in ranked[:3]) or "-"
 
 

@@ -121,14 +121,14 @@ def find_robust(scene: GraspScene, bounds: Robust, arrays: Mapping[str, Any], bu
     """The best grasp of a scene next to that of ``arrays`` that holds for all corners of the bounds; where the solver
     finds none, the last one.
     """
-    found = Exchange(scene, bounds, arrays, budget)
-    while active := found.active(arrays):
-        attempt, new = _solved(found.responder, active, budget)
-        found.iterations += attempt.iterations
+    exchange = Exchange(scene, bounds, arrays, budget)
+    while active := exchange.active(arrays):
+        attempt, new = _solved(exchange.responder, active, budget)
+        exchange.iterations += attempt.iterations
         if new is None:
             break
-        arrays, found.optimal = new, attempt.status is nlp.Status.SOLVED
-    return found
+        arrays, exchange.optimal = new, attempt.status is nlp.Status.SOLVED
+    return exchange
 
 
 def _solved(
@@ -154,9 +154,9 @@ def worst_vertex(response: Response) -> Array:
     # What is minimized is the reserve turned around.
     slope = np.asarray(solver.nlp.slope(attempt.x, attempt.numbers, 1.0, attempt.multipliers.constraints)).ravel()
     for name, columns in response.scene.state_columns.items():
-        own = slope[solver.problem.numbers.at[f"{name}.friction_history"]][:-1]
+        by_state = slope[solver.problem.numbers.at[f"{name}.friction_history"]][:-1]
         states = error[OBJECT:][columns]
-        error[OBJECT:][columns] = np.where(own > 0.0, 1.0, np.where(own < 0.0, -1.0, states))
+        error[OBJECT:][columns] = np.where(by_state > 0.0, 1.0, np.where(by_state < 0.0, -1.0, states))
     return error
 
 
@@ -168,13 +168,13 @@ def descended(responder: Responder, responses: Sequence[Response]) -> Iterator[R
     if not responder.scene.state_columns:
         return
     known = {response.error.tobytes() for response in responses}
-    found = list(responses)
+    reached = list(responses)
 
     def down(last: Response) -> Iterator[Response]:
         while (error := worst_vertex(last)).tobytes() not in known:
             known.add(error.tobytes())
             new = responder.to(error)
-            found.append(new)
+            reached.append(new)
             yield new
             if new.reserve >= last.reserve:
                 break
@@ -184,11 +184,11 @@ def descended(responder: Responder, responses: Sequence[Response]) -> Iterator[R
         yield from down(response)
     cells = [np.append(np.zeros(OBJECT, dtype=bool), cell) for cell in state_cells(responder.scene)]
     while True:
-        worst = min(found, key=lambda response: response.reserve)
+        worst = min(reached, key=lambda response: response.reserve)
         errors = [np.where(cell, -worst.error, worst.error) for cell in cells] if np.isfinite(worst.reserve) else []
         turned = [responder.to(error) for error in errors if error.tobytes() not in known]
         known |= {response.error.tobytes() for response in turned}
-        found += turned
+        reached += turned
         yield from turned
         new = min(turned, key=lambda response: response.reserve, default=worst)
         if not new.reserve < worst.reserve - EXACT:
@@ -199,8 +199,8 @@ def descended(responder: Responder, responses: Sequence[Response]) -> Iterator[R
 def tried_states(scene: GraspScene, arrays: Mapping[str, Any], budget: Budget) -> list[Response]:
     """Responses of a grasp to the friction states of `extremes`, and to the worst ones from there."""
     responder = Responder(scene, arrays, budget)
-    found = [responder.to(error) for error in with_states(np.zeros((1, OBJECT)), extremes(scene, arrays))]
-    return found + list(descended(responder, found))
+    responses = [responder.to(error) for error in with_states(np.zeros((1, OBJECT)), extremes(scene, arrays))]
+    return responses + list(descended(responder, responses))
 
 
 def with_postures(
@@ -217,18 +217,21 @@ def with_postures(
     if scene.robust:  # whose responses are to errors of the object, too
         responses = tried_states(scene, arrays, budget)
     each = [response.arrays for response in responses]
-    names = list(dict.fromkeys(str(name) for one in (arrays, *each) for name in one["contact_names"]))
-    each = [_with_all(one, names) for one in each]
+    names = list(dict.fromkeys(str(name) for posture in (arrays, *each) for name in posture["contact_names"]))
+    each = [_with_all(posture, names) for posture in each]
     same = {f"{name}.family" for name in scene.named_fingers}
-    return {**arrays, **{f"held.{key}": np.stack([one[key] for one in each]) for key in each[0] if key not in same}}
+    return {
+        **arrays,
+        **{f"held.{key}": np.stack([posture[key] for posture in each]) for key in each[0] if key not in same},
+    }
 
 
 def _with_all(arrays: Mapping[str, Array], names: Sequence[str]) -> dict[str, Array]:
     """The arrays of a posture with a place for each of these contacts."""
-    own = [str(name) for name in arrays["contact_names"]]
+    present = [str(name) for name in arrays["contact_names"]]
     clear = {"contact_names": "", "contact_parts": 0}
-    found = dict(arrays)
+    padded = dict(arrays)
     for key in OF_CONTACTS:
-        found[key] = np.full((len(names), *arrays[key].shape[1:]), clear.get(key, np.nan), dtype=arrays[key].dtype)
-        found[key][[names.index(name) for name in own]] = arrays[key]
-    return found
+        padded[key] = np.full((len(names), *arrays[key].shape[1:]), clear.get(key, np.nan), dtype=arrays[key].dtype)
+        padded[key][[names.index(name) for name in present]] = arrays[key]
+    return padded

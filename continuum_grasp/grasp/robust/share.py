@@ -155,12 +155,12 @@ class _Plants:
         ends = [(self._point(side), self._point(-side)) for side in sides]
         moved = 0.5 * np.array([more[0] - less[0] for more, less in ends]).T
         broken = 0.5 * np.array([self._rows(*more) - self._rows(*less) for more, less in ends]).T
-        unknown, given = slopes[:count], broken[:count]
+        unknown, known = slopes[:count], broken[:count]
         # What changes least of all that satisfies the equations, and the ways that they leave.
         left, values, right = np.linalg.svd(unknown)
         rank = int((values > ROUNDING * values[0]).sum())
-        answer, ways = -right[:rank].T @ (left[:, :rank].T @ given / values[:rank, None]), right[rank:].T
-        if np.abs(unknown @ answer + given).max() > 1e-6 * max(1.0, np.abs(given).max()):
+        answer, ways = -right[:rank].T @ (left[:, :rank].T @ known / values[:rank, None]), right[rank:].T
+        if np.abs(unknown @ answer + known).max() > 1e-6 * max(1.0, np.abs(known).max()):
             raise InputError("contacts of the grasp cannot all stay in plants with such errors")
         self._spare = self._rows(x, numbers)[count:]
         self._spare_by_error = broken[count:] + slopes[count:] @ answer
@@ -169,7 +169,7 @@ class _Plants:
         moved[columns] += answer
         by_way[columns] = ways
         at = [problem.x.at[f"force, {name}"] for name in self.names]
-        self._forces, self._by_error, self._by_way = (np.array([v[one] for one in at]) for v in (x, moved, by_way))
+        self._forces, self._by_error, self._by_way = (np.array([v[index] for index in at]) for v in (x, moved, by_way))
 
     def reserves(self, points: Array) -> Array:
         """By how much all cones could be narrower in plants (D,) of errors (D, E) from -1 to 1, per force reference;
@@ -185,9 +185,13 @@ class _Plants:
         limits = [self._spare + points @ self._spare_by_error.T]
         for k, (_, *sideways) in enumerate(self._forces):
             # Friction times normal force, less the force along each direction; and what presses.
-            own = np.array(sideways) / max(float(np.linalg.norm(sideways)), 1e-300)
+            direction = np.array(sideways) / max(float(np.linalg.norm(sideways)), 1e-300)
             cone = np.zeros((len(points), len(around) + 2, forces.shape[2]))
-            cone[:, :-1, 0], cone[:, -1, 0], cone[:, :-1, 1:] = slippery[:, k, None], 1.0, -np.vstack([around, own])
+            cone[:, :-1, 0], cone[:, -1, 0], cone[:, :-1, 1:] = (
+                slippery[:, k, None],
+                1.0,
+                -np.vstack([around, direction]),
+            )
             rows.append((-cone.reshape(-1, cone.shape[2]) @ self._by_way[k]).reshape(*cone.shape[:2], ways))
             limits.append(np.einsum("drf,df->dr", cone, forces[:, k]))
         matrix = np.concatenate(rows, axis=1)
@@ -245,15 +249,15 @@ class _Plants:
         low, high = problem_bounds(problem, self.scene, self.features)
         names = [name for name in problem.x.at if name.startswith(("force, ", "place, "))]
         for setup in self.scene.setups:
-            own = ("q", *(f"joint_{k}" for k in range(len(setup.middles))))
-            own += () if setup.drive is None else ("pulls", "wound")
-            names += [name for key in own if (name := f"{setup.name}.{key}") in problem.x.at]
+            keys = ("q", *(f"joint_{k}" for k in range(len(setup.middles))))
+            keys += () if setup.drive is None else ("pulls", "wound")
+            names += [name for key in keys if (name := f"{setup.name}.{key}") in problem.x.at]
         every = np.concatenate([np.arange(x.size)[problem.x.at[name]] for name in names])
-        found = [every[low[every] < high[every]]]
+        indices = [every[low[every] < high[every]]]
         if problem.spec.free:
             follows = [k for k in range(3) if self.in_error.yields or k not in self.in_error.left]
-            found.append(np.arange(x.size)[problem.x.at["object pose"]][follows])
-        return np.concatenate(found)
+            indices.append(np.arange(x.size)[problem.x.at["object pose"]][follows])
+        return np.concatenate(indices)
 
 
 def greatest_last(rows: Array, limits: Array) -> Array:

@@ -56,49 +56,53 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
     """
     scene = result.scene
     bounds = scene.robust or Robust.model_construct(draws=DRAWS)
-    first = found = find_robust(scene, bounds, result.arrays, budget)
+    first = exchange = find_robust(scene, bounds, result.arrays, budget)
     branches = 1
     for arrays in _others(search, result.arrays):
         # No robust grasp takes less than the nominal one that it is next to.
-        may = not found.holds or (
+        may = not exchange.holds or (
             scene.objective == "least_tension"
-            and tension_of(scene, arrays) < (1.0 - NEAR) * tension_of(scene, found.arrays)
+            and tension_of(scene, arrays) < (1.0 - NEAR) * tension_of(scene, exchange.arrays)
         )
         if branches > BRANCHES or not may or budget.over:
             break
         branches += 1
         other = find_robust(scene, bounds, arrays, budget)
-        if other.holds and (not found.holds or tension_of(scene, other.arrays) < tension_of(scene, found.arrays)):
-            found = other
+        if other.holds and (not exchange.holds or tension_of(scene, other.arrays) < tension_of(scene, exchange.arrays)):
+            exchange = other
     # Trials are no part of the search: only the clock stops them.
     trials = Budget(until=budget.until)
-    arrays, certificate = found.arrays, found.certificate
-    if found.holds and scene.state_columns:
-        arrays = with_postures(scene, found.arrays, found.responses, trials)
+    arrays, certificate = exchange.arrays, exchange.certificate
+    if exchange.holds and scene.state_columns:
+        arrays = with_postures(scene, exchange.arrays, exchange.responses, trials)
         certificate = certify(scene, arrays)
     errors = with_drawn_states(scene, drawn(bounds, scene.solver.random_seed))
     nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, first.first)
-    if not found.holds:
-        robustness = Robustness(errors, nominal, None, found.errors, result.arrays, found.touching)
-        return _none(result, robustness, found, bounds, budget)
+    if not exchange.holds:
+        robustness = Robustness(errors, nominal, None, exchange.errors, result.arrays, exchange.touching)
+        return _none(result, robustness, exchange, bounds, budget)
     robust = nominal
-    if found.arrays is not result.arrays or len(errors) > COMPARED:
-        robust = _trials(scene, bounds, found.arrays, errors, trials, found.responses)
+    if exchange.arrays is not result.arrays or len(errors) > COMPARED:
+        robust = _trials(scene, bounds, exchange.arrays, errors, trials, exchange.responses)
     held = f"held with {robust.tension:.4g} N of tension in all whatever {_whatever(scene)}"
-    effort = {"corners": len(found.responses), "corners_in_problem": len(found.errors), "iterations": found.iterations}
+    effort = {
+        "corners": len(exchange.responses),
+        "corners_in_problem": len(exchange.errors),
+        "iterations": exchange.iterations,
+    }
     effort |= {"branches": branches}
     # Why the search may have missed a better one.
-    notes = [*result.message.split("; ")[1:], *([] if found.optimal else ["the solver stopped early"])]
+    notes = [*result.message.split("; ")[1:], *([] if exchange.optimal else ["the solver stopped early"])]
     without = f"{nominal.tension:.4g} N {'without errors' if scene.robust else 'as they are pulled'}"
     changed = replace(
         result,
-        status=result.status if found.optimal else Status.FEASIBLE,
+        status=result.status if exchange.optimal else Status.FEASIBLE,
         message="; ".join([held, without, *notes]),
         arrays=arrays,
         certificate=certificate,
         sensitivity=(),  # that of the nominal grasp
         statistics={**result.statistics, "robust": effort},
-        robustness=Robustness(errors, nominal, robust, found.errors, result.arrays, found.touching),
+        robustness=Robustness(errors, nominal, robust, exchange.errors, result.arrays, exchange.touching),
     )
     if not certificate.passed:
         rejected = ", ".join(check.name for check in certificate.failed)
@@ -134,9 +138,9 @@ def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, 
 
     def new(arrays: Mapping[str, Array]) -> bool:
         same = any(
-            set(arrays["contact_names"]) == set(one["contact_names"])
-            and math.isclose(tension_of(scene, arrays), tension_of(scene, one), rel_tol=NEAR)
-            for one in seen
+            set(arrays["contact_names"]) == set(earlier["contact_names"])
+            and math.isclose(tension_of(scene, arrays), tension_of(scene, earlier), rel_tol=NEAR)
+            for earlier in seen
         )
         seen.append(arrays)
         return not same
@@ -150,12 +154,14 @@ def _others(search: Search, best: Mapping[str, Array]) -> Iterator[Mapping[str, 
         if tried.acceptable and new(tried.arrays):
             yield tried.arrays
     for basin in sorted((basin for basin in search.basins if not basin.tried), key=lambda basin: basin.start.estimate):
-        found = search.attempt(basin.start)
-        if found is not None and found.acceptable and new(found.arrays):
-            yield found.arrays
+        candidate = search.attempt(basin.start)
+        if candidate is not None and candidate.acceptable and new(candidate.arrays):
+            yield candidate.arrays
 
 
-def _none(result: GraspResult, robustness: Robustness, found: Exchange, bounds: Robust, budget: Budget) -> GraspResult:
+def _none(
+    result: GraspResult, robustness: Robustness, exchange: Exchange, bounds: Robust, budget: Budget
+) -> GraspResult:
     """No robust grasp: with which part of the bounds, or of the friction of the fingers, there is one."""
     low, high = 0.0, 1.0
     for _ in range(HALVINGS):
@@ -166,7 +172,7 @@ def _none(result: GraspResult, robustness: Robustness, found: Exchange, bounds: 
             low = middle
         else:
             high = middle
-    failing = [response for response in found.responses if not response.holds]
+    failing = [response for response in exchange.responses if not response.holds]
     worst = min(failing, key=lambda response: response.reserve, default=None)
     text = (
         f"the object can be held as it is ({robustness.nominal.tension:.4g} N), but no grasp was found that holds "
@@ -186,7 +192,7 @@ def _none(result: GraspResult, robustness: Robustness, found: Exchange, bounds: 
         (key, now), *further = frictions.items()
         name, unit, limits = "friction states", "1" if key == _TENDONS else "N m", " and ".join(frictions)
         repair = f"multiply all {key} by {low:.4g}, to {low * now:.4g} at most"
-        repair += "".join(f", and all {other} likewise, to {low * most:.4g}" for other, most in further)
+        repair += "".join(f", and all {other} likewise, to {low * limit:.4g}" for other, limit in further)
     text += f"; with {low:.0%} of {limits} there is one"
     reason = Reason(name, key, unit, now, low * now, text, repair)
     advice = f"Any one of these repairs it: {repair}."
@@ -218,11 +224,11 @@ def _less_friction(setup: FingerSetup, share: float) -> GraspFinger:
 
 def _frictions(scene: GraspScene) -> dict[str, float]:
     """Keys of the frictions that have states, and the greatest value of each."""
-    most = {_TENDONS: 0.0, _BENDING: 0.0}
+    greatest = {_TENDONS: 0.0, _BENDING: 0.0}
     for setup in scene.setups:
-        most[_TENDONS] = max(most[_TENDONS], setup.tendons.friction)
-        most[_BENDING] = max([most[_BENDING], *(branch.moment for branch in setup.finger.damping.dry_friction)])
-    return {key: value for key, value in most.items() if value > 0.0}
+        greatest[_TENDONS] = max(greatest[_TENDONS], setup.tendons.friction)
+        greatest[_BENDING] = max([greatest[_BENDING], *(branch.moment for branch in setup.finger.damping.dry_friction)])
+    return {key: value for key, value in greatest.items() if value > 0.0}
 
 
 def _less(scene: GraspScene) -> str:
@@ -247,9 +253,9 @@ def _written(scene: GraspScene, error: Array) -> str:
     if not error[:OBJECT].any():
         words = []
     for setup in scene.setups if states else ():
-        own = states[scene.state_columns[setup.name]] if setup.name in scene.state_columns else []
+        finger_states = states[scene.state_columns[setup.name]] if setup.name in scene.state_columns else []
         count = setup.tendon_friction_states
-        parts = ("of the tendons", own[:count]), ("in bending", own[count:])
+        parts = ("of the tendons", finger_states[:count]), ("in bending", finger_states[count:])
         of = f" of {setup.name}" * (len(scene.setups) > 1)
         words += [f"friction states {part}{of} {_signs(each)}" for part, each in parts if each]
     return ", ".join(words)

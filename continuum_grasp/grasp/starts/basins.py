@@ -136,11 +136,11 @@ class Basins:
     def _weighed(self, branch: Branch, candidates: Candidates, block: Block, wrong: Array) -> Scored:
         count = len(block.needed)
         left, cost, forces = imbalance(self.loads, [block, self.supports], [np.arange(count), np.zeros(count, int)])
-        most = float((block.cost * block.high).sum())
+        greatest_cost = float((block.cost * block.high).sum())
         above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
         score = cost + _PER_IMBALANCE * np.maximum(left - _BALANCED, 0.0)
         score += _PER_DEPTH * np.maximum(wrong, 0.0) + _PER_EXCESS * np.maximum(above, 0.0)
-        return Scored(branch, candidates, forces, left, wrong, score, most * score)
+        return Scored(branch, candidates, forces, left, wrong, score, greatest_cost * score)
 
     def _candidates(self, branch: Branch, wrong: Array) -> Candidates:
         middle, tip = any(self.task.middles), self.task.tip
@@ -171,8 +171,8 @@ class Basins:
         count = len(best.score)
         window = 1.0 if any(self.task.middles) else arc_spacing(self.task)
         for number in range(0 if self._isolated else _ROUNDS):
-            found, rows = self._near(best.branch, np.tile(window * _SHRINK**number * _WINDOW, (count, 1)))
-            new, clear = self._judged(found)
+            neighbors, rows = self._near(best.branch, np.tile(window * _SHRINK**number * _WINDOW, (count, 1)))
+            new, clear = self._judged(neighbors)
             if new is None:
                 continue
             moved = best_of(new.score, rows[clear], count)
@@ -194,36 +194,38 @@ def _ordered(some: Scored) -> Scored:
 def along_outline(branch: Branch, count: int) -> Array:
     """Mask (P, P) of neighbors among postures on a ring with so many places."""
     apart = np.remainder(branch.place[:, None] - branch.place + 0.5 * count, count) - 0.5 * count
-    one, two = np.nonzero(np.abs(apart) <= _NEIGHBORS)
+    first, second = np.nonzero(np.abs(apart) <= _NEIGHBORS)
 
     def differ(values: Array) -> Array:
-        return np.asarray(np.abs(values[one] - values[two]))
+        return np.asarray(np.abs(values[first] - values[second]))
 
-    alike = (branch.side[one] == branch.side[two]) & (branch.part[one] == branch.part[two])
-    alike &= (differ(branch.joint) < _JOINT) & _alike_normals(branch, one, two)
+    alike = (branch.side[first] == branch.side[second]) & (branch.part[first] == branch.part[second])
+    alike &= (differ(branch.joint) < _JOINT) & _alike_normals(branch, first, second)
     for end in (0, 1, 3):
         alike &= differ(branch.ends[:, end]) < _CURVATURE
-    return _pairs(len(branch), one[alike], two[alike])
+    return _pairs(len(branch), first[alike], second[alike])
 
 
-def _pairs(count: int, one: Array, two: Array) -> Array:
+def _pairs(count: int, rows: Array, columns: Array) -> Array:
     """A table (P, P) of pairs."""
     out = np.zeros((count, count), bool)
-    out[one, two] = True
+    out[rows, columns] = True
     return out
 
 
 def in_bends(branch: Branch, spacing: float) -> Array:
     """Mask (P, P) of neighbors among postures of two arcs, of a scan with a spacing [rad]."""
-    one = branch.ends[:, 0] * branch.joint
-    two = branch.ends[:, 2] * (1.0 - branch.joint)
-    first, second = np.nonzero(np.abs(one[:, None] - one) + np.abs(two[:, None] - two) <= _NEIGHBORS * spacing)
+    base_bends = branch.ends[:, 0] * branch.joint
+    tip_bends = branch.ends[:, 2] * (1.0 - branch.joint)
+    first, second = np.nonzero(
+        np.abs(base_bends[:, None] - base_bends) + np.abs(tip_bends[:, None] - tip_bends) <= _NEIGHBORS * spacing
+    )
     alike = (branch.tip[first] == branch.tip[second]) & _alike_normals(branch, first, second)
     return _pairs(len(branch), first[alike], second[alike])
 
 
-def _alike_normals(branch: Branch, one: Array, two: Array) -> Array:
-    return np.asarray(np.abs(wrapped(branch.tip_normal[one] - branch.tip_normal[two])) < _NORMAL)
+def _alike_normals(branch: Branch, first: Array, second: Array) -> Array:
+    return np.asarray(np.abs(wrapped(branch.tip_normal[first] - branch.tip_normal[second])) < _NORMAL)
 
 
 def minima(score: Array, linked: Array) -> Array:

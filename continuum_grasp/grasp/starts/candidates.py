@@ -159,8 +159,8 @@ def first_joint(task: FingerTask) -> Postures | None:
     some = scanned(replace(task, tip=False), Ring(task))
     some = some.take(some.side > 0)
     touched = some.joint[:, None], some.part[:, None], some.point[:, None], some.normal[:, None]
-    found = Postures(some.knots[:, :2], some.ends[:, :2], *touched, np.zeros(len(some)))
-    return _clear(task, found) if len(some) else None
+    postures = Postures(some.knots[:, :2], some.ends[:, :2], *touched, np.zeros(len(some)))
+    return _clear(task, postures) if len(some) else None
 
 
 def next_joint(task: FingerTask, family: Postures) -> Postures | None:
@@ -192,8 +192,8 @@ def next_joint(task: FingerTask, family: Postures) -> Postures | None:
                 parts = np.full(len(retained), part)
                 longer = retained.on_to(knots, bent[good, 1:], parts, at.point, at.angle)
                 groups.append(replace(longer, joints=np.concatenate([retained.joints, there[:, None]], axis=1)))
-    found = join(groups)
-    return None if found is None else _clear(task, unique(found))
+    postures = join(groups)
+    return None if postures is None else _clear(task, unique(postures))
 
 
 def ends_of(family: Postures) -> tuple[Array, Array]:
@@ -215,11 +215,11 @@ def with_tip(task: FingerTask, family: Postures) -> Postures | None:
     point, angle = ends_of(family)
     none, bent = np.zeros(len(family)), np.repeat(family.curvatures[:, -1:], 2, axis=1)
     last = started(none.astype(int), none, none, point, none, angle, family.knots[:, -1], bent)
-    found, rows = onwards(task, last)
+    branch, rows = onwards(task, last)
     if not len(rows):
         return None
     # The curvature may step at the last contact.
-    on = found.knots[:, 2:], found.ends[:, 2:], found.tip, found.tip_point, found.tip_normal
+    on = branch.knots[:, 2:], branch.ends[:, 2:], branch.tip, branch.tip_point, branch.tip_normal
     return family.take(rows).on_to(*on)
 
 
@@ -256,8 +256,8 @@ def bent_by_tip(task: FingerTask, several: bool) -> Postures | None:
         bent = np.stack([line[i[rows]], line[j[rows]], ends[0] + places * (ends[1] - ends[0])], axis=1)
         hats = np.stack([np.interp(knots, (0.0, 0.5, 1.0), unit) for unit in np.eye(3)])
         groups.append(_touching(task, part, bent @ hats, knots > 0.5, walk))
-    found = join(groups)
-    return None if found is None else unique(found)
+    postures = join(groups)
+    return None if postures is None else unique(postures)
 
 
 def _crossings(task: FingerTask, part: int, at: Array) -> tuple[Array, Array, Array]:

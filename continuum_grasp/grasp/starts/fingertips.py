@@ -43,7 +43,7 @@ def matched_sets(
     first; the object is at a world pose [m, rad].
     """
     com = complex(*scene.object.com)
-    most = _TABLE[len(found)]
+    row_limit = _TABLE[len(found)]
     picks, tables, features = [], [], []
     for setup, candidates in zip(scene.setups, found, strict=True):
         block = finger_block(scene, loads, setup, candidates, pose)
@@ -60,7 +60,7 @@ def matched_sets(
         cost = np.abs(pull) / high
         score = alone + _COST * cost / max(float(np.median(cost)), 1e-9)
         features.append(candidates.features(setup.finger.rod.length))
-        pick = np.array(spread_order(score, features[-1], most))
+        pick = np.array(spread_order(score, features[-1], row_limit))
         picks.append(pick)
         tables.append(np.column_stack([borne.known[:, :3], lift, alone, cost])[pick])
     sizes = [len(pick) for pick in picks]
@@ -131,11 +131,11 @@ def shape_forces(loads: Loads, setup: FingerSetup, found: Candidates, block: Blo
     square = square / (span[:, :, None] * span[:, None, :]) + 1e-9 * np.eye(3)
     right = np.einsum("pri,pr->pi", moments, block.needed) / span
     forces = np.linalg.solve(square, right[..., None])[..., 0] / span
-    own = (moments @ forces[..., None])[..., 0] - block.needed
+    remainder = (moments @ forces[..., None])[..., 0] - block.needed
     arm = (found.points[:, 0] - com) / loads.length
     known = [(onto @ forces[..., None])[..., 0], forces, arm.real[:, None], arm.imag[:, None]]
     known[0], known[1] = known[0] / loads.force, known[1] / loads.force
-    return Borne(np.concatenate(known, axis=1), own)
+    return Borne(np.concatenate(known, axis=1), remainder)
 
 
 def polished(
@@ -220,8 +220,8 @@ class _Balance:
         self._lifts = bool(loads.lift)
         # Least tensions cancel in what bends a finger, and are left out of its range.
         limits = [(s.tendons.min_tension, s.tendons.max_tension, s.finger.tendons_used) for s in scene.setups]
-        self._high = np.array([most - low if used != "right" else 0.0 for low, most, used in limits]) / loads.force
-        self._low = -np.array([most - low if used != "left" else 0.0 for low, most, used in limits]) / loads.force
+        self._high = np.array([high - low if used != "right" else 0.0 for low, high, used in limits]) / loads.force
+        self._low = -np.array([high - low if used != "left" else 0.0 for low, high, used in limits]) / loads.force
         self._aims_at_forces = scene.objective == "least_normal_force"
         self.costs = self._count + self._held if self._aims_at_forces else self._count
 
@@ -244,7 +244,7 @@ class _Balance:
         """Residuals (K, R), of which the first ones are the cost, and their slopes (K, R, n)."""
         base = [look.known[:, 0] for look in looks]
         here = self._common(base, free)
-        own = [look.own[:, 0] for look in looks]
+        remainders = [look.own[:, 0] for look in looks]
         columns, blocks = [], []
         for k, look in enumerate(looks):
             width = look.known.shape[1] - 1
@@ -263,7 +263,7 @@ class _Balance:
         for block in blocks:
             slope[:, row : row + block.shape[1], column : column + block.shape[2]] = block
             row, column = row + block.shape[1], column + block.shape[2]
-        return np.concatenate([here, *own], axis=1), slope
+        return np.concatenate([here, *remainders], axis=1), slope
 
     def _common(self, known: list[Array], free: Array) -> Array:
         """The cost, balances of the object, and what is outside of limits (K, R)."""
@@ -300,15 +300,15 @@ class _Finger:
     def __init__(self, scene: GraspScene, loads: Loads, setup: FingerSetup, pose: Pose, start: Candidates) -> None:
         self.scene, self.loads, self.setup, self.pose, self.start = scene, loads, setup, pose, start
         base = setup.finger.base
-        own = (*base.position, base.angle)
+        base_pose = (*base.position, base.angle)
         length = setup.finger.rod.length
-        self.task: FingerTask = make_task(scene, setup, own, pose, 1, (setup.tip_name,))
-        self._length, self._own = length, np.array(own)
-        bounds = np.array(pose_bounds(own, setup.finger.base_free))
+        self.task: FingerTask = make_task(scene, setup, base_pose, pose, 1, (setup.tip_name,))
+        self._length, self._own = length, np.array(base_pose)
+        bounds = np.array(pose_bounds(base_pose, setup.finger.base_free))
         self._free = np.flatnonzero(bounds[:, 1] > bounds[:, 0])
         self._unit = np.array([length, length, 1.0])
-        self._low, self._high = ((bounds[:, k] - own) / self._unit for k in (0, 1))
-        moved = (start.bases - own) / self._unit
+        self._low, self._high = ((bounds[:, k] - base_pose) / self._unit for k in (0, 1))
+        moved = (start.bases - base_pose) / self._unit
         self.unknowns = np.concatenate([start.curvatures, moved[:, self._free]], axis=1)
         self._size = start.curvatures.shape[1]
 
@@ -319,30 +319,30 @@ class _Finger:
         steps = np.copysign(_STEP, x)
         every = np.concatenate([x[:, None], x[:, None] + steps[:, :, None] * np.eye(size)], axis=1)
         every, rows = every.reshape(-1, size), np.repeat(np.arange(count), size + 1)
-        found, gap = self._postures(every, rows, touching=False)
+        postures, gap = self._postures(every, rows, touching=False)
         # Slopes of what is in the way are needed where something is, and cost the most.
-        wrong = self._in_the_way(found.take(slice(None, None, size + 1)))
+        wrong = self._in_the_way(postures.take(slice(None, None, size + 1)))
         slopes = np.flatnonzero(np.repeat(wrong > 0.0, size + 1))
         wrong = np.repeat(wrong, size + 1)
         if len(slopes):
-            wrong[slopes] = self._in_the_way(found.take(slopes))
-        block = finger_block(self.scene, self.loads, self.setup, found, self.pose)
-        borne = shape_forces(self.loads, self.setup, found, block, complex(*self.scene.object.com))
+            wrong[slopes] = self._in_the_way(postures.take(slopes))
+        block = finger_block(self.scene, self.loads, self.setup, postures, self.pose)
+        borne = shape_forces(self.loads, self.setup, postures, block, complex(*self.scene.object.com))
         alone = np.column_stack([borne.own, _IN_THE_WAY * wrong, _GAP * gap])
-        known, own = (part.reshape(count, size + 1, -1) for part in (borne.known, alone))
-        return _Look(known, own, steps)
+        known, remainder = (part.reshape(count, size + 1, -1) for part in (borne.known, alone))
+        return _Look(known, remainder, steps)
 
     def candidates(self, x: Array) -> Candidates:
         """The postures at unknowns (K, n), changed so that their tips touch, with what is in their way."""
-        found, gap = self._postures(x, np.arange(len(x)), touching=True)
-        wrong = np.maximum(self._in_the_way(found) - _SHALLOW, 0.0)
-        return replace(found, violation=wrong + np.where(np.abs(gap) < ROUNDING, 0.0, 1.0))
+        postures, gap = self._postures(x, np.arange(len(x)), touching=True)
+        wrong = np.maximum(self._in_the_way(postures) - _SHALLOW, 0.0)
+        return replace(postures, violation=wrong + np.where(np.abs(gap) < ROUNDING, 0.0, 1.0))
 
-    def _in_the_way(self, found: Candidates) -> Array:
+    def _in_the_way(self, postures: Candidates) -> Array:
         """By how much each posture penetrates, or breaks a limit, from where its base is."""
-        move = found.bases - self._own
+        move = postures.bases - self._own
         start = (move[:, 0] + 1j * move[:, 1]) / self._length * cmath.exp(-1j * float(self._own[2]))
-        return violation(self.task, found.knots, found.curvatures, found.joints, (start, move[:, 2]))
+        return violation(self.task, postures.knots, postures.curvatures, postures.joints, (start, move[:, 2]))
 
     def _postures(self, x: Array, rows: Array, touching: bool) -> tuple[Candidates, Array]:
         """Postures at unknowns (P, n), next to some of the first, and the gaps of their tips (P,), which are closed

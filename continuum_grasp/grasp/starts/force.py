@@ -139,9 +139,9 @@ def support_block(scene: GraspScene, loads: Loads, touched: dict[str, ContactSta
     return Block(onto, np.zeros((1, 0, size)), np.zeros((1, 0)), np.zeros(size), np.array(high), np.zeros(size))
 
 
-def _cap(loads: Loads, most: float) -> float:
+def _cap(loads: Loads, limit: float) -> float:
     # The interior point method scales forces by their ranges: far greater ones than the loads cost digits.
-    return min(most, 1000.0 * loads.force)
+    return min(limit, 1000.0 * loads.force)
 
 
 def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Candidates, pose: Pose) -> Block:
@@ -228,13 +228,13 @@ def _elements(counts: tuple[int, ...], constant: bool) -> tuple[Array, Array, Ar
     element = 0
     for segment, count in enumerate(counts):
         for k in range(count):
-            own = slice(element * points, (element + 1) * points)
+            nodes = slice(element * points, (element + 1) * points)
             part = (k + _NODES) / count
-            at[segment, own], at[segment + 1, own] = 1.0 - part, part
-            share[segment, own], share[segment + 1, own] = -1.0 / count, 1.0 / count
-            shapes[element, own] = _WEIGHTS if constant else _WEIGHTS * (1.0 - _NODES)
+            at[segment, nodes], at[segment + 1, nodes] = 1.0 - part, part
+            share[segment, nodes], share[segment + 1, nodes] = -1.0 / count, 1.0 / count
+            shapes[element, nodes] = _WEIGHTS if constant else _WEIGHTS * (1.0 - _NODES)
             if not constant:
-                shapes[element + 1, own] = _WEIGHTS * _NODES
+                shapes[element + 1, nodes] = _WEIGHTS * _NODES
             element += 1
     return at, share, shapes
 
@@ -265,8 +265,8 @@ def contact_forces(
     for k, name in enumerate(names):
         friction = scene.held_friction(name)
         slopes, lifts = _slopes(loads, friction)
-        own = found[k * len(slopes) : (k + 1) * len(slopes)]
-        out[name] = (float(own.sum()), float(own @ slopes), float(own @ lifts))
+        edge_forces = found[k * len(slopes) : (k + 1) * len(slopes)]
+        out[name] = (float(edge_forces.sum()), float(edge_forces @ slopes), float(edge_forces @ lifts))
     return out
 
 

@@ -47,11 +47,9 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[Start
         *(at for k, pose in enumerate(object_poses(scene, on)) if (at := weighing.at_pose(pose, k))), strict=True
     )
     chosen = []
-    for found in kinds:
-        rows = [(at, row) for at in found for row in range(len(at.score))]
-        score, features = (
-            np.concatenate(part) for part in zip(*((at.score, at.features) for at in found), strict=True)
-        )
+    for kind in kinds:
+        rows = [(at, row) for at in kind for row in range(len(at.score))]
+        score, features = (np.concatenate(part) for part in zip(*((at.score, at.features) for at in kind), strict=True))
         chosen.append([_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)])
     return [start for rank in zip_longest(*chosen) for start in rank if start is not None]
 
@@ -83,13 +81,13 @@ def rebalanced_starts(basins: Basins, scene: GraspScene) -> list[Start]:
     return _starts_of(*basins.with_forces(scene))
 
 
-def _starts_of(basins: Basins, found: Scored | None) -> list[Start]:
-    if found is None:
+def _starts_of(basins: Basins, scored: Scored | None) -> list[Start]:
+    if scored is None:
         return []
-    none, rows = np.zeros(len(found.score)), np.arange(len(found.score))
-    at = Weighed(basins.pose, [found.candidates], [rows], found.left, found.score, none, none, found.forces)
+    none, rows = np.zeros(len(scored.score)), np.arange(len(scored.score))
+    at = Weighed(basins.pose, [scored.candidates], [rows], scored.left, scored.score, none, none, scored.forces)
     return [
-        replace(_as_start(basins, at, row), estimate=float(found.estimate[row]), imbalance=float(found.left[row]))
+        replace(_as_start(basins, at, row), estimate=float(scored.estimate[row]), imbalance=float(scored.left[row]))
         for row in rows.tolist()
     ]
 
@@ -178,7 +176,7 @@ class Weighing:
 
     def at_pose(self, pose: Pose, number: int) -> list[Weighed]:
         """Candidates at the ``number``-th pose of the object; nothing where a finger does not reach it."""
-        found: list[Candidates] = []
+        postures: list[Candidates] = []
         for setup in self.setups:
             candidates = find_candidates(self.scene, setup, base_poses(setup, number), pose, self.on)
             if candidates is None:
@@ -186,38 +184,38 @@ class Weighing:
             if len(self.setups) == 1 and len(candidates) > _CLEAREST:
                 wrong = candidates.violation
                 candidates = candidates.take(wrong <= np.partition(wrong, _CLEAREST)[_CLEAREST])
-            found.append(candidates)
-        blocks = self._blocks(pose, found)
-        plain = self._weigh(pose, found, blocks, combinations(self.loads, blocks, self._features(found)))
+            postures.append(candidates)
+        blocks = self._blocks(pose, postures)
+        plain = self._weigh(pose, postures, blocks, combinations(self.loads, blocks, self._features(postures)))
         if not self._tips_alone:
             return [plain]
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
-        sets = matched_sets(self.scene, self.loads, found, pose, supports, _SETS[len(self.setups)])
+        sets = matched_sets(self.scene, self.loads, postures, pose, supports, _SETS[len(self.setups)])
         bent = polished(self.scene, self.loads, sets, pose, supports)
         pairs = [np.arange(len(bent[0].knots))] * len(bent)
         return [self._weigh(pose, bent, self._blocks(pose, bent), pairs), plain]
 
-    def _blocks(self, pose: Pose, found: list[Candidates]) -> list[Block]:
-        pairs = zip(self.setups, found, strict=True)
+    def _blocks(self, pose: Pose, postures: list[Candidates]) -> list[Block]:
+        pairs = zip(self.setups, postures, strict=True)
         return [finger_block(self.scene, self.loads, setup, candidates, pose) for setup, candidates in pairs]
 
-    def _features(self, found: list[Candidates]) -> list[Array]:
-        return [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, found, strict=True)]
+    def _features(self, postures: list[Candidates]) -> list[Array]:
+        return [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, postures, strict=True)]
 
-    def _weigh(self, pose: Pose, found: list[Candidates], blocks: list[Block], index: list[Array]) -> Weighed:
+    def _weigh(self, pose: Pose, postures: list[Candidates], blocks: list[Block], index: list[Array]) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
         every = [*index, np.zeros(len(index[0]), int)]
         left, cost, forces = imbalance(self.loads, [*blocks, supports], every)
-        wrong = np.stack([c.violation[i] for c, i in zip(found, index, strict=True)]).sum(axis=0)
-        wrong += overlaps(self.scene, found, index)
+        wrong = np.stack([c.violation[i] for c, i in zip(postures, index, strict=True)]).sum(axis=0)
+        wrong += overlaps(self.scene, postures, index)
         # What is in the way counts from half a unit on: any amount of it may cost the start.
         score = doubt(left) + cost + np.where(wrong > 0.0, 0.5 + 10.0 * np.minimum(wrong, 0.2), 0.0)
         size = self.scene.object.size
         place = np.broadcast_to([pose[0] / size, pose[1] / size, pose[2]], (len(left), 3))
-        unlike = (what[i] for what, i in zip(self._features(found), index, strict=True))
+        unlike = (what[i] for what, i in zip(self._features(postures), index, strict=True))
         features = np.concatenate([*unlike, place], axis=1)
-        return Weighed(pose, found, index, left, score, wrong, features, forces)
+        return Weighed(pose, postures, index, left, score, wrong, features, forces)
 
 
 def combinations(loads: Loads, blocks: list[Block], features: list[Array]) -> list[Array]:
@@ -225,9 +223,9 @@ def combinations(loads: Loads, blocks: list[Block], features: list[Array]) -> li
     if len(blocks) == 1:
         return [np.arange(len(blocks[0].needed))]
     alone = [_alone(loads, block) for block in blocks]
-    most = _PER_FINGER[len(blocks)]
+    limit = _PER_FINGER[len(blocks)]
     picks = [
-        np.array(spread_order(doubt(left) + cost, what, most))
+        np.array(spread_order(doubt(left) + cost, what, limit))
         for (left, cost, _), what in zip(alone, features, strict=True)
     ]
     return [index.ravel() for index in np.meshgrid(*picks, indexing="ij")]
@@ -244,8 +242,8 @@ def _alone(loads: Loads, block: Block) -> tuple[Array, Array, Array]:
     """Remainder of the fingers' own balance, its cost, and what the forces then do to the object."""
     # No load, and forces without effect on the object: its rows are zero and drop out of the least squares.
     free = Loads(loads.force, loads.length, 0j, 0.0, loads.gravity, False)
-    own = Block(0.0 * block.onto[:, :3], block.moments, block.needed, block.low, block.high, block.cost)
-    left, cost, forces = imbalance(free, [own], [np.arange(len(block.needed))])
+    internal = Block(0.0 * block.onto[:, :3], block.moments, block.needed, block.low, block.high, block.cost)
+    left, cost, forces = imbalance(free, [internal], [np.arange(len(block.needed))])
     return left, cost, (block.onto[:, :3] @ forces[..., None])[..., 0] / loads.force
 
 
@@ -258,7 +256,7 @@ def overlaps(scene: GraspScene, found: list[Candidates], index: list[Array]) -> 
     postures combined.
     """
     names = [setup.name for setup in scene.setups]
-    pairs = [(names.index(one.name), names.index(other.name)) for one, other in scene.pairs]
+    pairs = [(names.index(finger.name), names.index(other.name)) for finger, other in scene.pairs]
     deep = np.zeros(len(index[0]))
     if not pairs:
         return deep
@@ -268,11 +266,11 @@ def overlaps(scene: GraspScene, found: list[Candidates], index: list[Array]) -> 
         x, y, turn = candidates.bases.T
         lines.append((x + 1j * y)[:, None] + np.exp(1j * turn)[:, None] * setup.finger.rod.length * bent)
     for k, m in pairs:
-        one, other = scene.setups[k].finger, scene.setups[m].finger
+        finger, other = scene.setups[k].finger, scene.setups[m].finger
         a, b = lines[k][index[k]], lines[m][index[m]]
         apart = np.minimum(_distance(a, b), _distance(b, a))
-        needed = one.thickness_radius + other.thickness_radius
-        deep += np.maximum(needed - apart, 0.0) / min(one.rod.length, other.rod.length)
+        needed = finger.thickness_radius + other.thickness_radius
+        deep += np.maximum(needed - apart, 0.0) / min(finger.rod.length, other.rod.length)
     return deep
 
 

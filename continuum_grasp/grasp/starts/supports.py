@@ -38,16 +38,16 @@ def support_contacts(scene: GraspScene, pose: Pose, wanted: Collection[str]) -> 
     as far as a finite wall reaches.
     """
     shapes, size = object_outlines(scene), scene.object.size
-    found: dict[str, ContactStart] = {}
+    contacts: dict[str, ContactStart] = {}
     for wall in scene.walls:
         if wall.name in wanted:
             ends = _wall_ends(shapes, wall, pose, TOUCHING * size)
             names = [wall.name] if len(ends) == 1 else [f"{wall.name}.1", f"{wall.name}.2"]
-            found |= zip(names, ends, strict=True)
+            contacts |= zip(names, ends, strict=True)
     for peg in scene.pegs:
         if peg.name in wanted:
-            found[peg.name] = nearest_contact(scene, pose, complex(*peg.position))
-    return found
+            contacts[peg.name] = nearest_contact(scene, pose, complex(*peg.position))
+    return contacts
 
 
 def touching_supports(scene: GraspScene, pose: Pose) -> frozenset[str]:
@@ -114,41 +114,41 @@ def object_poses(scene: GraspScene, on: frozenset[str]) -> list[Pose]:
     """World poses [m, rad] of the object at which it touches the supports that are on, the one nearest to the scene's
     own first; the scene's own alone where it is fixed, or where none was found.
     """
-    own, free = scene.object.pose, scene.object.free
+    scene_pose, free = scene.object.pose, scene.object.free
     if free is None:
-        return [own]
+        return [scene_pose]
     shapes = object_outlines(scene)
-    bounds = pose_bounds(own, free)
+    bounds = pose_bounds(scene_pose, free)
     is_round = len(shapes) == 1 and shapes[0].is_round
-    flat = [] if free.angle is None else _flat_angles(scene, on, shapes, bounds[2], own[2])
+    flat = [] if free.angle is None else _flat_angles(scene, on, shapes, bounds[2], scene_pose[2])
     tries: list[tuple[Pose, list[Interval]]] = []
     for angle in flat[:_FLAT]:
-        tries.append(((own[0], own[1], angle), [bounds[0], bounds[1], (angle, angle)]))
-    tries.insert(min(1, len(tries)), (own, bounds))
+        tries.append(((scene_pose[0], scene_pose[1], angle), [bounds[0], bounds[1], (angle, angle)]))
+    tries.insert(min(1, len(tries)), (scene_pose, bounds))
     # Of the further ones every other lies flat, too, where a face can.
     for k, pose in enumerate(_spread(bounds, _MORE_POSES)):
-        angle = own[2] if is_round else flat[k % len(flat)] if flat and k % 2 else pose[2]
+        angle = scene_pose[2] if is_round else flat[k % len(flat)] if flat and k % 2 else pose[2]
         held = [bounds[0], bounds[1], (angle, angle) if flat and k % 2 else bounds[2]]
         tries.append(((pose[0], pose[1], angle), held))
 
     def apart(a: Pose, b: Pose) -> float:
         return math.dist(a[:2], b[:2]) + scene.object.size * abs(a[2] - b[2])
 
-    found: list[Pose] = []
+    poses: list[Pose] = []
     for pose, within in tries:
         settled = settle(scene, shapes, on, pose, within)
-        if settled is not None and all(apart(settled, other) > 1e-6 * scene.object.size for other in found):
-            found.append(settled)
-    return found or [own]
+        if settled is not None and all(apart(settled, other) > 1e-6 * scene.object.size for other in poses):
+            poses.append(settled)
+    return poses or [scene_pose]
 
 
 def base_poses(setup: FingerSetup, number: int) -> list[Pose]:
     """Poses of a finger's base that are tried with the ``number``-th pose of the object, its own first."""
     base, free = setup.finger.base, setup.finger.base_free
-    own = (*base.position, base.angle)
+    pose = (*base.position, base.angle)
     if free is None:
-        return [own]
-    return [own, *_spread(pose_bounds(own, free), _MORE_BASES[min(number, 1)], skip=number)]
+        return [pose]
+    return [pose, *_spread(pose_bounds(pose, free), _MORE_BASES[min(number, 1)], skip=number)]
 
 
 def settle(
@@ -207,14 +207,14 @@ def pinned_by(scene: GraspScene, on: frozenset[str], pose: Pose, *, flat: bool) 
     size = scene.object.size
     slopes = _gaps(scene, object_outlines(scene), on, pose)[1] / [1.0, 1.0, size]
     rows = np.concatenate([slopes, np.eye(3)[2:]]) if flat else slopes
-    found: list[int] = []
+    coordinates: list[int] = []
     for _ in range(np.linalg.matrix_rank(rows, tol=1e-6) if len(rows) else 0):
         # The steepest coordinate; what is left of the rows is perpendicular to it.
         k = int(np.abs(rows).max(axis=0).argmax())
         row = rows[np.abs(rows[:, k]).argmax()]
         rows = rows - np.outer(rows[:, k] / row[k], row)
-        found.append(k)
-    return tuple(sorted(found))
+        coordinates.append(k)
+    return tuple(sorted(coordinates))
 
 
 def _gap(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose) -> tuple[float, complex, complex]:
@@ -228,7 +228,7 @@ def _gap(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose) -> tuple[flo
         return body.height((world.real, world.imag)), normal, arm
     local = np.array([(complex(*body.position) - origin) / turn])
     gap, walk, shape = min(
-        ((float(g[0]), w, s) for s in shapes for g, w in [s.nearest(local)]), key=lambda found: found[0]
+        ((float(g[0]), w, s) for s in shapes for g, w in [s.nearest(local)]), key=lambda candidate: candidate[0]
     )
     at = shape.walk(walk)
     return gap - body.radius, -cmath.exp(1j * (float(at.angle[0]) + pose[2])), complex(at.point[0]) * turn
@@ -244,34 +244,34 @@ def _beside(shapes: tuple[Outline, ...], body: Wall | Peg, pose: Pose, flat: flo
 
 
 def _flat_angles(
-    scene: GraspScene, on: frozenset[str], shapes: tuple[Outline, ...], bounds: Interval, own: float
+    scene: GraspScene, on: frozenset[str], shapes: tuple[Outline, ...], bounds: Interval, current: float
 ) -> list[float]:
     """Angles of the object at which a face lies on a wall that is wanted, the nearest to its own first."""
-    found: list[float] = []
+    angles: list[float] = []
     for wall in scene.walls:
         if wall.name not in on:
             continue
         for shape in shapes:
             for normal in shape.face_normals:
                 angle = wall.normal_angle + math.pi - normal
-                angle = own + math.remainder(angle - own, math.tau)
+                angle = current + math.remainder(angle - current, math.tau)
                 inside = bounds[0] <= angle <= bounds[1]
-                if inside and all(abs(angle - other) > 1e-9 for other in found):
-                    found.append(angle)
-    return sorted(found, key=lambda angle: abs(angle - own))
+                if inside and all(abs(angle - other) > 1e-9 for other in angles):
+                    angles.append(angle)
+    return sorted(angles, key=lambda angle: abs(angle - current))
 
 
 def _spread(bounds: list[Interval], count: int, skip: int = 0) -> list[Pose]:
     """Points spread evenly within bounds; none where nothing is free."""
     dims = [k for k, (low, high) in enumerate(bounds) if high > low]
-    found: list[Pose] = []
+    poses: list[Pose] = []
     for shares in evenly(len(dims), count, skip * count) if dims else ():
         pose = [low for low, _ in bounds]
         for share, k in zip(shares, dims, strict=True):
             low, high = bounds[k]
             pose[k] = low + (high - low) * share
-        found.append((pose[0], pose[1], pose[2]))
-    return found
+        poses.append((pose[0], pose[1], pose[2]))
+    return poses
 
 
 def evenly(dims: int, count: int, skip: int = 0) -> list[list[float]]:

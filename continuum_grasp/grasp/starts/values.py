@@ -105,10 +105,10 @@ def with_contacts(scene: GraspScene, start: Start, contacts: Mapping[str, Contac
     """The start with these contacts alone; middle contacts and stations that are clear are where the scene has them."""
     fingers = dict(start.fingers)
     for setup in scene.setups:
-        own = fingers[setup.name]
-        places = zip(setup.middle_names, own.joints, setup.middle_places, strict=True)
+        finger_start = fingers[setup.name]
+        places = zip(setup.middle_names, finger_start.joints, setup.middle_places, strict=True)
         joints = tuple(at if name in contacts else off for name, at, off in places)
-        fingers[setup.name] = replace(own, joints=joints)
+        fingers[setup.name] = replace(finger_start, joints=joints)
     # In one order, so that equal sets share one solver.
     middles = (name for setup in scene.setups for name in setup.middle_names)
     order = dict.fromkeys((*middles, *start.contacts, *contacts))

@@ -90,17 +90,19 @@ class Bench:
         self.unknowns = read_unknowns(around, names)
         if lag is not None:
             self.unknowns.append(Unknown(LAG, "s", LAG, 1.0, False, lag, 0.02 * lag, 50.0 * lag, lag))
-        self.model = PlantModel(plain, parameters=[one.target for one in self.unknowns] + [FRICTION] * friction)
+        self.model = PlantModel(plain, parameters=[unknown.target for unknown in self.unknowns] + [FRICTION] * friction)
         self.nominal = self.model.p.copy()
         period, delay = scene.controller.step, 0.0 if scene.estimator is None else scene.estimator.delay
         self.unknowns.append(Unknown(DELAY, "s", DELAY, 1.0, False, delay, 0.0, 1.0, max(delay, period)))
-        arms = np.array([one.arm(finger.rod.length) for one in finger.tendon_list]) if finger.tendons else np.ones(1)
+        arms = (
+            np.array([tendon.arm(finger.rod.length) for tendon in finger.tendon_list]) if finger.tendons else np.ones(1)
+        )
         sides = np.sign(arms)
         opposed = len(arms) == 2 and sides.sum() == 0.0
         self.zeros = [0.5 * sides] if opposed else list(np.eye(len(arms)))
-        unit, most = unit_of(self.model.u_names[0]), float(max(scene.input_limits[1]))
+        unit, greatest = unit_of(self.model.u_names[0]), float(max(scene.input_limits[1]))
         self.unknowns += [
-            Unknown(f"{ZERO}_{k + 1}", unit, ZERO, 1.0, False, 0.0, -most, most, 0.05 * most)
+            Unknown(f"{ZERO}_{k + 1}", unit, ZERO, 1.0, False, 0.0, -greatest, greatest, 0.05 * greatest)
             for k in range(len(self.zeros))
         ]
         method = choose_method(self.model, period)
@@ -121,17 +123,17 @@ class Bench:
 
     def parameters(self, values: Array, friction: float = 0.0) -> Array:
         """Run-time parameters of the model (np,) from the values of ``unknowns``, and friction where it has that."""
-        given = {one.target: one.factor * value for one, value in zip(self.unknowns, values, strict=True)}
+        numbers = {unknown.target: unknown.factor * value for unknown, value in zip(self.unknowns, values, strict=True)}
         names = [*self.model.parameters, LAG][: self.nominal.size]
-        return np.array([given.get(name, friction) for name in names])
+        return np.array([numbers.get(name, friction) for name in names])
 
     def commanded(self, u: Array, connected: Connected, shifts: Array) -> Array:
         """Commands (K, nu) of the tendons from those of the bench; ``shifts`` are the values of the zeros."""
-        found = np.empty_like(u)
+        commands = np.empty_like(u)
         for channel, (tendon, sign) in enumerate(zip(connected.order, connected.signs, strict=True)):
-            found[:, tendon] = sign * u[:, channel]
-        found += np.sum([value * zero for value, zero in zip(shifts, self.zeros, strict=True)], axis=0)
-        return np.maximum(found, 0.0) if self.scene.finger.tendons else found
+            commands[:, tendon] = sign * u[:, channel]
+        commands += np.sum([value * zero for value, zero in zip(shifts, self.zeros, strict=True)], axis=0)
+        return np.maximum(commands, 0.0) if self.scene.finger.tendons else commands
 
     def moved(self, t: Array, u: Array, p: Array, end: float) -> tuple[Array, Array, Array]:
         """Instants (N,), states (N, nx) and commands (N, nu) under commands held from instants t (K,) on until an end.
@@ -157,14 +159,14 @@ class Bench:
         """State at rest (nx) under a command (nu), sought from the last one."""
 
         def rate(x: Array) -> tuple[Array, Array]:
-            found, slope = (np.array(part) for part in self._rate(x, u, w, p))
-            return found.ravel(), slope
+            rates, slope = (np.array(part) for part in self._rate(x, u, w, p))
+            return rates.ravel(), slope
 
         # friction that rests anywhere makes the Jacobian singular, which a method of least squares takes
-        found = root(rate, self._last, jac=True, method="lm", tol=1e-12)
-        if not np.isfinite(found.x).all():
+        solution = root(rate, self._last, jac=True, method="lm", tol=1e-12)
+        if not np.isfinite(solution.x).all():
             raise NumericalError("the finger has no state at rest under the first command", time=0.0)
-        self._last = found.x
+        self._last = solution.x
         return self._last
 
     def shown(self, log: Log, connected: Connected, values: Array, friction: float = 0.0) -> tuple[Array, Array]:
@@ -173,7 +175,7 @@ class Bench:
         u = self.commanded(log.u, connected, zeros)
         # what the camera and load cells count, and a delay, does not change the motion
         end = max(float(log.at[-1]), float(log.t[-1]))
-        key = b"".join(one.tobytes() for one in (log.t, u, p, np.array(end)))
+        key = b"".join(array.tobytes() for array in (log.t, u, p, np.array(end)))
         if self._shown_last[0] != key:
             t, x, u = self.moved(log.t, u, p, end)
             w = np.repeat(self.model.forces(0.0), len(x), axis=0)
@@ -198,12 +200,12 @@ class BenchBlock(Block):
         self.bench, self._log, self.connected = bench, log, connected
         self._cells = [(k, *paired[name]) for k, name in enumerate(log.names) if name not in TIP]
         self.unknowns = [*bench.unknowns, *_of_camera(bench.scene.finger.rod.length)]
-        self._delay = [one.name for one in bench.unknowns].index(DELAY)
-        most, length = float(max(bench.scene.input_limits[1])), bench.scene.finger.rod.length
+        self._delay = [unknown.name for unknown in bench.unknowns].index(DELAY)
+        greatest, length = float(max(bench.scene.input_limits[1])), bench.scene.finger.rod.length
         for k, _, _ in self._cells:
             label, unit = split_unit(log.names[k])
             name = f"{BIAS}_{label.rpartition('_')[2]}" if label[-1].isdigit() else BIAS
-            self.unknowns.append(Unknown(name, unit, BIAS, 1.0, False, 0.0, -math.inf, math.inf, 0.05 * most))
+            self.unknowns.append(Unknown(name, unit, BIAS, 1.0, False, 0.0, -math.inf, math.inf, 0.05 * greatest))
         words = [(*split_unit(name), "tip" if name in TIP else "tension") for name in log.names]
         for at, row in zip(log.at.tolist(), log.readings.tolist(), strict=True):
             for (what, unit, group), value in zip(words, row, strict=True):
@@ -212,7 +214,7 @@ class BenchBlock(Block):
 
     def predict(self, values: Array) -> tuple[Array, Array]:
         seen = self._seen(values)
-        steps = np.diag([_DIFFERENCE * one.typical for one in self.unknowns])
+        steps = np.diag([_DIFFERENCE * unknown.typical for unknown in self.unknowns])
         return seen, np.column_stack([(self._seen(values + step) - seen) / step.max() for step in steps])
 
     def by_friction(self, values: Array) -> Array:
@@ -228,12 +230,12 @@ class BenchBlock(Block):
         t, base = bench.shown(log, self.connected, values[:count], friction)
         then = log.at - values[self._delay]
         moved = np.column_stack([np.interp(then, t, column) for column in base.T])
-        found = np.empty((len(then), len(log.names)))
+        readings = np.empty((len(then), len(log.names)))
         tip = [log.names.index(name) for name in TIP]
-        found[:, tip] = scale * (moved[:, :2] - (x, y)) @ camera_axes(angle, self.connected.mirrored).T
+        readings[:, tip] = scale * (moved[:, :2] - (x, y)) @ camera_axes(angle, self.connected.mirrored).T
         for (column, tendon, sign), bias in zip(self._cells, biases, strict=True):
-            found[:, column] = sign * moved[:, 2 + tendon] + bias
-        return found.ravel()
+            readings[:, column] = sign * moved[:, 2 + tendon] + bias
+        return readings.ravel()
 
 
 def _of_camera(length: float) -> list[Unknown]:

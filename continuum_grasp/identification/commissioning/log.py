@@ -114,13 +114,13 @@ def commission(
     played = None
     if log is None:
         log = played = _played(known, design_commissioning(known, duration=duration, reach=reach), plant)
-    found = _commissioned(known, log, progress or (lambda share: None))
-    idle = [line for line in found.mounting.drives if line.sign < 0]
+    commissioned = _commissioned(known, log, progress or (lambda share: None))
+    idle = [line for line in commissioned.mounting.drives if line.sign < 0]
     turned_before = known.mounting is not None and bool(known.mounting.drives)
-    if played is None or found.status != "undecided" or not idle or turned_before:
-        return replace(found, log=played)
+    if played is None or commissioned.status != "undecided" or not idle or turned_before:
+        return replace(commissioned, log=played)
     # A drive that turns the other way shows nothing until it is commanded so.
-    turned = tuple(Connection(of=k + 1, sign=line.sign) for k, line in enumerate(found.mounting.drives))
+    turned = tuple(Connection(of=k + 1, sign=line.sign) for k, line in enumerate(commissioned.mounting.drives))
     again = known.replaced(mounting=(known.mounting or Mounting()).replaced(drives=turned))
     log = _played(known, design_commissioning(again, duration=duration, reach=reach), plant)
     return replace(_commissioned(known, log, progress or (lambda share: None)), log=log)
@@ -128,13 +128,13 @@ def commission(
 
 def _played(scene: ControlScene, plan: ExperimentPlan, plant: Callable[[ControlScene], Plant]) -> ControlLog:
     """Log of the simulated plant, as its bench counts, while it follows a plan."""
-    one, readings = plant(scene.replaced(mounting=None)), []
-    for _ in range(math.ceil(_SETTLES / one.period)):  # its drives and its model do not begin alike
-        one.advance(plan.commands[0])
+    simulated, readings = plant(scene.replaced(mounting=None)), []
+    for _ in range(math.ceil(_SETTLES / simulated.period)):  # its drives and its model do not begin alike
+        simulated.advance(plan.commands[0])
     for u in plan.commands:
-        readings.append(one.measure())
-        one.advance(u)
-    names = one.model.u_names, one.sensors.names
+        readings.append(simulated.measure())
+        simulated.advance(u)
+    names = simulated.model.u_names, simulated.sensors.names
     return ControlLog(plan.t, plan.commands, np.array(readings), *names, name="simulated plant")
 
 
@@ -149,22 +149,22 @@ def _log_of(scene: ControlScene, bench: Bench, given: ControlLog | str | PathLik
         raise InputError(f"the log has no {', '.join(absent)}", file=file)
     t = columns[commands[0]][0]
     u = np.column_stack([np.interp(t, *columns[name]) for name in commands])
-    own = [name for name in names if columns[name][0].size]
-    at = columns[own[0]][0]
-    for name in own:
+    present = [name for name in names if columns[name][0].size]
+    at = columns[present[0]][0]
+    for name in present:
         at = at[np.isin(at, columns[name][0])]
     at = at[(at >= t[0]) & (at <= t[-1])]
     if at.size < 50:
         raise InputError(f"the log has {at.size} instants with all readings; expected 50 at least", file=file)
     at = at[:: math.ceil(at.size / _INSTANTS)]
-    rows = np.column_stack([columns[name][1][np.isin(columns[name][0], at)] for name in own])
-    return Log(t, u, at, rows, tuple(own)), [name_of(name) for name in names if name not in own]
+    rows = np.column_stack([columns[name][1][np.isin(columns[name][0], at)] for name in present])
+    return Log(t, u, at, rows, tuple(present)), [name_of(name) for name in names if name not in present]
 
 
 def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], None]) -> Commissioning:
     bench = Bench(scene)
     log, missing = _log_of(scene, bench, given)
-    start, nu = np.array([one.start for one in bench.unknowns]), bench.model.nu
+    start, nu = np.array([unknown.start for unknown in bench.unknowns]), bench.model.nu
     cells = _followed(bench, log, start)
     mute = [name for name in log.names if name not in TIP and name not in cells]
     used = [k for k, name in enumerate(log.names) if name not in mute]
@@ -172,8 +172,8 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
     ways = [Connected(order, signs) for order in permutations(range(nu)) for signs in product((1, -1), repeat=nu)]
     stated = scene.mounting is not None and "mirrored" in scene.mounting.camera.model_fields_set
     sides = [scene.mounting.camera.mirrored] if stated and scene.mounting is not None else [False, True]
-    rough = sorted(_rough(bench, log, ways, sides, start), key=lambda one: one[0])
-    chosen = [one for one in rough if one[0] <= _NEAR * rough[0][0]]
+    rough = sorted(_rough(bench, log, ways, sides, start), key=lambda trial: trial[0])
+    chosen = [trial for trial in rough if trial[0] <= _NEAR * rough[0][0]]
     fits = list[tuple[float, Connected, BenchBlock, Problem, Solution]]()
     for k, (_, way, camera) in enumerate(chosen):
         # By the command, whose drive may turn the other way.
@@ -190,9 +190,9 @@ def _commissioned(scene: ControlScene, given: Any, progress: Callable[[float], N
         progress((k + 1.0) / len(chosen))
     if not fits:
         raise SolverError("no connection of the drives fits the log", status="no fit", advice="check log and finger")
-    fits.sort(key=lambda one: one[0])
+    fits.sort(key=lambda fit: fit[0])
     best = fits[0]
-    alike = [one for one in fits if one[0] <= _ALIKE * best[0]]
+    alike = [fit for fit in fits if fit[0] <= _ALIKE * best[0]]
     return _result(scene, bench, log, cells, alike, [*missing, *map(name_of, mute)])
 
 
@@ -201,11 +201,11 @@ def _followed(bench: Bench, log: Log, start: Array) -> dict[str, tuple[int, int]
     names = [name for name in log.names if name not in TIP]
     if not names:
         return {}
-    lag = dict(zip((one.name for one in bench.unknowns), start, strict=True))
+    lag = dict(zip((unknown.name for unknown in bench.unknowns), start, strict=True))
     late = lag[DELAY] + 2.0 * lag.get(LAG, 0.0)
     last = np.clip(np.searchsorted(log.t, log.at - late, side="right") - 1, 0, None)
-    given, seen = log.u[last], log.readings[:, [log.names.index(name) for name in names]]
-    together = np.corrcoef(np.hstack([seen, given]).T)[: len(names), len(names) :]
+    commands, seen = log.u[last], log.readings[:, [log.names.index(name) for name in names]]
+    together = np.corrcoef(np.hstack([seen, commands]).T)[: len(names), len(names) :]
     together = np.nan_to_num(together)
     rows, columns = linear_sum_assignment(-np.abs(together))
     return {
@@ -220,7 +220,7 @@ def _rough(
 ) -> Iterator[tuple[float, Connected, Array]]:
     """Distance [m] that the nearest camera leaves of the nominal finger, for each connection and handedness."""
     seen = log.readings[:, [log.names.index(name) for name in TIP]]
-    then = log.at - start[[one.name for one in bench.unknowns].index(DELAY)]
+    then = log.at - start[[unknown.name for unknown in bench.unknowns].index(DELAY)]
     for way in ways:
         t, base = bench.shown(log, way, start)
         tip = np.column_stack([np.interp(then, t, base[:, c]) for c in (0, 1)])
@@ -230,7 +230,7 @@ def _rough(
 
 
 def _started(block: BenchBlock, camera: Array) -> list[Any]:
-    at = [one.name for one in block.unknowns].index(CAMERA[0])
+    at = [unknown.name for unknown in block.unknowns].index(CAMERA[0])
     for k, value in enumerate(camera.tolist()):
         block.unknowns[at + k] = block.unknowns[at + k]._replace(start=value)
     return block.unknowns
@@ -246,8 +246,8 @@ def _result(
 ) -> Commissioning:
     missed, way, block, problem, solution = alike[0]
     unknowns, values, predictions, weighted = _with_friction(block, problem, solution)
-    numbers = {one.name: value for one, value in zip(unknowns, values.tolist(), strict=True)}
-    found = infer(unknowns, values, *weighted, None, problem.series)
+    numbers = {unknown.name: value for unknown, value in zip(unknowns, values.tolist(), strict=True)}
+    inference = infer(unknowns, values, *weighted, None, problem.series)
     zeros = [numbers[f"{ZERO}_{k + 1}"] for k in range(len(bench.zeros))]
     shifts = np.sum([value * zero for value, zero in zip(zeros, bench.zeros, strict=True)], axis=0)
     drives = tuple(
@@ -278,7 +278,7 @@ def _result(
         for c in idle
     ]
     if len(alike) > 1:
-        undetermined.append("; or ".join(_words(one[1]) for one in alike))
+        undetermined.append("; or ".join(_words(fit[1]) for fit in alike))
     if len(bench.zeros) < bench.model.nu and cells:
         undetermined.append(
             "a zero that both drives share cannot be distinguished from one that both load cells share: taken as the "
@@ -287,15 +287,15 @@ def _result(
     status = "identified" if len(alike) == 1 and not idle and not missing else "undecided"
     status = status if missed <= _MISFIT * scene.finger.rod.length else "mismatch"
     return Commissioning(
-        **estimates(unknowns, values, found),
+        **estimates(unknowns, values, inference),
         sigma=solution.sigma,
         **problem.predicted(solution.values, predictions),
         scene=scene,
         status=status,
-        warnings=found.warnings,
+        warnings=inference.warnings,
         statistics={"ways": len(alike), "evaluations": solution.evaluations},
         mounting=Mounting(camera=camera, drives=drives, tensions=cells_of),
-        alternatives=tuple(Alternative(_words(one[1]), one[0]) for one in alike),
+        alternatives=tuple(Alternative(_words(fit[1]), fit[0]) for fit in alike),
         undetermined=tuple(undetermined),
     )
 

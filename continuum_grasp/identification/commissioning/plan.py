@@ -138,28 +138,28 @@ def names_of(scene: ControlScene) -> tuple[str, ...]:
 
 def _limited(scene: ControlScene, u: Array) -> Array:
     """Commands (K, nu) that change by no more than the rate limit allows."""
-    most = (scene.controller.input.rate_max or math.inf) * scene.controller.step
-    found = u.copy()
+    greatest_change = (scene.controller.input.rate_max or math.inf) * scene.controller.step
+    limited = u.copy()
     for k in range(1, len(u)):
-        found[k] = found[k - 1] + np.clip(u[k] - found[k - 1], -most, most)
-    return found
+        limited[k] = limited[k - 1] + np.clip(u[k] - limited[k - 1], -greatest_change, greatest_change)
+    return limited
 
 
 def _limits(scene: ControlScene, bench: Bench) -> Callable[[Array, Array], Iterator[str]]:
     """Names of the limits that commands (K, nu) at instants exceed, in any order of the drives."""
     model, prediction = bench.model, Prediction(scene)
-    least, most = map(np.array, scene.input_limits)
-    stages = SimpleNamespace(u_names=model.u_names, u_min=least, u_max=most)
+    least, greatest = map(np.array, scene.input_limits)
+    stages = SimpleNamespace(u_names=model.u_names, u_min=least, u_max=greatest)
     readings: Any = Readings(scene, model, stages, prediction)  # type: ignore[arg-type]
     orders = list(permutations(range(model.nu)))
 
     def exceeded(t: Array, u: Array) -> Iterator[str]:
         for order, factor in product(orders, (1.0, _SOFTER)):
-            given = u[:, order]
+            ordered = u[:, order]
             p = bench.nominal.copy()
             p[0] *= factor
             try:
-                at, x, held = bench.moved(t, given, p, float(t[-1]))
+                at, x, held = bench.moved(t, ordered, p, float(t[-1]))
             except NumericalError:
                 yield "bending range"
                 continue
@@ -167,6 +167,6 @@ def _limits(scene: ControlScene, bench: Bench) -> Callable[[Array, Array], Itera
             if readings.range_use(x, held, w).max() > 1.0:
                 yield "bending range"
             bounds = readings.bounds(x, held, w, held, scene.controller.step)
-            yield from (one.name for one in bounds if one.excess.max() > 1e-9 * one.scale)
+            yield from (bound.name for bound in bounds if bound.excess.max() > 1e-9 * bound.scale)
 
     return exceeded

@@ -74,13 +74,18 @@ class Commissioning(Fit):
         if not self.usable:
             raise InputError(f"the bench is {self.status}: {'; '.join(self.undetermined)}", key="log")
         rows = zip(self.targets, self.values.tolist(), strict=True)
-        own = [(of, value) for of, value in rows if of[0] not in (*CAMERA, ZERO, BIAS, FRICTION)]
-        found = applied(self.scene if scene is None else scene, [of for of, _ in own], np.array([v for _, v in own]))
-        return found.changed({"mounting": self.mounting})
+        model_rows = [(of, value) for of, value in rows if of[0] not in (*CAMERA, ZERO, BIAS, FRICTION)]
+        corrected = applied(
+            self.scene if scene is None else scene, [of for of, _ in model_rows], np.array([v for _, v in model_rows])
+        )
+        return corrected.changed({"mounting": self.mounting})
 
     def pairs(self) -> dict[str, str]:
         """Connections, numbers with their deviations, and how well they predict the log."""
-        ways = {f"way {k + 1}": f"{one.what}; {1e3 * one.missed:.2g} mm" for k, one in enumerate(self.alternatives)}
+        ways = {
+            f"way {k + 1}": f"{alternative.what}; {1e3 * alternative.missed:.2g} mm"
+            for k, alternative in enumerate(self.alternatives)
+        }
         numbers = zip(self.names, self.values, self.deviations, self.units, strict=True)
         return {
             **(ways if len(ways) > 1 else {"connected": ways["way 1"]}),
@@ -90,13 +95,13 @@ class Commissioning(Fit):
 
     def details(self) -> dict[str, Any]:
         """Mounting, alternatives and the summary as plain data."""
-        ways = [one._asdict() for one in self.alternatives]
-        own = {
+        ways = [alternative._asdict() for alternative in self.alternatives]
+        details = {
             "mounting": self.mounting.model_dump(mode="json"),
             "alternatives": ways,
             "undetermined": list(self.undetermined),
         }
-        return {**own, **self.summary()}
+        return {**details, **self.summary()}
 
 
 def configuration_text(found: Commissioning) -> str:

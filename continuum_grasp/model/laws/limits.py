@@ -36,14 +36,14 @@ class Limit(SectionLaw):
 
     def _beyond(self, bend: Bend) -> list[tuple[float, Scalar, Scalar]]:
         """Per side its sign, s and the root."""
-        found = list[tuple[float, Scalar, Scalar]]()
+        sides = list[tuple[float, Scalar, Scalar]]()
         touch = self.scale * bend.own[0]
         rounding = self.rounding * touch
         for sign in self.signs:
             beyond = sign * (bend.curvature + bend.rest if self.with_rest else bend.curvature) - touch
             root = ca.sqrt(beyond * beyond + rounding * rounding)
-            found.append((sign, 0.5 * (beyond + root), root))
-        return found
+            sides.append((sign, 0.5 * (beyond + root), root))
+        return sides
 
     def moment(self, bend: Bend) -> Scalar:
         return self.change * sum((sign * (s * s / root) for sign, s, root in self._beyond(bend)), 0.0)
@@ -65,12 +65,12 @@ def numbers_of(finger: Finger) -> dict[str, Number]:
 
 def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:
     """Links that touch, at a curvature of the finger itself; a material that softens, at one above that at rest."""
-    found: list[SectionLaw] = []
+    laws: list[SectionLaw] = []
     stiffness = numbers["bending_stiffness"] * float(family.mesh.stiffness(0.0))
     stops, soft = finger.stops, finger.softening
     if stops is not None and finger.stop_curvature is not None:
         ports, change = points(family, _POINTS, finger.stop_curvature), (stops.stiffness_ratio - 1.0) * stiffness
-        found.append(Limit(ports, signs=stops.signs, rounding=_STOP_ROUNDING, change=change, with_rest=True))
+        laws.append(Limit(ports, signs=stops.signs, rounding=_STOP_ROUNDING, change=change, with_rest=True))
     if soft is not None:
         ports, change = (
             points(family, _POINTS, Curve.along(finger.rod.length, soft.curvature)),
@@ -78,5 +78,5 @@ def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw
         )
         at = "softening_curvature"
         scale = numbers[at] / numbers_of(finger)[at].value if numbers.is_runtime(at) else 1.0
-        found.append(Limit(ports, rounding=soft.rounding, change=change * stiffness, scale=scale))
-    return found
+        laws.append(Limit(ports, rounding=soft.rounding, change=change * stiffness, scale=scale))
+    return laws

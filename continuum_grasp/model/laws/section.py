@@ -78,7 +78,7 @@ class Port:
 def cells(family: Family, count: int) -> tuple[Port, ...]:
     """The mean curvature of equal parts, ``count`` on each element; of one where the curvature is constant."""
     mesh, count = family.mesh, count if family.degree else 1
-    base, found = float(mesh.stiffness(0.0)), list[Port]()
+    base, ports = float(mesh.stiffness(0.0)), list[Port]()
     for element in range(family.elements):
 
         def weighted(s: Array, element: int = element) -> Array:
@@ -88,27 +88,29 @@ def cells(family: Family, count: int) -> tuple[Port, ...]:
         for a, b in pairwise(np.linspace(*mesh.span(element), count + 1).tolist()):
             *total, measure = mesh.integral(a, b, weighted, mesh.stiffness, mesh.rest).tolist()
             *shapes, rest = (each / measure for each in total)
-            found.append(Port(element, measure, _clean(np.array(shapes)), rest))
-    return tuple(found)
+            ports.append(Port(element, measure, _clean(np.array(shapes)), rest))
+    return tuple(ports)
 
 
 def points(family: Family, count: int, *curves: Curve) -> tuple[Port, ...]:
     """The curvature at ``count`` points of each element, by Gauss quadrature, with the values of curves there."""
-    mesh, found = family.mesh, list[Port]()
+    mesh, ports = family.mesh, list[Port]()
     nodes, weights = np.polynomial.legendre.leggauss(count)
     for element, h in enumerate(mesh.lengths):
         s = mesh.ends[element] + 0.5 * h * (nodes + 1.0)
         measures = 0.5 * h * weights * mesh.stiffness(s) / float(mesh.stiffness(0.0))
-        own = np.array([curve(s) for curve in curves]).reshape(len(curves), count)
-        for measure, (*shapes, rest), numbers in zip(measures, family.shapes_at(element, s).T, own.T, strict=True):
-            found.append(Port(element, float(measure), _clean(np.array(shapes)), float(rest), tuple(numbers.tolist())))
-    return tuple(found)
+        curve_values = np.array([curve(s) for curve in curves]).reshape(len(curves), count)
+        for measure, (*shapes, rest), numbers in zip(
+            measures, family.shapes_at(element, s).T, curve_values.T, strict=True
+        ):
+            ports.append(Port(element, float(measure), _clean(np.array(shapes)), float(rest), tuple(numbers.tolist())))
+    return tuple(ports)
 
 
 def _clean(shapes: Array) -> list[float]:
     """Without what is rounding, which would cost an instruction."""
-    found: list[float] = np.where(np.abs(shapes) < 1e-12 * np.abs(shapes).max(), 0.0, shapes).tolist()
-    return found
+    cleaned: list[float] = np.where(np.abs(shapes) < 1e-12 * np.abs(shapes).max(), 0.0, shapes).tolist()
+    return cleaned
 
 
 @dataclass(frozen=True)
@@ -180,7 +182,7 @@ class SectionForces:
     ) -> None:
         self._family, self._rest, self._at = family, rest, at
         self._ports: list[tuple[SectionLaw, Port, Sequence[Scalar]]] = []
-        left = {group: iter(own) for group, own in states.items()}
+        left = {group: iter(entries) for group, entries in states.items()}
         for law in laws:
             for k, port in enumerate(law.ports, start=1):
                 self._ports.append((law, port, [next(left[law.kind]) for _ in law.names(k)]))
@@ -194,12 +196,12 @@ class SectionForces:
 
     @cached_property
     def _acting(self) -> list[tuple[SectionLaw, Port, Bend]]:
-        found = []
+        acting = []
         for law, port, states in self._ports:
             curvature, rate = (self._mean(port, values) for values in (self._at.full, self._at.rates))
             rest = port.rest if self._rest is None else self._rest
-            found.append((law, port, Bend(curvature, rest, rate, port.own, states, self._at.memory)))
-        return found
+            acting.append((law, port, Bend(curvature, rest, rate, port.own, states, self._at.memory)))
+        return acting
 
     def _mean(self, port: Port, values: Sequence[Scalar]) -> Scalar:
         measure, weights = self._weights(port)

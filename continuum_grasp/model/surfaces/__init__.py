@@ -39,9 +39,9 @@ def nearest(parts: Sequence[Part], at: Vec) -> Nearest:
     outline from the point in the same direction: exact to 1e-7 of the shorter half axis for points nearer than 0.4 of
     it, and never negative outside.
     """
-    found = [surface_of(part).nearest(part, at) for part in parts]
-    best = found[0]
-    for other in found[1:]:
-        own = ca.SX(best.distance) <= ca.SX(other.distance)
-        best = Nearest(ca.fmin(best.distance, other.distance), chosen(own, best.normal, other.normal))
+    candidates = [surface_of(part).nearest(part, at) for part in parts]
+    best = candidates[0]
+    for other in candidates[1:]:
+        nearer = ca.SX(best.distance) <= ca.SX(other.distance)
+        best = Nearest(ca.fmin(best.distance, other.distance), chosen(nearer, best.normal, other.normal))
     return best

@@ -74,8 +74,8 @@ class PolygonSurface(Surface[OffsetPolygon]):
             size = length(away)
             return Nearest(size - part.radius, away.scaled(1.0 / size))
         # A rectangle is symmetric: folded into one quadrant it takes fewer instructions than four edges.
-        found = _from_rectangle(core, at) if _is_rectangle(core) else _from_polygon(core, at)
-        return Nearest(found.distance - part.radius, found.normal)
+        spot = _from_rectangle(core, at) if _is_rectangle(core) else _from_polygon(core, at)
+        return Nearest(spot.distance - part.radius, spot.normal)
 
     def lowest_points(self, part: OffsetPolygon, direction: Vec) -> list[Vec]:
         return [Vec(*part.vertices[k]) + direction.scaled(part.radius) for k in _outermost(part.vertices)]
@@ -105,13 +105,13 @@ class PolygonSurface(Surface[OffsetPolygon]):
         bend = 1.0 / max(r, SHARP)
         if len(core) == 1:
             return [Feature((*core[0], *core[0], r), (0.0, -math.inf), (0.0, math.inf), bend)]
-        found = []
+        features = []
         for (a, b), (_, turn) in zip(pairwise([*core, core[0]]), part.turns, strict=True):
             normal = math.atan2(a[0] - b[0], b[1] - a[1])
             if turn > 0.0:
-                found.append(Feature((*a, *a, r), (0.0, normal - turn), (0.0, normal), bend))
-            found.append(Feature((*a, *b, r), (0.0, normal), (1.0, normal)))
-        return found
+                features.append(Feature((*a, *a, r), (0.0, normal - turn), (0.0, normal), bend))
+            features.append(Feature((*a, *b, r), (0.0, normal), (1.0, normal)))
+        return features
 
     def beyond(self, part: OffsetPolygon, feature: Feature, side: int) -> tuple[Feature, tuple[float, float]] | None:
         every = self.features(part)
@@ -211,9 +211,9 @@ def _outermost(core: Sequence[tuple[float, float]]) -> list[int]:
         return list(range(len(core)))
     from scipy.spatial import ConvexHull
 
-    found = ConvexHull(np.array(core)).vertices.tolist()
-    first = found.index(min(found))
-    return [*found[first:], *found[:first]]
+    corners = ConvexHull(np.array(core)).vertices.tolist()
+    first = corners.index(min(corners))
+    return [*corners[first:], *corners[:first]]
 
 
 def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
@@ -228,14 +228,14 @@ def _from_polygon(core: Sequence[tuple[float, float]], at: Vec) -> Nearest:
         s, height = along.dot(away), normal.dot(away)
         over = s - ca.fmin(ca.fmax(s, 0.0), long)
         seen.append((over, height, along.scaled(over) + normal.scaled(height), normal))
-    found: list[tuple[Scalar, Scalar, Vec, Vec]] = []
+    sides: list[tuple[Scalar, Scalar, Vec, Vec]] = []
     for k, (past, above, offset, normal) in enumerate(seen):
         # At a corner both faces say together on which side a point lies: one alone does not, where it is acute.
         before, after = seen[k - 1][1], seen[(k + 1) % len(seen)][1]
         side = above + before * ca.SX(past < 0.0) + after * ca.SX(past > 0.0)
-        found.append((offset.dot(offset), side, offset, normal))
-    least, height, away, face = found[0]
-    for other, above, offset, normal in found[1:]:
+        sides.append((offset.dot(offset), side, offset, normal))
+    least, height, away, face = sides[0]
+    for other, above, offset, normal in sides[1:]:
         nearer = ca.SX(other < least)
         least, height = ca.fmin(other, least), height + (above - height) * nearer
         away, face = chosen(nearer, offset, away), chosen(nearer, normal, face)
@@ -311,8 +311,8 @@ class _PolygonOutline(Outline):
     @property
     def rough_numbers(self) -> list[float]:
         each = [self.corners.real, self.corners.imag, self._along.real, self._along.imag, self._lengths]
-        own = [self.radius, _SLOT * self.extent**2, *np.stack(each, axis=1).ravel().tolist()]
-        return [0.0, len(self.corners), len(own), *own]
+        numbers = [self.radius, _SLOT * self.extent**2, *np.stack(each, axis=1).ravel().tolist()]
+        return [0.0, len(self.corners), len(numbers), *numbers]
 
     def _nearest_edge(self, points: Array) -> tuple[Array, Array, Array]:
         if len(self.corners) == 1:
@@ -340,5 +340,5 @@ class _PolygonOutline(Outline):
         level = np.flatnonzero(below <= flat)
         along = (self.corners[level] * np.conj(1j * direction)).real
         ends = {int(level[along.argmin()]), int(level[along.argmax()])}
-        found = [(complex(self.corners[k]) + self.radius * direction, float(below[k])) for k in ends]
-        return sorted(found, key=lambda end: end[1])
+        extremes = [(complex(self.corners[k]) + self.radius * direction, float(below[k])) for k in ends]
+        return sorted(extremes, key=lambda end: end[1])

@@ -51,8 +51,8 @@ class SuperellipseSurface(Surface[SuperellipsePart]):
     def nearest(self, part: SuperellipsePart, at: Vec) -> Nearest:
         turn = rotated(part.angle)
         local = turn.transposed().apply(at - Vec(*part.center))
-        found = _from_superellipse(*part.semi_axes, part.exponent, local)
-        return Nearest(found.distance, turn.apply(found.normal))
+        spot = _from_superellipse(*part.semi_axes, part.exponent, local)
+        return Nearest(spot.distance, turn.apply(spot.normal))
 
     def lowest_points(self, part: SuperellipsePart, direction: Vec) -> list[Vec]:
         # The gradient of the support function, whose exponent q = p / (p - 1) is dual.
@@ -221,8 +221,8 @@ class _SuperellipseOutline(Outline):
         at, normal, reach, radius = self._lines
         axis = np.exp(1j * self.angle)
         numbers = np.concatenate([normal.real, normal.imag, reach, at.real, at.imag, radius]).tolist()
-        own = [self.center.real, self.center.imag, axis.real, axis.imag, *numbers]
-        return [1.0, len(at), len(own), *own]
+        entries = [self.center.real, self.center.imag, axis.real, axis.imag, *numbers]
+        return [1.0, len(at), len(entries), *entries]
 
     def rough_distance(self, points: Array) -> Array:
         local = (points - self.center) * np.exp(-1j * self.angle)

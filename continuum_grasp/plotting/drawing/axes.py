@@ -157,11 +157,11 @@ def words(name: str) -> str:
 
 def symbol(name: str) -> str:
     """A name as it is typeset in a legend: ``theta_1`` becomes the Greek letter with an index."""
-    found = re.fullmatch(r"(theta|kappa|tau|phi)_?(\d*)", name)
-    if not found:
+    match = re.fullmatch(r"(theta|kappa|tau|phi)_?(\d*)", name)
+    if not match:
         return name
-    index = f"_{{{found[2]}}}" if found[2] else ""
-    return rf"$\{found[1]}{index}$"
+    index = f"_{{{match[2]}}}" if match[2] else ""
+    return rf"$\{match[1]}{index}$"
 
 
 def colors(count: int) -> list[Any]:
@@ -205,18 +205,20 @@ def inline_svg(ax: Axes, name: str, described: str) -> str:
 
     buffer, figure = io.StringIO(), cast("Figure", ax.get_figure(root=True))
     titles = {ax.get_title(loc=where) for where in ("left", "center", "right")} - {""}
-    heads = [one for one in ax.get_children() if isinstance(one, Text) and one.get_text() in titles]
-    hidden = [one for one in (*(other for other in figure.axes if other is not ax), *heads) if one.get_visible()]
-    for one in hidden:
-        one.set_visible(False)
+    heads = [artist for artist in ax.get_children() if isinstance(artist, Text) and artist.get_text() in titles]
+    hidden = [
+        artist for artist in (*(other for other in figure.axes if other is not ax), *heads) if artist.get_visible()
+    ]
+    for artist in hidden:
+        artist.set_visible(False)
     try:
         box = cast("Bbox", ax.get_tightbbox()).padded(2.0).transformed(figure.dpi_scale_trans.inverted())
         # without a salt matplotlib draws ids at random; date and metadata would differ from run to run
         with rc_context({"svg.hashsalt": name}):
             figure.savefig(buffer, format="svg", metadata={"Date": None}, bbox_inches=box)
     finally:
-        for one in hidden:
-            one.set_visible(True)
+        for artist in hidden:
+            artist.set_visible(True)
     text = re.sub(r"\A.*?(?=<svg)|<metadata>.*?</metadata>", "", buffer.getvalue(), flags=re.DOTALL)
     opening, rest = text.split(">", 1)
     opening = re.sub(r' (width|height|version|xmlns(:\w+)?)="[^"]*"', "", opening)

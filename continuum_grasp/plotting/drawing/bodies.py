@@ -112,17 +112,17 @@ def _thickness_line(finger: Finger, s: Array) -> tuple[Array, Array]:
     half, spiral = finger.profile.half_thickness, finger.rod.spirob
     edges = np.array(half.edges[1:-1])
     at = np.concatenate([s, edges, edges])
-    found = np.concatenate([half(s), half(edges), half(edges, tip_side=True)])
+    halves = np.concatenate([half(s), half(edges), half(edges, tip_side=True)])
     if spiral is not None and _cuts(finger):
         cuts = np.array(spiral.edges(finger.rod.length)[1:-1])
         # Wedges down to the elastic layer, whose outer ends meet where units are turned by their angle.
         wide = math.tan(0.5 * spiral.unit_angle(finger.rod.length)) * half(cuts)
         sides = np.concatenate([cuts - wide, cuts + wide])
-        inside = np.all([np.abs(at - cut) > one for cut, one in zip(cuts, wide, strict=True)], axis=0)
+        inside = np.all([np.abs(at - cut) > width for cut, width in zip(cuts, wide, strict=True)], axis=0)
         at = np.concatenate([at[inside], sides, cuts])
-        found = np.concatenate([found[inside], half(sides), spiral.core * half(cuts)])
+        halves = np.concatenate([halves[inside], half(sides), spiral.core * half(cuts)])
     order = np.argsort(at, kind="stable")
-    return at[order], found[order]
+    return at[order], halves[order]
 
 
 def draw_body(ax: Axes, outline: Array, **style: Any) -> Polygon:
@@ -206,12 +206,12 @@ def mass_positions(backbone: Array, finger: Finger) -> Array:
     """World positions (masses, 2) on a backbone whose points are evenly spaced from base to tip."""
     line, s, angle = _placed(backbone, finger, None, None)
     at = [min(m.at, finger.rod.length) for m in finger.masses if m.mass > 0]
-    found = np.column_stack([np.interp(at, s, line[:, k]) for k in (0, 1)])
+    positions = np.column_stack([np.interp(at, s, line[:, k]) for k in (0, 1)])
     if finger.tip_body is None:
-        return found
+        return positions
     across, along = finger.tip_body.center_of_mass
     c, s_ = math.cos(angle[-1]), math.sin(angle[-1])
-    return np.concatenate([found, [line[-1] + np.array([[c, -s_], [s_, c]]) @ (across, along)]])
+    return np.concatenate([positions, [line[-1] + np.array([[c, -s_], [s_, c]]) @ (across, along)]])
 
 
 def object_outlines(body: GraspObject, pose: Array) -> list[Array]:
@@ -277,12 +277,12 @@ def _blocks(support: Support, name: str, unit: float, far: float, depth: float) 
         # the corner of two faces that are both moved outwards by the depth
         corner = apex - depth / math.sin(half) * _direction(axis)
         return [(np.concatenate([face, [face[2] + depth * right, corner, face[0] + depth * left]]), face)]
-    found = []
+    blocks = []
     for wall in support.walls(name):
         normal, reach = np.array(wall.normal), min(unit * wall.half_length, far)
         face = unit * np.array(wall.point) + np.outer([-reach, reach], [-normal[1], normal[0]])
-        found.append((np.concatenate([face, face[::-1] - depth * normal]), face))
-    return found
+        blocks.append((np.concatenate([face, face[::-1] - depth * normal]), face))
+    return blocks
 
 
 def _direction(angle: float) -> Array:

@@ -68,13 +68,13 @@ def draw_arrow(ax: Axes, start: Array, end: Array, color: str, *, width: float =
 
 def force_keys(forces: Sequence[Force], names: Mapping[str, str] | None = None) -> list[dict[str, Any]]:
     """Per kind the look of an entry of a legend, with the greatest force; ``names`` are other names of kinds."""
-    found = []
+    entries = []
     for kind in _kinds(forces):
         greatest = _greatest(force for force in forces if force[2] == kind)
         label = rf"{(names or {}).get(kind, kind)} $\leq$ {greatest:.3g} N"
         look = {"color": _color(kind), "marker": r"$\rightarrow$", "markersize": 13, "linestyle": ""}
-        found.append({"label": label, **look})
-    return found
+        entries.append({"label": label, **look})
+    return entries
 
 
 def explain(ax: Axes, masses: Sequence[float], forces: Sequence[Force], name: str | None) -> None:

@@ -43,13 +43,13 @@ def plot_friction(result: GraspResult, *, ax: Axes | None = None) -> Axes:
     for k, contact in enumerate(view.contacts):
         row, column = divmod(k, DISCS)
         x, y = (column + 0.5) * _PITCH, -row * _TALL - 1.25
-        color, most = view.color(contact.name), result.scene.friction(contact.name) * contact.normal_force
+        color, limit = view.color(contact.name), result.scene.friction(contact.name) * contact.normal_force
         ax.add_patch(Circle((x, y), 1.0, facecolor=color, alpha=0.14, linewidth=0.0))
         ax.add_patch(Circle((x, y), 1.0, facecolor="none", edgecolor=color, linewidth=0.8))
         ax.plot([x - 1.0, x + 1.0], [y, y], color=GRAY, linewidth=0.5)
         ax.plot([x, x], [y - 1.0, y + 1.0], color=GRAY, linewidth=0.5)
-        if most > 0.0:
-            across, lift = contact.friction_force / most, contact.lift / most
+        if limit > 0.0:
+            across, lift = contact.friction_force / limit, contact.lift / limit
             beyond = max(1.0, math.hypot(across, lift))  # what rounding puts beyond the rim
             end = x + across / beyond, y + lift / beyond
             ax.plot([x, end[0]], [y, end[1]], color=color, linewidth=1.6, solid_capstyle="round")

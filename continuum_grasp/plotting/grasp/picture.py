@@ -143,19 +143,19 @@ def _title_style(result: GraspResult) -> dict[str, Any]:
 
 def _labels(view: GraspView, forces: bool) -> list[Label]:
     """Labels of contacts and weight; with the forces where they do not stand beside the picture."""
-    found, nowhere, scene = [], np.zeros(2), view.result.scene
+    labels, nowhere, scene = [], np.zeros(2), view.result.scene
     written = view.result.force_text
     for contact in view.contacts:
         words = f"\n{written(contact.normal_force)} N, friction {written(abs(contact.friction_force))} N"
         name = contact.name + (words if forces else "")
-        found.append(Label(name, view.color(contact.name), MM * contact.position, contact.normal))
+        labels.append(Label(name, view.color(contact.name), MM * contact.position, contact.normal))
     if isinstance(scene.gravity, PlanarGravity | OutOfPlaneGravity):
         into = "\ninto plane" if isinstance(scene.gravity, OutOfPlaneGravity) else ""
         text = f"weight {scene.weight:.2f} N{into}"
-        found.append(Label(text, INK, view.center_of_mass, nowhere, on_body=True))
+        labels.append(Label(text, INK, view.center_of_mass, nowhere, on_body=True))
     if not view.contacts:
-        found += [Label(name, view.color(name), view.backbones[name][0, 1:3], nowhere) for name in view.fingers]
-    return found
+        labels += [Label(name, view.color(name), view.backbones[name][0, 1:3], nowhere) for name in view.fingers]
+    return labels
 
 
 def _tendons_inside(finger: GraspFinger) -> list[Tendon]:
@@ -285,9 +285,9 @@ def _panel_rows(view: GraspView) -> list[Row]:
         rows.append(((c.name, view.color(c.name)), *((word, INK) for word in words)))
     rows += [(("", INK),), (("tendons [N]", SLATE), ("left", SLATE), ("right", SLATE), ("of", SLATE))]
     for name, finger in result.fingers.items():
-        most = " / ".join(dict.fromkeys(f"{one.max_tension:g}" for one in view.fingers[name].tendon_list))
+        limits = " / ".join(dict.fromkeys(f"{tendon.max_tension:g}" for tendon in view.fingers[name].tendon_list))
         left, right = map(written, finger.tensions)
-        rows.append(((name, view.color(name)), (left, INK), (right, INK), (most, INK)))
+        rows.append(((name, view.color(name)), (left, INK), (right, INK), (limits, INK)))
     rows.append((("sum", SLATE), (written(result.tension), INK), ("", INK), ("", INK)))
     return rows
 

@@ -66,9 +66,9 @@ def resistance_words(resisted: ArrayLike) -> str:
     """Meaning of the outline of the resisted forces, in a sentence of two lines."""
     least, greatest = resistance_extremes(resisted)
     unlimited = np.isinf(np.asarray(resisted, dtype=float)).any()
-    most = "without limit in the best" if unlimited else f"up to {greatest:.2g} N in the best"
+    best = "without limit in the best" if unlimited else f"up to {greatest:.2g} N in the best"
     least = least if least > 1e-4 * greatest else 0.0  # less is the optimizer's tolerance
-    return f"resisted force: {least:.2g} N in any direction,\n{most}"
+    return f"resisted force: {least:.2g} N in any direction,\n{best}"
 
 
 def _finite(resisted: ArrayLike) -> Array:

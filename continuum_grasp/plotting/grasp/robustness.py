@@ -41,19 +41,21 @@ def plot_robustness(result: GraspResult) -> list[Axes]:
     return [_shapes(quiet(left), result, result.robustness), _margins(quiet(right), result.robustness)]
 
 
-def _shapes(ax: Axes, result: GraspResult, found: Robustness) -> Axes:
+def _shapes(ax: Axes, result: GraspResult, robustness: Robustness) -> Axes:
     scene, drawn = result.scene, []
-    both: list[tuple[Mapping[str, Array], str, str, float]] = [(found.nominal_arrays, GRAY, found.names[1], 0.35)]
-    if found.robust is not None:
-        both.append((result.arrays, BLUE, found.names[2], 0.3))
+    both: list[tuple[Mapping[str, Array], str, str, float]] = [
+        (robustness.nominal_arrays, GRAY, robustness.names[1], 0.35)
+    ]
+    if robustness.robust is not None:
+        both.append((result.arrays, BLUE, robustness.names[2], 0.3))
     # As one body each: postures with other friction states.
     for k in range(len(result.arrays.get("held.object.pose", ()))):
         held = {key.removeprefix("held."): value[k] for key, value in result.arrays.items() if key.startswith("held.")}
         both.insert(k, (held, GRAY, "other friction" if k == 0 else "", 0.2))
     for arrays, color, name, alpha in both:
-        for k, (finger, own) in enumerate(scene.named_fingers.items()):
+        for k, (finger, grasp_finger) in enumerate(scene.named_fingers.items()):
             line = np.asarray(arrays[f"{finger}.backbone"])
-            outline = finger_outline(line[:, 1:3], own, s=line[:, 0], angle=line[:, 3])
+            outline = finger_outline(line[:, 1:3], grasp_finger, s=line[:, 0], angle=line[:, 3])
             draw_body(ax, outline, facecolor=color, alpha=alpha, label=name if k == 0 else "")
             drawn.append(outline)
     pose = np.asarray(both[-1][0]["object.pose"])
@@ -69,15 +71,15 @@ def _shapes(ax: Axes, result: GraspResult, found: Robustness) -> Axes:
     return ax
 
 
-def _margins(ax: Axes, found: Robustness) -> Axes:
+def _margins(ax: Axes, robustness: Robustness) -> Axes:
     edges = np.linspace(_LOWEST, 1.0, _BARS + 1)
-    trials = [(found.nominal, GRAY, found.names[1])]
-    if found.robust is not None:
-        trials.append((found.robust, BLUE, found.names[2]))
-    for one, color, name in trials:
-        margins = np.clip(np.nan_to_num(one.margins, nan=_LOWEST, neginf=_LOWEST), _LOWEST, 1.0)
+    trials = [(robustness.nominal, GRAY, robustness.names[1])]
+    if robustness.robust is not None:
+        trials.append((robustness.robust, BLUE, robustness.names[2]))
+    for trial, color, name in trials:
+        margins = np.clip(np.nan_to_num(trial.margins, nan=_LOWEST, neginf=_LOWEST), _LOWEST, 1.0)
         share = np.full(margins.size, 100.0 / margins.size)
-        text = f"{name}: {one.held} of {margins.size} draws hold, {one.tension:.4g} N"
+        text = f"{name}: {trial.held} of {margins.size} draws hold, {trial.tension:.4g} N"
         ax.hist(margins, edges.tolist(), weights=share, color=color, alpha=0.55, label=text)
     ax.axvline(0.0, color=INK, linewidth=1.0, linestyle=(0, (4, 2)))
     label(ax, "least friction margin of a draw [1]", "draws [%]")

@@ -32,7 +32,7 @@ class Freedom(Value):
 def pose_bounds(pose: Pose, free: Freedom | None) -> list[tuple[float, float]]:
     """Bounds of x, y [m] and angle [rad] of a pose; both are its own value where it is fixed."""
     bounds = (None,) * 3 if free is None else (free.x, free.y, free.angle)
-    return [bound or (own, own) for bound, own in zip(bounds, pose, strict=True)]
+    return [bound or (coordinate, coordinate) for bound, coordinate in zip(bounds, pose, strict=True)]
 
 
 def greatest_shift(free: Freedom | None, at: tuple[float, float]) -> float:

@@ -173,8 +173,8 @@ _READERS: dict[str, Callable[[OutlineFile], tuple[float | None, list[Ring]]]] = 
 def _once(points: list[Point]) -> list[Point]:
     """Points without repeated ones, and without the last where it is the first."""
     size = max(math.dist(points[0], p) for p in points) if points else 0.0
-    found: list[Point] = []
+    distinct: list[Point] = []
     for point in points:
-        if not found or math.dist(point, found[-1]) > _JOINED * size:
-            found.append(point)
-    return found[:-1] if len(found) > 1 and math.dist(found[0], found[-1]) <= _JOINED * size else found
+        if not distinct or math.dist(point, distinct[-1]) > _JOINED * size:
+            distinct.append(point)
+    return distinct[:-1] if len(distinct) > 1 and math.dist(distinct[0], distinct[-1]) <= _JOINED * size else distinct

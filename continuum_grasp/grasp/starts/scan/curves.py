@@ -158,8 +158,8 @@ def touch(
         return left, slopes
 
     first = np.column_stack([np.zeros((len(walk), len(ways))), walk])
-    found, good = _newton(equations, first, (*[math.inf] * len(ways), 0.15 * shape.period))
-    return curvatures + found[:, :-1] @ ways, found[:, -1], good
+    roots, good = _newton(equations, first, (*[math.inf] * len(ways), 0.15 * shape.period))
+    return curvatures + roots[:, :-1] @ ways, roots[:, -1], good
 
 
 def wrapped(angle: Array) -> Array:
@@ -167,7 +167,7 @@ def wrapped(angle: Array) -> Array:
     return np.asarray(np.remainder(angle + math.pi, math.tau) - math.pi)
 
 
-def _newton(equations: Equations, first: Array, most: tuple[float, ...]) -> tuple[Array, Array]:
+def _newton(equations: Equations, first: Array, limits: tuple[float, ...]) -> tuple[Array, Array]:
     """Roots of B systems of two or three equations from ``first`` (B, n), and which were found."""
     unknown = first.copy()
     good = np.zeros(len(first), bool)
@@ -188,7 +188,7 @@ def _newton(equations: Equations, first: Array, most: tuple[float, ...]) -> tupl
         change = _solve(slopes, left)
         # One factor for all unknowns keeps the direction of the step.
         cut = np.ones(len(rows))
-        for part, limit in zip(change, most, strict=True):
+        for part, limit in zip(change, limits, strict=True):
             cut = np.minimum(cut, limit / np.maximum(np.abs(part), 1e-300))
         for k, part in enumerate(change):
             unknown[rows, k] -= cut * part
@@ -256,8 +256,8 @@ def bends_to(aims: Array, turns: Array, limit: float = _MOST_BEND) -> tuple[Arra
     if kernel.library():
         edges = max(int(np.searchsorted(bends, -limit)) - 1, 0), int(np.searchsorted(bends, limit)) + 1
         numbers = len(aims), _TURNS, _BENDS, edges[0], min(edges[1], _BENDS), table, aims / np.abs(aims), at
-        found = kernel.called("crossings", np.empty(1 + 2 * _BENDS * len(aims)), *numbers)
-        rows, column = found[1 : 1 + 2 * int(found[0])].reshape(-1, 2).T
+        crossings = kernel.called("crossings", np.empty(1 + 2 * _BENDS * len(aims)), *numbers)
+        rows, column = crossings[1 : 1 + 2 * int(crossings[0])].reshape(-1, 2).T
         return rows.astype(int), bends[0] + (bends[1] - bends[0]) * column
     index = np.clip(at.astype(int), 0, _TURNS - 2)
     share = (at - index)[:, None]

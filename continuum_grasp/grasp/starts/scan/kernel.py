@@ -99,13 +99,13 @@ def _by_library(size: int, height: int) -> ca.Function:
     free = [np.inf] * height
     options: dict[str, Any] = {"error_on_fail": False, "piqp": {"eps_abs": 1e-11, "eps_rel": 1e-11}}
     solver = ca.conic("squares", qp_solver(None), {"h": squares.sparsity(), "a": rows.sparsity()}, options)
-    found = solver(
+    solution = solver(
         h=squares,
         g=ca.vertcat(weight, ca.MX(height, 1)),
         a=rows,
         lba=goal,
         uba=goal,
-        lbx=ca.DM([0.0] * size + [-one for one in free]),
+        lbx=ca.DM([0.0] * size + [-bound for bound in free]),
         ubx=ca.DM([1.0] * size + free),
     )
-    return ca.Function("squares", [across, goal, weight], [ca.fmin(ca.fmax(found["x"][:size], 0.0), 1.0)])
+    return ca.Function("squares", [across, goal, weight], [ca.fmin(ca.fmax(solution["x"][:size], 0.0), 1.0)])

@@ -120,10 +120,10 @@ class Rows:
 
     def take(self, index: Any) -> Self:
         """Some of the rows."""
-        found = {
+        rows = {
             name: value.take(index) if isinstance(value, Rows) else value[index] for name, value in vars(self).items()
         }
-        return replace(self, **found)
+        return replace(self, **rows)
 
     def followed_by(self, others: Sequence[Self]) -> Self:
         """All of its rows, then those of others."""

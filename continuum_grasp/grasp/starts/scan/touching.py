@@ -71,8 +71,8 @@ class Ring:
         point, angle = np.zeros(len(parts), complex), np.zeros(len(parts))
         for part, (shape, (passed, fine, first)) in enumerate(zip(self.task.shapes, self._walks, strict=True)):
             mine = parts == part
-            found = shape.walk(np.interp(np.mod(places[mine] + first, self.count), passed, fine))
-            point[mine], angle[mine] = found.point, found.angle
+            spot = shape.walk(np.interp(np.mod(places[mine] + first, self.count), passed, fine))
+            point[mine], angle[mine] = spot.point, spot.angle
         return point, angle
 
 
@@ -105,8 +105,8 @@ class Branch(Rows):
     @property
     def knots(self) -> Array:
         """(P, 4)"""
-        one = np.ones(len(self))
-        return np.stack([0.0 * one, self.joint, self.joint, one], axis=1)
+        ones = np.ones(len(self))
+        return np.stack([0.0 * ones, self.joint, self.joint, ones], axis=1)
 
 
 def scanned(task: FingerTask, ring: Ring) -> Branch:
@@ -135,12 +135,12 @@ def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[B
     # The tip's root next to the old one.
     last = new.ends[:, 3]
     width = _NEARBY * (2.0 * TIP_REACH / (TIPS - 1)) / (1.0 - new.joint)
-    found, index = _tips(task, new, last[:, None] + width[:, None] * np.linspace(-1.0, 1.0, 7))
+    branch, index = _tips(task, new, last[:, None] + width[:, None] * np.linspace(-1.0, 1.0, 7))
     # Of several the nearest.
-    away = np.abs(found.ends[:, 3] - last[index])
+    away = np.abs(branch.ends[:, 3] - last[index])
     order = np.lexsort((away, index))
     _, unique = np.unique(index[order], return_index=True)
-    return found.take(order[unique]), rows[index[order[unique]]]
+    return branch.take(order[unique]), rows[index[order[unique]]]
 
 
 def _moved(ring: Ring, old: Branch, places: Array, turn: Array, bend: Array) -> tuple[Branch, Array]:
@@ -159,29 +159,33 @@ def _between(task: FingerTask, ring: Ring, first: Branch) -> Branch:
     bend = first.ends[:, 0] * first.joint
     after = np.mod(first.place + 1.0, ring.count)
     low, high = (np.searchsorted(first.place, after + d) for d in (-0.5, 0.5))
-    one = np.repeat(np.arange(len(first)), high - low)
-    two = low[one] + np.arange(len(one)) - np.searchsorted(one, one)
-    alike = (first.part[one] == first.part[two]) & (first.side[one] == first.side[two])
-    off = np.abs(bend[two] - bend[one]), np.abs(first.turn[two] - first.turn[one])
+    earlier = np.repeat(np.arange(len(first)), high - low)
+    later = low[earlier] + np.arange(len(earlier)) - np.searchsorted(earlier, earlier)
+    alike = (first.part[earlier] == first.part[later]) & (first.side[earlier] == first.side[later])
+    off = np.abs(bend[later] - bend[earlier]), np.abs(first.turn[later] - first.turn[earlier])
     alike &= (off[0] < _FOLD[0]) & (off[1] < _FOLD[1])
-    one, two, off = one[alike], two[alike], (off[0] + off[1])[alike]
+    earlier, later, off = earlier[alike], later[alike], (off[0] + off[1])[alike]
     # Of several that follow one the nearest.
-    order = np.lexsort((off, one))
-    one, index = np.unique(one[order], return_index=True)
-    two = two[order][index]
+    order = np.lexsort((off, earlier))
+    earlier, index = np.unique(earlier[order], return_index=True)
+    later = later[order][index]
     late = first.ends[:, 1]
-    change = np.abs(late[two] - late[one]) * (1.0 - np.minimum(first.joint[one], 1.0))
-    change += np.abs(first.turn[two] - first.turn[one]) + np.abs(first.joint[two] - first.joint[one])
+    change = np.abs(late[later] - late[earlier]) * (1.0 - np.minimum(first.joint[earlier], 1.0))
+    change += np.abs(first.turn[later] - first.turn[earlier]) + np.abs(first.joint[later] - first.joint[earlier])
     parts = np.minimum(np.ceil(change / _EVEN), _MOST).astype(int)
-    rows = np.repeat(np.arange(len(one)), np.maximum(parts - 1, 0))
+    rows = np.repeat(np.arange(len(earlier)), np.maximum(parts - 1, 0))
     step = np.arange(len(rows)) - np.searchsorted(rows, rows) + 1.0
     share = step / np.maximum(parts[rows], 1)
-    one, two = one[rows], two[rows]
-    turn = first.turn[one] + share * (first.turn[two] - first.turn[one])
-    found, good = _moved(
-        ring, first.take(one), first.place[one] + share, turn, bend[one] + share * (bend[two] - bend[one])
+    earlier, later = earlier[rows], later[rows]
+    turn = first.turn[earlier] + share * (first.turn[later] - first.turn[earlier])
+    branch, good = _moved(
+        ring,
+        first.take(earlier),
+        first.place[earlier] + share,
+        turn,
+        bend[earlier] + share * (bend[later] - bend[earlier]),
     )
-    return found.take(good)
+    return branch.take(good)
 
 
 _NEARBY = 2.5
@@ -205,8 +209,8 @@ def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, norm
     row, side, turn, guess = row[some], side[some], turn[some], guess[some]
     bend, length, good = exact_bends(point[row], turn, guess)
     ends = np.stack([bend, 2.0 * turn - bend], axis=1) / length[:, None]
-    found = started(parts[row], side, places[row], point[row], normal[row], turn, length, ends)
-    return found.take(good)
+    branch = started(parts[row], side, places[row], point[row], normal[row], turn, length, ends)
+    return branch.take(good)
 
 
 def started(
@@ -240,20 +244,20 @@ def _arcs(task: FingerTask, ring: Ring, point: Array, normal: Array) -> Branch:
     half = np.where(np.abs(turn) < 1e-9, 1e-9, 0.5 * turn)
     length = np.abs(points) * half / np.sin(half)
     ends = (2.0 * half / length)[:, None] * np.ones(2)
-    found = started(parts, sides, start + share, points, normals, turn, length, ends)
-    return found.take((np.abs(gap(share)) < 1e-6) & _within(task, found))
+    branch = started(parts, sides, start + share, points, normals, turn, length, ends)
+    return branch.take((np.abs(gap(share)) < 1e-6) & _within(task, branch))
 
 
-def _within(task: FingerTask, found: Branch) -> Array:
+def _within(task: FingerTask, branch: Branch) -> Array:
     """Whether position and greatest curvature are within bounds, but for a little that the solver removes."""
     low, high = task.bounds
-    most = np.abs(found.ends[:, :2]).max(axis=1)
+    greatest = np.abs(branch.ends[:, :2]).max(axis=1)
     range_ = task.bending_range * sum(task.counts[: task.middles.index(True) + 1])
     return np.asarray(
-        (found.joint >= low - 1e-9)
-        & (found.joint <= high + 1e-9)
-        & (most * found.joint <= range_ * (1.0 + 1e-6))
-        & (most <= np.max(task.limits) * (1.0 + _ABOVE))
+        (branch.joint >= low - 1e-9)
+        & (branch.joint <= high + 1e-9)
+        & (greatest * branch.joint <= range_ * (1.0 + 1e-6))
+        & (greatest <= np.max(task.limits) * (1.0 + _ABOVE))
     )
 
 
@@ -261,11 +265,11 @@ _ABOVE = 0.02
 """Part by which a curvature may be above its limit."""
 
 
-def _free(task: FingerTask, found: Branch) -> Branch:
+def _free(task: FingerTask, branch: Branch) -> Branch:
     """On to a free tip with constant curvature."""
-    ends = found.ends.copy()
+    ends = branch.ends.copy()
     ends[:, 2:] = ends[:, 1:2]
-    return replace(found, ends=ends)
+    return replace(branch, ends=ends)
 
 
 def onwards(task: FingerTask, first: Branch) -> tuple[Branch, Array]:
@@ -273,9 +277,9 @@ def onwards(task: FingerTask, first: Branch) -> tuple[Branch, Array]:
     if not len(first) or not task.tip:
         return _free(task, first), np.arange(len(first))
     rest = 1.0 - first.joint
-    most = np.minimum(np.minimum(TIP_REACH, _range_after(task)) / rest, TIP_MOST)
-    most = np.minimum(most, np.max(task.limits) * (1.0 + _ABOVE))
-    return _tips(task, first, most[:, None] * np.linspace(-1.0, 1.0, TIPS))
+    reach = np.minimum(np.minimum(TIP_REACH, _range_after(task)) / rest, TIP_MOST)
+    reach = np.minimum(reach, np.max(task.limits) * (1.0 + _ABOVE))
+    return _tips(task, first, reach[:, None] * np.linspace(-1.0, 1.0, TIPS))
 
 
 def _range_after(task: FingerTask) -> float:
@@ -341,9 +345,9 @@ def _tips(task: FingerTask, first: Branch, grid: Array) -> tuple[Branch, Array]:
     if not one_arc:  # the second curve begins with the curvature that the first one ends with
         ahead &= np.abs(begin[rows]) * rest[rows] <= _range_after(task) * (1.0 + 1e-6)
     rows, last, part, point, normal = rows[ahead], last[ahead], part[ahead], point[ahead], normal[ahead]
-    found = first.take(rows)
-    ends = np.stack([found.ends[:, 0], found.ends[:, 1], last if one_arc else found.ends[:, 1], last], axis=1)
-    return replace(found, ends=ends, tip=part, tip_point=point, tip_normal=normal), rows
+    branch = first.take(rows)
+    ends = np.stack([branch.ends[:, 0], branch.ends[:, 1], last if one_arc else branch.ends[:, 1], last], axis=1)
+    return replace(branch, ends=ends, tip=part, tip_point=point, tip_normal=normal), rows
 
 
 def folds(grid: Array, gap: Array) -> tuple[Array, Array, Array]:

@@ -38,19 +38,19 @@ def scanned_arcs(task: FingerTask) -> Branch:
     cell = 2.0 * (bends[1] - bends[0])
     for shape in task.shapes:
         near |= np.abs(tips - shape.center) < shape.extent + task.half + cell
-    most = 1.02 * np.max(task.limits) * np.array(SHARE) + bends[1] - bends[0]
-    near &= (np.abs(bends) < most)[:, None] & (np.abs(bends) < most)
+    reach = 1.02 * np.max(task.limits) * np.array(SHARE) + bends[1] - bends[0]
+    near &= (np.abs(bends) < reach)[:, None] & (np.abs(bends) < reach)
     gap = np.full(tips.shape, np.nan)
     gap[near] = task.gap(tips[near])
-    found = []
+    crossings = []
     for axis in (0, 1):
-        one = tuple(slice(None, -1) if k == axis else slice(None) for k in (0, 1))
-        two = tuple(slice(1, None) if k == axis else slice(None) for k in (0, 1))
-        i, j = np.nonzero(gap[one] * gap[two] <= 0.0)
+        here = tuple(slice(None, -1) if k == axis else slice(None) for k in (0, 1))
+        ahead = tuple(slice(1, None) if k == axis else slice(None) for k in (0, 1))
+        i, j = np.nonzero(gap[here] * gap[ahead] <= 0.0)
         pair = np.stack([bends[i], bends[j]], axis=1)
         other = np.stack([bends[i + (axis == 0)], bends[j + (axis == 1)]], axis=1)
-        found.append((pair, other, gap[one][i, j], gap[two][i, j]))
-    low, high, at_low, at_high = (np.concatenate(part) for part in zip(*found, strict=True))
+        crossings.append((pair, other, gap[here][i, j], gap[ahead][i, j]))
+    low, high, at_low, at_high = (np.concatenate(part) for part in zip(*crossings, strict=True))
     return _rooted(task, low, high, at_low, at_high)[0]
 
 
@@ -68,8 +68,8 @@ def beside_arcs(task: FingerTask, some: Branch, steps: Array) -> tuple[Branch, A
     low, high = start - aside, start + aside
     at_low, at_high = _gap(task, low), _gap(task, high)
     row = np.flatnonzero(at_low * at_high <= 0.0)
-    found, index = _rooted(task, low[row], high[row], at_low[row], at_high[row])
-    return found, rows[row][index]
+    branch, index = _rooted(task, low[row], high[row], at_low[row], at_high[row])
+    return branch, rows[row][index]
 
 
 def _tips(task: FingerTask, bends: Array) -> tuple[Array, Array]:
@@ -99,7 +99,7 @@ def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: A
     bends, parts, point, normal = bends[good], parts[good], point[good], normal[good]
     none = np.zeros(len(bends))
     curvatures = bends / SHARE
-    found = Branch(
+    branch = Branch(
         part=parts,
         side=none.astype(int) + 1,
         place=none,
@@ -112,4 +112,4 @@ def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: A
         tip_point=point,
         tip_normal=normal,
     )
-    return found, np.flatnonzero(good)
+    return branch, np.flatnonzero(good)
