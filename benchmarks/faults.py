@@ -114,7 +114,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "model/sweep.py",
-        ("own -= shapes * (measure * law.moment(bend))", "own -= shapes * (1.01 * measure * law.moment(bend))"),
+        ("forces -= shapes * (measure * law.moment(bend))", "forces -= shapes * (1.01 * measure * law.moment(bend))"),
         tests="model/test_section_laws.py",
     ),
     *_in(
@@ -194,7 +194,11 @@ FAULTS: tuple[Fault, ...] = (
         ("np.maximum(low - at, at - high), 0.0)", "np.maximum(low - at, at - high), 1e-3)"),
         tests="nlp",
     ),
-    *_in("nlp/solver.py", ("if error <= tolerance and violation <= most:", "if error <= tolerance:"), tests="nlp"),
+    *_in(
+        "nlp/solver.py",
+        ("if error <= tolerance and violation <= constraint_tolerance:", "if error <= tolerance:"),
+        tests="nlp",
+    ),
     # simulation
     *_in(
         "simulation/signals.py",
@@ -211,12 +215,12 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "simulation/modes.py",
-        ("found[found <= _ROUNDING * found", "found[found <= 1e4 * _ROUNDING * found"),
+        ("pulsations <= _ROUNDING * pulsations", "pulsations <= 1e4 * _ROUNDING * pulsations"),
         tests="simulation/test_modes.py",
     ),
     *_in(
         "simulation/contacts.py",
-        ("np.maximum(0.0, (half - found).max(axis=1))", "np.maximum(0.0, (half - found).min(axis=1))"),
+        ("np.maximum(0.0, (half - distances).max(axis=1))", "np.maximum(0.0, (half - distances).min(axis=1))"),
         tests="simulation/test_simulation_contact.py",
     ),
     # accuracy
@@ -234,7 +238,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "grasp/certificate/drives.py",
-        ("command = position + torque / drive.position_gain", "command = position - torque / drive.position_gain"),
+        ("position + torque / drive.position_gain", "position - torque / drive.position_gain"),
         tests="grasp/test_grasp_drives.py grasp/test_grasp_certificate.py",
     ),
     *_in(
@@ -307,7 +311,7 @@ FAULTS: tuple[Fault, ...] = (
     # control
     *_in(
         "control/ocp/setpoints.py",
-        ("given.phase + 2.0 * math.pi", "given.phase + 2.02 * math.pi"),
+        ("setpoint.phase + 2.0 * math.pi", "setpoint.phase + 2.02 * math.pi"),
         tests="control/test_setpoints.py",
     ),
     *_in(
@@ -348,7 +352,10 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "planning/fine.py",
-        ("if found.final_tip <= _FINER_OFF * plan.length:", "if found.final_tip <= 100.0 * _FINER_OFF * plan.length:"),
+        (
+            "if deviation.final_tip <= _FINER_OFF * plan.length:",
+            "if deviation.final_tip <= 100.0 * _FINER_OFF * plan.length:",
+        ),
         tests="planning",
     ),
     *_in(
@@ -369,7 +376,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "closed_loop/chain_system.py",
-        ("ca.fmin(ca.fmax(loss / most, -1.0), 1.0)", "ca.fmin(ca.fmax(loss / most, 0.0), 1.0)"),
+        ("ca.fmin(ca.fmax(loss / greatest_loss, -1.0), 1.0)", "ca.fmin(ca.fmax(loss / greatest_loss, 0.0), 1.0)"),
         tests="closed_loop",
     ),
     # mission
@@ -436,7 +443,10 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "identification/replayed.py",
-        ("suspicions.sort(key=lambda one: one.after)", "suspicions.sort(key=lambda one: -one.after)"),
+        (
+            "suspicions.sort(key=lambda suspicion: suspicion.after)",
+            "suspicions.sort(key=lambda suspicion: -suspicion.after)",
+        ),
         tests="identification/test_replay.py",
     ),
     # export

@@ -14,7 +14,7 @@ import numpy as np
 
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.modes import contact_modes, with_elements
-from continuum_grasp.grasp.problem.solver_run import RUNGS, GraspSolverRun, solver_for
+from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, held_still, make_starts, rebalanced_starts
@@ -499,6 +499,14 @@ class Search:
         if fresh and enough and not tried.verified:  # what the solver rounded, once more from there
             again = solver.run(self.scene, tried.start, self.budget, rung=0)
             tried = Tried(again, solver, self.scene) if again.converged else tried
+        return self._noted(tried)
+
+    def adopt(self, relaxed: Attempt) -> None:
+        """Verify an attempt with limits relaxed by nothing, which is a grasp of the scene, though not its optimum."""
+        solver = self.solver(relaxed.start)
+        self._noted(Tried(solver.unrelaxed(self.scene, relaxed), solver, self.scene))
+
+    def _noted(self, tried: Tried) -> Tried:
         self.tried.append(tried)
         if tried.verified:
             self.good.append(tried)

@@ -264,7 +264,7 @@ def test_what_no_page_plays_back_says_why():
 @pytest.mark.parametrize(
     ("config", "changes", "message"),
     [
-        ("grasp/mug", [], "expected a Scene, a ControlScene or a MissionScene"),
+        ("grasp/mug", [], "expected a Scene or a ControlScene or a MissionScene"),
         ("mpc/steady_tip", ["plant.guides=12"], "plant.guides"),
         ("mission/pinch", [], "a page has one finger, and this mission 2"),
     ],

@@ -272,7 +272,7 @@ def _mission(loop: Loop, mission: Assignment | None, plant: WebPlant) -> dict[st
 
 
 def _planned_table(timetable: Timetable, plant: WebPlant) -> dict[str, Any]:
-    """What moves and pulls outside of the finger, by instants of the plan."""
+    """Table of the motion of the ground and of the pulls at the object, by instants of the plan."""
     outside = timetable.outside()
     t = np.arange(0.0, timetable.duration + _TABLE, _TABLE)
     columns = [outside[name](t) if name in outside else 0.0 * t for name in plant.system.w_names]

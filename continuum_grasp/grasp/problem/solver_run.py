@@ -276,6 +276,24 @@ class GraspSolverRun:
 
         return look
 
+    def unrelaxed(self, scene: GraspScene, attempt: Attempt) -> Attempt:
+        """An attempt with limits relaxed by nothing, in the problem in which none is; it is no optimum there."""
+        x = np.clip(attempt.x, *self.bounds(scene, attempt.start, attempt.features))
+        values = problem_values(self.problem, scene, attempt.start, attempt.features)
+        numbers = self._look(scene, values)(x, self.problem.numbers.pack(values, 0.0))[1]
+        objective, g = (np.array(value).ravel() for value in self.nlp.values(x, numbers))
+        violations = self.problem.rows.violations(g, CONSTRAINT_TOLERANCE, Units.of(scene).amounts)
+        return replace(
+            attempt,
+            status=nlp.Status.STOPPED,
+            outcome="it left a narrow feasible set, to which relaxed limits had led",
+            x=x,
+            g=g,
+            objective=float(objective[0]),
+            numbers=numbers,
+            violations=violations,
+        )
+
     def given(self, scene: GraspScene, x: Array, relaxation: Relaxation) -> float:
         """By how much a limit is relaxed at a point (SI, or as a part of the limit)."""
         at, scale = self._relaxed(relaxation, Units.of(scene))

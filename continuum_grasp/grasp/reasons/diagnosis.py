@@ -82,7 +82,10 @@ class Repairs(Elastic):
         """A repair in words; where little is missing, whether its posture needs none after all is tried."""
         attempt, reason = repair.attempt, in_words(self, repair)
         if not (attempt.optimal and all(is_clear(each, self.scene) for each in (reason, *reason.also))):
-            self.search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=FIRST_CAP)
+            tried = self.search.attempt(attempt.start, features=attempt.features, x0=attempt.x, iterations=FIRST_CAP)
+            if max(repair.parts.values()) < NONE and not (tried and tried.verified):
+                # The solver may leave a narrow feasible set that relaxed limits had led to.
+                self.search.adopt(attempt)
         return reason
 
     # -- one limit ---------------------------------------------------------------------------------------------
