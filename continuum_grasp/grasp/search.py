@@ -19,7 +19,7 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, held_still, make_starts, rebalanced_starts
 from continuum_grasp.grasp.starts.values import Start, start_from
-from continuum_grasp.grasp.tried import Basin, Exploration, Tried, exchanged, least_of
+from continuum_grasp.grasp.tried import Basin, Exploration, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
 from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.nlp.solver import STALLED
@@ -348,7 +348,8 @@ class Search:
 
         Once there is a grasp, starts that do not touch and those that look much worse are skipped, and the others get
         few iterations. Those of one branch are all tried: of 40 scenes of two fingers one has a grasp with 24 % less
-        tension from one that touches where another did.
+        tension from one that touches where another did. But beside a grasp of its branch a start that leads to nothing
+        better does not count against those of others.
         """
         vain = Counter[frozenset[str]]()
         for rank in zip_longest(*map(self.rough_starts_of, modes)):
@@ -367,7 +368,8 @@ class Search:
                 if not math.isnan(start.estimate):
                     self.basins.append(basin)
                 tried = self._from_start(start, len(RUNGS) - 1, ITERATION_CAP if best else FIRST_CAP)
-                vain[contacts] = 0 if self.best is not best else vain[contacts] + 1
+                grasped = {branch_of(good.attempt.start) for good in self.good}
+                vain[contacts] = 0 if self.best is not best else vain[contacts] + (branch_of(start) not in grasped)
                 if tried is not None and tried in self.good:
                     basin.solved = self._keeps_promise(tried, basin)
 
