@@ -172,11 +172,18 @@ def test_with_a_grasp_a_scanned_start_has_less_patience(grasps, patience):
 @pytest.mark.parametrize(("effort", "most"), [("quick", 4), ("normal", 4), ("thorough", 9)])
 def test_with_a_grasp_four_rough_starts_in_a_row_may_lead_to_nothing_better(effort, most, monkeypatch):
     search, starts = searching(grasp(), elements=4, **{"solver.effort": effort})
-    turns = (start(angle=2.0 * k) for k in range(1, 10))
+    turns = (start(angle=0.8 * k) for k in range(1, 10))
     monkeypatch.setattr(search, "rough_starts_of", lambda mode: list(turns))
     search._from_rough([frozenset({"finger.tip"})])
     assert len(starts) == most
     assert search.exploration.pruned.get("after others that led to nothing better", 0) == 9 - most
+
+
+def test_rough_starts_of_a_branch_that_holds_do_not_count_as_in_vain(monkeypatch):
+    search, starts = searching(grasp(), elements=4)
+    monkeypatch.setattr(search, "rough_starts_of", lambda mode: [start() for _ in range(9)])
+    search._from_rough([frozenset({"finger.tip"})])
+    assert len(starts) == 9
 
 
 def test_a_proof_that_there_is_no_grasp_ends_the_search_after_six_starts(monkeypatch):
