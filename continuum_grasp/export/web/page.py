@@ -37,7 +37,7 @@ from continuum_grasp.export.template import fill
 from continuum_grasp.export.web.plant import FRICTION, PUSHED, WebPlant, plant_of_loop, plant_of_scene
 from continuum_grasp.export.web.record import Record, loop_record, rounded, trajectory_record
 from continuum_grasp.export.web.wasm import add_sizes, compiled
-from continuum_grasp.mission.assignment import Assignment
+from continuum_grasp.mission.assignment import Assignment, object_height
 from continuum_grasp.mission.plant import Timetable, mission_plant_model
 from continuum_grasp.model.system import System
 from continuum_grasp.results.atomic import write_text
@@ -261,13 +261,13 @@ def _mission(loop: Loop, mission: Assignment | None, plant: WebPlant) -> dict[st
     """
     if mission is None or loop.phases is None:
         return None
-    slip, down = mission.mission.slip, np.array(mission.mission.plane_gravity)
-    at, size = plant.system.object_states.start, float(np.hypot(*down))
-    up = {at + 3: 1.0} if size == 0.0 else {at + k: -float(down[k]) / size for k in range(2)}
+    asked, states = mission.mission, plant.system.object_states
+    slip, shares = asked.slip, object_height(asked, np.eye(len(plant.start))[:, states])  # the height is linear
+    up = {k: float(share) for k, share in enumerate(shares) if share}
     return {
         "phases": list(loop.phases.names),
         "begin": np.ravel(loop.phases.members["begin"]).tolist(),
-        "height": None if slip is None or slip.height is None else {"of": up, "std": slip.height},
+        "height": None if slip is None or slip.height is None else {"of": up, "std": asked.plant.noise * slip.height},
     }
 
 
