@@ -156,6 +156,7 @@ class Solver(ABC):
                 "print_time": False,
                 "error_on_fail": False,  # the status reports it
                 "show_eval_warnings": False,
+                "inputs_check": False,  # prints where equations outnumber unknowns, which the status reports
                 # Assembled derivatives have no derivatives of their own, which these two would need.
                 "no_nlp_grad": True,
                 "calc_lam_p": False,
