@@ -25,9 +25,10 @@ from continuum_grasp.identification.fit import Fit, estimates
 from continuum_grasp.identification.inference import infer, model_error_warnings
 from continuum_grasp.identification.laws import LawTrial, choose_law
 from continuum_grasp.identification.path_block import block_of
-from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge, too_far
+from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge, questionable, too_far
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.read import changed_at, folder_of, plain_scene, read_data
+from continuum_grasp.identification.restarts import restarted
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
@@ -124,6 +125,9 @@ def _solved(problem: Problem, report: Callable[[float], None]) -> Solution:
     try:
         return problem.solve(report)
     except (SolverError, NumericalError) as error:
+        solution = restarted(problem, None)
+        if solution is not None:
+            return solution
         causes = explain(problem)
         if not causes:
             raise
@@ -273,18 +277,36 @@ def listed(data: Measurements) -> list[Any]:
     return list(data) if isinstance(data, Sequence) and not isinstance(data, str) else [data]
 
 
+def _credible(problem: Problem, solution: Solution) -> tuple[Solution, list[str]]:
+    """The solution, and the evidence of its residuals against data and laws; where it has any, the best from other
+    starts: a local minimum says nothing about the data.
+    """
+    for restarts in (True, False):
+        rows = problem.weighted(solution)
+        freedom = infer(problem.unknowns, solution.values, *rows, problem.shared, problem.series).freedom
+        evidence = doubts(problem, solution, freedom)
+        if not restarts or not (evidence or questionable(problem, solution)):
+            break
+        better = restarted(problem, solution)
+        if better is None or better is solution:
+            break
+        solution = better
+    return solution, evidence
+
+
 def _fit(task: Task, solution: Solution, **further: Any) -> Fit:
     """The result: estimates, and how far they can be trusted."""
     problem = task.problem
-    sigma, unknowns, shared = solution.sigma, problem.unknowns, problem.shared
-    rows = problem.weighted(solution)
+    unknowns, shared = problem.unknowns, problem.shared
+    solution, evidence = _credible(problem, solution)
+    sigma, rows = solution.sigma, problem.weighted(solution)
     inference = infer(unknowns, solution.values, *rows, shared, problem.series)
     doubted: tuple[str, ...] = ()
     finer = _finer(problem, problem.by_block(solution.values))
     if finer is not None:
         coarse, fine = ((part / sigma)[problem.fitted] for part in (solution.predictions, finer))
         doubted = model_error_warnings(unknowns, inference.deviations, rows[0][: len(coarse)], coarse, fine)
-    evidence, verdict = doubts(problem, solution, inference.freedom), judge(problem, solution)
+    verdict = judge(problem, solution)
     return Fit(
         **estimates(unknowns[:shared], solution.values, inference),
         set_names=tuple(f"{unknown.name} [{unknown.unit}]" for unknown in unknowns[shared:]),

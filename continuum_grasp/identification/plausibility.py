@@ -85,6 +85,17 @@ class Verdict(NamedTuple):
     warnings: tuple[str, ...]
 
 
+def questionable(problem: Problem, solution: Solution) -> bool:
+    """Whether a fit misses the data, or is so far from the scene, that slips are tried."""
+    return any(misfit.doubtful for misfit in misfits(problem, solution.predictions)) or bool(_far(problem, solution))
+
+
+def _far(problem: Problem, solution: Solution) -> list[tuple[Unknown, float]]:
+    """Unknowns that scale with loads and come out as a multiple of the scene's value, and that multiple."""
+    pairs = [(u, float(value / u.typical)) for u, value in zip(problem.unknowns, solution.values, strict=True)]
+    return [(u, times) for u, times in pairs if u.target in _SCALES and not 1.0 / _FAR <= times <= _FAR]
+
+
 def judge(problem: Problem, solution: Solution) -> Verdict:
     """Judge a fit."""
     left = misfits(problem, solution.predictions)
@@ -105,13 +116,11 @@ def judge(problem: Problem, solution: Solution) -> Verdict:
         for misfit in doubtful
         if misfit.rms > misfit.scatter
     ]
-    for unknown, value in zip(problem.unknowns, solution.values, strict=True):
-        times = value / unknown.typical
-        if unknown.target in _SCALES and not 1.0 / _FAR <= times <= _FAR:
-            slips = " or ".join(explain(problem)) or "none of the usual ones explains it"
-            warnings.append(
-                f"{unknown.name} comes out as {times:.3g} times the scene's; slips that may be behind it: {slips}"
-            )
+    for unknown, times in _far(problem, solution):
+        slips = " or ".join(explain(problem)) or "none of the usual ones explains it"
+        warnings.append(
+            f"{unknown.name} comes out as {times:.3g} times the scene's; slips that may be behind it: {slips}"
+        )
     return Verdict("", (), tuple(warnings))
 
 
@@ -220,7 +229,7 @@ def _refitted(words: str, undo: Callable[[], Problem], before: float) -> list[tu
         return []
     left = misfits(trial, solution.predictions)
     # values of nearly zero are met by any stiff finger
-    missed = [misfit for misfit in left if misfit.limit < math.inf and misfit.rms > min(misfit.limit, misfit.scatter)]
+    missed = [m for m in left if m.limit < math.inf and m.rms > min(m.limit, _UNEXPLAINED * m.scatter)]
     if missed or _total(left) * _BETTER >= before:
         return []
     shifts = [

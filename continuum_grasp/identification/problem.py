@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.errors import InputError, SolverError
+from continuum_grasp.errors import InputError, NumericalError, SolverError
 from continuum_grasp.identification.blocks import Block
 from continuum_grasp.identification.least_squares import Minimum, least_squares
 from continuum_grasp.identification.unknowns import Unknown, prior
@@ -157,14 +157,30 @@ class Problem:
         slopes = np.pad(slopes, ((0, 0), (0, further.shape[1])))
         return np.vstack([jacobian, slopes]), np.append(residuals, missed)
 
-    def solve(self, progress: Progress) -> Solution:
-        """Find the parameters; unknown standard deviations are found by iteration.
+    def misfit(self, values: Array, *, early: bool = False) -> float:
+        """Sum of squares of what is fitted and known beforehand, by deviations that do not depend on a fit; infinite
+        where the model has no predictions. Of free paths, the first part alone where it is to be ``early``.
+        """
+        chosen = self.fitted & self._early(_HORIZONS[0]) if early else self.fitted
+        try:
+            y = self.predict(values, chosen)[0]
+        except (SolverError, NumericalError):
+            return math.inf
+        missed = ((y - self.measured) / self._first_sigma())[chosen]
+        known = self.prior(values)[0]
+        total = float(missed @ missed + known @ known)
+        return total if math.isfinite(total) else math.inf
+
+    def solve(self, progress: Progress, start: Array | None = None) -> Solution:
+        """Find the parameters from a start (n,), that of the unknowns where none is given; unknown standard deviations
+        are found by iteration.
 
         InputError if nothing is to be fitted, SolverError if the search does not converge.
         """
         if not self.fitted.any():
             raise InputError("no row is to be fitted", key="data")
-        values, sigma = np.array([unknown.start for unknown in self.unknowns]), self._first_sigma()
+        values = np.array([unknown.start for unknown in self.unknowns]) if start is None else start
+        sigma = self._first_sigma()
         for share in _HORIZONS if any(block.free for block in self.blocks) else ():
             chosen = self.fitted & self._early(share)
             if chosen.sum() >= _LEAST_ROWS * len(values):

@@ -434,7 +434,10 @@ def _column(table: Table, column: ColumnLike, si: str, *, gaps: bool = False) ->
 
 _ROWS = 5000
 """Most rows to choose from [1]: the equilibria of so many take a quarter of a minute."""
-_TIMES, _SUFFIX = ("t", "time"), re.compile(r"(.+?)_(mm|cm|m|deg|rad|s|ms|N|mN|g|Hz|Nm)")
+_TIMES, _SUFFIX = (
+    ("t", "time"),
+    re.compile(r"(.+?)(?:_|\s*/\s*|,?\s+in\s+|,\s*|\s+)(mm|cm|m|deg|rad|s|ms|N|mN|g|Hz|Nm)"),
+)
 
 
 def _by_headings(file: Path, scene: Scene) -> list[Data]:
@@ -445,6 +448,7 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
     for heading, unit in zip(table.headings, table.units, strict=True):
         match = _SUFFIX.fullmatch(heading) if unit is None else None
         spelled, name = ({"Nm": "N m"}.get(match[2], match[2]), match[1]) if match else (None, heading)
+        name = name.lower()  # as names of the model are
         if name in columns:
             raise table.error(f"two columns are called {name!r}", table.index(heading))
         columns[name] = Column(column=heading, unit=spelled)
@@ -480,7 +484,8 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
         named = None if pose is None else pose.column
         data_set = StaticPoses(kind="static", measured=measured, pose=named, conditions=conditions)
     if data_set is None:
-        message = "the headings do not say what was measured: expected some of t, x, y, angle, bend, at, pose, "
+        message = f"the headings ({', '.join(table.headings)}) do not say what was measured: "
+        message += "expected some of t, x, y, angle, bend, at, pose, "
         message += "frequency, decay_rate, tension_1, load_1_y, ..., or data: in a configuration"
         raise InputError(message, file=str(file), line=table.header_line)
     return _read(data_set, table, plain_scene(scene), file.stem, "data")

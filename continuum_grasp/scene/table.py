@@ -28,6 +28,10 @@ _UNITS = "|".join(re.escape(unit) for si in QUANTITIES for unit in units_of(si))
 _HEADING = re.compile(rf"^(.*?)\s*(?:[\[(]((?<=\[)[^\]]*(?=\])|(?<=\()(?:{_UNITS})(?=\)))[\])])?$")
 """Heading with a unit: any in brackets, those that are known in parentheses, where other words may stand."""
 _COMMA, _POINT = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?"), re.compile(r"[-+]?\d*\.\d*(?:[eE][-+]?\d+)?")
+_MISSING = ("", "-", "--", "n/a", "na", "nan", "none", "null")
+"""Cells without a value, in small letters, as cameras, spreadsheets and Python write them."""
+_OF_SI = {unit for si in QUANTITIES for unit in units_of(si)}
+"""Units that a line below the headings may state."""
 _WEIGHTS = {"g": "gf", "kg": "kgf"}
 """Masses that stand for their weight where a force is expected."""
 _SURE = 0.6
@@ -139,14 +143,18 @@ class Table:
         return self.error(f"column {self.headings[at]}: the cell is empty; expected a number", at, row)
 
     def _number(self, row: int, at: int, gaps: bool) -> float:
-        text = self.rows[row][at]
-        if not text and gaps:
+        text = self.rows[row][at].replace("\u2212", "-")  # the minus of typographers
+        if gaps and text.lower() in _MISSING:
             return math.nan
         if not text:
             raise self.empty(at, row)
         value = _number_in(text.replace(",", ".") if self.comma else text)
         if value is None:
-            hint = " (write a decimal point, not a comma)" if _COMMA.fullmatch(text) else ""
+            hint, (first, *more) = "", text.split()
+            if _COMMA.fullmatch(text):
+                hint = " (write a decimal point, not a comma)"
+            elif more and _number_in(first) is not None:
+                hint = f" (write units in the heading: {self.headings[at]} [{' '.join(more)}])"
             raise self.error(f"column {self.headings[at]}: expected a number, got {text[:40]!r}{hint}", at, row)
         if not abs(value) <= _LARGEST:  # NaN too
             wanted = f"a number up to {_LARGEST:g}" if math.isfinite(value) else "a finite number"
@@ -159,7 +167,8 @@ def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
     r"""Read a table: UTF-8, a line of headings; empty lines and lines that begin with # are skipped.
 
     Commas, semicolons or tabs separate columns; numbers have decimal points, or commas where these separate nothing.
-    Tables of DeepLabCut (headings in three lines) and Tracker (a line of tracks above the headings) are read as well.
+    Tables of DeepLabCut (headings in three lines) and Tracker (a line of tracks above the headings) are read as well,
+    and units in a line below the headings; lines that repeat the headings are skipped.
 
     Parameters
     ----------
@@ -187,8 +196,13 @@ def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
     if len(numbered) < (1 if names else 2):
         raise InputError("expected a line of headings and rows of numbers", file=name)
     lines, (separator, cells) = [line for _, line in numbered], _separated([line for _, line in numbered])
+    if not any(row[-1] for row in cells) and len(cells[0]) > 1:  # a separator behind the last cell
+        cells = [row[:-1] for row in cells]
     top, names = (int(_number_in(cells[0][0]) is None), names) if names else _headings(cells)
-    header_line, rows = numbered[max(top - 1, 0)][0], tuple(cells[top:])
+    header_line = numbered[max(top - 1, 0)][0]
+    # headings again, where a file was begun anew
+    kept = [k for k in range(top, len(cells)) if cells[k] != cells[top - 1] or not top]
+    rows, row_lines = tuple(cells[k] for k in kept), tuple(numbered[k][0] for k in kept)
     if not rows:
         raise InputError("expected rows of numbers below the headings", file=name, line=header_line)
     parts = [_HEADING.fullmatch(cell) for cell in names]
@@ -198,15 +212,22 @@ def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
         if not heading:
             raise InputError(f"column {k + 1} has no heading", file=name, line=header_line)
         if heading in headings[:k]:
-            raise InputError(f"two columns are called {heading!r}", file=name, line=header_line)
+            place = 1 + sum(len(cell) + 1 for cell in names[:k])
+            message = f"two columns are called {heading!r}: rename one, as nothing reads it then"
+            raise InputError(message, file=name, line=header_line, column=place)
         if _number_in(heading) is not None:
             raise InputError(f"expected headings, got the number {heading}", file=name, line=header_line)
-    for (line, _), row in zip(numbered[top:], rows, strict=True):
+    for line, row in zip(row_lines, rows, strict=True):
         if len(row) != len(headings):
-            raise InputError(f"expected {len(headings)} cells, got {len(row)}", file=name, line=line)
+            hint = ""
+            if separator == "," and len(row) > len(headings):
+                hint = "; write decimal points, or semicolons between cells"
+            if len(headings) == 1:
+                hint = f"; begin lines above the headings with #, as {headings[0]!r:.40}"
+            raise InputError(f"expected {len(headings)} cells, got {len(row)}{hint}", file=name, line=line)
     every = [cell for row in rows for cell in row]
     comma = separator != "," and not any(map(_POINT.fullmatch, every)) and any(map(_COMMA.fullmatch, every))
-    table = Table(name, headings, units, rows, tuple(k for k, _ in numbered[top:]), header_line, comma)
+    table = Table(name, headings, units, rows, row_lines, header_line, comma)
     return table if lines[0].partition(separator)[0].strip() != "scorer" else _sure(table)
 
 
@@ -240,6 +261,9 @@ def _headings(rows: Sequence[Sequence[str]]) -> tuple[int, Sequence[str]]:
             last = first[k] if k < len(first) and first[k] else last
             names.append(cell if cell == "t" else f"{last}_{cell}")
         return 2, names
+    units = [cell.strip("[]()") for cell in second]
+    if len(first) == len(second) and any(units) and all(unit in _OF_SI for unit in units if unit):
+        return 2, [f"{cell} [{unit}]" if unit else cell for cell, unit in zip(first, units, strict=True)]
     return 1, first
 
 

@@ -259,8 +259,43 @@ def test_tables_that_contradict_themselves_are_refused_by_place(tmp_path, text, 
     assert message in str(refused.value)
 
 
+PLAIN = "tip_moment [N m],x [mm],y [mm]\n0,1,-2\n0.001,,-3.5\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "tip_moment [N m];x [mm];y [mm]\n0;1;-2\n0,001;;-3,5\n",
+        "tip_moment,x,y\nN m,mm,mm\n0,1,-2\n0.001,,-3.5\n",
+        "tip_moment,x,y\n[N m],[mm],[mm]\n0,1,-2\n0.001,,-3.5\n",
+        "Tip_moment [N m],X / mm,Y in mm\n0,1,-2\n0.001,n/a,\u22123.5\n",
+        "tip_moment [N m],x [mm],y [mm],\n0,1,-2,\n0.001,-,-3.5,\n",
+        "tip_moment [N m],x [mm],y [mm]\n0,1,-2\ntip_moment [N m],x [mm],y [mm]\n0.001,NaN,-3.5\n",
+    ],
+)
+def test_tables_as_people_have_them_are_those_with_units_in_brackets(tmp_path, text):
+    expected, read = (cg.compare(cg.Scene(**ROD), table(tmp_path, each)) for each in (PLAIN, text))
+    assert read.measured.tolist() == expected.measured.tolist()
+    assert [entry.series for entry in read.entries] == [entry.series for entry in expected.entries]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x,y\n0,199,1\n", "csv:2: expected 2 cells, got 3; write decimal points, or semicolons between cells"),
+        ("Trial 3\nx,y\n1,2\n", "csv:2: expected 1 cells, got 2; begin lines above the headings with #, as 'Trial 3'"),
+        ("x,y\n1,2 mm\n", "csv:2:3: column y: expected a number, got '2 mm' (write units in the heading: y [mm])"),
+        ("x [mm],y,x [mm]\n1,2,3\n", "csv:1:10: two columns are called 'x': rename one"),
+    ],
+)
+def test_tables_that_are_refused_say_what_to_write(tmp_path, text, message):
+    with pytest.raises(InputError) as refused:
+        cg.compare(cg.Scene(**ROD), table(tmp_path, text))
+    assert message in str(refused.value)
+
+
 def test_headings_that_say_nothing_and_axes_along_one_line_are_refused(tmp_path):
-    with pytest.raises(InputError, match=r"points.csv:1: the headings do not say what was measured"):
+    with pytest.raises(InputError, match=r"points.csv:1: the headings \(a, b\) do not say what was measured"):
         cg.compare(cg.Scene(**ROD), table(tmp_path, "a,b\n1,2\n"))
     for heading, hint in {
         "tip_momnt": "; did you mean tip_moment?",

@@ -9,7 +9,9 @@ import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import Estimate, Poses, Reading, TipPath
 from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.unknowns import read_unknowns
+from continuum_grasp.identification.problem import Solution
+from continuum_grasp.identification.restarts import restarted
+from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.scene import Scene
 from tests.identification_cases import LENGTH, ROD, STIFFNESS, at_tip, elastica, loaded_scene, rung, slope_error
 from tests.rods import HANGING, rod_scene
@@ -162,3 +164,48 @@ def test_each_set_has_a_clamp_of_its_own():
     assert fit.set_names == ("clamp_angle of day 1 [rad]", "clamp_angle of day 2 [rad]")
     assert fit.set_values == pytest.approx(angles, abs=1e-3)
     assert fit.apply().finger.base.angle == loaded_scene().finger.base.angle
+
+
+# -- starts far off --------------------------------------------------------------------------------------------------
+
+
+class Plateau:
+    """Stands in for a problem whose predictions change only where no parameter is more than a decade off its truth."""
+
+    truth = np.array([2e-3, 40.0, 0.3])
+
+    def __init__(self, factors: tuple[float, ...]) -> None:
+        self.unknowns = [
+            Unknown(f"p{k}", "1", f"p{k}", 1.0, False, start, 0.0, np.inf, start)
+            for k, start in enumerate(self.truth * factors)
+        ]
+
+    def misfit(self, values: np.ndarray, *, early: bool = False) -> float:
+        return float(np.sum(np.minimum(np.abs(np.log10(values / self.truth)).max(), 1.0)))
+
+    def solve(self, progress, start: np.ndarray) -> Solution:
+        seen = self.misfit(start) < 1.0
+        return Solution(self.truth if seen else start, np.zeros(0), np.zeros((0, 3)), np.zeros(0), 0, 0)
+
+
+@pytest.mark.parametrize("factors", [(10.0, 10.0, 10.0), (0.1, 12.0, 0.1), (15.0, 1.0, 1.0)])
+def test_searches_begin_elsewhere_where_no_single_change_is_seen(factors):
+    problem = Plateau(factors)
+    stuck = problem.solve(None, np.array([unknown.start for unknown in problem.unknowns]))
+    assert problem.misfit(stuck.values) == 1.0
+    assert restarted(problem, stuck).values == pytest.approx(Plateau.truth)
+
+
+def test_a_minimum_that_is_the_least_stays():
+    problem = Plateau((1.0, 1.0, 1.0))
+    first = problem.solve(None, Plateau.truth)
+    assert restarted(problem, first) is first
+
+
+@pytest.mark.parametrize("factor", [0.03, 30.0])
+def test_starts_far_off_accuse_no_good_data(factor):
+    scene = loaded_scene()
+    poses = Poses([Reading("x", [elastica(f)[0] for f in FORCES]), Reading("y", [elastica(f)[1] for f in FORCES])], LOADS)
+    fit = cg.identify(scene, poses, parameters=[Estimate(name="bending_stiffness", start=factor * STIFFNESS)])
+    assert fit["bending_stiffness"] == pytest.approx(STIFFNESS, rel=1e-3)
+    assert (fit.status, fit.causes) == ("converged", ())
