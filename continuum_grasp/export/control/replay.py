@@ -55,7 +55,8 @@ class _Host:
             functions=contents.stateful,
             owners=owners,
         )
-        with tempfile.TemporaryDirectory() as work:
+        # Windows removes no library that is loaded.
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as work:
             write_files(Path(work), {**files, "host.c": source})
             sources = [name for name in files if name.startswith("src/") and name.endswith(".c")]
             flags = [*strict_flags(compiler.version), "-O1", "-shared", "-fPIC", "-w", "-Iinclude", "-Itests"]
