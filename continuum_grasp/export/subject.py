@@ -283,7 +283,7 @@ shapes between those that are looked at may be some percent greater."""
 _ACCURATE = 1.0
 """Product of step and spectral radius up to which the motion is followed as well as it is resolved."""
 MOST_SUBSTEPS = 1000
-"""Within one step."""
+"""Most sub-steps within one step [1]."""
 _CORNERS = 32
 """Corners of the box of parameters, all of them for up to five parameters."""
 _LANDING = 0.125

@@ -101,7 +101,7 @@ class Block:
     data: Data
     scene: Scene
     finger: Finger | None = None
-    """Whose laws predict it."""
+    """Finger whose laws predict the measurements; None: the scene's."""
     own: Sequence[Unknown] = ()
     """Unknowns of this set alone, behind those that all blocks have."""
     moves = False

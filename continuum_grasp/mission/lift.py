@@ -58,7 +58,7 @@ class Shortfall:
 
     @property
     def text(self) -> str:
-        """Both forces, and what is needed."""
+        """Normal force of the contact, and those certified and needed, in words."""
         spread = f" +- {self.std:.2f}" if self.std else ""
         return (
             f"{self.contact} bears {self.normal_force:.2f}{spread} N of {self.certified:.2f} N certified "

@@ -181,7 +181,7 @@ class TendonForces:
 
     @cached_property
     def _path_rates(self) -> list[Scalar]:
-        """Rates of these [m/s]."""
+        """Rates of the path lengths of the tendons [m/s]."""
         return self._drawn(self._rates, rest=False)
 
     @cached_property

@@ -85,7 +85,7 @@ class Winch(ABC):
         return [self.start + (side * self.radius) * position for side in self.sides]
 
     def wound_rates(self, speed: Scalar) -> list[Scalar]:
-        """Rate of it [m/s]."""
+        """Rate of the wound length [m/s]."""
         return [(side * self.radius) * speed for side in self.sides]
 
     def position(self, drawn: Sequence[Scalar], tensions: Sequence[Scalar]) -> Scalar:

@@ -104,7 +104,7 @@ class FingerSetup:
     held_friction: float
     """``friction`` less the reserve: what grasps are sought and certified with."""
     normal_force_max: float
-    """[N]"""
+    """Greatest normal force of the contact [N]."""
 
     @property
     def tendons(self) -> Tendons:
