@@ -201,8 +201,8 @@ class _Search:
 
 
 def _none_meets(scene: Scene, tolerance: float, tried: list[Assessment]) -> SolverError:
-    def worst(one: Assessment) -> float:
-        return float(np.nanmax([one.shape, *one.frequencies[: scene.fidelity.frequencies]]))
+    def worst(assessment: Assessment) -> float:
+        return float(np.nanmax([assessment.shape, *assessment.frequencies[: scene.fidelity.frequencies]]))
 
     closest = min((assessment for assessment in tried if math.isfinite(assessment.shape)), key=worst, default=None)
     none = "no choice has the equilibria of the exact rod within the listed bending ranges"

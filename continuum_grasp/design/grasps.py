@@ -251,8 +251,8 @@ class CaseGrasps:
         """
         grasp: HeldGrasp | None = None
         for _ in range(_MASSES):
-            most = _MORE * payload
-            more = self._run(_with_mass(scene, most), start, relaxed=[(MASS, 1.0 - payload / most)])
+            limit = _MORE * payload
+            more = self._run(_with_mass(scene, limit), start, relaxed=[(MASS, 1.0 - payload / limit)])
             grasp = more or grasp
             if more is None or not more.full:
                 break
@@ -267,8 +267,8 @@ class CaseGrasps:
         unknowns: dict[str, Array] = {}
         for aim, held in self.held.items():
             along = near.change(partial(_with_mass, mass=held.scene.object.mass)) if held.relaxed else near
-            unknowns[aim], own = held.slopes(along)
-            quantities |= own
+            unknowns[aim], numbers = held.slopes(along)
+            quantities |= numbers
         return quantities, unknowns
 
     @property
@@ -287,8 +287,8 @@ def _probed(grasp: HeldGrasp) -> bool:
     return bool(np.abs(forces).max(initial=0.0) > 1e-6)
 
 
-def _same(one: dict[str, float], two: dict[str, float], tolerance: float) -> bool:
-    return all(abs(one[name] - two[name]) <= tolerance * max(abs(one[name]), 1e-3) for name in one)
+def _same(first: dict[str, float], two: dict[str, float], tolerance: float) -> bool:
+    return all(abs(first[name] - two[name]) <= tolerance * max(abs(first[name]), 1e-3) for name in first)
 
 
 def fingers_mass(scene: GraspScene) -> float:

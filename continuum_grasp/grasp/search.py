@@ -539,6 +539,8 @@ class Search:
         return self._solvers[contacts]
 
 
-def _same(one: Start, two: Start) -> bool:
+def _same(first: Start, two: Start) -> bool:
     """Whether two starts of basins are the same: equal contacts and nearly equal estimates."""
-    return one.contacts.keys() == two.contacts.keys() and math.isclose(one.estimate, two.estimate, rel_tol=SAME_BASIN)
+    return first.contacts.keys() == two.contacts.keys() and math.isclose(
+        first.estimate, two.estimate, rel_tol=SAME_BASIN
+    )

@@ -151,9 +151,9 @@ def _limit(kind: str, measured: Array, length: float) -> float:
 def too_far(problem: Problem, values: Array, sigma: Array) -> str:
     """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
     message, farthest = "", 0.0
-    for block, part, own in zip(problem.blocks, problem.parts, problem.by_block(values), strict=True):
+    for block, part, numbers in zip(problem.blocks, problem.parts, problem.by_block(values), strict=True):
         readings, finger = block.data.measured, block.scene.finger
-        sought = {one.target: float(value) for one, value in zip(problem.sought, own, strict=False)}
+        sought = {unknown.target: float(value) for unknown, value in zip(problem.sought, numbers, strict=False)}
         base = [at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", finger.base.position, strict=True)]
         length = finger.rod.length
         markers: dict[Any, list[int]] = {}
@@ -183,11 +183,11 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
     before = _total(left) if left else math.inf
     tried: dict[str, tuple[float, Callable[[], Problem]]] = {}
     everywhere, missed = {block.name for block in problem.blocks}, {misfit.set for misfit in left if misfit.doubtful}
-    given = [(block.data, block.scene) for block in problem.blocks]
-    for slip, sets in product(slips_of(given), (everywhere, missed)):
-        pairs = [undone(slip, *pair) if pair[0].name in sets else None for pair in given]
+    measured = [(block.data, block.scene) for block in problem.blocks]
+    for slip, sets in product(slips_of(measured), (everywhere, missed)):
+        pairs = [undone(slip, *pair) if pair[0].name in sets else None for pair in measured]
         concerned = [block.name for block, pair in zip(problem.blocks, pairs, strict=True) if pair]
-        words = slip.words + (f" in {', '.join(concerned)}" if len(concerned) < len(given) else "")
+        words = slip.words + (f" in {', '.join(concerned)}" if len(concerned) < len(measured) else "")
         if not concerned or words in tried:
             continue
         try:

@@ -203,12 +203,12 @@ class SmallMotions:
     free: tuple[Array, Array] | None = None
 
 
-def small_motions(found: Equilibrium) -> SmallMotions:
+def small_motions(equilibrium: Equilibrium) -> SmallMotions:
     """Small motions about an equilibrium."""
-    model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
+    model, q, u, w, p = equilibrium.model, equilibrium.q, equilibrium.u, equilibrium.w, equilibrium.p
     core, n = Core(model, compiled=False), model.n
     mass, damping = core.mass_matrix(q, u, p), damping_matrix(core, q, u, p)
-    friction = found.friction_states
+    friction = equilibrium.friction_states
     if not model.structure.winches:
         # Friction acts as it does at rest.
         history = (np.append(friction, 0.0),) if friction.size else ()
@@ -224,7 +224,7 @@ def small_motions(found: Equilibrium) -> SmallMotions:
         both[:n, :n], both[n:, n:] = mass, np.diag(inertia.ravel())
         free = both, stiffness
     slides = model.friction_names or model.structure.has_law(*STATEFUL)
-    stuck = passive + _glued(model, found, x) + _held(model, p) if slides else None
+    stuck = passive + _glued(model, equilibrium, x) + _held(model, p) if slides else None
     return SmallMotions(mass, stiffness[:n, :n], damping, stuck, free)
 
 

@@ -172,6 +172,6 @@ def settled(totals: list[float]) -> bool:
     return least < math.inf and (sum(alike) >= AGREEING or len(alike) - alike.index(True) > AGREEING)
 
 
-def same(one: float, other: float) -> bool:
+def same(first: float, other: float) -> bool:
     """Whether two sums of parts are the same."""
-    return math.isclose(one, other, rel_tol=SAME)
+    return math.isclose(first, other, rel_tol=SAME)

@@ -34,7 +34,7 @@ _COST = 0.1
 def matched_sets(
     scene: GraspScene,
     loads: Loads,
-    found: list[Candidates],
+    postures: list[Candidates],
     pose: Pose,
     supports: tuple[Block, dict[str, ContactStart]],
     count: int,
@@ -43,9 +43,9 @@ def matched_sets(
     first; the object is at a world pose [m, rad].
     """
     com = complex(*scene.object.com)
-    row_limit = _TABLE[len(found)]
+    row_limit = _TABLE[len(postures)]
     picks, tables, features = [], [], []
-    for setup, candidates in zip(scene.setups, found, strict=True):
+    for setup, candidates in zip(scene.setups, postures, strict=True):
         block = finger_block(scene, loads, setup, candidates, pose)
         borne = shape_forces(loads, setup, candidates, block, com)
         edges, pull = borne.known[:, 3:5], borne.known[:, 5]
@@ -81,7 +81,7 @@ def matched_sets(
     index = [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
     unlike = np.concatenate([each[i] for each, i in zip(features, index, strict=True)], axis=1)
     best = spread_order(score[likely], unlike, count)
-    return [candidates.take(i[best]) for candidates, i in zip(found, index, strict=True)]
+    return [candidates.take(i[best]) for candidates, i in zip(postures, index, strict=True)]
 
 
 def _supported(
@@ -121,7 +121,7 @@ class Borne:
     own: Array  # (P, R) what is missing for the balance of the finger
 
 
-def shape_forces(loads: Loads, setup: FingerSetup, found: Candidates, block: Block, com: complex) -> Borne:
+def shape_forces(loads: Loads, setup: FingerSetup, candidates: Candidates, block: Block, com: complex) -> Borne:
     """Forces that shapes of a finger that touches with its tip alone fix; ``com`` in the object's frame [m]."""
     columns = [*cone_edges(loads, setup.held_friction), -2]
     moments, onto = block.moments[:, :, columns], block.onto[:, :3, columns]
@@ -132,7 +132,7 @@ def shape_forces(loads: Loads, setup: FingerSetup, found: Candidates, block: Blo
     right = np.einsum("pri,pr->pi", moments, block.needed) / span
     forces = np.linalg.solve(square, right[..., None])[..., 0] / span
     remainder = (moments @ forces[..., None])[..., 0] - block.needed
-    arm = (found.points[:, 0] - com) / loads.length
+    arm = (candidates.points[:, 0] - com) / loads.length
     known = [(onto @ forces[..., None])[..., 0], forces, arm.real[:, None], arm.imag[:, None]]
     known[0], known[1] = known[0] / loads.force, known[1] / loads.force
     return Borne(np.concatenate(known, axis=1), remainder)
