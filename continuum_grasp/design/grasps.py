@@ -153,7 +153,9 @@ class CaseGrasps:
 
     def _run(self, scene: GraspScene, start: Start, **options: Any) -> HeldGrasp | None:
         """A certified grasp from a start; None where there is none."""
-        grasp = self._converged(scene, start, solver_for(ProblemSpec.of(scene, start.contacts)), rung=2, **options)
+        grasp = self._converged(
+            scene, start, solver_for(ProblemSpec.of(scene, start.contacts)), options_at=2, **options
+        )
         if grasp is None:
             return None
         checked = scene if not grasp.relaxed else _with_mass(scene, grasp.quantities["payload"])

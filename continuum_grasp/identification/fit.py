@@ -31,7 +31,7 @@ class Fit(Predicted):
     names, units : tuple of str
         Of the n parameters.
     freedom : int
-        Degrees of freedom of the residuals' scatter; fewer where residuals hang together in time.
+        Degrees of freedom of the residuals' scatter; fewer where residuals are correlated in time.
     entries, predictions, blocks, drawn, scene
         As of `Comparison`.
     targets : tuple of (str, float, bool)

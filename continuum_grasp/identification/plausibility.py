@@ -72,13 +72,13 @@ class Misfit(NamedTuple):
     """Scatter of the measurements about their means, r.m.s.; infinite where they are too few."""
 
     @property
-    def doubtful(self) -> bool:
+    def is_unexplained(self) -> bool:
         """Whether slips are to be tried."""
         return self.rms > min(self.limit, max(_UNEXPLAINED * self.scatter, _STATED * self.limit))
 
 
 class Verdict(NamedTuple):
-    """Why measurements are refused, empty where they are not; what explains them; and what is doubtful only."""
+    """Why measurements are refused, empty where they are not; what explains them; and what only warns."""
 
     reason: str
     causes: tuple[str, ...]
@@ -88,8 +88,11 @@ class Verdict(NamedTuple):
 def judge(problem: Problem, solution: Solution) -> Verdict:
     """Judge a fit."""
     left = misfits(problem, solution.predictions)
-    reason, doubtful = too_far(problem, solution.values, solution.sigma), [misfit for misfit in left if misfit.doubtful]
-    causes = explain(problem, left) if reason or doubtful else ()
+    reason, unexplained = (
+        too_far(problem, solution.values, solution.sigma),
+        [misfit for misfit in left if misfit.is_unexplained],
+    )
+    causes = explain(problem, left) if reason or unexplained else ()
     worst = max(left, key=lambda misfit: misfit.rms / misfit.limit)
     if worst.rms > worst.limit or (causes and not reason):
         plausible = "which a slip in the data explains"
@@ -102,7 +105,7 @@ def judge(problem: Problem, solution: Solution) -> Verdict:
     warnings = [
         f"{misfit.kind} of {misfit.set}: the model is off by {misfit.rms:.2g} {misfit.unit} r.m.s. where the "
         f"measurements scatter by {misfit.scatter:.2g}: check units, signs and conditions of the data"
-        for misfit in doubtful
+        for misfit in unexplained
         if misfit.rms > misfit.scatter
     ]
     for unknown, value in zip(problem.unknowns, solution.values, strict=True):
@@ -182,7 +185,10 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
     """
     before = _total(left) if left else math.inf
     tried: dict[str, tuple[float, Callable[[], Problem]]] = {}
-    everywhere, missed = {block.name for block in problem.blocks}, {misfit.set for misfit in left if misfit.doubtful}
+    everywhere, missed = (
+        {block.name for block in problem.blocks},
+        {misfit.set for misfit in left if misfit.is_unexplained},
+    )
     measured = [(block.data, block.scene) for block in problem.blocks]
     for slip, sets in product(slips_of(measured), (everywhere, missed)):
         pairs = [undone(slip, *pair) if pair[0].name in sets else None for pair in measured]

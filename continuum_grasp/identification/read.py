@@ -385,8 +385,8 @@ def _ring_downs(
             sines.append(fit_damped_sine(t[there], signal[there], heading))
         except InputError as error:
             raise InputError(f"{heading}: {error.message}", file=table.file) from None
-    rung = [Reading(which, [getattr(sine, which) for sine in sines], of=ring_down.mode) for which in OF_MODES]
-    return Poses(rung, {}, np.full(len(sines), ring_down.use == "fit"), scene, name)
+    vibrations = [Reading(which, [getattr(sine, which) for sine in sines], of=ring_down.mode) for which in OF_MODES]
+    return Poses(vibrations, {}, np.full(len(sines), ring_down.use == "fit"), scene, name)
 
 
 def _chosen(rows: int, fitted: bool, holdout: Sequence[int], key: str) -> NDArray[np.bool_]:

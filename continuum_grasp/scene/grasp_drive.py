@@ -41,7 +41,7 @@ class DriveLaw:
 
     @property
     def start(self) -> float:
-        """Cable wound up of the straight finger while the drive is at zero [m], counted from where it is taut."""
+        """Cable wound up of the straight finger while the drive is at zero [m], counted from where it is in tension."""
         return self.drive.pretension * (self.series + self.axial) - self.drive.slack
 
     @property

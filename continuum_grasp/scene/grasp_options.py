@@ -170,7 +170,7 @@ class Disturbances(Value):
     boundary from its center of mass."""
     tendons: Literal["retensioned", "locked"] = "retensioned"
     """retensioned: the tensions are chosen anew for each disturbance, within their limits; locked: the drives hold
-    their position, so that a taut tendon keeps its length and its tension reacts."""
+    their position, so that a tendon in tension keeps its length and its tension reacts."""
 
 
 Effort = Literal["quick", "normal", "thorough"]

@@ -39,7 +39,7 @@ class Modes(Result):
     """Small undamped oscillations about an equilibrium.
 
     With friction as it acts at rest, and drives that are held. ``stuck_frequencies_hz`` are those of motions in which
-    nothing slides or relaxes: branches of dry friction and relaxation add their stiffness, and a taut tendon that has
+    nothing slides or relaxes: branches of dry friction and relaxation add their stiffness, and a tendon in tension with
     friction and a winch elongates locally with the bend and adds E A e^2. A motion is between these two; larger ones
     slide.
     Where motors turn, ``free_frequencies_hz`` are those with the motors free under their command, their inertia among
@@ -229,7 +229,7 @@ def small_motions(equilibrium: Equilibrium) -> SmallMotions:
 
 
 def _glued(model: FingerModel, rest: Equilibrium, x: Array) -> Array:
-    """Stiffness of taut tendons: of those with friction as if they were glued to the finger all along."""
+    """Stiffness of tendons in tension: of those with friction as if they were glued to the finger all along."""
     made, total = model.structure, np.zeros((model.n, model.n))
     tensions = np.array(model.tensions()(x, rest.u, rest.p)[0]).ravel()
     frictional = {tendon for cells in made.cell_sets for tendon in cells.tendons}

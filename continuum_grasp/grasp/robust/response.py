@@ -139,7 +139,7 @@ class Responder:
         reserve_of = partial(_reserve, solver, scene)
         if not any(reserve_of(attempt) >= HOLDS for attempt in attempts):
             self.anew += 1
-            attempts.append(solve(rung=2))
+            attempts.append(solve(options_at=2))
             # Nor does that: where a face lies on a support, its ends share friction in several ways.
             firmest = max(self._with_contacts(begin), key=lambda response: response.reserve, default=None)
             if reserve_of(attempts[-1]) < HOLDS and firmest and firmest.holds and self._far < FRUITLESS:
