@@ -51,7 +51,7 @@ def run(command, cwd=None):
     process = None
 
     def pressed(number, frame):
-        if process is not None and not sys.stdin.isatty():  # a terminal tells both
+        if process is not None and os.name != "nt" and not sys.stdin.isatty():  # a terminal, or Windows, asks both
             process.send_signal(number)
 
     usual = signal.signal(signal.SIGINT, pressed)
@@ -81,7 +81,7 @@ def set_up(extras):
     if subprocess.call([*pip, "install", "-qq", "--disable-pip-version-check", "--editable", target]) != 0:
         fail("installing failed; what pip said stands above. Without network access nothing can be installed.")
         return False
-    with open(STAMP, "w") as stream:
+    with open(STAMP, "w", encoding="utf-8") as stream:
         json.dump({"extras": extras, **state}, stream)
     return True
 
@@ -89,7 +89,7 @@ def set_up(extras):
 def read_stamp():
     """What was installed, as noted at the end of the last installation."""
     try:
-        with open(STAMP) as stream:
+        with open(STAMP, encoding="utf-8") as stream:
             return json.load(stream)
     except (OSError, ValueError):
         return {}

@@ -28,7 +28,7 @@ from tests.control_cases import CABLE, DRIVES, HAND
 
 Array = NDArray[np.float64]
 
-TAUT = 6e-4
+LEAST_PULL = 6e-4
 """Cable by which the other winch is wound further than the bend asks for [m]."""
 
 
@@ -77,7 +77,7 @@ def case(seed: int, drive: str) -> tuple[str, PlanScene]:
 def wound(bend: float, side: int, drive: str) -> tuple[float, ...]:
     """Commands that wind up so much cable [m]: on both winches, on a pulley, or of its motor [rad]."""
     if drive == "winches":
-        return (bend, -bend + float(np.sign(bend)) * TAUT)[::side]
+        return (bend, -bend + float(np.sign(bend)) * LEAST_PULL)[::side]
     return (side * bend / DRIVES[drive][0].get("winch_radius", 1.0),)
 
 

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from continuum_grasp.errors import NumericalError as NumericalError
     from continuum_grasp.errors import SolverError as SolverError
     from continuum_grasp.export import export_c as export_c
+    from continuum_grasp.export import export_casadi as export_casadi
     from continuum_grasp.export import export_fmu as export_fmu
     from continuum_grasp.export import export_mjcf as export_mjcf
     from continuum_grasp.export import export_web as export_web

@@ -48,8 +48,12 @@ METHODS = {
     if method.__module__.startswith("continuum_grasp.") and not name.startswith("_")
 }
 EXPLAINED = PUBLIC | METHODS
-NO_NAME = re.compile(r'^ *"""(?:What|Which|How|Where|When|The same|It|Its|Of|That of|Those|Their)\b', re.MULTILINE)
-"""Openings of docstrings that do not stand alone, as on hover."""
+NO_NAME = re.compile(
+    r'^ *"""(?:What|Which|How|Where|When|The same|It|Its|Of|That|These|This|They|Those|Their|None:|As i[nt]|\[)'
+    r"(?!\w)",
+    re.MULTILINE,
+)
+"""Openings of docstrings that do not stand alone, as on hover: pronouns, and units of no noun."""
 WITH_EXAMPLES = [name for name, value in EXPLAINED.items() if ">>>" in (inspect.getdoc(value) or "")]
 
 

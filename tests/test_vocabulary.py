@@ -37,6 +37,8 @@ REPLACED = {
     r"on the way": "en route",
     r"rooms?|houses?": "package, module",
     r"set-points?|set_points?": "setpoint",
+    r"doubtful|lies open|the way in|worst round": "a noun that says the state",
+    r"hangs? together|holds? together": "is correlated",
 }
 """Regular expressions of words that are not used, and what is written in their place."""
 BRITISH = (

@@ -201,8 +201,8 @@ class _Search:
 
 
 def _none_meets(scene: Scene, tolerance: float, tried: list[Assessment]) -> SolverError:
-    def worst(one: Assessment) -> float:
-        return float(np.nanmax([one.shape, *one.frequencies[: scene.fidelity.frequencies]]))
+    def worst(assessment: Assessment) -> float:
+        return float(np.nanmax([assessment.shape, *assessment.frequencies[: scene.fidelity.frequencies]]))
 
     closest = min((assessment for assessment in tried if math.isfinite(assessment.shape)), key=worst, default=None)
     none = "no choice has the equilibria of the exact rod within the listed bending ranges"
@@ -236,12 +236,13 @@ def resolve_fidelity(scene: Scene, *, vibrates: bool = False) -> tuple[Scene, st
 
     def choose(work: Path) -> Path:
         chosen, written = choose_fidelity(asked), work / "choice.json"
-        written.write_text(json.dumps([chosen.scene.fidelity.model_dump(mode="json"), str(chosen)]))
+        written.write_text(json.dumps([chosen.scene.fidelity.model_dump(mode="json"), str(chosen)]), encoding="utf-8")
         written.chmod(0o600)
         return written
 
     maker = f"{__version__} {ca.CasadiMeta.version()}"
     # The code of the packages too: another version may measure other errors. Not the name, which changes nothing.
     identity = "\n".join([maker, hash_of_code(*_MEASURE), asked.model_copy(update={"name": None}).model_dump_json()])
-    known, note = json.loads(entry_for(identity, ".choice", choose, maker, kind="choices").read_text())
+    entry = entry_for(identity, ".choice", choose, maker, kind="choices")
+    known, note = json.loads(entry.read_text(encoding="utf-8"))
     return scene.model_copy(update={"fidelity": Fidelity.model_validate(known)}), str(note)

@@ -134,48 +134,48 @@ def _whole(model: FingerModel) -> float:
     return float(1.0 / (1.0 - 2.0 ** (-_BELIEVED * model.structure.family.order)))
 
 
-def apart(one: Trajectory, other: Trajectory) -> float:
+def apart(first: Trajectory, other: Trajectory) -> float:
     """Greatest distance of the finger's places, and of the object's points, of two motions, per length [1]."""
-    last = len(one.t) - 1
+    last = len(first.t) - 1
     some = np.unique(np.linspace(0, last, min(_INSTANTS, last + 1)).round().astype(int))
     # Evaluated without compiling, which would take longer.
-    cores = [Core(each.model, compiled=False) for each in (one, other)]
-    pairs = zip(cores, (one, other), strict=True)
+    cores = [Core(each.model, compiled=False) for each in (first, other)]
+    pairs = zip(cores, (first, other), strict=True)
     shapes = [backbones(core, each.q[some], each.acting[some], _PLACES) for core, each in pairs]
     distance = float(np.linalg.norm(shapes[0] - shapes[1], axis=-1).max())
-    if one.object_pose is not None and other.object_pose is not None and one.scene.object is not None:
-        distance = max(distance, greatest_motion(one.scene.object, one.object_pose, other.object_pose))
-    return distance / one.length
+    if first.object_pose is not None and other.object_pose is not None and first.scene.object is not None:
+        distance = max(distance, greatest_motion(first.scene.object, first.object_pose, other.object_pose))
+    return distance / first.length
 
 
-def finer_equilibrium(found: Equilibrium) -> Equilibrium | float:
+def finer_equilibrium(coarse: Equilibrium) -> Equilibrium | float:
     """Solve for an equilibrium in elements of half the length; nan where none can be had, infinity where it is lost."""
-    if found.scene is None:
+    if coarse.scene is None:
         return np.nan
     try:
-        scene = refined(found.scene, found.model)
-        finer = FingerModel(scene, loads=found.model.loads, input_rates=False)
-        guess = translated(found.model, found.q, found.u, finer)
-        return equilibrium(scene, guess=guess, stable=found.stable, model=finer)
+        scene = refined(coarse.scene, coarse.model)
+        finer = FingerModel(scene, loads=coarse.model.loads, input_rates=False)
+        guess = translated(coarse.model, coarse.q, coarse.u, finer)
+        return equilibrium(scene, guess=guess, stable=coarse.stable, model=finer)
     except InputError:
         return np.nan
     except SolverError:
         return np.inf
 
 
-def error_of_equilibrium(found: Equilibrium) -> float:
+def error_of_equilibrium(equilibrium: Equilibrium) -> float:
     """`Equilibrium.space_error`."""
-    finer = finer_equilibrium(found)
+    finer = finer_equilibrium(equilibrium)
     if not isinstance(finer, Equilibrium):
         return finer
-    apart = np.linalg.norm(found.backbone(_PLACES) - finer.backbone(_PLACES), axis=-1).max()
-    return float(_whole(found.model) * apart / found.model.finger.rod.length)
+    apart = np.linalg.norm(equilibrium.backbone(_PLACES) - finer.backbone(_PLACES), axis=-1).max()
+    return float(_whole(equilibrium.model) * apart / equilibrium.model.finger.rod.length)
 
 
-def error_of_modes(found: Modes) -> Array:
+def error_of_modes(coarse: Modes) -> Array:
     """`Modes.space_error`."""
-    finer, frequencies = finer_equilibrium(found.equilibrium), found.frequencies_hz
+    finer, frequencies = finer_equilibrium(coarse.equilibrium), coarse.frequencies_hz
     if not isinstance(finer, Equilibrium) or finer.scene is None:
         return np.full(len(frequencies), finer)
     true = modes(finer.scene, about=finer).frequencies_hz[: len(frequencies)]
-    return relative_errors(frequencies, true, _whole(found.equilibrium.model))
+    return relative_errors(frequencies, true, _whole(coarse.equilibrium.model))

@@ -124,7 +124,7 @@ def _root(
 _VERBS = """
 new simulate compare grasp plan mpc replay commission sweep design modes accuracy identify export schema validate doctor
 """
-"""Each is the function of its name in the module of its name."""
+"""Verbs; each is the function of its name in the module of its name."""
 for _name in _VERBS.split():
     app.command(cls=_Verb)(resolve_name(f"continuum_grasp.cli.{_name}:{_name}"))
 

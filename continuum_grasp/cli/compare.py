@@ -46,8 +46,8 @@ def compared(scene: Scene, data: list[Path] | None, output: Output) -> None:
     output.conclude(prediction, files, **prediction.details())
 
 
-def show_channels(found: Predicted, output: Output) -> None:
+def show_channels(predicted: Predicted, output: Output) -> None:
     """Print the errors of each channel."""
     from continuum_grasp.identification.comparison import HEADINGS
 
-    output.table(HEADINGS, *(channel.texts for channel in found.channels))
+    output.table(HEADINGS, *(channel.texts for channel in predicted.channels))

@@ -15,9 +15,9 @@ from continuum_grasp.cli.output import Output
 from continuum_grasp.errors import InputError
 
 if TYPE_CHECKING:
-    from continuum_grasp.export import FunctionalMockupUnit, HingeChain, Package, Page
+    from continuum_grasp.export import CasadiFiles, FunctionalMockupUnit, HingeChain, Package, Page
 
-SUFFIXES = {"c": "", "fmu": "", "web": ".html", "mjcf": ".xml"}
+SUFFIXES = {"c": "", "fmu": "", "web": ".html", "mjcf": ".xml", "casadi": ""}
 """End of the name of what is written, by the word of ``--to``: folders, and files."""
 _VERSIONS = {"2": ["2"], "3": ["3"], "both": ["2", "3"]}
 _OUT = out_option("Where to (default: runs/export/TO/NAME-OF-CONFIG); an earlier export is replaced.", "DIR|FILE")
@@ -27,16 +27,16 @@ _OUT = out_option("Where to (default: runs/export/TO/NAME-OF-CONFIG); an earlier
 def export(
     output: Output,
     to: str = option(
-        "C package, FMUs, page for a browser, chain for MuJoCo.",
+        "C package, FMUs, page for a browser, chain for MuJoCo, functions of CasADi.",
         default=...,
-        metavar="c|fmu|web|mjcf",
-        parser=one_of("c", "fmu", "web", "mjcf"),
+        metavar="c|fmu|web|mjcf|casadi",
+        parser=one_of(*SUFFIXES),
     ),
     what: str | None = option(
         "c: some of dynamics, step, implicit_step, kinematics, statics, linearization, shape, velocities, contact; "
         "of a closed loop also estimator and mpc, of a mission mpc and mission (default: of loops and "
         "missions those two, else dynamics, step, kinematics and statics). fmu: plant, controller or both of a closed "
-        "loop (default: both).",
+        "loop (default: both). casadi: functions of FingerModel (default: all).",
         metavar="PART,...",
     ),
     ranges: list[str] | None = option(
@@ -66,8 +66,8 @@ def export(
     """Write a finger, its loop or its mission for use elsewhere.
 
     C99 for microcontrollers and hosts (c), functional mock-up units for Simulink, Dymola and others (fmu), a page in
-    which finger and controller run as WebAssembly (web), a chain of hinges for MuJoCo (mjcf). An option says which of
-    these it is for.
+    which finger and controller run as WebAssembly (web), a chain of hinges for MuJoCo (mjcf), functions as
+    CasADi loads them (casadi). An option says which of these it is for.
     """
     options = {
         key: value for key, value in locals().items() if key not in ("output", "to", "clock") and value is not None
@@ -217,11 +217,24 @@ def _report_chain(chain: HingeChain, output: Output) -> None:
     )
 
 
+def _report_functions(made: CasadiFiles, output: Output) -> None:
+    """Print where the functions are, and how one is loaded."""
+    names = list(made.manifest["functions"])
+    output.pairs(
+        {
+            "functions": f"{made.folder} ({len(names)} files; names and units in MANIFEST.json)",
+            "to load one": f'casadi.Function.load("{names[0]}.casadi")',
+        }
+    )
+    output.result(folder=made.folder, files=made.files, manifest=made.manifest)
+
+
 _REPORTS: dict[str, Callable[..., None]] = {
     "c": _report_package,
     "fmu": _report_units,
     "web": _report_page,
     "mjcf": _report_chain,
+    "casadi": _report_functions,
 }
 
 

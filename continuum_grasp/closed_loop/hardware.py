@@ -230,7 +230,7 @@ class _Loop:
         self.arm: Callable[[bool], object] = lambda on: None
 
     def run(self, cycles: int, spin: float) -> None:
-        """Go through the cycles."""
+        """Run all cycles of the loop on the hardware."""
         controller, period = self.controller, self.controller.period
         idle = getattr(self.driver, "idle", None)
         # A period ahead, so that the first cycle is not late by what was done until here.

@@ -84,7 +84,7 @@ class Links:
 
         The eigenvalues of one step of ``m v' = -d v - k q`` are within the unit circle while
         ``h^2 k < 4 m + 2 h d``. ``ratio`` is a factor of the stiffness, where stops touch; ``springs`` (N, N) is added
-        to it, by taut cables.
+        to it, by cables in tension.
         """
         pulsations, decay = self.pulsations(ratio)
         longest = float(np.min(decay + np.sqrt(decay**2 + 4.0 / pulsations**2)))

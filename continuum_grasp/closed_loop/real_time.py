@@ -88,7 +88,7 @@ def real_time(asked: RealTime) -> Iterator[tuple[str, ...]]:
             before = do()
             undo.callback(back, before)
             said.append(f"{what}: granted")
-        except (OSError, AttributeError, ValueError) as error:
+        except (OSError, AttributeError, TypeError, ValueError) as error:
             said.append(f"{what}: refused ({error})")
 
     def priority() -> Any:

@@ -26,7 +26,7 @@ class Affine(NamedTuple):
         return _times(self.matrix, np.asarray(model, dtype=float)) + self.shift
 
     def back(self, bench: ArrayLike) -> Array:
-        """Numbers of the model."""
+        """Numbers of the model, from those of the bench."""
         return _times(np.linalg.inv(self.matrix), np.asarray(bench, dtype=float) - self.shift)
 
 

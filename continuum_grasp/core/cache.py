@@ -48,7 +48,7 @@ def library_for(source: str, compiler: Compiler, what: str = "code") -> Path:
 
     def build(work: Path) -> Path:
         code, built = work / "code.c", work / "code.so"
-        code.write_text(source)
+        code.write_text(source, encoding="utf-8")
         compiler.build(code, built, what)
         built.chmod(0o700)
         return built
@@ -70,10 +70,14 @@ def entry_for(identity: str, suffix: str, build: Callable[[Path], Path], maker: 
         return entry
     with _build_folder(folder) as work:
         built, written = build(work), work / "record.json"
-        written.write_text(json.dumps({"key": key, "sha256": _hash(built), "maker": maker}))
+        written.write_text(json.dumps({"key": key, "sha256": _hash(built), "maker": maker}), encoding="utf-8")
         written.chmod(0o600)
-        os.replace(built, entry)
-        os.replace(written, record)
+        try:
+            os.replace(built, entry)
+            os.replace(written, record)
+        except PermissionError:  # Windows replaces no library that a process has loaded
+            if not _sound(entry, record, key):
+                raise
     return entry
 
 
@@ -188,7 +192,7 @@ def _is_ours(path: Path) -> bool:
 
 def _sound(library: Path, record: Path, key: str) -> bool:
     try:
-        note = json.loads(record.read_text())
+        note = json.loads(record.read_text(encoding="utf-8"))
         ours = _is_ours(library) and _is_ours(record)
         return bool(ours and note["key"] == key and note["sha256"] == _hash(library))
     except (OSError, ValueError, KeyError, TypeError):

@@ -13,15 +13,17 @@ import subprocess
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from continuum_grasp.errors import ContinuumGraspError, InputError
 
-# gnu11 for vector types, -march=native for the widest lanes (libraries stay on this machine), -w: generated C warns.
-_COMMON = ("-std=gnu11", "-march=native", "-fPIC", "-w")
+# gnu11 for vector types, -w: generated C warns.
+_COMMON = ("-std=gnu11", "-fPIC", "-w")
+_NATIVE = "-march=native"
+"""The widest lanes of this machine, which libraries do not leave."""
 _USUAL = ("cc", "gcc", "clang")
 LONG = 20_000
 """Lines of a function up to which it is compiled with -O3, a longer one with -O1, for which gcc 12 needs 0.13 s per
@@ -44,7 +46,7 @@ _PER_LINE, _PER_LINE_QUICK = 0.25e-3, 0.03e-3
 the controller of ``configs/mpc/tip_steps.yaml``, 18,000 lines, takes 4.7 s, a plant of 75,000 lines 16 s)."""
 _ANNOUNCED = 2.0
 """Seconds from which compiling is announced."""
-_TIMEOUT = 1800.0
+TIMEOUT = 1800.0
 """Most seconds that the compiler may take for a translation unit."""
 
 
@@ -69,16 +71,17 @@ class Compiler:
         With ``CONTINUUM_GRASP_QUICK_COMPILE=1`` in the environment long functions are not optimized: the controller and
         plant of ``configs/mpc/steady_tip.yaml`` compile in 3 s instead of 29 s; its loop takes 2.7 s instead of 1.5 s.
         """
+        common = (*_COMMON, *((_NATIVE,) if _takes(self.command, _NATIVE) else ()))
         if quick_compile():
-            return (*_COMMON, "-O1" if longest_function(unit) <= _QUICK else "-O0")
+            return (*common, "-O1" if longest_function(unit) <= _QUICK else "-O0")
         level = ("-O3",) if longest_function(unit) <= LONG else _LONG_LEVEL
         is_gcc = "clang" not in self.version.lower()
         of_gcc = (*_SPILLS, *(_GCC if unit.count("\n") <= _SHORT else ()))
-        return (*_COMMON, *level, *(of_gcc if is_gcc else ()))
+        return (*common, *level, *(of_gcc if is_gcc else ()))
 
     def identity(self, source: str) -> str:
         """Everything that a compiled source depends on; this file decides on flags and translation units."""
-        rules = f"quick {quick_compile()}", Path(__file__).read_text()
+        rules = f"quick {quick_compile()}", Path(__file__).read_text(encoding="utf-8")
         return "\0".join((*self.command, self.version, self.machine, *rules, source))
 
     def build(self, source: Path, library: Path, what: str = "code") -> None:
@@ -86,7 +89,7 @@ class Compiler:
 
         What takes long is logged under ``continuum_grasp``, at its start and at its end.
         """
-        units = translation_units(source.read_text(), LONG)
+        units = translation_units(source.read_text(encoding="utf-8"), LONG)
         with _logged(what, units):
             if len(units) == 1:
                 self.run([*self.flags(units[0]), "-shared", str(source), "-o", str(library), "-lm"])
@@ -100,14 +103,13 @@ class Compiler:
 
     def _compile(self, unit: str, to: str) -> None:
         file = Path(to).with_suffix(".c")
-        file.write_text(unit)
+        file.write_text(unit, encoding="utf-8")
         self.run([*self.flags(unit), "-c", str(file), "-o", to])
 
     def run(self, arguments: Sequence[str], folder: Path | None = None) -> None:
         """Run the compiler, in a folder; CompileError if it fails, OSError where the disk is full."""
         try:
-            line = [*self.command, *arguments]
-            done = subprocess.run(line, cwd=folder, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
+            done = said_by([*self.command, *arguments], folder, TIMEOUT)
         except (OSError, subprocess.TimeoutExpired) as error:
             raise CompileError(f"{shlex.join(self.command)}: {error}") from error
         if done.returncode != 0:
@@ -157,7 +159,7 @@ def _tried() -> Iterator[tuple[str, Compiler | str]]:
     named = os.environ.get("CC")
     for line in _USUAL if named is None else (named,):
         try:
-            command = tuple(shlex.split(line))
+            command = tuple(split(line))
         except ValueError as error:
             yield line, f"cannot be read as a command ({error})"
             continue
@@ -168,9 +170,10 @@ def _tried() -> Iterator[tuple[str, Compiler | str]]:
 
 @cache
 def _describe(command: tuple[str, ...], path: str) -> Compiler | str:
-    asked = f"{shlex.join(command)} --version"
+    line = [*command, "--version"]
+    asked = shlex.join(line)
     try:
-        done = subprocess.run([*command, "--version"], capture_output=True, text=True, timeout=30, check=False)
+        done = said_by(line)
     except (OSError, ValueError, subprocess.TimeoutExpired) as error:
         return " ".join(f"{asked}: {error}".split())
     if done.returncode != 0 or not done.stdout:
@@ -180,10 +183,32 @@ def _describe(command: tuple[str, ...], path: str) -> Compiler | str:
 
 
 @cache
+def _takes(command: tuple[str, ...], flag: str) -> bool:
+    """Whether the compiler takes a flag: clang before 15 refuses ``-march=native`` on Apple's processors."""
+    with suppress(OSError, subprocess.TimeoutExpired):
+        return said_by([*command, flag, "-fsyntax-only", "-x", "c", os.devnull]).returncode == 0
+    return False
+
+
+def split(line: str) -> list[str]:
+    """The words of a command; on Windows a backslash is part of a path."""
+    if os.name != "nt":
+        return shlex.split(line)
+    return [word.strip("\"'") for word in shlex.split(line, posix=False)]
+
+
+def said_by(line: Sequence[str], folder: Path | None = None, seconds: float = 60.0) -> subprocess.CompletedProcess[str]:
+    """Run a program to its end and read what it says, in whatever encoding the system's messages are."""
+    return subprocess.run(
+        line, cwd=folder, capture_output=True, encoding="utf-8", errors="replace", timeout=seconds, check=False
+    )
+
+
+@cache
 def _machine() -> str:
     """Processor and system; code for one machine must not be run on another that shares the cache."""
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         lines = []
     wanted = ("model name", "flags", "Features", "CPU part")
@@ -269,5 +294,5 @@ def check_tools(names: Sequence[str], needed: str, packages: str) -> None:
 @cache
 def version_of(program: str) -> str:
     """First line of what a program says of its version, or its name."""
-    done = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=60, check=False)
+    done = said_by([program, "--version"])
     return done.stdout.splitlines()[0] if done.stdout else program

@@ -153,7 +153,9 @@ class CaseGrasps:
 
     def _run(self, scene: GraspScene, start: Start, **options: Any) -> HeldGrasp | None:
         """A certified grasp from a start; None where there is none."""
-        grasp = self._converged(scene, start, solver_for(ProblemSpec.of(scene, start.contacts)), rung=2, **options)
+        grasp = self._converged(
+            scene, start, solver_for(ProblemSpec.of(scene, start.contacts)), options_at=2, **options
+        )
         if grasp is None:
             return None
         checked = scene if not grasp.relaxed else _with_mass(scene, grasp.quantities["payload"])
@@ -251,8 +253,8 @@ class CaseGrasps:
         """
         grasp: HeldGrasp | None = None
         for _ in range(_MASSES):
-            most = _MORE * payload
-            more = self._run(_with_mass(scene, most), start, relaxed=[(MASS, 1.0 - payload / most)])
+            limit = _MORE * payload
+            more = self._run(_with_mass(scene, limit), start, relaxed=[(MASS, 1.0 - payload / limit)])
             grasp = more or grasp
             if more is None or not more.full:
                 break
@@ -267,8 +269,8 @@ class CaseGrasps:
         unknowns: dict[str, Array] = {}
         for aim, held in self.held.items():
             along = near.change(partial(_with_mass, mass=held.scene.object.mass)) if held.relaxed else near
-            unknowns[aim], own = held.slopes(along)
-            quantities |= own
+            unknowns[aim], numbers = held.slopes(along)
+            quantities |= numbers
         return quantities, unknowns
 
     @property
@@ -287,8 +289,8 @@ def _probed(grasp: HeldGrasp) -> bool:
     return bool(np.abs(forces).max(initial=0.0) > 1e-6)
 
 
-def _same(one: dict[str, float], two: dict[str, float], tolerance: float) -> bool:
-    return all(abs(one[name] - two[name]) <= tolerance * max(abs(one[name]), 1e-3) for name in one)
+def _same(first: dict[str, float], two: dict[str, float], tolerance: float) -> bool:
+    return all(abs(first[name] - two[name]) <= tolerance * max(abs(first[name]), 1e-3) for name in first)
 
 
 def fingers_mass(scene: GraspScene) -> float:

@@ -148,8 +148,8 @@ class HeldGrasp:
         if any(ProblemSpec.of(scene, contacts) != spec for scene in near.scenes):
             raise StructureChanges("the grasp problem changes its structure here")
         beside = [(scene, self._beside(scene)) for scene in near.scenes]
-        numbers = [self.solver.numbers_near(scene, self.attempt, *own) for scene, own in beside]
-        bounds = [self.solver.bounds(scene, *own) for scene, own in beside]
+        numbers = [self.solver.numbers_near(scene, self.attempt, *states) for scene, states in beside]
+        bounds = [self.solver.bounds(scene, *states) for scene, states in beside]
         low, high = (near.difference([_finite(pair[k]) for pair in bounds]) for k in (0, 1))
         x = self._tangent(near, numbers, low, high)
         samples: list[dict[str, float]] = []

@@ -339,6 +339,6 @@ def _probed(model: PlantModel, prediction: Prediction, p: Array, probes: tuple[A
     return np.array([np.array(function(*row, p)).ravel() for row in zip(*probes, strict=True)])
 
 
-def _equal(one: Array, other: Array) -> bool:
-    size = np.maximum(np.abs(one).max(axis=0), 1e-9)
-    return bool(np.all(np.isfinite(one)) and np.all(np.abs(one - other) <= _ROUNDING * size))
+def _equal(first: Array, other: Array) -> bool:
+    size = np.maximum(np.abs(first).max(axis=0), 1e-9)
+    return bool(np.all(np.isfinite(first)) and np.all(np.abs(first - other) <= _ROUNDING * size))

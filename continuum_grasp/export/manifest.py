@@ -45,7 +45,7 @@ def manifest(
     measured: Mapping[str, Any] | None,
     configuration: Mapping[str, Any] | None,
 ) -> dict[str, Any]:
-    """All of it, as plain values."""
+    """Content of the manifest of a package, as plain values."""
     subject, model, words = contents.subject, contents.subject.finger, contents.words
     return {
         "name": subject.prefix,
@@ -124,7 +124,7 @@ def _steps(contents: Contents) -> dict[str, Any]:
 
 
 def model_description(model: FingerModel) -> dict[str, Any]:
-    """Family and elements."""
+    """Family and elements of a model, as plain values."""
     return {
         "family": model.family,
         "element_lengths_m": [float(h) for h in model.lengths],
@@ -162,7 +162,7 @@ def _loop_description(loop: Loop, real: Real) -> dict[str, Any]:
 
 
 def manifest_text(values: Mapping[str, Any]) -> str:
-    """As JSON."""
+    """Plain values as the text of a JSON file."""
     return json.dumps(values, indent=2, allow_nan=False) + "\n"
 
 

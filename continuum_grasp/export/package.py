@@ -42,7 +42,7 @@ from continuum_grasp.scene.control import ControlScene
 _ASKED_ERROR = 1e-2
 """Greatest relative error of single precision by default."""
 _MOST_SECTIONS = 200
-"""Each is code of its own."""
+"""Most sections of shape and velocities, each of which is code of its own."""
 _ARGUMENT = "an argument of the functions"
 _PACKAGE = Consumer(
     "export to c, operators",

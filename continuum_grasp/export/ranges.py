@@ -230,7 +230,7 @@ class JointRange:
     guard: Kernel | None = None
     """(x, u, p) -> use, the share of its range that it takes; None where a range of one number says the same."""
     limits: dict[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
-    """That range, by the name of the number."""
+    """Joint range of a model, by the name of the number."""
     notes: dict[str, str] = dataclasses.field(default_factory=dict)
     """The condition as a sentence with the numbers of nominal parameters, by the struct (state, input) it is of."""
 

@@ -23,7 +23,7 @@ def readme(
     source: str,
     wasm: bool,
 ) -> str:
-    """The text."""
+    """Text of the README of a package."""
     subject, stateful = contents.subject, contents.stateful
     finger, names = subject.finger, {part.name for part in contents.parts}
     note = "" if finger is None else moment_note(subject)

@@ -60,7 +60,7 @@ class Source:
     """A model with what is known of where it comes from."""
 
     model: FingerModel | None
-    """None for a solver."""
+    """Model of the finger; None of a solver."""
     title: str
     name: str
     """Name of the source in the README."""

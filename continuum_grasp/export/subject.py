@@ -283,7 +283,7 @@ shapes between those that are looked at may be some percent greater."""
 _ACCURATE = 1.0
 """Product of step and spectral radius up to which the motion is followed as well as it is resolved."""
 MOST_SUBSTEPS = 1000
-"""Within one step."""
+"""Most sub-steps within one step [1]."""
 _CORNERS = 32
 """Corners of the box of parameters, all of them for up to five parameters."""
 _LANDING = 0.125
@@ -291,8 +291,8 @@ _LANDING = 0.125
 [1]: the tip of a finger of 0.18 m that swings against a disc is then off by 8e-6 m."""
 _OPEN = 1.0
 """Gap of contacts that are open [m]."""
-_TAUT = 1.0
-"""Tension of a tendon that is taut [N]."""
+_PULL = 1.0
+"""Tension of a tendon that is in tension [N]."""
 _BETWEEN = 32
 """Shapes within the bending range, as many again: the radius is not monotonic in the shape."""
 
@@ -348,8 +348,8 @@ def _driven(model: FingerModel, shape: Array, p: Array) -> list[tuple[Array, Arr
     if structure.own_tendons:
         greatest = [tendon.max_tension for tendon in tendons]
         if structure.winches:
-            # Both tendons of a pulley are taut at their pretension; what is stiff about friction grows with tension.
-            least = max(_TAUT, *(winch.drive.pretension for winch in structure.winches))
+            # Both tendons of a pulley have their pretension; what is stiff about friction grows with tension.
+            least = max(_PULL, *(winch.drive.pretension for winch in structure.winches))
             drives = [model.drives_at(shape, u, pulled=tension, p=p) for tension in (least, max(greatest))]
         else:
             u[: len(greatest)] = greatest

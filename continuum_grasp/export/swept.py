@@ -94,7 +94,7 @@ class SweptKernel(Kernel):
         for of in self._sizes.values():
             sizes |= of
         calls = {key: part.call(prefix, **self._arguments(key, wide=lanes)) for key, part in self._parts.items()}
-        zero, one = (f"same({v})" if lanes else v for v in (real.literal(0.0), real.literal(1.0)))
+        zero, unity = (f"same({v})" if lanes else v for v in (real.literal(0.0), real.literal(1.0)))
         tip = sizes["tip"]
         rows = made.rows.tolist()
         return fill(
@@ -108,7 +108,7 @@ class SweptKernel(Kernel):
                 "t": "lanes" if lanes else plain,
                 "real": plain,
                 "zero": zero,
-                "one": one,
+                "one": unity,
                 "rows": ",\n    ".join(f"{{{', '.join(map(real.literal, row))}}}" for row in rows if row),
                 "row": made.rows.shape[1],
                 "wide": lanes and made.rows.size,

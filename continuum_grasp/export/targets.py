@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from continuum_grasp.core.compiler import check_tools, version_of
+from continuum_grasp.core.compiler import check_tools, said_by, version_of
 from continuum_grasp.core.precision import precision_of
 from continuum_grasp.errors import InputError, SolverError
 from continuum_grasp.export.layer import Contents
@@ -63,7 +63,7 @@ def measure(files: Mapping[str, str], target: str) -> dict[str, Any]:
         write_files(Path(work), files)
         line = ["sh", f"{work}/examples/baremetal/run.sh", core]
         try:
-            done = subprocess.run(line, capture_output=True, text=True, timeout=_TIMEOUT, check=False)
+            done = said_by(line, seconds=_TIMEOUT)
         except subprocess.TimeoutExpired:
             what = (
                 f"the package did not end on {core} within {_TIMEOUT:g} s, under an emulator that counts instructions"

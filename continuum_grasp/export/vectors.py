@@ -134,7 +134,7 @@ def _sample(subject: Subject, arguments: list[Argument], seed: int) -> Array:
 
 
 def _bad(real: Real, arguments: list[Argument], row: int) -> list[Bad]:
-    """Each number not finite, and each below and above its range."""
+    """Cases in which each number is not finite, below its range, or above it."""
     bad, first = [], 0
     for argument in arguments:
         ranges = [replace(f, low=-np.inf, high=np.inf) if argument.drawn else f for f in argument.fields]

@@ -107,23 +107,23 @@ def _change(scene: GraspScene, here: Mapping[str, Array], there: Mapping[str, Ar
     return Change(elements, tension_there, tension_there / tension_here - 1.0 if tension_here else 0.0, moved, length)
 
 
-def sensitivities(scene: GraspScene, found: Tried) -> tuple[Sensitivity, ...]:
+def sensitivities(scene: GraspScene, tried: Tried) -> tuple[Sensitivity, ...]:
     """Derivatives of the answer of a converged attempt with respect to friction, mass, and the pose of the object
     before the hand.
 
     They hold as long as the same limits stay active. The pose is that of the object with its supports, moved against
     all fingers' bases together; bases that are free do not move.
     """
-    attempt, problem = found.attempt, found.solver.problem
+    attempt, problem = tried.attempt, tried.solver.problem
     # At an optimum the objective changes with a number as the Lagrangian does: unknowns and multipliers stand still.
-    slope = np.asarray(found.solver.nlp.slope(attempt.x, attempt.numbers, 1.0, attempt.multipliers.constraints)).ravel()
+    slope = np.asarray(tried.solver.nlp.slope(attempt.x, attempt.numbers, 1.0, attempt.multipliers.constraints)).ravel()
     units = 1.0 / tension_weight(scene) if scene.objective == "least_tension" else 1.0
     at = problem.numbers.at
     touching = [at[f"{contact.name}.friction"] for contact in problem.spec.contacts if contact.finger >= 0]
     changes = [("friction between fingers and object", "1", sum(float(slope[rows].sum()) for rows in touching))]
     if scene.weight > 0.0:
-        changes.append(("mass of the object", "kg", float(slope @ _by_mass(scene, found))))
-    moves = [slope @ _by_move(scene, found, *move) for move in np.eye(3).tolist()]
+        changes.append(("mass of the object", "kg", float(slope @ _by_mass(scene, tried))))
+    moves = [slope @ _by_move(scene, tried, *move) for move in np.eye(3).tolist()]
     moved = ("object along x", "m"), ("object along y", "m"), ("object turned about its center of mass", "rad")
     changes += [(name, unit, float(move)) for (name, unit), move in zip(moved, moves, strict=True)]
     return tuple(Sensitivity(name, derivative * units, unit) for name, unit, derivative in changes)

@@ -14,7 +14,7 @@ import numpy as np
 
 from continuum_grasp.grasp.bound import cannot_balance, least_normal_force_bound
 from continuum_grasp.grasp.modes import contact_modes, with_elements
-from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
+from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
 from continuum_grasp.grasp.starts.starts import basin_starts, held_still, make_starts, rebalanced_starts
@@ -115,7 +115,7 @@ class Search:
         self._rough: dict[frozenset[str], list[Start]] = {}
         self._solvers: dict[tuple[tuple[str, int], ...], GraspSolverRun] = {}  # by names and parts of contacts
         self.basins: list[Basin] = []
-        # Starts that led to no grasp, with violations and rungs.
+        # Starts that led to no grasp, with violations and option sets.
         self._missed: list[tuple[float, Start, int]] = []
         self.lost: list[Tried] = []  # where grasps of few elements led that are none with all
 
@@ -140,13 +140,13 @@ class Search:
         # What few elements cannot hold, many may; and violations may fall late.
         if self.best is None:
             nearest = dict[int, tuple[Start, int]]()
-            for _, start, rung in sorted(self._missed, key=lambda missed: missed[0]):
-                nearest.setdefault(id(start), (start, rung))
-            for start, rung in list(nearest.values())[: 1 if self._few is None else HELD]:
-                self.attempt(start, rung=rung, standstill=STANDSTILL)
+            for _, start, options_at in sorted(self._missed, key=lambda missed: missed[0]):
+                nearest.setdefault(id(start), (start, options_at))
+            for start, options_at in list(nearest.values())[: 1 if self._few is None else HELD]:
+                self.attempt(start, options_at=options_at, standstill=STANDSTILL)
         for end in self.lost:
             if end.attempt.status is Status.STOPPED and not self.budget.over:
-                self.attempt(end.start, rung=0)
+                self.attempt(end.start, options_at=0)
         if not self.proven:
             self._converge()
 
@@ -248,13 +248,13 @@ class Search:
         basin.tried = True
         basin.solved = tried is not None and tried.attempt.converged and self._keeps_promise(tried, basin)
 
-    def _from_start(self, start: Start, rung: int, iterations: int | None = None) -> Tried | None:
+    def _from_start(self, start: Start, options_at: int, iterations: int | None = None) -> Tried | None:
         """Solve from a start and verify; what lost patience may be tried again."""
         patience = IMPATIENT if self.best and len(self.scene.setups) == 1 else PATIENCE
         ends: dict[str, Any] = {"patience": patience, "standstill": STANDSTILL, "enough": self._enough}
-        tried = self.attempt(start, smoothed=True, rung=rung, iterations=iterations, **ends)
+        tried = self.attempt(start, smoothed=True, options_at=options_at, iterations=iterations, **ends)
         if tried is not None and tried.attempt.outcome == STALLED:
-            self._missed.append((tried.attempt.badness, start, rung))
+            self._missed.append((tried.attempt.badness, start, options_at))
         return tried
 
     def _from_few(self, few: Search) -> None:
@@ -276,7 +276,7 @@ class Search:
                 continue
             if held.converged:
                 known.append(branch)
-                tried = self.attempt(end.start, rung=0)
+                tried = self.attempt(end.start, options_at=0)
             if tried is None or tried not in self.good:
                 self._missed.append((held.badness, held.start, 0))
                 if end in few.good and tried is not None:
@@ -336,12 +336,12 @@ class Search:
 
     def _converge(self) -> None:
         """Go on from the best grasp, where its solver was stopped before its optimum."""
-        for rung in range(1, len(RUNGS)):
+        for options_at in range(1, len(OPTION_SETS)):
             best = self.best
             if best is None or best.attempt.optimal or self.budget.over:
                 return
             attempt = best.attempt
-            self.attempt(attempt.start, rung=rung, features=attempt.features, x0=attempt.x)
+            self.attempt(attempt.start, options_at=options_at, features=attempt.features, x0=attempt.x)
 
     def _from_rough(self, modes: list[frozenset[str]]) -> None:
         """Solve from rough starts of modes, the best of each first.
@@ -367,7 +367,7 @@ class Search:
                 basin = Basin(start, tried=True)
                 if not math.isnan(start.estimate):
                     self.basins.append(basin)
-                tried = self._from_start(start, len(RUNGS) - 1, ITERATION_CAP if best else FIRST_CAP)
+                tried = self._from_start(start, len(OPTION_SETS) - 1, ITERATION_CAP if best else FIRST_CAP)
                 grasped = {branch_of(good.attempt.start) for good in self.good}
                 vain[contacts] = 0 if self.best is not best else vain[contacts] + (branch_of(start) not in grasped)
                 if tried is not None and tried in self.good:
@@ -484,13 +484,18 @@ class Search:
         return self._rough[mode]
 
     def attempt(
-        self, start: Start, solver: GraspSolverRun | None = None, *, rung: int = len(RUNGS) - 1, **options: Any
+        self,
+        start: Start,
+        solver: GraspSolverRun | None = None,
+        *,
+        options_at: int = len(OPTION_SETS) - 1,
+        **options: Any,
     ) -> Tried | None:
         """Solve from a start and verify what is new; None where there are no numbers to verify."""
         solver = solver or self.solver(start)
         fresh = "x0" not in options
         known = {t.attempt: t for t in self.tried if t.solver is solver and t.attempt.converged and fresh}
-        attempt = solver.run(self.scene, start, self.budget, rung=rung, known=list(known), **options)
+        attempt = solver.run(self.scene, start, self.budget, options_at=options_at, known=list(known), **options)
         if not np.isfinite(attempt.x).all():
             return None
         if attempt in known:
@@ -499,7 +504,7 @@ class Search:
         tried = Tried(attempt, solver, self.scene)
         enough = attempt.converged and attempt.objective <= options.get("enough", math.inf)
         if fresh and enough and not tried.verified:  # what the solver rounded, once more from there
-            again = solver.run(self.scene, tried.start, self.budget, rung=0)
+            again = solver.run(self.scene, tried.start, self.budget, options_at=0)
             tried = Tried(again, solver, self.scene) if again.converged else tried
         return self._noted(tried)
 
@@ -539,6 +544,8 @@ class Search:
         return self._solvers[contacts]
 
 
-def _same(one: Start, two: Start) -> bool:
+def _same(first: Start, two: Start) -> bool:
     """Whether two starts of basins are the same: equal contacts and nearly equal estimates."""
-    return one.contacts.keys() == two.contacts.keys() and math.isclose(one.estimate, two.estimate, rel_tol=SAME_BASIN)
+    return first.contacts.keys() == two.contacts.keys() and math.isclose(
+        first.estimate, two.estimate, rel_tol=SAME_BASIN
+    )

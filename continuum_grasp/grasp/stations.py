@@ -51,7 +51,7 @@ def _begin(search: Search, before: GraspScene, arrays: Mapping[str, Array]) -> N
     """Solve from a grasp of a scene with other stations."""
     start = _on_nearest(search.scene, before, arrays)
     # Nearly exact: bold options stay next to it.
-    if not _better(search, start, rung=0) and search.best is None:
+    if not _better(search, start, options_at=0) and search.best is None:
         search.attempt(start)
 
 
@@ -150,10 +150,10 @@ def _exchanges(scene: GraspScene, arrays: Mapping[str, Array]) -> Iterator[Start
                     yield replace(added(j, fewer), forces={**fewer.forces, names[j]: start.forces[names[k]]})
 
 
-def _better(search: Search, start: Start, rung: int = 2) -> bool:
+def _better(search: Search, start: Start, options_at: int = 2) -> bool:
     """Whether a start leads to a grasp that is better."""
     tried, best = {frozenset(t.attempt.start.contacts) for t in search.tried}, search.best
     if search.budget.over or not start.contacts or frozenset(start.contacts) in tried:
         return False
-    search.attempt(start, rung=rung, iterations=None if best is None else MOST)
+    search.attempt(start, options_at=options_at, iterations=None if best is None else MOST)
     return search.best is not best

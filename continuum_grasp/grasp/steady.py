@@ -14,7 +14,7 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.recomputed import RecomputedGrasp
 from continuum_grasp.grasp.certificate.stability import contact_stability
-from continuum_grasp.grasp.problem.solver_run import RUNGS, solver_for
+from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, solver_for
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.grasp.values import SAME
@@ -58,7 +58,7 @@ def _stabilize(search: Search, at: Tried) -> None:
         numbers = {"stability slope": slope, "stability level": wanted - value + float(slope @ at.attempt.x)}
         start, features = replace(at.attempt.start, label="stable"), at.attempt.features
         tried = search.attempt(
-            start, solver, features=features, x0=at.attempt.x, numbers=numbers, iterations=RUNGS[0][1]
+            start, solver, features=features, x0=at.attempt.x, numbers=numbers, iterations=OPTION_SETS[0][1]
         )
         if tried is None or not tried.attempt.converged or tried.certificate.stability.eigenvalue < value:
             share *= 0.4

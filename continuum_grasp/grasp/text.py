@@ -239,7 +239,7 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
             "tension": result.tension,
             "object": result.object_pose,
             "fingers": {
-                name: _plain(finger) | {"drives": [_plain(one) for one in result.drives.get(name, ())]}
+                name: _plain(finger) | {"drives": [_plain(drive) for drive in result.drives.get(name, ())]}
                 for name, finger in result.fingers.items()
             },
             "contacts": [_plain(contact) for contact in result.contacts],
@@ -261,5 +261,5 @@ def result_yaml(result: GraspResult, *, quality: bool = True) -> str:
 
 def _plain(part: FingerPosture | DriveState | Contact) -> dict[str, Any]:
     """A part of a grasp as plain data, without its long arrays and the numbers that it does not have."""
-    values = {one.name: getattr(part, one.name) for one in fields(part) if one.repr}
+    values = {entry.name: getattr(part, entry.name) for entry in fields(part) if entry.repr}
     return {key: value for key, value in values.items() if not (isinstance(value, float) and np.isnan(value))}

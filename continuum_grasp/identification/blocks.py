@@ -101,7 +101,7 @@ class Block:
     data: Data
     scene: Scene
     finger: Finger | None = None
-    """Whose laws predict it."""
+    """Finger whose laws predict the measurements; None: the scene's."""
     own: Sequence[Unknown] = ()
     """Unknowns of this set alone, behind those that all blocks have."""
     moves = False
@@ -176,8 +176,8 @@ class PosesBlock(Block):
         self._offsets = np.array([np.broadcast_to(reading.offset, data.rows) for reading in still]).T.reshape(
             data.rows, -1
         )
-        rung = [reading for reading in data.measured if reading.of_mode]
-        self._vibrations = Vibrations(model, rung, len(unknowns), data.name) if rung else None
+        vibrations = [reading for reading in data.measured if reading.of_mode]
+        self._vibrations = Vibrations(model, vibrations, len(unknowns), data.name) if vibrations else None
         self._places = np.argsort(np.argsort([reading.of_mode for reading in data.measured], kind="stable"))
         numbers = np.arange(1.0, data.rows + 1.0)
         self.entries = entries_of(data, numbers, self._fitted, scene.finger.rod.length)

@@ -1,6 +1,6 @@
 """Evidence against normal, independent residuals, on which intervals rest, and against the laws of the model.
 
-Outliers, residuals that hang together, and sets that differ are found by tests of their own. For what a wrong law of
+Outliers, residuals that are correlated, and sets that differ are found by tests of their own. For what a wrong law of
 material or damping leaves, or a slip in the data, one Gauss-Newton step is taken towards a model with further
 parameters (a score test; C. R. Rao, 1948), so that all samples count by their noise: quadratic damping of motions, a
 stiffness that depends on the bend, a friction with memory by which shapes at rest depend on the direction of loading,
@@ -97,7 +97,7 @@ def _sets(problem: Problem, weighted: Array) -> list[str]:
 
 
 def _series(problem: Problem, weighted: Array) -> list[str]:
-    """Paths whose residuals hang together: then they are the model's error rather than noise."""
+    """Paths whose residuals are correlated: then they are the model's error rather than noise."""
     messages, paths = [], sum(block.moves for block in problem.blocks)
     for block, part in zip(problem.blocks, problem.parts, strict=True):
         residuals, count = weighted[part], sum(entry.at == block.entries[0].at for entry in block.entries)
@@ -108,7 +108,7 @@ def _series(problem: Problem, weighted: Array) -> list[str]:
         share = float(before @ after) / max(float(before @ before), 1e-300)
         if share > surely(residuals.size, chances=paths) / np.sqrt(residuals.size):
             messages.append(
-                f"residuals of {block.name} hang together in time (correlation {share:.2f} from one instant to the "
+                f"residuals of {block.name} are correlated in time (correlation {share:.2f} from one instant to the "
                 "next): the model misses something, for which the intervals are wider, as if it were noise; more "
                 "elements show whether it is the family's own error"
             )

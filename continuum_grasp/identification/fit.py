@@ -31,7 +31,7 @@ class Fit(Predicted):
     names, units : tuple of str
         Of the n parameters.
     freedom : int
-        Degrees of freedom of the residuals' scatter; fewer where residuals hang together in time.
+        Degrees of freedom of the residuals' scatter; fewer where residuals are correlated in time.
     entries, predictions, blocks, drawn, scene
         As of `Comparison`.
     targets : tuple of (str, float, bool)
@@ -197,7 +197,7 @@ class Fit(Predicted):
         }
 
 
-def estimates(unknowns: Sequence[Unknown], values: Array, found: Inference) -> dict[str, Any]:
+def estimates(unknowns: Sequence[Unknown], values: Array, inference: Inference) -> dict[str, Any]:
     """Fields of a `Fit`, of the first unknowns, from some values and the inference about all."""
     count = len(unknowns)
     return {
@@ -205,11 +205,11 @@ def estimates(unknowns: Sequence[Unknown], values: Array, found: Inference) -> d
         "units": tuple(unknown.unit for unknown in unknowns),
         "targets": tuple((unknown.target, unknown.factor, unknown.added) for unknown in unknowns),
         "values": values[:count],
-        "deviations": found.deviations[:count],
-        "intervals": found.intervals[:count],
-        "correlation": found.correlation[:count, :count],
-        "singular_values": found.singular_values,
-        "freedom": found.freedom,
+        "deviations": inference.deviations[:count],
+        "intervals": inference.intervals[:count],
+        "correlation": inference.correlation[:count, :count],
+        "singular_values": inference.singular_values,
+        "freedom": inference.freedom,
     }
 
 

@@ -106,7 +106,7 @@ def identify(
         names, plain = [law.name for law in known.laws], cast(IdentifyScene, resolved(known)[0])
         ways = [posed(variant, data, variant.estimate, beside) for variant in under_laws(plain)]
         tried = dict(zip(names, ways, strict=True))
-        chosen, solution, laws = choose_law({name: one.problem for name, one in tried.items()}, report)
+        chosen, solution, laws = choose_law({name: fit.problem for name, fit in tried.items()}, report)
         task = tried[chosen]
     else:
         task = posed(known, data, getattr(known, "estimate", ()) if parameters is None else parameters, beside)
@@ -195,7 +195,7 @@ def compare(
     task = posed(scene_of(scene), data, None, folder_of(scene), progress)
     problem = task.problem
     start = np.array([unknown.start for unknown in problem.unknowns])
-    beyond = too_far(problem, start, np.array([one.sigma or 0.0 for one in problem.entries]))
+    beyond = too_far(problem, start, np.array([entry.sigma or 0.0 for entry in problem.entries]))
     return Comparison(
         **problem.predicted(start, problem.predict(start)[0]),
         scene=task.scene,
@@ -226,8 +226,8 @@ def posed(
     scene, note = resolved(scene)
     unknowns = [] if sought is None else read_unknowns(scene, sought)
     pairs, blocks = _measurements(scene, data, beside), list[Block]()
-    for one in pairs:
-        blocks.append(block_of(resolved(one.scene or scene)[0], one, unknowns))
+    for pair in pairs:
+        blocks.append(block_of(resolved(pair.scene or scene)[0], pair, unknowns))
         if progress is not None:
             progress(len(blocks) / len(pairs))
     return Task(scene, note, Problem(blocks, unknowns))

@@ -70,7 +70,7 @@ def infer(
 
     The mean square of the residuals scales the covariance. The first ``shared`` unknowns, all where not given, are
     warned of; the others are those of one set each. Each of ``series`` has the rows (T, readings) that follow one
-    another in time, whose residuals may hang together: they are worth fewer numbers then. Without residuals, before
+    another in time, whose residuals may be correlated: they count as fewer numbers then. Without residuals, before
     anything is measured, they scatter as stated.
     """
     from scipy.special import stdtrit
@@ -87,12 +87,12 @@ def infer(
     # the pseudo-inverse of J^T J: a direction that is not seen has no finite variance, and is reported as such
     inverse = seen.T @ (seen / singular[~blind, None] ** 2)
     if residuals is None:
-        worth, scattered, freedom = math.inf, inverse, math.inf
+        independent, scattered, freedom = math.inf, inverse, math.inf
     else:
-        worth, scattered, freedom = _worth(jacobian * sizes, residuals, inverse, series)
+        independent, scattered, freedom = _independent(jacobian * sizes, residuals, inverse, series)
     if freedom > 0:
         # as the parameters take of the sum of squares
-        covariance = scattered / (1.0 - count / worth)
+        covariance = scattered / (1.0 - count / independent)
         spread, quantile = np.sqrt(np.diag(covariance)), float(stdtrit(freedom, 0.975))
     spread[lost] = np.inf
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -118,19 +118,19 @@ def infer(
         if unknown.target == "tendon_friction" and high < 0.0
     ]
     if freedom <= 0:
-        numbers = f"{rows} fitted numbers" + (f" that are worth {worth:.0f}, as they hang together," if series else "")
+        numbers = f"{rows} fitted numbers" + (f", correlated, that count as {independent:.0f}," if series else "")
         warnings.append(f"{numbers} for {count} parameters: nothing is left to tell their uncertainty")
     return Inference(deviations, intervals, correlation, singular, freedom, tuple(warnings))
 
 
-def _worth(
+def _independent(
     jacobian: Array, residuals: Array, inverse: Array, series: Sequence[NDArray[np.intp]]
 ) -> tuple[float, Array, float]:
-    """Number of independent numbers that the rows are worth, covariance (n, n) before the parameters are paid for, and
+    """Number of independent numbers that the rows count as, covariance (n, n) before the parameters are paid for, and
     degrees of freedom.
 
     The parameters take of the sum of squares what the covariance of the residuals has in their directions: n mean
-    squares where the rows are independent, more where they hang together.
+    squares where the rows are independent, more where they are correlated.
     """
     rows, count = jacobian.shape
     total, apart, freedom = float(residuals @ residuals), np.ones(rows, dtype=bool), 0.0
@@ -141,8 +141,8 @@ def _worth(
     middles += total / rows * jacobian[apart].T @ jacobian[apart]
     scattered = inverse @ middles @ inverse
     paid = float(np.sum(inverse * middles))
-    worth = count * total / paid if series and paid > 0.0 else float(rows)
-    return worth, scattered, min(freedom + float(apart.sum()), worth - count)
+    independent = count * total / paid if series and paid > 0.0 else float(rows)
+    return independent, scattered, min(freedom + float(apart.sum()), independent - count)
 
 
 def _blindness(unknowns: Sequence[Unknown], directions: Array, scaled: Array, shared: int) -> list[str]:

@@ -208,8 +208,8 @@ def innovations(commands: Sequence[Any]) -> Array:
     return np.array([command.innovation for command in commands])
 
 
-def disagreement(found: Array) -> Array:
+def disagreement(periods: Array) -> Array:
     """Mean squared normalized innovation (ny) by innovations and variances (K, 2, ny); NaN if never compared."""
-    square = np.minimum(found[:, 0] ** 2 / np.where(found[:, 1] > 0.0, found[:, 1], np.nan), _CAP)
+    square = np.minimum(periods[:, 0] ** 2 / np.where(periods[:, 1] > 0.0, periods[:, 1], np.nan), _CAP)
     count = np.isfinite(square).sum(axis=0)
     return np.where(count > 0, np.nansum(square, axis=0) / np.maximum(count, 1), np.nan)

@@ -72,13 +72,13 @@ class Misfit(NamedTuple):
     """Scatter of the measurements about their means, r.m.s.; infinite where they are too few."""
 
     @property
-    def doubtful(self) -> bool:
+    def is_unexplained(self) -> bool:
         """Whether slips are to be tried."""
         return self.rms > min(self.limit, max(_UNEXPLAINED * self.scatter, _STATED * self.limit))
 
 
 class Verdict(NamedTuple):
-    """Why measurements are refused, empty where they are not; what explains them; and what is doubtful only."""
+    """Why measurements are refused, empty where they are not; what explains them; and what only warns."""
 
     reason: str
     causes: tuple[str, ...]
@@ -99,8 +99,11 @@ def _far(problem: Problem, solution: Solution) -> list[tuple[Unknown, float]]:
 def judge(problem: Problem, solution: Solution) -> Verdict:
     """Judge a fit."""
     left = misfits(problem, solution.predictions)
-    reason, doubtful = too_far(problem, solution.values, solution.sigma), [misfit for misfit in left if misfit.doubtful]
-    causes = explain(problem, left) if reason or doubtful else ()
+    reason, unexplained = (
+        too_far(problem, solution.values, solution.sigma),
+        [misfit for misfit in left if misfit.is_unexplained],
+    )
+    causes = explain(problem, left) if reason or unexplained else ()
     worst = max(left, key=lambda misfit: misfit.rms / misfit.limit)
     if worst.rms > worst.limit or (causes and not reason):
         plausible = "which a slip in the data explains"
@@ -113,7 +116,7 @@ def judge(problem: Problem, solution: Solution) -> Verdict:
     warnings = [
         f"{misfit.kind} of {misfit.set}: the model is off by {misfit.rms:.2g} {misfit.unit} r.m.s. where the "
         f"measurements scatter by {misfit.scatter:.2g}: check units, signs and conditions of the data"
-        for misfit in doubtful
+        for misfit in unexplained
         if misfit.rms > misfit.scatter
     ]
     for unknown, times in _far(problem, solution):
@@ -160,9 +163,9 @@ def _limit(kind: str, measured: Array, length: float) -> float:
 def too_far(problem: Problem, values: Array, sigma: Array) -> str:
     """Measurements beyond the reach of the finger: farther from the base than the finger is long up to there."""
     message, farthest = "", 0.0
-    for block, part, own in zip(problem.blocks, problem.parts, problem.by_block(values), strict=True):
+    for block, part, numbers in zip(problem.blocks, problem.parts, problem.by_block(values), strict=True):
         readings, finger = block.data.measured, block.scene.finger
-        sought = {one.target: float(value) for one, value in zip(problem.sought, own, strict=False)}
+        sought = {unknown.target: float(value) for unknown, value in zip(problem.sought, numbers, strict=False)}
         base = [at + sought.get(f"base_position_{k}", 0.0) for k, at in zip("xy", finger.base.position, strict=True)]
         length = finger.rod.length
         markers: dict[Any, list[int]] = {}
@@ -191,12 +194,15 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
     """
     before = _total(left) if left else math.inf
     tried: dict[str, tuple[float, Callable[[], Problem]]] = {}
-    everywhere, missed = {block.name for block in problem.blocks}, {misfit.set for misfit in left if misfit.doubtful}
-    given = [(block.data, block.scene) for block in problem.blocks]
-    for slip, sets in product(slips_of(given), (everywhere, missed)):
-        pairs = [undone(slip, *pair) if pair[0].name in sets else None for pair in given]
+    everywhere, missed = (
+        {block.name for block in problem.blocks},
+        {misfit.set for misfit in left if misfit.is_unexplained},
+    )
+    measured = [(block.data, block.scene) for block in problem.blocks]
+    for slip, sets in product(slips_of(measured), (everywhere, missed)):
+        pairs = [undone(slip, *pair) if pair[0].name in sets else None for pair in measured]
         concerned = [block.name for block, pair in zip(problem.blocks, pairs, strict=True) if pair]
-        words = slip.words + (f" in {', '.join(concerned)}" if len(concerned) < len(given) else "")
+        words = slip.words + (f" in {', '.join(concerned)}" if len(concerned) < len(measured) else "")
         if not concerned or words in tried:
             continue
         try:

@@ -237,28 +237,28 @@ def _read(data_set: DataSet, table: Table, scene: Scene, name: str, key: str) ->
         raise InputError(error.message, file=table.file) from None
 
 
-def choices_of(one: StaticPoses, scene: Scene, key: str) -> tuple[tuple[str, ...], list[tuple[str, ...]], Poses]:
+def choices_of(data: StaticPoses, scene: Scene, key: str) -> tuple[tuple[str, ...], list[tuple[str, ...]], Poses]:
     """Table of all rows that the choices of a set's conditions make, as it is read back: headings, cells, poses.
 
     Cells of what is to be measured are zero. InputError if a condition has no choices, or there are too many rows.
     """
     choices = dict[str, Sequence[float]]()
-    for k, condition in enumerate(one.conditions):
+    for k, condition in enumerate(data.conditions):
         if not (condition.choices or choices.get(condition.column)):
             raise InputError(
                 f"expected choices of {condition.name}, to propose some", key=f"{key}.conditions[{k}].choices"
             )
         choices[condition.column] = condition.choices or choices[condition.column]
-    fixed = {of.column: of.equals[0] for of in one.where}
-    seen = dict.fromkeys(text for of in one.measured for text in (of.column, of.minus) if text is not None)
+    fixed = {of.column: of.equals[0] for of in data.where}
+    seen = dict.fromkeys(text for of in data.measured for text in (of.column, of.minus) if text is not None)
     rows = list(product(*choices.values()))
     if len(rows) > _ROWS:
         raise InputError(f"the choices of all conditions make {len(rows)} rows; expected {_ROWS} at most", key=key)
     headings = (*fixed, *choices, *seen)
     cells = [(*fixed.values(), *(f"{v:.12g}" for v in row), *["0"] * len(seen)) for row in rows]
-    plain = one.model_copy(update={"where": (), "holdout_rows": (), "use": "fit", "pose": None})
-    changed = changed_at(plain_scene(scene), one.set, f"{key}.set")
-    (poses,) = _read(plain, Table.of(headings, cells), changed, one.name or key, key)
+    plain = data.model_copy(update={"where": (), "holdout_rows": (), "use": "fit", "pose": None})
+    changed = changed_at(plain_scene(scene), data.set, f"{key}.set")
+    (poses,) = _read(plain, Table.of(headings, cells), changed, data.name or key, key)
     return headings, cells, cast(Poses, poses)
 
 
@@ -385,8 +385,8 @@ def _ring_downs(
             sines.append(fit_damped_sine(t[there], signal[there], heading))
         except InputError as error:
             raise InputError(f"{heading}: {error.message}", file=table.file) from None
-    rung = [Reading(which, [getattr(sine, which) for sine in sines], of=ring_down.mode) for which in OF_MODES]
-    return Poses(rung, {}, np.full(len(sines), ring_down.use == "fit"), scene, name)
+    vibrations = [Reading(which, [getattr(sine, which) for sine in sines], of=ring_down.mode) for which in OF_MODES]
+    return Poses(vibrations, {}, np.full(len(sines), ring_down.use == "fit"), scene, name)
 
 
 def _chosen(rows: int, fitted: bool, holdout: Sequence[int], key: str) -> NDArray[np.bool_]:
@@ -493,13 +493,13 @@ def _by_headings(file: Path, scene: Scene) -> list[Data]:
 
 def _refuse_measured(table: Table, unread: Sequence[Column], expected: Sequence[str]) -> None:
     """Refuse columns that nothing reads, but for notes: a load that is left out would be missing."""
-    for one in unread:
-        at = table.index(one.column)
+    for column in unread:
+        at = table.index(column.column)
         others = [name for name in expected if name != table.headings[at]]
         near = difflib.get_close_matches(table.headings[at], others, n=1, cutoff=0.8)
-        if near or one.unit or table.units[at] or one.column == "frame":
+        if near or column.unit or table.units[at] or column.column == "frame":
             hint = f"did you mean {near[0]}?" if near else f"expected {', '.join(expected)}"
-            raise table.error(f"nothing reads the column {one.column!r}; {hint}, or data: in a configuration", at)
+            raise table.error(f"nothing reads the column {column.column!r}; {hint}, or data: in a configuration", at)
 
 
 def _entries_of(scene: Scene, *parameters: str) -> dict[str, str]:

@@ -83,10 +83,10 @@ class Shapes:
         conditions, key, self._sequence = conditions or {}, f"{name}.conditions", sequence
         plain = FingerModel(scene, parameters=runtime_names(scene, unknowns), input_rates=False)
         entries = [split_unit(label)[0] for label in (*plain.u_names, *plain.w_names)]
-        more = [one for one in conditions if one not in entries]
-        for one in more:
-            if one in {unknown.target for unknown in unknowns if not unknown.added}:
-                raise InputError(f"{one} is to be estimated, and given by the data", key=key)
+        more = [target for target in conditions if target not in entries]
+        for target in more:
+            if target in {unknown.target for unknown in unknowns if not unknown.added}:
+                raise InputError(f"{target} is to be estimated, and given by the data", key=key)
         try:
             # by the family of the model without these parameters: data must not change what is fitted
             self.model = model = FingerModel(
@@ -100,10 +100,10 @@ class Shapes:
         names = [split_unit(label)[0] for label in (*model.u_names, *model.w_names, *model.p_names)]
         nominal = np.concatenate([*acting, model.p_nominal])
         self._table = np.tile(nominal, (rows, 1))
-        for one, values in conditions.items():
-            if one not in names:
-                raise InputError(f"no entry {one!r}; expected one of {', '.join(names)}", key=key)
-            self._table[:, names.index(one)] = np.asarray(values, dtype=float)
+        for target, values in conditions.items():
+            if target not in names:
+                raise InputError(f"no entry {target!r}; expected one of {', '.join(names)}", key=key)
+            self._table[:, names.index(target)] = np.asarray(values, dtype=float)
         self._own, self._derivative = set_by(unknowns, names)
         # Measured shapes were pulled, unless the scene says otherwise.
         start = equilibrium_under(model, *acting, **friction_of(scene.initial, model, needed=False))

@@ -22,7 +22,7 @@ from continuum_grasp.simulation.statics import equilibrium_under
 from continuum_grasp.simulation.trajectory import Trajectory
 
 _BASE = 0.03
-"""Tension at which tendons stay taut, per greatest tension [1]."""
+"""Tension at which tendons stay in tension, per greatest tension [1]."""
 _HALVINGS = 12
 """Bisections of the greatest command: to a part in 4000."""
 _LOOP = ((0.0, 0.0), (0.3, 1.0), (0.5, 0.35), (0.65, 0.8), (1.0, 0.0))
@@ -89,7 +89,7 @@ _SHOWS = {
 
 
 def base_of(scene: Scene) -> Array:
-    """Commands at which the tendons are just taut."""
+    """Commands at which the tendons are just in tension."""
     finger = scene.finger
     tendons, key = finger.tendon_list, finger.input_keys[0]
     base = np.zeros(len(finger.input_keys))
@@ -138,7 +138,7 @@ def _patterns_of_drives(scene: Scene) -> list[Pattern]:
         cable = cable / drive.winch_radius if key == "angles" else drive.limit
     if drive.arrangement == "one_pulley":
         return [Pattern(name, np.array([way]), cable) for name, way in directions.items()]
-    # Those on the other side pay out what their path takes: they stay as taut as they are.
+    # Those on the other side pay out what their path takes: they stay in the tension that they have.
     bent = finger.rod.stiffness / (finger.rod.length * offset)
     paid = 0.0 if key == "torques" else offset / (offset + bent / float(winches[0].stiffness))
     return _of_sides(sides, directions, paid, cable)
@@ -162,9 +162,9 @@ class Design:
 
     def __init__(self, scene: Scene, patterns: Sequence[Pattern], options: Excitation) -> None:
         self._scene, self.options, self._base = scene, options, base_of(scene)
-        taut = self._commanded([(0.0, self._base), (1.0, self._base)])
-        self._model = FingerModel(taut, input_rates=False)
-        self._forces = Signals(taut, self._model).w(0.0)[0]
+        tightened = self._commanded([(0.0, self._base), (1.0, self._base)])
+        self._model = FingerModel(tightened, input_rates=False)
+        self._forces = Signals(tightened, self._model).w(0.0)[0]
         self._patterns = patterns
         self._greatest = [self._reach(pattern) for pattern in patterns]
         self.parts = [_Part("hold", "hold", 0)]

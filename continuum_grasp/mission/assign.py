@@ -74,7 +74,7 @@ def assign(mission: MissionScene, grasp: GraspResult | None = None) -> tuple[Ass
     if mission.slip is None:
         return assigned
     more = standing(assigned)
-    return tuple(replace(one, standing=more) for one in assigned)
+    return tuple(replace(assignment, standing=more) for assignment in assigned)
 
 
 def _assigned(mission: MissionScene, grasp: GraspResult, resistance: Resistance, setup: FingerSetup) -> Assignment:

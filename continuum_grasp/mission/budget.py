@@ -189,7 +189,7 @@ class Lowered:
 
     @property
     def text(self) -> str:
-        """Both numbers, and what they are of."""
+        """Distances by which a pull lowers the object, in words."""
         return (
             f"pull {self.pull} lowers it by {1e3 * self.distance:.3g} mm at least, with drives that keep their "
             f"{self.keeps} and contacts that give; the certificate has {1e3 * self.certified:.3g} mm, with drives that "

@@ -57,10 +57,10 @@ class Commands:
 
     def _command(self, winch: Winch, pulled: Array, drawn: list[tuple[float, float]]) -> float:
         routes = [drawn[k] for k in winch.tendons]
-        taut = [path + give * pulled[k] for (path, give), k in zip(routes, winch.tendons, strict=True)]
+        lengths = [path + give * pulled[k] for (path, give), k in zip(routes, winch.tendons, strict=True)]
         # Of two on one pulley that which pulls harder says where it is; the other has what this leaves it.
         tightest = max(winch.tendons, key=lambda k: pulled[k])
-        position = float(ca.DM(winch.position(taut, [float(pulled[k]) * (k == tightest) for k in winch.tendons])))
+        position = float(ca.DM(winch.position(lengths, [float(pulled[k]) * (k == tightest) for k in winch.tendons])))
         drive = winch.drive
         if not isinstance(drive, MotorDrive):
             return position

@@ -58,7 +58,7 @@ class Shortfall:
 
     @property
     def text(self) -> str:
-        """Both forces, and what is needed."""
+        """Normal force of the contact, and those certified and needed, in words."""
         spread = f" +- {self.std:.2f}" if self.std else ""
         return (
             f"{self.contact} bears {self.normal_force:.2f}{spread} N of {self.certified:.2f} N certified "
@@ -238,8 +238,8 @@ class LiftCheck:
                 limits = np.array([tendon.max_tension for tendon in assignment.control.finger.tendon_list])
                 if (command.u >= _AT_LIMIT * limits).any():
                     return f"the drive of {assignment.name} is at its limit of {limits.max():.3g} N"
-            borne = command.contact_forces.force[names.index(assignment.contact)]
-            reached.append(f"{borne:.2f} N of {assignment.force:.2f} N at {assignment.own_name(assignment.contact)}")
+            normal = command.contact_forces.force[names.index(assignment.contact)]
+            reached.append(f"{normal:.2f} N of {assignment.force:.2f} N at {assignment.own_name(assignment.contact)}")
         return (
             f"the forces that are followed are {', '.join(reached)}: the object gave way on its contacts, or a finger "
             "lies elsewhere than in the grasp"

@@ -60,14 +60,14 @@ class _Hand:
 
     def __init__(self, assignments: Sequence[Assignment], stiffer: float = 1.0) -> None:
         self.known = [_as_known(assignment, stiffer) for assignment in assignments]
-        self.models = [mission_plant_model(one) for one in self.known]
+        self.models = [mission_plant_model(assignment) for assignment in self.known]
         self.whole = SharedModel(self.models)
         starts = [model.start.copy() for model in self.models]
-        for start, model, one in zip(starts, self.models, self.known, strict=True):
-            start[model.system.object_states][:3] = one.object_pose
-        given = [ca.SX.sym(name, self.whole.forward_dynamics.size1_in(k)) for k, name in enumerate("xuwp")]
-        rate = self.whole.forward_dynamics(*given)
-        self.slope = ca.Function("slope", given, [rate, ca.densify(ca.jacobian(rate, given[0]))])
+        for start, model, task in zip(starts, self.models, self.known, strict=True):
+            start[model.system.object_states][:3] = task.object_pose
+        symbols = [ca.SX.sym(name, self.whole.forward_dynamics.size1_in(k)) for k, name in enumerate("xuwp")]
+        rate = self.whole.forward_dynamics(*symbols)
+        self.slope = ca.Function("slope", symbols, [rate, ca.densify(ca.jacobian(rate, symbols[0]))])
         self.start, self.forces = self.whole.joined(starts), self.whole.forces(0.0)[0]
 
     def motion(self) -> Iterator[tuple[bool, Array, Array]]:
@@ -80,7 +80,9 @@ class _Hand:
             (phases.squeeze, "held", "tight"),
         )
         for duration, begin, end in ways:
-            low, high = (np.concatenate([getattr(one, name) for one in self.known]) for name in (begin, end))
+            low, high = (
+                np.concatenate([getattr(assignment, name) for assignment in self.known]) for name in (begin, end)
+            )
             count = math.ceil(duration / _STEP)
             for k in range(1, count + 1):
                 u = low + min(k / (MOVES * count), 1.0) * (high - low)
@@ -92,7 +94,7 @@ class _Hand:
 def closed(assignments: Sequence[Assignment], stiffer: float = 1.0) -> Iterator[Closed]:
     """Close the fingers as the squeeze does, and on to their greatest tensions; the first has those of the grasp."""
     hand = _Hand(assignments, stiffer)
-    views = [_view(one, model) for one, model in zip(hand.known, hand.models, strict=True)]
+    views = [_view(assignment, model) for assignment, model in zip(hand.known, hand.models, strict=True)]
     for done, x, _ in hand.motion():
         if done:
             parts = zip(views, hand.whole.parts(x), strict=True)
@@ -120,12 +122,13 @@ def standing(assignments: Sequence[Assignment]) -> float:
     """
     of = assignments[0].mission
     rise = [
-        float(np.abs(one.tight - one.held).max()) / (one.control.controller.input.rate_max or math.inf)
-        for one in assignments
+        float(np.abs(assignment.tight - assignment.held).max())
+        / (assignment.control.controller.input.rate_max or math.inf)
+        for assignment in assignments
     ]
     late = (of.estimator.delay or 0.0) + NOTICES * of.controller.period + max(rise)
-    late += max(one.control.lag or 0.0 for one in assignments)
-    return min(reserve(one) for one in assignments) if pushed_out(assignments) * late > 1.0 else 0.0
+    late += max(assignment.control.lag or 0.0 for assignment in assignments)
+    return min(reserve(assignment) for assignment in assignments) if pushed_out(assignments) * late > 1.0 else 0.0
 
 
 def _as_known(assignment: Assignment, stiffer: float) -> Assignment:

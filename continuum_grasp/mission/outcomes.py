@@ -55,7 +55,7 @@ class Summary:
     """Many plants in numbers; of those that have a verdict, whose attributes they are of."""
 
     plants: int
-    """All of them."""
+    """Number of plants."""
     held: int
     """Number of plants on which the object was never dropped."""
     succeeded: int
@@ -69,7 +69,7 @@ class Summary:
     moved_worst: float
     slip_margin_least: float
     fallbacks: int
-    """On all plants together."""
+    """Number of fallback commands on all plants together."""
     failed: tuple[int, ...]
     """Numbers of the plants that did not succeed."""
     turned: int | None = None
@@ -211,7 +211,7 @@ class TrialsResult(Result, Sequence[Outcome]):
         )
 
     def pairs(self) -> dict[str, str]:
-        """The summary."""
+        """Summary of the plants, as names and values."""
         return self.summary.pairs()
 
     def details(self) -> dict[str, Any]:

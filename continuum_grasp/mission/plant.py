@@ -174,7 +174,7 @@ def reserve(of: Assignment) -> float:
 def firmer(of: Assignment, share: float) -> dict[str, float]:
     """Further setpoints, by name, of a finger that presses harder by a share of the forces of its grasp [1]."""
     part = share / of.reserve if of.reserve else 0.0
-    inputs = [one.label for one in of.control.finger.inputs]
+    inputs = [entry.label for entry in of.control.finger.inputs]
     forces = {f"contact_force_{name} [N]": share * force for name, force in of.forces.items()}
     return dict(zip(inputs, part * (of.tight - of.held), strict=True)) | forces
 

@@ -138,7 +138,7 @@ def exceeded_by_trials(assignments: Sequence[Assignment], drawn: Sequence[Variat
     )
 
 
-def admit(assignments: Sequence[Assignment], found: Sequence[str]) -> None:
+def admit(assignments: Sequence[Assignment], reasons: Sequence[str]) -> None:
     """Warn before the run of what goes beyond the certificate, then close the fingers on the mission's pads.
 
     Raises
@@ -147,14 +147,14 @@ def admit(assignments: Sequence[Assignment], found: Sequence[str]) -> None:
         The mission goes beyond its certificate, and ``beyond_certificate`` is ``refuse``; or its contacts bear too
         little to lift.
     """
-    if found and assignments[0].mission.beyond_certificate == "refuse":
+    if reasons and assignments[0].mission.beyond_certificate == "refuse":
         raise SolverError(
             "the mission asks for more than its certificate promises",
             status="beyond_certificate",
-            violated=found,
+            violated=reasons,
             advice="Ask for less, or certify the grasp for this; beyond_certificate: warn tries it nevertheless.",
         )
-    for text in found:
+    for text in reasons:
         warnings.warn(text, BeyondCertificate, stacklevel=2)
     check_pads(assignments)
 

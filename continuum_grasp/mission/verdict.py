@@ -181,9 +181,9 @@ def judge(
     )
 
 
-def force_estimate(one: Assignment, run: ControlRun) -> tuple[Array, Array]:
+def force_estimate(assignment: Assignment, run: ControlRun) -> tuple[Array, Array]:
     """Normal force (K,) of a finger's held contact as its controller estimated it, and its standard deviation [N]."""
-    held = run.touch_names.index(one.contact)
+    held = run.touch_names.index(assignment.contact)
     return present(run.contact_force_estimate)[:, held], present(run.contact_force_std)[:, held]
 
 

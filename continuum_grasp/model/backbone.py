@@ -161,7 +161,7 @@ class Backbone:
         return self._function("section", [s], [point, ca.SX(angle)])
 
     def _section(self, s: Scalar, elements: Sequence[Sequence[Panel]]) -> tuple[ca.SX, Scalar]:
-        """Each panel of some elements up to s, or all of it: one expression for all s."""
+        """Integrals over each panel of some elements up to s, or all of it: one expression for all s."""
         panels = [panel for element in elements for panel in element]
         point, angle = panels[0].point, panels[0].angle
         for panel in panels:

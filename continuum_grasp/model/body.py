@@ -70,7 +70,7 @@ class Body:
 
     @property
     def weight(self) -> Scalar:
-        """Out of the plane [N]."""
+        """Weight out of the plane [N]."""
         return self.mass * self._around.out_of_plane_gravity
 
     def state_rate(

@@ -93,7 +93,7 @@ class Kernels:
 
     @property
     def functions(self) -> tuple[ca.Function, ...]:
-        """All of them."""
+        """Functions of the sweep, all of them."""
         return tuple(function for function in vars(self).values() if isinstance(function, ca.Function))
 
     @cached_property
@@ -199,7 +199,7 @@ class Builder:
 
     @property
     def _at_ports(self) -> Iterator[tuple[SectionLaw, ca.SX]]:
-        """Each port of a link with its law, and its numbers."""
+        """Ports of a link with their laws and numbers."""
         at = 0
         for law, ports in zip(self._laws, self._ports, strict=True):
             _, count, size = ports.shape

@@ -43,7 +43,7 @@ class Directions:
 
     @cached_property
     def tangents(self) -> list[Vec]:
-        """At the nodes."""
+        """Tangents of the backbone at the nodes."""
         return [Vec(turn.c, turn.s) for turn in self._rotations]
 
     @cached_property

@@ -181,7 +181,7 @@ class TendonForces:
 
     @cached_property
     def _path_rates(self) -> list[Scalar]:
-        """Rates of these [m/s]."""
+        """Rates of the path lengths of the tendons [m/s]."""
         return self._drawn(self._rates, rest=False)
 
     @cached_property
@@ -205,7 +205,7 @@ class TendonForces:
 
     @cached_property
     def _slacks(self) -> list[list[Scalar]]:
-        """Cable wound up beyond taut, per winch and tendon of it [m]."""
+        """Cable wound up beyond slack, per winch and tendon of it [m]."""
         return [cables.slacks(drum) for cables, drum in zip(self._cables, self.drums, strict=True)]
 
     def _lengths_of(self, cells: CellSet) -> tuple[float, list[Scalar]]:

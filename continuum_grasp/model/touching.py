@@ -89,7 +89,7 @@ class Pair:
 
     @cached_property
     def normal_force(self) -> Scalar:
-        """[N]"""
+        """Normal force of each touch [N]."""
         return normal_force(self.law, self.gap, self.gap_rate) if self.load is None else self.load
 
     @cached_property

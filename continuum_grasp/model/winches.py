@@ -50,7 +50,7 @@ class Winch(ABC):
     drive: LengthDrive | MotorDrive
     tendons: tuple[int, ...]
     start: Scalar
-    """Cable wound up of the straight finger while the drive is at zero [m], counted from where a tendon is taut."""
+    """Cable wound up of the straight finger while the drive is at zero [m], counted from where a tendon pulls."""
     stiffness: Scalar
     """Tension per length wound up, of a tendon without friction [N/m]."""
     parameters: Parameters | None = None
@@ -85,7 +85,7 @@ class Winch(ABC):
         return [self.start + (side * self.radius) * position for side in self.sides]
 
     def wound_rates(self, speed: Scalar) -> list[Scalar]:
-        """Rate of it [m/s]."""
+        """Rate of the wound length [m/s]."""
         return [(side * self.radius) * speed for side in self.sides]
 
     def position(self, drawn: Sequence[Scalar], tensions: Sequence[Scalar]) -> Scalar:
@@ -125,7 +125,7 @@ class Winch(ABC):
         return []
 
     def drum(self, states: Sequence[Scalar], cables: Cables, *, sharp: bool = False) -> Scalar:
-        """Position of what winds up; ``sharp``: tendons that pull as soon as they are taut."""
+        """Position of what winds up; ``sharp``: tendons that pull as soon as they are in tension."""
         return states[0]
 
     def drum_rate(self, states: Sequence[Scalar], drum: Scalar, cables: Cables, path_rates: Sequence[Scalar]) -> Scalar:
@@ -205,7 +205,7 @@ class _Spring:
         return ca.if_else(bears, self.stiffness, _LOOSE * self.stiffness)
 
     def meets(self, cables: Cables) -> Scalar:
-        """Angle of the drum at which it balances tendons that pull as soon as they are taut [rad]."""
+        """Angle of the drum at which it balances tendons that pull as soon as they are in tension [rad]."""
         if not self.stiffness:
             return cables.under(self.torque)
         flank = self.angle
@@ -243,7 +243,7 @@ class Motor(Winch):
 
     @property
     def held_stiffness(self) -> float:
-        """Torque per angle of a motor whose taut cables are held, in series with its gear [N m/rad]."""
+        """Torque per angle of a motor whose cables in tension are held, in series with its gear [N m/rad]."""
         cables = len(self.tendons) * self.radius**2 * float(self.stiffness)
         return cables if self.gear is None else 1.0 / (1.0 / cables + 1.0 / self.gear[0])
 
@@ -393,8 +393,8 @@ class Motor(Winch):
 class Cables:
     """Tendons of a drive at an instant.
 
-    Their tensions begin softly. By `towards` and `under` they pull as soon as they are taut: the torque then grows with
-    the angle by straight pieces, with one tendon taut, both or none.
+    Their tensions begin softly. By `towards` and `under` they pull as soon as they are not slack: the torque then grows
+    with the angle by straight pieces, with a tendon in tension, both or none.
     """
 
     winch: Winch
@@ -402,7 +402,7 @@ class Cables:
     paths: Sequence[Scalar]  # what the bend draws in [m]
 
     def slacks(self, drum: Scalar) -> list[Scalar]:
-        """Cable wound up beyond taut [m] where the drum is."""
+        """Cable wound up beyond slack [m] where the drum is."""
         return [y - path for y, path in zip(self.winch.wound(drum), self.paths, strict=True)]
 
     def tensions(self, slacks: Sequence[Scalar]) -> list[Scalar]:
@@ -417,8 +417,8 @@ class Cables:
         return [soft_slope(y) * rise for y, rise in zip(slacks, self._rises, strict=True)]
 
     @cached_property
-    def _taut(self) -> list[Scalar]:
-        """Angle at which each tendon is taut [rad]."""
+    def _tight(self) -> list[Scalar]:
+        """Angle at which each tendon is in tension [rad]."""
         made, sides = self.winch, self.winch.sides
         return [side * (path - made.start) / made.radius for side, path in zip(sides, self.paths, strict=True)]
 
@@ -429,33 +429,33 @@ class Cables:
 
     def towards(self, gain: float, angle: Scalar) -> Scalar:
         """Angle at which they balance a torque of a gain [N m/rad] towards an angle."""
-        rises = list(zip(self._rises, self._taut, strict=True))
+        rises = list(zip(self._rises, self._tight, strict=True))
         alone = [angle - slope * (angle - at) / (gain + slope) for slope, at in rises]
         if len(alone) == 1:
             return ca.fmin(angle, alone[0])
-        low, high = ca.fmin(*self._taut), ca.fmax(*self._taut)
+        low, high = ca.fmin(*self._tight), ca.fmax(*self._tight)
         pulled = sum(slope * (angle - at) for slope, at in rises)
         both = angle - pulled / (gain + sum(self._rises))
-        # None taut: all of the torque is that towards the angle; without any, the angle as far as none is, nor begins
-        # to be.
+        # None in tension: all of the torque is that towards the angle; without any, the angle as far as no tendon
+        # begins to pull.
         edge = ca.fmin(SOFT / self.winch.radius, 0.5 * (high - low))
         none = angle if gain else ca.fmin(ca.fmax(angle, low + edge), high - edge)
-        balanced = ca.if_else(ca.SX(self._taut[0]) < self._taut[1], both, none)
+        balanced = ca.if_else(ca.SX(self._tight[0]) < self._tight[1], both, none)
         return ca.if_else(balanced < low, alone[1], ca.if_else(balanced > high, alone[0], balanced))
 
     def under(self, torque: Scalar) -> Scalar:
         """Angle at which they balance a torque [N m]; where none pulls, between them, or short of where it begins."""
-        rises = list(zip(self._rises, self._taut, strict=True))
+        rises = list(zip(self._rises, self._tight, strict=True))
         alone = [at + torque / slope for slope, at in rises]
         if len(alone) == 1:
             # About where a soft one begins to: e - u + 2 sqrt(u w) - w of u = min(e, w).
             beyond, edge = torque / self._rises[0], SOFT / self.winch.radius
             within = ca.fmin(beyond, edge)
             begun = 2.0 * ca.sqrt(edge * within + _TINY * edge**2)
-            return self._taut[0] + (beyond - within) + (begun - edge)
+            return self._tight[0] + (beyond - within) + (begun - edge)
         pulls = ca.SX(torque) > 0.0
         both = (torque + sum(slope * at for slope, at in rises)) / sum(self._rises)
-        middle = ca.if_else(ca.SX(self._taut[0]) < self._taut[1], both, 0.5 * (self._taut[0] + self._taut[1]))
+        middle = ca.if_else(ca.SX(self._tight[0]) < self._tight[1], both, 0.5 * (self._tight[0] + self._tight[1]))
         further = ca.if_else(pulls, ca.fmax(middle, alone[0]), ca.fmin(middle, alone[1]))
         return ca.if_else(ca.SX(torque) == 0.0, middle, further)
 
@@ -476,7 +476,7 @@ def tanh(x: Scalar) -> Scalar:
 
 
 def soft(length: Scalar) -> Scalar:
-    """Elongation of a tendon [m] of what is wound up beyond taut [m]: nothing below zero, and smooth."""
+    """Elongation of a tendon [m] of what is wound up beyond slack [m]: nothing below zero, and smooth."""
     # Half beyond the range of the softness, and within it w (v + 1)^3 (3 - v) / 16 of v = length / w.
     above = ca.fmax(length + SOFT, 0.0)
     within = ca.fmin(above, 2.0 * SOFT)

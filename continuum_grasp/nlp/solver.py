@@ -208,7 +208,7 @@ class _Stop(ca.Callback):
         self.construct("stop", {})
 
     def begin(self, start: Start, until: Budget) -> None:
-        """Count from zero."""
+        """Count calls and iterations from zero."""
         self.start, self.until, self.calls = start, until, 0
         # Iterations without a change since the violation was so much, those in a row, and the violation before.
         self._idle, self._mark, self._still, self._last = 0, np.inf, 0, np.inf

@@ -251,14 +251,14 @@ class _Model:
         forces[near] = np.array(solution["lam_a"]).ravel()
         return step, left, np.concatenate([np.array(solution["lam_x"]).ravel()[:n], forces])
 
-    def multipliers(self, own: Array) -> Multipliers:
+    def multipliers(self, multipliers: Array) -> Multipliers:
         """Multipliers of the whole problem: forces of the motion make the objective stationary in the states."""
         problem = self._problem
         n, count = problem._free.size, problem._others.size
         bounds, forces = np.zeros(self._point.w.size), np.zeros(self._point.g.size)
-        bounds[problem._free] = own[:n]
-        forces[problem._others] = own[n : n + count]
-        bounds[problem._states[problem._bounded]] = own[n + count :]
+        bounds[problem._free] = multipliers[:n]
+        forces[problem._others] = multipliers[n : n + count]
+        bounds[problem._states[problem._bounded]] = multipliers[n + count :]
         pushed = self._full_slope + self._others.T @ forces[problem._others] + bounds
         forces[problem._motion] = -self._of_motion.solve(pushed[problem._states], trans="T")
         return Multipliers(bounds, forces)

@@ -34,7 +34,7 @@ class Grid:
 
     @property
     def intervals(self) -> int:
-        """N."""
+        """Number of intervals N."""
         return len(self.v)
 
     def places(self, parts: int) -> tuple[Indices, Array]:

@@ -24,7 +24,7 @@ _ITERATIONS = 60
 """Most steps of the least squares for the final posture [1]; the plan's solver closes what they leave."""
 _BALANCE, _BALANCE_HELD = 0.1, 10.0
 """Weight of balance against that of the goal in the final posture: little, unless the plan has to end in balance."""
-_TAUT = 10.0
+_ANTAGONIST = 10.0
 """Weight of tensions that are missing, per the least one."""
 _OF_FORCES = 1e4
 """Weight of half the squared error of the contact forces of a grasp [1/N2]: elements of a plan need not reach them."""
@@ -122,7 +122,7 @@ def _residual(motion: Motion, goal: list[GoalPart], first: Posture) -> ca.Functi
     least = motion.scene.least_tension
     if least > 0.0:
         # A tendon that is slack has no slopes, and a motor under a torque runs away from it.
-        errors.append(_TAUT * ca.fmax(1.0 - model.tensions(x, u, p) / least, 0.0))
+        errors.append(_ANTAGONIST * ca.fmax(1.0 - model.tensions(x, u, p) / least, 0.0))
     away = y - ca.DM([*(first.q / reach), *(first.u / motion.scales.u)])
     residual = ca.vertcat(*errors, rate * (_BALANCE_HELD if held else _BALANCE), _NEAR_FIRST * away)
     return ca.Function("residual", [y], [residual, ca.jacobian(residual, y)])

@@ -248,7 +248,7 @@ class Plan(MotionResult):
 
     @property
     def duration(self) -> float:
-        """[s]"""
+        """Duration of the motion [s]."""
         return float(self.t[-1])
 
     @cached_property

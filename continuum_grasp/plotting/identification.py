@@ -50,7 +50,7 @@ def plot_residuals(fit: Fit, *, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def plot_shapes(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
+def plot_shapes(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Draw predicted fingers, and measured points over them with lines to where they are predicted; a panel per set.
 
     Of many rows or instants some are drawn, evenly spread; paths of points over time are drawn whole, the predicted
@@ -58,17 +58,17 @@ def plot_shapes(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
     """
     from continuum_grasp.plotting.drawing import bodies
 
-    finger, sets = found.scene.finger, dict[str, list[tuple[float, int, int, int]]]()
-    markers = list(dict.fromkeys(found.entries[x].series for x, _ in found.points.values()))
-    for (name, at, *_), (x, y) in found.points.items():
-        sets.setdefault(name, []).append((at, markers.index(found.entries[x].series), x, y))
-    drawn = dict(zip((name for name, _ in found.blocks), found.drawn, strict=True))
+    finger, sets = result.scene.finger, dict[str, list[tuple[float, int, int, int]]]()
+    markers = list(dict.fromkeys(result.entries[x].series for x, _ in result.points.values()))
+    for (name, at, *_), (x, y) in result.points.items():
+        sets.setdefault(name, []).append((at, markers.index(result.entries[x].series), x, y))
+    drawn = dict(zip((name for name, _ in result.blocks), result.drawn, strict=True))
     names = [name for name in sets if len(drawn[name].at)][:_PANELS]
     panels = _panels(len(names), ax, 5.6, 4.4)
     for panel, name in zip(panels, names, strict=False):
         rows, lines = np.array(sets[name]), drawn[name]
         index = rows[:, 2:].astype(int)
-        measured, predicted = found.measured[index], found.predictions[index]
+        measured, predicted = result.measured[index], result.predictions[index]
         over_time = lines.over_time
         shown = np.isin(rows[:, 0], lines.at)
         box = bend_box([lines.backbones, measured, predicted], 0.06 * finger.rod.length)
@@ -82,7 +82,7 @@ def plot_shapes(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
             panel.plot(*predicted[here].T, color=INK, linewidth=0.9, zorder=3)
             panel.scatter(measured[here, 0], measured[here, 1], s=3, color=GRAY, linewidth=0, zorder=3)
         panel.add_collection(_links(measured[shown], predicted[shown]))
-        inside = found.fitted[index[:, 0]]
+        inside = result.fitted[index[:, 0]]
         for chosen, color, what in ((shown & inside, INK, "measured"), (shown & ~inside, ORANGE, "measured, hold-out")):
             if chosen.any():
                 panel.scatter(
@@ -96,35 +96,35 @@ def plot_shapes(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
     return panels
 
 
-def plot_series(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
+def plot_series(result: Predicted, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Draw measured and predicted numbers over rows or time, and below each the prediction less the measurement.
 
     Hold-outs are orange. A new figure has six quantities at most, those that are missed by most, per the widest range
     of their unit.
     """
     ranges = dict[str, float]()
-    for rows in found.series.values():
-        unit, span = found.entries[rows[0]].unit, max(float(np.ptp(found.measured[rows])), 1e-12)
+    for rows in result.series.values():
+        unit, span = result.entries[rows[0]].unit, max(float(np.ptp(result.measured[rows])), 1e-12)
         ranges[unit] = max(ranges.get(unit, 0.0), span)
 
     def missed(rows: NDArray[np.intp]) -> float:
-        return float(np.sqrt(np.mean(found.residuals[rows] ** 2))) / ranges[found.entries[rows[0]].unit]
+        return float(np.sqrt(np.mean(result.residuals[rows] ** 2))) / ranges[result.entries[rows[0]].unit]
 
-    series = sorted(found.series.items(), key=lambda pair: -missed(pair[1]))[:_PANELS]
+    series = sorted(result.series.items(), key=lambda pair: -missed(pair[1]))[:_PANELS]
     panels = _panels(len(series), ax, 4.6, 4.4, ratios=(2.0, 1.0))
     for ((name, what), rows), above, below in zip(series, panels[0::2], panels[1::2], strict=False):
-        entry = found.entries[rows[0]]
+        entry = result.entries[rows[0]]
         factor, unit = SHOWN_IN.get(entry.unit, (1.0, entry.unit))
-        at, inside = np.array([found.entries[row].at for row in rows]), found.fitted[rows]
-        measured, predicted = factor * found.measured[rows], factor * found.predictions[rows]
+        at, inside = np.array([result.entries[row].at for row in rows]), result.fitted[rows]
+        measured, predicted = factor * result.measured[rows], factor * result.predictions[rows]
         dense = len(rows) > _DENSE
         above.plot(
             at,
             predicted,
             color=BLUE,
             linewidth=1.2,
-            marker=None if name in found.paths else "_",
-            label=found.predicted,
+            marker=None if name in result.paths else "_",
+            label=result.predicted,
             zorder=2,
         )
         for chosen, color, text in ((inside, INK, "measured"), (~inside, ORANGE, "measured, hold-out")):
@@ -132,31 +132,31 @@ def plot_series(found: Predicted, *, ax: Sequence[Axes] | None = None) -> list[A
                 above.scatter(at[chosen], measured[chosen], s=4 if dense else 18, color=color, linewidth=0, label=text)
                 below.vlines(at[chosen], 0.0, (predicted - measured)[chosen], color=color, linewidth=1.0)
         below.axhline(0.0, color=GRAY, linewidth=0.8)
-        if name not in found.paths:
+        if name not in result.paths:
             below.set_xlim(at.min() - 0.5, at.max() + 0.5)
             above.set_xlim(below.get_xlim())
             for panel in (above, below):
                 panel.locator_params(axis="x", integer=True)
         label(above, "", f"{what} [{unit}]")
-        label(below, "time [s]" if name in found.paths else "row", f"error [{unit}]")
+        label(below, "time [s]" if name in result.paths else "row", f"error [{unit}]")
         head(above, name, 3)
     return panels
 
 
-def plot_innovations(found: Replay, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
+def plot_innovations(replay: Replay, *, ax: Sequence[Axes] | None = None) -> list[Axes]:
     """Draw what was measured less what was expected, with three standard deviations, and commands of log and replay."""
-    names = [*found.compared_names, *found.u_names]
+    names = [*replay.compared_names, *replay.u_names]
     panels = _panels(len(names), ax, 4.6, 3.0)
     for k, (panel, name) in enumerate(zip(panels, names, strict=False)):
         factor, unit = SHOWN_IN.get(unit_of(name), (1.0, unit_of(name)))
-        if k < len(found.compared_names):
-            band = 3.0 * factor * found.innovation_std[:, k]
-            panel.fill_between(found.t, -band, band, color=BLUE, alpha=0.2, linewidth=0, label="3 standard deviations")
-            panel.scatter(found.t, factor * found.innovation[:, k], s=4, color=INK, linewidth=0, label="innovation")
+        if k < len(replay.compared_names):
+            band = 3.0 * factor * replay.innovation_std[:, k]
+            panel.fill_between(replay.t, -band, band, color=BLUE, alpha=0.2, linewidth=0, label="3 standard deviations")
+            panel.scatter(replay.t, factor * replay.innovation[:, k], s=4, color=INK, linewidth=0, label="innovation")
         else:
-            j = k - len(found.compared_names)
-            panel.step(found.t, factor * found.logged[:, j], where="post", color=INK, linewidth=1.6, label="log")
-            panel.step(found.t, factor * found.u[:, j], where="post", color=ORANGE, linewidth=1.0, label="replay")
+            j = k - len(replay.compared_names)
+            panel.step(replay.t, factor * replay.logged[:, j], where="post", color=INK, linewidth=1.6, label="log")
+            panel.step(replay.t, factor * replay.u[:, j], where="post", color=ORANGE, linewidth=1.0, label="replay")
         label(panel, "time [s]", f"{name_of(name)} [{unit}]")
         head(panel, "", 2)
     return panels

@@ -126,10 +126,14 @@ def _forces_and_box(
     return forces, scale, box
 
 
-def plot_shape(found: Equilibrium, *, ax: Axes | None = None) -> Axes:
+def plot_shape(equilibrium: Equilibrium, *, ax: Axes | None = None) -> Axes:
     """Draw a finger at rest, with clamp, point masses and forces to scale."""
-    finger = found.model.finger
-    shape, masses, forces = found.backbone(bodies.backbone_points(finger)), bodies.masses_of(finger), found.forces
+    finger = equilibrium.model.finger
+    shape, masses, forces = (
+        equilibrium.backbone(bodies.backbone_points(finger)),
+        bodies.masses_of(finger),
+        equilibrium.forces,
+    )
     scale = force_scale(forces, _FORCE * finger.rod.length)
     ends = [np.asarray(at) + scale * np.asarray(force) for at, force, _ in forces]
     outlines = _thickness(finger, np.asarray(shape)[None])
@@ -141,7 +145,7 @@ def plot_shape(found: Equilibrium, *, ax: Axes | None = None) -> Axes:
     if masses:
         ax.plot(*bodies.mass_positions(shape, finger).T, "o", color=INK, markersize=6, zorder=Z.MASS)
     draw_forces(ax, forces, scale)
-    explain(ax, masses, forces, found.name)
+    explain(ax, masses, forces, equilibrium.name)
     return ax
 
 

@@ -29,7 +29,7 @@ _PANELS, _NODES = 8, 16
 class Cable(NamedTuple):
     """Elastic cable whose elongation makes the tension of a tendon that is wound up."""
 
-    wound: float  # cable from where the straight rod has it just taut [m]
+    wound: float  # cable from where the straight rod has it just in tension [m]
     arm: float  # of its shape [m]
     series: float  # elongation per tension between drive and rod [m/N]
     elongation: float  # along the rod per its length [1/N]

@@ -22,7 +22,7 @@ WAY_ROUNDING = 1e-3
 off by 2e-6 rad."""
 
 CABLE_ROUNDING = 20e-6
-"""Half the length [m] in which a tendon goes from slack to taut: as the finger model does."""
+"""Half the length [m] in which a tendon goes from slack to tension: as the finger model does."""
 
 STOP_ROUNDING = 0.005
 """Curvature about that at which links touch, per it [1], over which the stop's law is rounded off: as the finger model
@@ -84,7 +84,7 @@ class RodEquations:
         """Turn of each panel [rad] by tendons, couples and rest curvature, at most: all to one side."""
         moment = np.zeros(self.mesh.size)
         for drive, tendon in self._drives:
-            # What is wound up bends by no more than what leaves the tendon just taut.
+            # What is wound up bends by no more than what leaves the tendon just in tension.
             greatest_tension = (
                 1.0 if tendon.cable is None else max(tendon.cable.wound, 0.0) / abs(tendon.cable.arm * tendon.amplitude)
             )

@@ -176,7 +176,7 @@ class ControlScene(CommandedScene):
     reference: Reference = Reference()
     """Setpoints of what the cost tracks."""
     estimator: Estimator | None = None
-    """None: the controller measures the state."""
+    """Estimator of the state; None: the controller measures the state."""
     mounting: Mounting | None = None
     """Mounting of the bench, as ``commission`` finds it; what drives read and are sent goes through it. None: as the
     model does."""

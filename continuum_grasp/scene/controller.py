@@ -100,7 +100,7 @@ class Bounds(Value):
     """Penalty of violations of curvature and speed; hard: there is none, or no solution; None: soft, and hard in
     plans."""
     usual_penalty: ClassVar[Penalty | Literal["hard"]] = Penalty()
-    """That where none is given."""
+    """Penalty where a scene states none."""
 
     def curvature_limit_at(self, finger: Finger, s: float) -> float:
         """Greatest curvature at a position [m], apart from the bending range of a model [1/m]."""

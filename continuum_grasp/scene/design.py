@@ -57,9 +57,9 @@ class Tolerance(Value):
     """By how much a number of the scene may differ either way from what is chosen or stated."""
 
     amount: Annotated[Positive, Unit(None), Field(examples=[0.0001, "0.1 mm"])] | None = None
-    """In the unit of the key."""
+    """Greatest deviation from the value, in the unit of the key."""
     share: Annotated[float, Field(gt=0.0, le=0.5, examples=[0.02, "2 %"]), Unit("1")] | None = None
-    """As a part of the value [1]."""
+    """Greatest deviation as a part of the value [1]."""
 
     def _check(self) -> None:
         self._check_one_given("amount", "share")

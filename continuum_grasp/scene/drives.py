@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from continuum_grasp.scene.profile import Channel
 
 SOFT = 20e-6
-"""Half the length in which a tendon goes from slack to taut [m]: 0.4 N of a cable of 20 N/mm."""
+"""Half the length in which a tendon goes from slack to tension [m]: 0.4 N of a cable of 20 N/mm."""
 COMMANDS = {
     "tip_moment": ("tip_moment", "N m"),
     "tensions": ("tension", "N"),

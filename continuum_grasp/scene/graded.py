@@ -50,7 +50,7 @@ class RodFactors(Value):
     bending_stiffness: Annotated[Positive, Unit("1")] = 1.0
     """On the bending stiffness [1]."""
     linear_density: Annotated[Positive, Unit("1")] = 1.0
-    """On the mass per length [1]."""
+    """Factor on the mass per length [1]."""
     rotary_inertia: Annotated[NonNegative, Unit("1")] = 1.0
     """On the rotary inertia per length [1]."""
 

@@ -61,7 +61,7 @@ _PAIR = (
     "same offset on the other side, that end at the same place"
 )
 _ARRANGED = "tendons.drive.arrangement"
-_TAUT = "keeps the antagonist taut, and tendons_used leaves none: set it to 0"
+_ANTAGONIST = "keeps the antagonist in tension, and tendons_used leaves none: set it to 0"
 _ALONE = "one_pulley moves both tendons, and tendons_used leaves one: use per_tendon"
 _PLACES = "stations stand in place of middle contacts: give one of them"
 _GRASPS = (
@@ -71,7 +71,7 @@ _GRASPS = (
 _FINGERS = (
     Consumer("grasp fingers", {f"finger.{key}": why for key, why in (_OF_FINGERS | _OF_FIDELITY).items()}, at="finger"),
     beside("grasp of no pair", lambda f: isinstance(f.tendons, tuple) and not _are_pair(f), "tendons", _PAIR, "finger"),
-    beside("grasp by a tendon", lambda f: f.tendons_used != "both", "tendons.min_tension", _TAUT, "finger"),
+    beside("grasp by a tendon", lambda f: f.tendons_used != "both", "tendons.min_tension", _ANTAGONIST, "finger"),
     beside("grasp by one", lambda f: f.tendons_used != "both", f"{_ARRANGED}=one_pulley", _ALONE, "finger"),
 )
 _STATIONS = beside("grasp of a finger by stations", lambda setup: setup.stations, "contacts.middle", _PLACES, "finger")
@@ -104,7 +104,7 @@ class FingerSetup:
     held_friction: float
     """``friction`` less the reserve: what grasps are sought and certified with."""
     normal_force_max: float
-    """[N]"""
+    """Greatest normal force of the contact [N]."""
 
     @property
     def tendons(self) -> Tendons:

@@ -41,7 +41,7 @@ class DriveLaw:
 
     @property
     def start(self) -> float:
-        """Cable wound up of the straight finger while the drive is at zero [m], counted from where it is taut."""
+        """Cable wound up of the straight finger while the drive is at zero [m], counted from where it is in tension."""
         return self.drive.pretension * (self.series + self.axial) - self.drive.slack
 
     @property
@@ -57,10 +57,10 @@ class DriveLaw:
         gear = 0.0 if self.drive.gear_stiffness is None else 1.0 / self.drive.gear_stiffness
         return self.radius**2 * (1.0 / self.drive.position_gain + gear)
 
-    def springs(self, own: Sequence[float]) -> list[float]:
+    def springs(self, pulls: Sequence[float]) -> list[float]:
         """Tension of each tendon per path drawn in while the drives hold [N/m]: ``own`` if nothing but these yields."""
         servo = self.servo if self.locks else 0.0
-        return [each / (1.0 + servo * (sum(own) if self.pulley else each)) for each in own]
+        return [each / (1.0 + servo * (sum(pulls) if self.pulley else each)) for each in pulls]
 
     @property
     def friction(self) -> float:

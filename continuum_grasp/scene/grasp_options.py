@@ -41,7 +41,7 @@ class FingerContacts(Value):
     normal_force_max: Annotated[Positive, Unit("N")] | None = None
     """Greatest normal force at any one contact of this finger [N]."""
     middle: Middles | None = None
-    """As in ``contacts``."""
+    """Middle contacts of this finger, in place of those of ``contacts``."""
     middle_after: Counts | None = None
     """Number of elements between base and middle contact, or a list of these; None: spread evenly."""
     middle_range: Annotated[Range, Increasing] | None = None
@@ -51,7 +51,7 @@ class FingerContacts(Value):
     """Number of places in place of ``middle``, spread evenly over ``middle_range``, at which the finger may touch, each
     up to half of their distance off: which of them do, and where, is found."""
     tip: Switch | None = None
-    """As in ``contacts``."""
+    """Tip contact of this finger, in place of that of ``contacts``."""
 
 
 class GraspContacts(FingerContacts):
@@ -104,7 +104,7 @@ class PlanarGravity(Value):
     """Gravity in the plane of the fingers; the fingers' own weight acts too."""
 
     mode: Literal["planar"]
-    """In the plane of the fingers."""
+    """Weight in the plane of the fingers."""
     vector: Acceleration
     """World gravity [m/s2]."""
 
@@ -170,7 +170,7 @@ class Disturbances(Value):
     boundary from its center of mass."""
     tendons: Literal["retensioned", "locked"] = "retensioned"
     """retensioned: the tensions are chosen anew for each disturbance, within their limits; locked: the drives hold
-    their position, so that a taut tendon keeps its length and its tension reacts."""
+    their position, so that a tendon in tension keeps its length and its tension reacts."""
 
 
 Effort = Literal["quick", "normal", "thorough"]

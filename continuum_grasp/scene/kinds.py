@@ -18,7 +18,7 @@ class _Kind(NamedTuple):
     keys: str
     """Some by which the kind is recognized."""
     command: str | None
-    """That runs it; None: a finger alone is not run."""
+    """Verb that runs the kind; None: a finger alone is not run."""
 
     @property
     def expected(self) -> str:

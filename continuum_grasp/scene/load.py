@@ -73,7 +73,7 @@ def load(path: str | Path, overrides: Overrides = ()) -> Loaded:
 
 
 def load_placed(path: str | Path, overrides: Overrides = ()) -> tuple[Loaded, Document]:
-    """As `load`, with the document that says where everything was written."""
+    """Load a scene, as `load` does, with the document that says where everything was written."""
     document = assembled(path, read_overrides(overrides))
     kind = kind_of(document.value)
     if kind == "finger":
@@ -107,7 +107,7 @@ def scene_of(given: Any, kind: Any = Scene, overrides: Overrides = ()) -> Any:
 
 
 def placed_scene_of(given: Any, kind: type[Any], overrides: Overrides = ()) -> tuple[Any, Document, Path]:
-    """As `scene_of`, also from a mapping, with document and file, which say where everything was written."""
+    """Build a scene from a mapping, with document and file, which say where everything was written."""
     if not isinstance(given, kind | Mapping):
         return *_read(given, kind, overrides, ", or a mapping"), Path(given)
     document = placed(given, Place(kind.__name__))

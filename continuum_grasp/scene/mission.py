@@ -41,7 +41,7 @@ class Phases(Value):
     REFUSALS = (needs("missions", "squeeze_share", "settle", at="phases"),)
 
     touch: Duration = 0.8
-    """Each stroke of a ``turn``, until the tip touches the object [s]."""
+    """Time of each stroke of a ``turn``, until the tip touches the object [s]."""
     stroke: Duration = 1.5
     """While the object is turned [s]."""
     leave: Duration = 0.6
@@ -63,11 +63,11 @@ class Phases(Value):
     lift: Duration = 0.3
     """While the table under the object sinks away [s]."""
     hold: Duration = 1.0
-    """Before anything pulls [s]."""
+    """Time before anything pulls [s]."""
     pull: Duration = 0.4
-    """Each disturbance: a quarter to grow, half to stay, a quarter to fade [s]."""
+    """Time of each disturbance: a quarter to grow, half to stay, a quarter to fade [s]."""
     rest: Duration = 0.2
-    """After each disturbance [s]."""
+    """Time after each disturbance [s]."""
     hold_until_release: bool = False
     """Whether an exported controller then holds the object until it is asked to release; runs of the mission release it
     there."""

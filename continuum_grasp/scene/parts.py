@@ -119,9 +119,9 @@ class SuperellipsePart(Part):
     """A superellipse |x/a|^p + |y/b|^p <= 1 in axes of its own."""
 
     semi_axes: Point
-    """a and b [m]."""
+    """Semi-axes a and b [m]."""
     exponent: float = 2.0
-    """p; 2 is an ellipse."""
+    """Exponent p; 2 is an ellipse."""
     center: Point = (0.0, 0.0)
     angle: float = 0.0
     """From the object's axes to those of the superellipse [rad]."""

@@ -299,7 +299,7 @@ class PlanScene(CommandedScene):
         stated = self.bounds.least_tension
         if stated is not None:
             return stated
-        # On a common pulley the bend decides how taut the other tendon is: a bound would be one of the bend.
+        # On a common pulley the bend decides how much the other tendon pulls: a bound would be one of the bend.
         return min((0.5 * drive.pretension for drive in drives if drive.arrangement == "per_tendon"), default=0.0)
 
     @property

@@ -212,7 +212,7 @@ class Scene(FingerScene):
     REFUSALS = of_drives("scenes", ["actuation"], *COMMANDS)
 
     actuation: Actuation | None = None
-    """None: no input, the finger is passive and its tendons are slack."""
+    """Inputs over time; None: the finger is passive and its tendons are slack."""
     initial: Initial = Initial(pose="straight")
     """State at time zero."""
     loads: Annotated[tuple[Load, ...], Field(strict=False)] = ()

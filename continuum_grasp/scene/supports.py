@@ -67,7 +67,7 @@ class Peg:
     position: tuple[float, float]
     """World position of its center [m]."""
     radius: float
-    """[m]; zero for a point."""
+    """Radius of the peg [m]; zero for a point."""
     friction: float | None
     touch: Switch
 

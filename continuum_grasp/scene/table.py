@@ -110,11 +110,11 @@ class Table:
         ``unit`` is that of the data where its heading does not say it. With gaps, empty cells are NaN.
         """
         at = self.index(heading)
-        heading_unit, given = self.units[at], unit
+        heading_unit, stated = self.units[at], unit
         if si == "N":
-            heading_unit, unit = (_WEIGHTS.get(one or "", one) for one in (heading_unit, unit))
+            heading_unit, unit = (_WEIGHTS.get(text or "", text) for text in (heading_unit, unit))
         if unit is not None and heading_unit is not None and unit != heading_unit:
-            raise self.error(f"its heading says [{self.units[at]}], the configuration {given!r}", at)
+            raise self.error(f"its heading says [{self.units[at]}], the configuration {stated!r}", at)
         try:
             factor = factor_to_si(unit or heading_unit or si, si)
         except InputError as error:

@@ -155,7 +155,7 @@ class Value(BaseModel):
         return self.stated().items()
 
     def __repr__(self) -> str:
-        """As it is written in Python where that is short; else field by field, each in one line."""
+        """Text as it is written in Python where that is short; else field by field, each in one line."""
         text = _written(self)
         if len(text) <= _SHORT:
             return text
@@ -253,22 +253,22 @@ Extent = Annotated[float, Field(ge=1e-9, le=1e8), Unit("m")]
 Distance = Annotated[NonNegative, Unit("m")]
 """Length that may be zero [m]."""
 Angle = Annotated[Real, Unit("rad")]
-"""Counter-clockwise [rad]."""
+"""Angle, counter-clockwise [rad]."""
 Duration = Annotated[Positive, Unit("s")]
-"""[s]"""
+"""Time span above zero [s]."""
 TimeConstant = Annotated[float, Field(ge=1e-6, le=1e6), Unit("s")]
 """Time constant of a drive [s]."""
 Mass = Annotated[NonNegative, Unit("kg")]
-"""[kg]"""
+"""Mass that may be zero [kg]."""
 Ratio = Annotated[NonNegative, Unit("1")]
 """A factor, or a weight of what has no unit [1]."""
 Friction = Annotated[NonNegative, Unit("1"), Field(examples=[0.5])]
 """A coefficient of friction [1]."""
 Vector2 = Annotated[tuple[Real, Real], Field(strict=False)]
 Position = Annotated[Vector2, Unit("m")]
-"""In the plane [m]."""
+"""Position in the plane [m]."""
 Acceleration = Annotated[Vector2, Unit("m/s2")]
-"""In the plane [m/s2]."""
+"""Acceleration in the plane [m/s2]."""
 
 
 def _increasing(values: tuple[float, ...], field: ValidationInfo) -> tuple[float, ...]:

@@ -39,7 +39,7 @@ class Modes(Result):
     """Small undamped oscillations about an equilibrium.
 
     With friction as it acts at rest, and drives that are held. ``stuck_frequencies_hz`` are those of motions in which
-    nothing slides or relaxes: branches of dry friction and relaxation add their stiffness, and a taut tendon that has
+    nothing slides or relaxes: branches of dry friction and relaxation add their stiffness, and a tendon in tension with
     friction and a winch elongates locally with the bend and adds E A e^2. A motion is between these two; larger ones
     slide.
     Where motors turn, ``free_frequencies_hz`` are those with the motors free under their command, their inertia among
@@ -203,12 +203,12 @@ class SmallMotions:
     free: tuple[Array, Array] | None = None
 
 
-def small_motions(found: Equilibrium) -> SmallMotions:
+def small_motions(equilibrium: Equilibrium) -> SmallMotions:
     """Small motions about an equilibrium."""
-    model, q, u, w, p = found.model, found.q, found.u, found.w, found.p
+    model, q, u, w, p = equilibrium.model, equilibrium.q, equilibrium.u, equilibrium.w, equilibrium.p
     core, n = Core(model, compiled=False), model.n
     mass, damping = core.mass_matrix(q, u, p), damping_matrix(core, q, u, p)
-    friction = found.friction_states
+    friction = equilibrium.friction_states
     if not model.structure.winches:
         # Friction acts as it does at rest.
         history = (np.append(friction, 0.0),) if friction.size else ()
@@ -224,12 +224,12 @@ def small_motions(found: Equilibrium) -> SmallMotions:
         both[:n, :n], both[n:, n:] = mass, np.diag(inertia.ravel())
         free = both, stiffness
     slides = model.friction_names or model.structure.has_law(*STATEFUL)
-    stuck = passive + _glued(model, found, x) + _held(model, p) if slides else None
+    stuck = passive + _glued(model, equilibrium, x) + _held(model, p) if slides else None
     return SmallMotions(mass, stiffness[:n, :n], damping, stuck, free)
 
 
 def _glued(model: FingerModel, rest: Equilibrium, x: Array) -> Array:
-    """Stiffness of taut tendons: of those with friction as if they were glued to the finger all along."""
+    """Stiffness of tendons in tension: of those with friction as if they were glued to the finger all along."""
     made, total = model.structure, np.zeros((model.n, model.n))
     tensions = np.array(model.tensions()(x, rest.u, rest.p)[0]).ravel()
     frictional = {tendon for cells in made.cell_sets for tendon in cells.tendons}

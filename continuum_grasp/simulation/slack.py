@@ -23,7 +23,7 @@ class SlackTime:
     tendon : int
         Which one, from 1.
     begins, ends : float
-        First instant at which it is slack, and the first at which it is taut again [s]: infinite if it never is.
+        First instant at which it is slack, and the first at which it is in tension again [s]: infinite if it never is.
     """
 
     tendon: int

@@ -100,8 +100,8 @@ TARGET_RADIUS = 1.0
 """Product of step and spectral radius that the explicit method is given; it is stable up to 2.7."""
 SLIDING = 1.5
 """A friction state beyond its range [1], as of what slides."""
-_TAUT = 1.0
-"""Tension of tendons that are taut [N]: what is stiff about them does not depend on it."""
+_PULL = 1.0
+"""Tension of tendons that are in tension [N]: what is stiff about them does not depend on it."""
 _MOVED, _ROUGH = 1e-6, 1e-3
 """Change of a state, per one and its size, by which a step is differentiated; and what is left to differences [1]."""
 _POSES = 12
@@ -121,8 +121,8 @@ def spectral_radius(core: Core, q: Array, u: Array, w: Array, p: Array, qd: Arra
     else:
         moving = np.atleast_2d(qd)
     if model.structure.own_tendons or model.friction_names:
-        # With friction both stuck, where they are stiffest, and sliding; on winches also taut, if commands leave them
-        # slack.
+        # With friction both stuck, where they are stiffest, and sliding; on winches also in tension, if commands leave
+        # them slack.
         moving = moving * model.structure.has_law("damping")
         pairs = zip(np.atleast_2d(q), moving, strict=True)
         states = chain.from_iterable(_states(model, shape, rates, u) for shape, rates in pairs)
@@ -155,7 +155,7 @@ def _states(model: FingerModel, shape: Array, rates: Array, u: Array) -> list[Ar
     """States of a shape, by its drives and friction."""
     states, drives = len(model.friction_names), [model.drives_at(shape, u)]
     if model.structure.winches:
-        drives.append(model.drives_at(shape, u, pulled=_TAUT))
+        drives.append(model.drives_at(shape, u, pulled=_PULL))
     return [
         np.concatenate([shape, rates, lag, np.full(states, sliding)])
         for lag, sliding in product(drives, (0.0, SLIDING) if states else (0.0,))

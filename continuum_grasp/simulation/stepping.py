@@ -261,9 +261,9 @@ class _Differences:
     greatest: list[float] = field(default_factory=list)
     finite: bool = True
 
-    def add(self, found: list[float]) -> None:
+    def add(self, steps: list[float]) -> None:
         """Note those of some more instants."""
-        self.greatest = [max(pair) for pair in zip(self.greatest or found, found, strict=True)]
+        self.greatest = [max(pair) for pair in zip(self.greatest or steps, steps, strict=True)]
 
     @property
     def estimate(self) -> float:

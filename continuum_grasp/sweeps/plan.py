@@ -84,7 +84,7 @@ class Plan:
     def as_json(self) -> dict[str, Any]:
         """Plain data that determine the scenes and the contents of their rows."""
         sample, varied = self.sweep.sample, self.variation
-        drawn = {one.key: {one.kind: one.values if one.kind == "choice" else one.numbers} for one in varied.draws}
+        drawn = {draw.key: {draw.kind: draw.values if draw.kind == "choice" else draw.numbers} for draw in varied.draws}
         record: dict[str, Any] = plain(
             {
                 "format_version": FORMAT_VERSION,

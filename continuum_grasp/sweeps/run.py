@@ -62,7 +62,7 @@ class Progress:
 
     @property
     def text(self) -> str:
-        """In words."""
+        """Progress of a sweep in words."""
         kinds = ", ".join(f"{count} {status}" for status, count in sorted(self.counts.items()))
         return f"{self.done} of {self.total}" + (f" ({kinds})" if kinds else "")
 

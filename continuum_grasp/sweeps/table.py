@@ -81,7 +81,7 @@ class SweepTable(Result):
     requested: Mapping[str, Any] = field(default_factory=dict)
     statistics: Mapping[str, Any] = field(default_factory=dict)
     scene: None = None
-    """None: there are many."""
+    """Scene of the result; None, since a sweep has many."""
     warnings: tuple[str, ...] = ()
 
     def __len__(self) -> int:

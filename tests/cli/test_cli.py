@@ -286,7 +286,7 @@ OPTIONS = {
     "missing argument 'CONFIG'": ("simulate",),
     "missing option '--to'": ("export", RELEASE),
     "invalid value for '--animate'": ("simulate", RELEASE, "--animate", "avi"),
-    "invalid value for '--to': expected c, fmu, web or mjcf, got 'casadi'": ("export", RELEASE, "--to", "casadi"),
+    "invalid value for '--to': expected c, fmu, web, mjcf or casadi, got 'zip'": ("export", RELEASE, "--to", "zip"),
     "--measure: has no effect on --to mjcf": ("export", RELEASE, "--to", "mjcf", "--measure"),
     "export-c: write export CONFIG --to c": ("export-c", RELEASE, "--what", "step"),
 }

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from continuum_grasp.core import compiler
+from continuum_grasp.core import cache, compiler
 from continuum_grasp.core.cache import library_for
 from continuum_grasp.core.compiler import CompileError, Compiler, find_compiler, longest_function, translation_units
 from continuum_grasp.core.source import batch_source, externals_source, generated, rollout_source
@@ -152,3 +152,63 @@ def test_what_takes_long_is_logged_and_nothing_is_printed(monkeypatch, tmp_path,
     assert re.fullmatch(r"compiling the model, about \S+ s the first time; cached afterwards", begun)
     assert re.fullmatch(r"compiled the model in \S+ s", ended)
     assert capfd.readouterr() == ("", "")
+
+
+def stand_in(folder, name: str, script: str):
+    """A compiler of this name that is a script of the shell."""
+    file = folder / name
+    file.write_text(f"#!/bin/sh\n{script}\n")
+    file.chmod(0o755)
+    return file
+
+
+@needs_compiler
+def test_a_compiler_that_knows_no_march_native_is_asked_without(tmp_path, monkeypatch):
+    """As clang before 15 on Apple's processors: the library is built, for the processor that the compiler takes."""
+    refuses = 'case " $* " in *" -march=native "*) echo "unsupported argument: native" >&2; exit 1;; esac'
+    file = stand_in(tmp_path, "apple cc", f'{refuses}\nexec {find_compiler().command[0]} "$@"')
+    monkeypatch.setenv("CC", f"'{file}'")
+    monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path / "cache"))
+    assert "-march=native" not in find_compiler().flags("")
+    x = np.array([0.4, -0.7])
+    library = ctypes.CDLL(str(library_for(generated("chain", chain(20)), find_compiler())))
+    assert called(library, "chain", x) == pytest.approx(reference(x, 20), rel=1e-12)
+    monkeypatch.delenv("CC")
+    assert "-march=native" in find_compiler().flags("")
+
+
+def test_messages_of_a_compiler_may_be_in_any_encoding(tmp_path, monkeypatch):
+    file = stand_in(
+        tmp_path, "cc", r'if [ "$1" = --version ]; then echo 1.0; else printf "Fehler \374ber" >&2; exit 1; fi'
+    )
+    monkeypatch.setenv("CC", str(file))
+    with pytest.raises(CompileError, match=r"Fehler .ber"):
+        find_compiler().run(["-c", "a.c"])
+
+
+def test_a_path_of_windows_is_one_word_of_a_command(monkeypatch):
+    monkeypatch.setattr(compiler.os, "name", "nt")
+    assert compiler.split(r'"C:\Program Files\mingw64\bin\gcc.exe" -m64') == [
+        r"C:\Program Files\mingw64\bin\gcc.exe",
+        "-m64",
+    ]
+
+
+@needs_compiler
+def test_a_library_that_another_process_has_loaded_serves(tmp_path, monkeypatch):
+    """Windows refuses to replace it; where it is none of this content, the error is reported."""
+    monkeypatch.setenv("CONTINUUM_GRASP_CACHE", str(tmp_path))
+    entry = library_for(generated("chain", chain(20)), find_compiler())
+    whole = entry.read_bytes()
+
+    def refused(source, target):
+        raise PermissionError(13, "in use", str(target))
+
+    sound, known = cache._sound, [False, True]
+    monkeypatch.setattr(cache.os, "replace", refused)
+    monkeypatch.setattr(cache, "_sound", lambda *names: known.pop(0) and sound(*names))
+    assert library_for(generated("chain", chain(20)), find_compiler()) == entry
+    assert entry.read_bytes() == whole
+    known[:] = [False, False]
+    with pytest.raises(PermissionError):
+        library_for(generated("chain", chain(20)), find_compiler())

@@ -15,7 +15,7 @@ from continuum_grasp.errors import SolverError
 ARCS = "configs/grasp/mug_arcs.yaml"
 OFFSET = "finger.tendons.offset"
 LEAST = 1.0
-"""Tension of the tendon that only stays taut [N]."""
+"""Tension of the tendon that only stays in tension [N]."""
 
 
 @pytest.fixture(scope="module")

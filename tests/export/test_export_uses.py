@@ -174,3 +174,39 @@ def test_the_example_closes_the_loop_by_the_commands_of_its_readme(tmp_path):
     assert np.abs(np.diff(rows[:, 5:7], axis=0)).max() <= 600.0 * 0.01 + 1e-9
     assert set(rows[40:45, 8]) == {1.0}
     assert rows[-1, 9] == 0
+
+
+@needs("cmake", "make", "x86_64-w64-mingw32-gcc")
+@pytest.mark.parametrize(
+    ("name", "real"), [("tendons", "double"), pytest.param("observed", "float", marks=pytest.mark.deep)]
+)
+def test_a_library_of_windows_is_built(name, real, packages, tmp_path):  # noqa: F811
+    """Library, tests and example; without a warning, as everywhere."""
+    system = ("-DCMAKE_SYSTEM_NAME=Windows", "-DCMAKE_C_COMPILER=x86_64-w64-mingw32-gcc", "-DBUILD_SHARED_LIBS=ON")
+    run("cmake", "-S", packages(name, real), "-B", tmp_path, *system, "-DCMAKE_C_FLAGS=-Wall -Werror")
+    run("cmake", "--build", tmp_path)
+    assert {"libfinger.dll", "finger_test_vectors.exe"} <= {file.name for file in tmp_path.iterdir()}
+
+
+@needs("clang")
+@pytest.mark.parametrize(
+    ("name", "real"), [("tendons", "double"), pytest.param("observed", "float", marks=pytest.mark.deep)]
+)
+def test_the_library_is_c_of_microsofts_compiler(name, real, packages, tmp_path):  # noqa: F811
+    """By clang in its place, which takes the same options and the same C; the flags are those of the package's CMake.
+
+    Its sources include headers of the language alone, which clang and this machine have.
+    """
+    package = packages(name, real)
+    text = (package / "CMakeLists.txt").read_text(encoding="utf-8")
+    flags = re.findall(r"/fp:\w+", text.partition("if(MSVC)")[2])
+    assert flags == ["/fp:fast", "/fp:precise"]
+    (tmp_path / "math.h").write_text("double sqrt(double);\nfloat sqrtf(float);\n")
+    (tmp_path / "string.h").write_text(
+        "#include <stddef.h>\nvoid *memcpy(void *, const void *, size_t);\nvoid *memset(void *, int, size_t);\n"
+        "void *memmove(void *, const void *, size_t);\nint memcmp(const void *, const void *, size_t);\n"
+    )
+    for flag in flags:
+        for source in (package / "src").glob("*.c"):
+            line = ["clang", "--driver-mode=cl", "--target=x86_64-pc-windows-msvc", "/c", "/O2", flag, "/W3", "/WX"]
+            run(*line, "-imsvc", tmp_path, f"/I{package / 'include'}", source, f"/Fo{tmp_path / 'unit.obj'}")

@@ -121,7 +121,7 @@ def test_tendons_slide_from_a_milliradian_of_bend_beyond_a_cell_on(side):
     np.testing.assert_allclose(cells.pulled, side * np.minimum(turns / 1e-3, 1.0), rtol=1e-9)
 
 
-TAUT, LEFT = 1e-6 * 60.0, (20.0, 0.0)
+LEAST_PULL, LEFT = 1e-6 * 60.0, (20.0, 0.0)
 COMPLIANCE, BEND = 1.0 / SERIES + L / AXIAL, 1.2
 PATH, RADIUS = OFFSET * BEND, 0.008
 
@@ -187,7 +187,7 @@ def test_the_path_of_a_tendon_follows_stiffness_that_changes():
 
 @pytest.mark.parametrize(("part", "count"), [(0.999, 1), (1.001, 2)])
 def test_a_tendon_is_taut_from_a_millionth_of_the_greatest_tension_on(part, count):
-    assert wound(LENGTH_DRIVE, (20.0, part * TAUT)).taut.sum() == count
+    assert wound(LENGTH_DRIVE, (20.0, part * LEAST_PULL)).in_tension.sum() == count
 
 
 def test_a_tendon_goes_slack_as_that_of_the_simulated_winch():
@@ -320,7 +320,7 @@ def test_a_motor_that_is_too_weak_is_the_reason():
 
 @pytest.mark.parametrize("pretension", [2.0, 25.0])
 def test_tendons_of_one_pulley_go_together(pretension):
-    """Both taut: C (T1 + T2) = 2 C pretension, whatever the bend; else the second is slack."""
+    """Both in tension: C (T1 + T2) = 2 C pretension, whatever the bend; else the second is slack."""
     drive = MOTOR.replaced(arrangement="one_pulley", pretension=pretension)
     found = optimize_grasp(mug(drive))
     assert found.certificate.passed

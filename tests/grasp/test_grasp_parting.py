@@ -36,7 +36,7 @@ def for_any_friction(scene):
     before = Search(without_stations(scene), Budget.of(scene.solver))
     before.run()
     search = Search(scene, Budget.of(scene.solver))
-    search.attempt(_on_nearest(scene, before.scene, before.best.arrays), rung=0)
+    search.attempt(_on_nearest(scene, before.scene, before.best.arrays), options_at=0)
     found = find_robust(scene, ANY, search.best.arrays, Budget.of(scene.solver))
     return found, with_postures(scene, found.arrays, found.responses, Budget())
 

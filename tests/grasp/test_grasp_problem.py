@@ -14,7 +14,7 @@ from scipy.integrate import simpson
 
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.grasp.modes import contact_modes, with_elements
-from continuum_grasp.grasp.problem.solver_run import RUNGS
+from continuum_grasp.grasp.problem.solver_run import OPTION_SETS
 from continuum_grasp.grasp.quality.resistance import resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
 from continuum_grasp.grasp.search import Search
@@ -355,8 +355,8 @@ def test_no_gravity_needs_no_more_than_the_bend():
 # -- solver runs ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("rung", range(len(RUNGS)))
-def test_every_rung_leads_back_from_next_to_a_grasp(rung):
+@pytest.mark.parametrize("options_at", range(len(OPTION_SETS)))
+def test_every_rung_leads_back_from_next_to_a_grasp(options_at):
     scene = make_scene("arc")
     search = Search(scene, Budget.of(scene.solver))
     search.run()
@@ -364,10 +364,10 @@ def test_every_rung_leads_back_from_next_to_a_grasp(rung):
     start = start_from(scene, best.arrays)
     x0 = best.attempt.x * (1.0 + 1e-3 * np.random.default_rng(0).standard_normal(best.attempt.x.size))
     budget = Budget(left=500)
-    again = best.solver.run(scene, start, budget, rung=rung, features=best.attempt.features, x0=x0)
+    again = best.solver.run(scene, start, budget, options_at=options_at, features=best.attempt.features, x0=x0)
     assert again.optimal
     assert again.objective == pytest.approx(best.attempt.objective, rel=1e-5)
-    assert budget.left >= 500 - 2 * RUNGS[rung][1]
+    assert budget.left >= 500 - 2 * OPTION_SETS[options_at][1]
 
 
 @pytest.mark.deep

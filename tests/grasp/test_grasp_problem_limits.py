@@ -73,7 +73,7 @@ def in_order(apart):
     return float(rows["order of the middle contacts, f"]) >= 0.0
 
 
-def asked(*names, rung=0, off=0.0):
+def asked(*names, options_at=0, off=0.0):
     """What a solver run from a start asks for that relaxes these limits: numbers and bounds by name, and iterations;
     and the violations that it lists of a point that is off by so much.
     """
@@ -94,7 +94,7 @@ def asked(*names, rung=0, off=0.0):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(solver_run, "solve_clear", stopped)
         start = make_starts(scene, contact_modes(scene)[0], 1)[0]
-        seen["violations"] = run.run(scene, start, nlp.Budget(), rung=rung, relaxed=relaxed).violations
+        seen["violations"] = run.run(scene, start, nlp.Budget(), options_at=options_at, relaxed=relaxed).violations
     return seen
 
 
@@ -151,7 +151,7 @@ def relaxed(*names):
 def weighed_change():
     """What it costs beside the reserve of the cones to change one tension by its most."""
     scene, problem, numbers, _, _ = posed()
-    made = equations(problem.spec.in_error(landed=False))
+    made = equations(problem.spec.in_error(yielding=False))
     robust, start = made.layout, make_starts(scene, contact_modes(scene)[0], 1)[0]
     values_there = values.problem_values(robust, scene, start, values.contact_features(scene, start.contacts))
     packed, x = robust.numbers.pack({**numbers, **values_there}, 0.0), np.zeros(robust.x.size)
@@ -173,9 +173,9 @@ COUNTS = [
 ]
 
 
-@pytest.mark.parametrize(("most", "rung"), [row[1:] for row in COUNTS], ids=[row[0] for row in COUNTS])
-def test_solver_runs_are_cut(most, rung):
-    seen = asked(rung=rung)
+@pytest.mark.parametrize(("most", "options_at"), [row[1:] for row in COUNTS], ids=[row[0] for row in COUNTS])
+def test_solver_runs_are_cut(most, options_at):
+    seen = asked(options_at=options_at)
     assert (seen["iterations"], seen["options"]) == most
 
 

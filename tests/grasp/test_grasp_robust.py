@@ -197,7 +197,7 @@ def test_derivatives_of_the_whole_problem_are_those_of_its_expressions(name: str
     scene = load(CONFIGS / f"{name}.yaml").changed({"fidelity.elements": 2})
     start = start_from(scene, dict(optimize_grasp(scene).arrays))
     spec = ProblemSpec.of(scene, start.contacts)
-    nominal, other = GraspSolverRun(spec), GraspSolverRun(spec.in_error(landed=not scene.supports))
+    nominal, other = GraspSolverRun(spec), GraspSolverRun(spec.in_error(yielding=not scene.supports))
     whole, _ = robust_problem(nominal, (other, other), ())
     rng = np.random.default_rng(0)
     x, p = (rng.uniform(0.4, 0.6, n.numel()) for n in (whole.x, whole.p))

@@ -101,7 +101,7 @@ def test_finer_truth_is_recovered_from_a_far_start():
     assert fit["youngs_modulus"] == pytest.approx(TRUTH["stiffer"], rel=0.006)
     assert fit["material_damping"] == pytest.approx(TRUTH["damping"], rel=0.08)
     assert fit["clamp_angle"] == pytest.approx(TRUTH["turned"], abs=2e-3)
-    assert any("hang together in time" in warning for warning in fit.warnings)
+    assert any("are correlated in time" in warning for warning in fit.warnings)
 
 
 @pytest.mark.deep

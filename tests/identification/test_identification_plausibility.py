@@ -142,12 +142,12 @@ def test_few_slips_are_fitted_anew(monkeypatch):
 
 def test_slips_are_tried_from_half_the_scatter_on():
     small = Misfit("set", "positions", "m", 0.999e-3, 4e-3, 2e-3)
-    assert not small.doubtful
-    assert small._replace(rms=1.001e-3).doubtful
+    assert not small.is_unexplained
+    assert small._replace(rms=1.001e-3).is_unexplained
     # and from a fifth of what is refused on, where the measurements hardly differ
     repeats = small._replace(limit=5e-3, scatter=0.0)
-    assert not repeats.doubtful
-    assert repeats._replace(rms=1.001e-3).doubtful
+    assert not repeats.is_unexplained
+    assert repeats._replace(rms=1.001e-3).is_unexplained
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What is known beforehand of parameters and starts, and intervals of residuals that hang together in time."""
+"""What is known beforehand of parameters and starts, and intervals of residuals that are correlated in time."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_deviations_of_a_start_are_checked(start_sigma):
         TipPath(t, at_tip(t, t), start_sigma=(0.1, 1.0))
 
 
-# -- residuals that hang together ------------------------------------------------------------------------------------
+# -- residuals that are correlated ------------------------------------------------------------------------------------
 
 
 def test_the_covariance_of_sums_is_that_of_every_pair_of_instants():

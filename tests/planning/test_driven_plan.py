@@ -142,7 +142,7 @@ def test_plan_of_one_pulley_and_of_motors_without_servo(friction, drive, last):
     assert np.linalg.norm(end - aim) < 1e-4
     assert np.linalg.norm(later - end) < 2e-6
     tensions = [np.array(found.prediction.tensions(x, u, [])).min() for x, u in zip(found.x, found.u, strict=True)]
-    # On one pulley the bend decides how taut the other tendon is.
+    # On one pulley the bend decides how much the other tendon pulls.
     assert min(tensions) == 0.0 if len(last) == 1 else min(tensions) >= 1.0 - 1e-3
 
 

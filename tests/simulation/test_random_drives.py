@@ -24,7 +24,7 @@ class Drawn:
         self.tension = self.most * stiffness / (offset * length)
         axial, series = 10 ** rng.uniform(3.7, 4.7), 10 ** rng.uniform(-5.0, -4.3)
         compliance = series + length / axial
-        if self.two:  # both stay taut
+        if self.two:  # both stay in tension
             pretension, slack = self.tension * rng.uniform(*((0.1, 1.0) if self.kind == "torque" else (0.8, 1.5))), 0.0
         else:
             pretension = self.tension * rng.uniform(0.0, 0.2) * (rng.random() < 0.5)

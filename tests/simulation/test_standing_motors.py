@@ -27,7 +27,7 @@ def standing(drive, at, how=None, *, friction=0.0, **commands):
     ],
 )
 def test_the_bend_is_that_of_what_is_wound_up(drive, commands, scale):
-    """Without friction r phi = e bend + (C / 2) (T1 - T2), and e (T1 - T2) = EI bend / L, while both are taut."""
+    """Without friction r phi = e bend + (C / 2) (T1 - T2), and e (T1 - T2) = EI bend / L, while both are in tension."""
     found = cg.equilibrium(standing({**STEADY, **drive}, [0.3], **commands))
     compliance = 3e-5 + LENGTH / 1e4
     difference = STIFFNESS / (OFFSET * LENGTH)

@@ -140,7 +140,7 @@ def test_slack_forgets_and_comes_taut_again():
     first = motion.tensions[:, 0]
     assert np.ptp(first[(motion.t > 0.405) & (motion.t < 0.43)]) < 1e-9
     assert first[-1] > 1.0
-    # Slack as events: from when what is wound up is let out beyond the path that the bend leaves, until it is taut.
+    # Slack as events: from when what is wound up is let out beyond the path that the bend leaves, until it pulls.
     events = [each for each in motion.slack if each.tendon == 1 and each.begins > 0.0]
     assert len(events) == 1
     assert np.all(first[(motion.t >= events[0].begins) & (motion.t < events[0].ends)] < 1e-6)

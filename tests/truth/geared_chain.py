@@ -1,7 +1,7 @@
 """A motor that turns a drum through a gear with play, and the chain of hinges whose two tendons are on that drum.
 
 It shares nothing with the package. The drum has no inertia and no state: it is the root that a bracketing search finds
-of gear torque and tensions, which begin as soon as a tendon is taut. Tendons have no friction.
+of gear torque and tensions, which begin as soon as a tendon is in tension. Tendons have no friction.
 """
 
 from __future__ import annotations

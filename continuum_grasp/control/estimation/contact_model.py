@@ -91,7 +91,7 @@ class ContactModel:
 
     @property
     def functions(self) -> list[ca.Function]:
-        """All that the C calls."""
+        """Functions that the C calls."""
         return [self.measured, self.finger.step, self.finger.tension, self.finger.gain]
 
     @property

@@ -168,13 +168,13 @@ class FreeFinger:
             "jacobian", list(self._arguments), [ca.jacobian(self.rate(*self._arguments), self._arguments[0])]
         )
         fastest = 1.0 / RETURN_TIME if self.friction_states else 0.0
-        # Taut as far as the tendons bear: elastic cables make a finger stiffer, and tensions as well.
+        # In tension as far as the tendons bear: elastic cables make a finger stiffer, and tensions as well.
         for shape in sample_shapes(self.model, np.zeros(self.n)):
             for states in (0.0, 1.0) if self.friction_states else (0.0,):
                 friction = np.full(self.friction_states, states)
                 s = np.concatenate([shape, np.zeros(self.n), friction])
                 wound = np.zeros((len(self.winches), 2))
-                wound[:, 0] = self._taut(shape, friction)
+                wound[:, 0] = self._tight(shape, friction)
                 for member in np.unique(members, axis=0):
                     matrix = np.array(jacobian(s, wound.ravel(), member))
                     if not np.all(np.isfinite(matrix)):
@@ -182,7 +182,7 @@ class FreeFinger:
                     fastest = max(fastest, float(np.abs(np.linalg.eigvals(matrix)).max()))
         return fastest / _STABLE
 
-    def _taut(self, shape: Array, friction: Array) -> list[float]:
+    def _tight(self, shape: Array, friction: Array) -> list[float]:
         """Lengths [m] at which each winch holds a fifth of what its tendon bears."""
         pull = 0.2 * min(tendon.max_tension for tendon in self.model.finger.tendon_list)
         return self.model.drives_at(shape, np.zeros(self.model.nu), friction, pulled=pull)[::2]

@@ -328,7 +328,7 @@ def _tuple(kind: Any, key: str, given: Any, expected: str) -> Any:
 
 
 def _spread(key: str, given: ArrayLike, size: int) -> list[float]:
-    """One bound per entry, from one for all or from as many."""
+    """Bounds per entry, from a number for all or from as many."""
     bounds = np.full(size, given) if np.ndim(given) == 0 else given
     return list(map(float, vector(key, bounds, size, check=False)))
 

@@ -321,8 +321,8 @@ def row_products(stages: Stages) -> str:
     for i in range(nx):
         lines.append("  {")
         for b in range(blocks):
-            own = [q for q in range(nx) if b in used[q]]
-            terms = [f"P[{max(i, q)}][{min(i, q)}] * {taken(f'M[{q}]', b * _BLOCK)}" for q in own]
+            columns = [q for q in range(nx) if b in used[q]]
+            terms = [f"P[{max(i, q)}][{min(i, q)}] * {taken(f'M[{q}]', b * _BLOCK)}" for q in columns]
             lines.append(f"    const block m{b} = {' + '.join(terms) or '{0}'};")
         lines += [f"    g{j}_{b} += M[{i}][{j}] * m{b};" for j, b in sorted(lower) if reached[i, j]]
         lines.append("  }")

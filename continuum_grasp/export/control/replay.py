@@ -33,7 +33,7 @@ from continuum_grasp.export.vectors import bad_entries
 _EPISODE = 70
 """Calls from one start to the next: three times ``_HELD``, so that setpoints change in each, and some at the end."""
 _EPISODES = 3
-"""Each with harder knocks than the one before; from the second on, commands that were applied differ too."""
+"""Episodes of a record, each with harder knocks than the last; from the second on, applied commands differ too."""
 _HELD = 20
 """Calls for which setpoints stay."""
 
@@ -55,7 +55,8 @@ class _Host:
             functions=contents.stateful,
             owners=owners,
         )
-        with tempfile.TemporaryDirectory() as work:
+        # Windows removes no library that is loaded.
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as work:
             write_files(Path(work), {**files, "host.c": source})
             sources = [name for name in files if name.startswith("src/") and name.endswith(".c")]
             flags = [*strict_flags(compiler.version), "-O1", "-shared", "-fPIC", "-w", "-Iinclude", "-Itests"]

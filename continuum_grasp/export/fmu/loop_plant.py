@@ -135,7 +135,7 @@ def _generated(name: str, functions: Sequence[ca.Function]) -> tuple[str, str]:
     generator = generator_of(name, functions, with_header=True, with_export=False)
     with tempfile.TemporaryDirectory() as folder:
         generator.generate(f"{folder}/")
-        source, header = ((Path(folder) / f"{name}.{suffix}").read_text() for suffix in ("c", "h"))
+        source, header = ((Path(folder) / f"{name}.{suffix}").read_text(encoding="utf-8") for suffix in ("c", "h"))
     # CasADi writes to files alone, and reports nothing where the disk is full.
     if not (source.endswith("#endif\n") and header.endswith("#endif\n")):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), folder)

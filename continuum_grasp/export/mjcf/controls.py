@@ -139,7 +139,7 @@ def _tendons(scene: Scene) -> list[Control]:
 
 
 def cable_springs(controls: Sequence[Control], at: Array) -> Array:
-    """Stiffness (N, N) of all cables, taut, at hinges [N m/rad]."""
+    """Stiffness (N, N) of all cables in tension, at hinges [N m/rad]."""
     stiffness = np.zeros((len(at), len(at)))
     for control in controls:
         if control.cable is not None:

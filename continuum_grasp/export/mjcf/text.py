@@ -33,7 +33,7 @@ def written(
     frequency: float,
     differences: Sequence[str],
 ) -> str:
-    """The whole file."""
+    """Text of the MJCF file of a chain."""
     finger, tip = scene.finger, len(links.at) - 1
     sites: dict[int, dict[str, float]] = {}
     for control in controls:

@@ -201,8 +201,8 @@ def page_of_mission(scene: MissionScene) -> Page:
     """The page of a mission of one finger, which is carried out as one looks."""
     if (count := len(scene.grasp.setups)) > 1:
         raise InputError(f"a page has one finger, and this mission {count}: take run_mission and animate", key="grasp")
-    (own,) = assigned(scene)
-    return page_of(own.control, plant_model=mission_plant_model(own), mission=own)
+    (assignment,) = assigned(scene)
+    return page_of(assignment.control, plant_model=mission_plant_model(assignment), mission=assignment)
 
 
 def page_of_motion(run: Trajectory) -> Page:
@@ -282,16 +282,16 @@ def _planned_table(timetable: Timetable, plant: WebPlant) -> dict[str, Any]:
 def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
     """Data of the plant for the page."""
     system, finger = plant.system, plant.system.finger_model.finger
-    own, length = system.finger_model, finger.rod.length
+    model, length = system.finger_model, finger.rod.length
     timed = scene.duration if isinstance(scene, ControlScene) else scene.time and scene.time.duration
     # The last row holds for good, as samples do.
     instants = np.zeros(1) if plant.signals.constant else np.arange(0.0, (timed or 0.0) + _TABLE, _TABLE)
     nu = len(plant.rest)
-    inputs = [] if isinstance(scene, ControlScene) else input_fields(own)[:nu]
+    inputs = [] if isinstance(scene, ControlScene) else input_fields(model)[:nu]
     forces = np.zeros((len(instants), plant.given["w"].numel()))
     rows = plant.signals.w(instants)
     forces[:, : rows.shape[1]] = rows
-    fields = parameter_fields(own, {})
+    fields = parameter_fields(model, {})
     return {
         "arrays": plant.arrays,
         "step": plant.step,
@@ -303,7 +303,7 @@ def _plant(plant: WebPlant, scene: Scene | ControlScene) -> dict[str, Any]:
         },
         "inputs": [_slider(f, value) for f, value in zip(inputs, plant.rest, strict=False)],
         "input_names": list(plant.u_names),
-        "parameters": [_slider(f, value) for f, value in zip(fields, own.p_nominal, strict=True)],
+        "parameters": [_slider(f, value) for f, value in zip(fields, model.p_nominal, strict=True)],
         "half": [round(float(v), _DIGITS) for v in finger.profile.half_thickness(plant.at)],
         "length": length,
         "pushes": {

@@ -55,7 +55,7 @@ _DIFFERENCE = 1e-7
 _EXACT = 1e-9
 """Last correction of Newton's method, per usual size, with which a stage is solved."""
 _CORRECTIONS = 8
-"""Most of them with one slope."""
+"""Most Newton corrections with one slope."""
 _FEW = 3
 """With more of them the next step takes the slope anew."""
 _FAST = 10.0
@@ -174,7 +174,7 @@ class WebPlant:
 
     @property
     def _kernels(self) -> tuple[Kernel, ...]:
-        """All that it computes by."""
+        """Kernels that the plant of a page calls."""
         return self._rates, *self.look, *(kernel for kernel in (self.sense, self.ahead) if kernel is not None)
 
     @property

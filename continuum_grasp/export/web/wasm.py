@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import subprocess
 import tempfile
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from continuum_grasp.core.cache import entry_for
-from continuum_grasp.core.compiler import version_of
+from continuum_grasp.core.compiler import TIMEOUT, said_by, version_of
 from continuum_grasp.errors import SolverError
 from continuum_grasp.export.layer import Contents
 from continuum_grasp.export.manifest import write_files
@@ -68,7 +67,7 @@ def add_sizes(contents: Contents, files: Mapping[str, str]) -> tuple[int, int]:
 
 def _run(folder: Path, *arguments: str) -> str:
     """Run clang in a folder and return its output; SolverError if it fails."""
-    done = subprocess.run(["clang", *arguments], cwd=folder, capture_output=True, text=True, check=False)
+    done = said_by(["clang", *arguments], folder, TIMEOUT)
     if done.returncode != 0:
         raise SolverError("clang could not make WebAssembly", status="failed", advice=done.stderr[-2000:])
     return done.stdout

@@ -95,7 +95,7 @@ class Certificate(Summarized):
 
     def data(self, *, error: bool = True) -> dict[str, Any]:
         """The certificate as plain data, with the model's ``error``, for which exact rods are solved, or without."""
-        found = {
+        numbers = {
             "passed": self.passed,
             "checks": [{**asdict(check), "passed": check.passed} for check in self.checks],
             "friction_margin": self.friction_margin,
@@ -104,9 +104,9 @@ class Certificate(Summarized):
             "overlap_of_fingers": self.overlap,
         }
         if error:
-            own = self.model_error
-            found["model_error"] = asdict(own) | {"found": own.found, "small": own.small, "limit": own.limit}
-        return found
+            bound = self.model_error
+            numbers["model_error"] = asdict(bound) | {"found": bound.found, "small": bound.small, "limit": bound.limit}
+        return numbers
 
     @property
     def friction_margin(self) -> float:

@@ -227,25 +227,25 @@ def depth_of_wall(body: PlacedObject, wall: Wall) -> float:
     return deepest
 
 
-def overlap(one: RecomputedFinger, other: RecomputedFinger) -> float:
+def overlap(finger: RecomputedFinger, other: RecomputedFinger) -> float:
     """Depth of two fingers in each other in the plane [m]; negative: their distance.
 
     Where their backbones cross, by both half thicknesses and as much as a tip is beyond the other backbone.
     """
-    a, b = one.points, other.points
+    a, b = finger.points, other.points
     apart = np.hypot(a[:, None, 0] - b[:, 0], a[:, None, 1] - b[:, 1])
-    gap = apart - one.thickness[:, None] - other.thickness
+    gap = apart - finger.thickness[:, None] - other.thickness
     # Panels are straight: what is nearest lies on two that end where the points are nearly nearest.
     reach = float(np.hypot(*np.diff(a, axis=0).T).max() + np.hypot(*np.diff(b, axis=0).T).max())
     p, q = _panels(gap <= gap.min() + reach)
     ends = (a[p], b[q], b[q + 1]), (a[p + 1], b[q], b[q + 1]), (b[q], a[p], a[p + 1]), (b[q + 1], a[p], a[p + 1])
     closest = np.min([segment_distance(*each) for each in ends], axis=0)
-    deepest = float((_half(one, p) + _half(other, q) - closest).max())
+    deepest = float((_half(finger, p) + _half(other, q) - closest).max())
     p, q = _panels(apart <= reach)
     crossing = _apart(a[p], a[p + 1], b[q], b[q + 1]) & _apart(b[q], b[q + 1], a[p], a[p + 1])
     if crossing.any():
         beyond = (float(segment_distance(tip, line[:-1], line[1:]).min()) for tip, line in ((a[-1], b), (b[-1], a)))
-        deepest = worst(deepest, float((_half(one, p) + _half(other, q))[crossing].max()) + min(beyond))
+        deepest = worst(deepest, float((_half(finger, p) + _half(other, q))[crossing].max()) + min(beyond))
     return deepest
 
 

@@ -1,6 +1,6 @@
 """States of the drives of a finger in a grasp, and whether they can be, from its stored shape and tensions alone.
 
-A taut tendon of tension T at its drive is wound up by y = (its path along the bent finger) + C T; C is the elongation
+A tendon in tension T at its drive is wound up by y = (its path along the bent finger) + C T; C is the elongation
 of cable and tendon per tension at the drive, the latter by the share of the tension that friction leaves.
 """
 
@@ -21,8 +21,8 @@ from continuum_grasp.scene.drives import SOFT, MotorDrive
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.grasp_drive import DriveLaw
 
-TAUT = 1e-6
-"""Tension above which a tendon counts as taut, per greatest tension."""
+LEAST_PULL = 1e-6
+"""Tension above which a tendon counts as in tension, per greatest tension."""
 
 
 @dataclass(frozen=True)
@@ -80,14 +80,14 @@ class WoundTendons:
         return self.law.series + self.law.axial * means
 
     @property
-    def taut(self) -> NDArray[np.bool_]:
+    def in_tension(self) -> NDArray[np.bool_]:
         """Whether each pulls (2,)."""
-        return np.asarray(self.tensions > TAUT * self._most)
+        return np.asarray(self.tensions > LEAST_PULL * self._most)
 
     @cached_property
     def wound(self) -> Array:
-        """Cable wound up (2,) [m]; of a slack tendon, as much as would make it just taut."""
-        return np.asarray(self.paths + _unsoftened(self.compliances * self.tensions, self.taut))
+        """Cable wound up (2,) [m]; of a slack tendon, as much as would make it just in tension."""
+        return np.asarray(self.paths + _unsoftened(self.compliances * self.tensions, self.in_tension))
 
     @property
     def _wound_by_pulley(self) -> float:
@@ -142,13 +142,13 @@ class WoundTendons:
     @property
     def springs(self) -> Array:
         """Tension at the drive per path drawn in while the drives hold (2,) [N/m]; none of a slack tendon."""
-        stiffness = np.where(self.taut, _softness(self.wound - self.paths), 0.0) / self.compliances
+        stiffness = np.where(self.in_tension, _softness(self.wound - self.paths), 0.0) / self.compliances
         return np.array(self.law.springs(stiffness.tolist()))
 
     @property
     def drives(self) -> tuple[DriveState, ...]:
         """States of the drives."""
-        pulls = np.where(self.taut, self.tensions, 0.0)
+        pulls = np.where(self.in_tension, self.tensions, 0.0)
         if self.law.pulley:
             return (self._state(("left", "right"), self._wound_by_pulley, float(pulls[0] - pulls[1])),)
         each = zip(("left", "right"), self.wound - self.law.start, pulls, strict=True)
@@ -181,7 +181,7 @@ class StoredFinger:
 
 
 def _softened(length: Array) -> Array:
-    """Elongation [m] by what is wound up beyond taut [m]; rounded off within `SOFT` to either side."""
+    """Elongation [m] by what is wound up beyond slack [m]; rounded off within `SOFT` to either side."""
     v = np.clip(length / SOFT, -1.0, 1.0)
     return np.asarray(SOFT / 16.0 * (3.0 + v * (8.0 + v * (6.0 - v * v))) + np.maximum(length - SOFT, 0.0))
 
@@ -192,11 +192,11 @@ def _softness(length: Array) -> Array:
     return np.asarray((8.0 + 12.0 * v - 4.0 * v**3) / 16.0)
 
 
-def _unsoftened(elongation: Array, taut: NDArray[np.bool_]) -> Array:
+def _unsoftened(elongation: Array, pulling: NDArray[np.bool_]) -> Array:
     """Length wound up beyond straight for an elongation [m]; none for a slack tendon. By Newton's method."""
     x = np.asarray(elongation, dtype=float).copy()
     for _ in range(50):
         # Not at the end of the slack range, where the law is flat.
         slope = _softness(np.maximum(x, SOFT * (1e-9 - 1.0)))
         x -= np.clip((_softened(x) - elongation) / slope, -SOFT, SOFT)
-    return np.asarray(np.where(taut, x, 0.0))
+    return np.asarray(np.where(pulling, x, 0.0))

@@ -93,8 +93,8 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
             on[spec.joint] = rotation(-finger.base[2]) @ load / finger.number("force share")
             couples[spec.joint] = (contact.force[0] * lever - half * components[1]) / _moment(finger)
         gaps.append((f"sticking contact, {spec.name}", gap, "m", "disturbances"))
-    for finger, (q, u), borne, pull in zip(fingers, states, loads, pulls, strict=True):
-        missing = _moment(finger) * finger.missing_force(q, u, finger.loads(*borne))
+    for finger, (q, u), carried, pull in zip(fingers, states, loads, pulls, strict=True):
+        missing = _moment(finger) * finger.missing_force(q, u, finger.loads(*carried))
         yield f"disturbed finger, {finger.spec.name}", missing, "N m", "disturbances"
         if problem.spec.locked:
             retained = _retained(finger, finger.drawn(q, u), pull)
@@ -148,11 +148,11 @@ def _retained(finger: UnitFinger, drawn: ca.SX, pulls: ca.SX) -> ca.SX:
     yielded = servo * (pulls[0] - pulls[1])
     for k, (side, compliance) in enumerate(zip((1.0, -1.0), finger.compliances(), strict=True)):
         path = side * (arm * drawn + yielded) if finger.spec.pulley else side * arm * drawn + servo * pulls[k]
-        # A slack tendon stays slack: weighted with how taut it is.
+        # A slack tendon stays slack: weighted with how much it pulls.
         square = finger.pulls[k] ** 2
-        taut = square / (square + finger.number("taut") ** 2)
+        tight = square / (square + finger.number("pulling") ** 2)
         # Per arm, so that it is an angle as above.
-        rows.append((compliance * pulls[k] + taut * path) / arm)
+        rows.append((compliance * pulls[k] + tight * path) / arm)
     return ca.vertcat(*rows)
 
 

@@ -151,7 +151,7 @@ def _compiled(spec: ProblemSpec, compiler: Compiler, work: Path) -> Path:
     parts = [made.nlp.values.factory(f"nlp_{name}", ["x", "p"], [name]) for name in ("f", "g")]
     source = externals_source([*parts, made.read, made.places, *made.nlp.functions.values(), made.nlp.slope])
     code, library = work / "code.c", work / "code.so"
-    code.write_text(f"{source}\nconst char *layout(void) {{ return {json.dumps(text)}; }}\n")
+    code.write_text(f"{source}\nconst char *layout(void) {{ return {json.dumps(text)}; }}\n", encoding="utf-8")
     compiler.run([*_FLAGS, "-shared", str(code), "-o", str(library), "-lm"])
     library.chmod(0o700)
     return library

@@ -105,7 +105,7 @@ class GraspProblem(Unknowns):
             require(f"contact within its support, {name}", within, "m", key, upper=ca.inf)
 
     def _land(self) -> None:
-        """A tip that landed stays there: on the place of the surface next to where it met the object."""
+        """A tip stays where it touched: on the place of the surface next to where it met the object."""
         for contact in self.contacts:
             if self.spec.lands(contact.spec):
                 normal, at = contact.local.normal, self.x(f"landing, {contact.spec.name}", 2)

@@ -42,7 +42,7 @@ NEXT = 2
 """Faces and corners next to a place on a circle that are tried, of each contact."""
 STEADY = 1e-5
 """Relative change of what is sought, by new guarded places, from which on it is solved once more."""
-RUNGS = (
+OPTION_SETS = (
     (nlp.OptionSet.REFINED, 40),
     (nlp.OptionSet.REFINED_MONOTONE, 60),
     (nlp.OptionSet.DEFAULT, 200),
@@ -100,13 +100,13 @@ class GraspSolverRun:
         *,
         features: dict[str, Feature] | None = None,
         smoothed: bool = False,
-        rung: int = 0,
+        options_at: int = 0,
         x0: Array | None = None,
         **options: Any,
     ) -> Attempt:
         """Solve from a start, moving the guarded places to where fingers are deepest.
 
-        ``rung`` says how bold the solver is, as of `RUNGS`: 0 for starts that are nearly exact, 2 for rough ones.
+        ``options_at`` is a place in `OPTION_SETS`: 0 for starts that are nearly exact, 2 for rough ones.
         Iterations are taken from the budget, which may be restricted to so many ``iterations``. Limits may be
         ``relaxed``; their amounts are minimized then, beginning with those given (SI), of several the sum of their
         parts of a usual amount, times ``weights`` by their names. Contacts sit on ``features``, by default those of the
@@ -121,8 +121,8 @@ class GraspSolverRun:
             Ctrl-C was pressed meanwhile; this start has no result then.
         """
 
-        def solved(sits: dict[str, Feature], x0: Array | None, rung: int = rung) -> Attempt:
-            return self._run(scene, start, budget, sits, rung=rung, x0=x0, **options)
+        def solved(sits: dict[str, Feature], x0: Array | None, options_at: int = options_at) -> Attempt:
+            return self._run(scene, start, budget, sits, options_at=options_at, x0=x0, **options)
 
         if features is not None:
             return solved(features, x0)
@@ -133,7 +133,7 @@ class GraspSolverRun:
         else:
             attempt = solved(sits, x0)
         while attempt not in options.get("known", ()) and (beyond := self._beyond(scene, attempt)) is not None:
-            other = solved(*beyond, rung=0)
+            other = solved(*beyond, options_at=0)
             better = other.converged and other.objective < attempt.objective - EXACT * abs(attempt.objective)
             attempt = _after(other, attempt) if better else _after(attempt, other)
             if not better:
@@ -204,7 +204,7 @@ class GraspSolverRun:
         budget: Budget,
         features: dict[str, Feature],
         *,
-        rung: int,
+        options_at: int,
         x0: Array | None,
         iterations: int | None = None,
         relaxed: Sequence[tuple[Relaxation, float]] = (),
@@ -236,7 +236,7 @@ class GraspSolverRun:
             held = np.where(np.isnan(value), x[at], value)
             x[at] = held
             low[at], high[at] = (np.where(np.isnan(value), side[at], held) for side in (low, high))
-        options, cap = RUNGS[rung]
+        options, cap = OPTION_SETS[options_at]
         solve = partial(self._solved, self.prepare(scene))
         began = time.perf_counter()
         x = np.clip(x, low, high)

@@ -156,7 +156,7 @@ class ProblemSpec:
     wrenches: int  # disturbances, where they are an aim
     locked: bool  # whether tendons are locked under disturbances
     steadied: bool = False  # whether there is a bound on what the least eigenvalue is to first order
-    landed: bool = False  # whether the object yields to tips that stay where they landed on it
+    yielding: bool = False  # whether the object yields to tips that stay where they met it
 
     @staticmethod
     def of(scene: GraspScene, contacts: dict[str, ContactStart]) -> ProblemSpec:
@@ -193,16 +193,16 @@ class ProblemSpec:
             locked=disturbed and scene.disturbances.tendons == "locked",
         )
 
-    def in_error(self, *, landed: bool) -> ProblemSpec:
+    def in_error(self, *, yielding: bool) -> ProblemSpec:
         """Structure for the same contacts of an object that is not as it should be: the greatest reserve of their cones
         is sought.
 
-        A ``landed`` object yields to the fingers, tips stay where they landed on it.
+        A ``yielding`` object yields to the fingers, tips stay where they met it.
         """
-        free, aims = self.free or landed, ("greatest_reserve",)
+        free, aims = self.free or yielding, ("greatest_reserve",)
         fingers = tuple(finger if finger.drive is None else replace(finger, in_error=True) for finger in self.fingers)
-        return replace(self, fingers=fingers, free=free, landed=landed, aims=aims, wrenches=0, locked=False)
+        return replace(self, fingers=fingers, free=free, yielding=yielding, aims=aims, wrenches=0, locked=False)
 
     def lands(self, contact: ContactSpec) -> bool:
-        """Whether a contact stays where it landed on the object: of a finger that slides along it, none does."""
-        return self.landed and contact.finger >= 0 and not any(self.fingers[contact.finger].touching)
+        """Whether a contact stays where it met the object: of a finger that slides along it, none does."""
+        return self.yielding and contact.finger >= 0 and not any(self.fingers[contact.finger].touching)

@@ -234,7 +234,7 @@ def _finger_values(scene: GraspScene, setup: FingerSetup, whole: Start, units: U
             "series": law.series * pull / length,
             "axial": law.axial * pull / length,
             "servo": law.servo * pull / length if law.locks else 0.0,
-            "taut": SOFT / (law.series + law.axial) / pull,
+            "pulling": SOFT / (law.series + law.axial) / pull,
             "start": law.start / length,
             # Winches that follow a length have no limit: no difference of tensions is twice their greatest.
             "torque_max": min(law.greatest, 2.0 * greatest_tension) / pull,

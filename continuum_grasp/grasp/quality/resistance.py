@@ -10,7 +10,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.check import EXACT
-from continuum_grasp.grasp.certificate.drives import TAUT
+from continuum_grasp.grasp.certificate.drives import LEAST_PULL
 from continuum_grasp.grasp.certificate.held import YIELDS
 from continuum_grasp.grasp.quality.lp import INWARD, Cones, solve_socp
 from continuum_grasp.grasp.quality.response import GraspResponse, Tendons
@@ -175,7 +175,7 @@ def difference_range(setup: FingerSetup, tensions: Array, tendons: Tendons) -> t
     """
     least, greatest, used = setup.tendons.min_tension, setup.max_tension, setup.finger.tendons_used
     now = float(tensions[0] - tensions[1])
-    slack = tensions <= TAUT * greatest
+    slack = tensions <= LEAST_PULL * greatest
     if setup.drive is not None and tendons == "locked" and slack.any():
         # A slack tendon stays so; the other takes all of a change until it is slack itself.
         low, high = (-tensions[0], greatest - tensions[0]) if slack[1] else (tensions[1] - greatest, tensions[1])

@@ -78,15 +78,15 @@ class Elastic:
         if search.budget.over:
             return None
         if isinstance(begin, Repair):
-            start, parts, x0, rung, patience = begin.attempt.start, begin.parts, begin.attempt.x, 1, None
+            start, parts, x0, options_at, patience = begin.attempt.start, begin.parts, begin.attempt.x, 1, None
         else:
             # Where something repairs the scene already, further repairs are not worth what the first one is.
             patience = PATIENCE if self.found else None
-            start, parts, x0, rung = begin, dict.fromkeys(limits, 1.0), None, 2
+            start, parts, x0, options_at = begin, dict.fromkeys(limits, 1.0), None, 2
         solver, usual = search.solver(start), {limit: limit.start(scene) for limit in limits}
         relaxed = [(limit, amount * parts.get(limit, 0.0)) for limit, amount in usual.items()]
         ends = {"iterations": FIRST_CAP, "standstill": STANDSTILL, "patience": patience}
-        options: dict[str, Any] = {"rung": rung, "relaxed": relaxed, "x0": x0, "weights": weights, **ends}
+        options: dict[str, Any] = {"options_at": options_at, "relaxed": relaxed, "x0": x0, "weights": weights, **ends}
         attempt = solver.run(scene, start, search.budget, smoothed=x0 is None, **options)
         if attempt.violations and attempt.features != contact_features(scene, start.contacts):
             # A limit may be relaxed far enough for some corner where the circles led to none.
@@ -158,7 +158,7 @@ class Elastic:
         parts = {limit: min(part + step, greatest[limit]) for limit, part in repair.parts.items()}
         eased, start, bounds = self.relaxed(parts), repair.attempt.start, scene.robust or Robust.model_construct()
         solver = search.solver(start)
-        attempt = solver.run(eased, start, search.budget, rung=2, x0=repair.attempt.x, iterations=FIRST_CAP)
+        attempt = solver.run(eased, start, search.budget, options_at=2, x0=repair.attempt.x, iterations=FIRST_CAP)
         if not attempt.converged or not np.isfinite(attempt.x).all():
             return None
         exchange = find_robust(eased, bounds, solver.arrays(eased, attempt), search.budget)
@@ -172,6 +172,6 @@ def settled(totals: list[float]) -> bool:
     return least < math.inf and (sum(alike) >= AGREEING or len(alike) - alike.index(True) > AGREEING)
 
 
-def same(one: float, other: float) -> bool:
+def same(first: float, other: float) -> bool:
     """Whether two sums of parts are the same."""
-    return math.isclose(one, other, rel_tol=SAME)
+    return math.isclose(first, other, rel_tol=SAME)

@@ -178,7 +178,7 @@ class InError:
 
     def solver(self, contacts: Mapping[str, ContactStart]) -> GraspSolverRun:
         """The solver of postures with some contacts on."""
-        spec = ProblemSpec.of(self.scene, dict(contacts)).in_error(landed=self.yields)
+        spec = ProblemSpec.of(self.scene, dict(contacts)).in_error(yielding=self.yields)
         solver: GraspSolverRun = solver_for(spec)
         return solver
 

@@ -28,7 +28,7 @@ from continuum_grasp.grasp.problem.equations import expressions
 from continuum_grasp.grasp.problem.points import starting_point
 from continuum_grasp.grasp.problem.problem import GraspProblem
 from continuum_grasp.grasp.problem.solver_run import (
-    RUNGS,
+    OPTION_SETS,
     Attempt,
     GraspSolverRun,
     allowed_depth,
@@ -75,7 +75,7 @@ def link(nominal: GraspProblem, other: GraspProblem, error: ca.SX, left: tuple[i
         rows.append(its.held - mine.held)
         if mine.spec.free:
             rows.append(its.base - mine.base)
-    if nominal.spec.free and not other.spec.landed:
+    if nominal.spec.free and not other.spec.yielding:
         rows += [other.pose[k] - nominal.pose[k] - error[k] for k in left]
     on = {contact.spec.name for contact in other.contacts}
     for contact in nominal.contacts:
@@ -215,7 +215,7 @@ class JointSolverRun:
         x = np.clip(x0, low, high)
         begin = nlp.Start(x, low, high, *self.row_bounds, look(x, np.concatenate([*packed, offsets]))[1])
         solve = partial(nlp.new_solver(settings_of(scene.solver)).solve, self.nlp)
-        last, numbers = solve_clear(solve, self.nlp, begin, look, allowed_depth(scene), budget, RUNGS[-1][1])
+        last, numbers = solve_clear(solve, self.nlp, begin, look, allowed_depth(scene), budget, OPTION_SETS[-1][1])
         return Attempt(**vars(last), start=start, features=features, numbers=numbers, violations=[])
 
     def bounds(self, scene: GraspScene, start: Start, features: dict[str, Feature]) -> tuple[Array, Array]:

@@ -139,9 +139,9 @@ class Responder:
         reserve_of = partial(_reserve, solver, scene)
         if not any(reserve_of(attempt) >= HOLDS for attempt in attempts):
             self.anew += 1
-            attempts.append(solve(rung=2))
+            attempts.append(solve(options_at=2))
             # Nor does that: where a face lies on a support, its ends share friction in several ways.
-            firmest = max(self._with_contacts(begin), key=lambda one: one.reserve, default=None)
+            firmest = max(self._with_contacts(begin), key=lambda response: response.reserve, default=None)
             if reserve_of(attempts[-1]) < HOLDS and firmest and firmest.holds and self._far < FRUITLESS:
                 attempts.append(solve(x0=firmest.attempt.x))
                 self._far = 0 if reserve_of(attempts[-1]) >= HOLDS else self._far + 1
@@ -232,7 +232,7 @@ class Responder:
 
     def _with_contacts(self, begin: Start) -> list[Response]:
         """The solutions with the contacts of a start."""
-        return [one for one in self._known if one.begin.contacts.keys() == begin.contacts.keys()]
+        return [response for response in self._known if response.begin.contacts.keys() == begin.contacts.keys()]
 
 
 def _reserve(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -> float:

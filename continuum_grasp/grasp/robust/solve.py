@@ -39,7 +39,7 @@ DRAWS = 100
 COMPARED = 200
 """Draws with which the nominal grasp is tried: its share is known to 7 percentage points at 95 %."""
 HALVINGS = 4
-"""Number of times that the interval of the bounds that can be borne is halved: to a sixteenth."""
+"""Number of times that the interval of the bounds that a grasp holds is halved: to a sixteenth."""
 BRANCHES = 2
 """Further grasps of the nominal search next to which a robust one is sought. With stations, that with one holds after
 1.5 s, that with two after 3 s, that with four does not after 17 s, and one with three has no answer after minutes
@@ -210,7 +210,7 @@ def _holds(result: GraspResult, bounds: Robust, share: float, budget: Budget) ->
     fingers = {setup.name: _less_friction(setup, share) for setup in scene.setups}
     less, start = scene.with_fingers(fingers), start_from(scene, dict(result.arrays))
     solver = solver_for(ProblemSpec.of(less, start.contacts))
-    attempt = solver.run(less, start, budget, rung=2)
+    attempt = solver.run(less, start, budget, options_at=2)
     return attempt.converged and find_robust(less, bounds, solver.arrays(less, attempt), budget).holds
 
 

@@ -34,7 +34,7 @@ _COST = 0.1
 def matched_sets(
     scene: GraspScene,
     loads: Loads,
-    found: list[Candidates],
+    postures: list[Candidates],
     pose: Pose,
     supports: tuple[Block, dict[str, ContactStart]],
     count: int,
@@ -43,18 +43,18 @@ def matched_sets(
     first; the object is at a world pose [m, rad].
     """
     com = complex(*scene.object.com)
-    row_limit = _TABLE[len(found)]
+    row_limit = _TABLE[len(postures)]
     picks, tables, features = [], [], []
-    for setup, candidates in zip(scene.setups, found, strict=True):
+    for setup, candidates in zip(scene.setups, postures, strict=True):
         block = finger_block(scene, loads, setup, candidates, pose)
-        borne = shape_forces(loads, setup, candidates, block, com)
-        edges, pull = borne.known[:, 3:5], borne.known[:, 5]
+        carried = shape_forces(loads, setup, candidates, block, com)
+        edges, pull = carried.known[:, 3:5], carried.known[:, 5]
         high = float(block.high[-2:].max()) / loads.force
         normal = edges.sum(axis=1)
         # What is outside of the cone or a limit, per the forces in play.
         outside = np.maximum(-edges, 0.0).sum(axis=1) + np.maximum(np.abs(pull) - high, 0.0)
         outside += np.maximum(normal - setup.normal_force_max / loads.force, 0.0)
-        alone = outside / (1.0 + np.abs(edges).sum(axis=1)) + np.sqrt((borne.own**2).sum(axis=1))
+        alone = outside / (1.0 + np.abs(edges).sum(axis=1)) + np.sqrt((carried.own**2).sum(axis=1))
         alone += np.minimum(10.0 * candidates.violation, 1.0)
         lift = 2.0 * setup.held_friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
         cost = np.abs(pull) / high
@@ -62,7 +62,7 @@ def matched_sets(
         features.append(candidates.features(setup.finger.rod.length))
         pick = np.array(spread_order(score, features[-1], row_limit))
         picks.append(pick)
-        tables.append(np.column_stack([borne.known[:, :3], lift, alone, cost])[pick])
+        tables.append(np.column_stack([carried.known[:, :3], lift, alone, cost])[pick])
     sizes = [len(pick) for pick in picks]
     total = tables[0]
     size = 1.0 + np.sqrt((total[:, :3] ** 2).sum(axis=1))
@@ -81,7 +81,7 @@ def matched_sets(
     index = [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
     unlike = np.concatenate([each[i] for each, i in zip(features, index, strict=True)], axis=1)
     best = spread_order(score[likely], unlike, count)
-    return [candidates.take(i[best]) for candidates, i in zip(found, index, strict=True)]
+    return [candidates.take(i[best]) for candidates, i in zip(postures, index, strict=True)]
 
 
 def _supported(
@@ -113,7 +113,7 @@ _SHALLOW = 1e-3
 
 
 @dataclass(frozen=True)
-class Borne:
+class ShapeForces:
     """Effect of the contact force and the tension that come closest to bending P postures of a finger as they are."""
 
     known: Array  # (P, 8) what they do to the object (3), forces along two edges of the cone, tension left minus
@@ -121,7 +121,7 @@ class Borne:
     own: Array  # (P, R) what is missing for the balance of the finger
 
 
-def shape_forces(loads: Loads, setup: FingerSetup, found: Candidates, block: Block, com: complex) -> Borne:
+def shape_forces(loads: Loads, setup: FingerSetup, candidates: Candidates, block: Block, com: complex) -> ShapeForces:
     """Forces that shapes of a finger that touches with its tip alone fix; ``com`` in the object's frame [m]."""
     columns = [*cone_edges(loads, setup.held_friction), -2]
     moments, onto = block.moments[:, :, columns], block.onto[:, :3, columns]
@@ -132,10 +132,10 @@ def shape_forces(loads: Loads, setup: FingerSetup, found: Candidates, block: Blo
     right = np.einsum("pri,pr->pi", moments, block.needed) / span
     forces = np.linalg.solve(square, right[..., None])[..., 0] / span
     remainder = (moments @ forces[..., None])[..., 0] - block.needed
-    arm = (found.points[:, 0] - com) / loads.length
+    arm = (candidates.points[:, 0] - com) / loads.length
     known = [(onto @ forces[..., None])[..., 0], forces, arm.real[:, None], arm.imag[:, None]]
     known[0], known[1] = known[0] / loads.force, known[1] / loads.force
-    return Borne(np.concatenate(known, axis=1), remainder)
+    return ShapeForces(np.concatenate(known, axis=1), remainder)
 
 
 def polished(
@@ -327,9 +327,9 @@ class _Finger:
         if len(slopes):
             wrong[slopes] = self._in_the_way(postures.take(slopes))
         block = finger_block(self.scene, self.loads, self.setup, postures, self.pose)
-        borne = shape_forces(self.loads, self.setup, postures, block, complex(*self.scene.object.com))
-        alone = np.column_stack([borne.own, _IN_THE_WAY * wrong, _GAP * gap])
-        known, remainder = (part.reshape(count, size + 1, -1) for part in (borne.known, alone))
+        carried = shape_forces(self.loads, self.setup, postures, block, complex(*self.scene.object.com))
+        alone = np.column_stack([carried.own, _IN_THE_WAY * wrong, _GAP * gap])
+        known, remainder = (part.reshape(count, size + 1, -1) for part in (carried.known, alone))
         return _Look(known, remainder, steps)
 
     def candidates(self, x: Array) -> Candidates:

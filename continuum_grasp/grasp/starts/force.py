@@ -144,18 +144,20 @@ def _cap(loads: Loads, limit: float) -> float:
     return min(limit, 1000.0 * loads.force)
 
 
-def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Candidates, pose: Pose) -> Block:
+def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, candidates: Candidates, pose: Pose) -> Block:
     """Forces of one finger in P postures, the object being at a world pose [m, rad]."""
     finger, length = setup.finger, setup.finger.rod.length
     turn, origin = cmath.exp(1j * pose[2]), complex(pose[0], pose[1])
-    points, normals = origin + turn * found.points, turn * np.exp(1j * found.angles)
-    mesh = _Mesh.of(setup, found)
+    points, normals = origin + turn * candidates.points, turn * np.exp(1j * candidates.angles)
+    mesh = _Mesh.of(setup, candidates)
     at = mesh.sections
-    curve = sample(found.knots, found.curvatures, np.concatenate([np.zeros((len(found), 1)), at], axis=1))
-    base = found.bases
+    curve = sample(
+        candidates.knots, candidates.curvatures, np.concatenate([np.zeros((len(candidates), 1)), at], axis=1)
+    )
+    base = candidates.bases
     world = (base[:, 0] + 1j * base[:, 1])[:, None] + length * np.exp(1j * base[:, 2:]) * curve[:, 1:]
     profile, (channel,) = finger.profile, finger.channels
-    bent = curvature_at(found.knots, found.curvatures, at) / length - profile.rest_curvature(length * at)
+    bent = curvature_at(candidates.knots, candidates.curvatures, at) / length - profile.rest_curvature(length * at)
     needed = profile.bending_stiffness(length * at) * bent
     # A straight finger needs no moment, but a scale.
     scale = np.maximum(np.abs(needed).max(axis=1), 0.3 * setup.stiffness / length)[:, None]
@@ -165,7 +167,7 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Can
     edges = normals[..., None] * (1.0 + 1j * slopes)
     arms = points[:, None, :] - world[:, :, None]
     # A section bears what acts beyond it, up to the tip.
-    reaches = found.stations[:, None, :] >= at[:, :, None] - 1e-9
+    reaches = candidates.stations[:, None, :] >= at[:, :, None] - 1e-9
     moments = (np.conj(arms)[..., None] * edges[:, None]).imag * reaches[..., None]
     moments = moments.reshape(*at.shape, -1)
     tendons, used = setup.tendons, finger.tendons_used
@@ -173,7 +175,7 @@ def finger_block(scene: GraspScene, loads: Loads, setup: FingerSetup, found: Can
     moments = np.concatenate([moments, channel.shape(length * at)[..., None] * np.asarray(channel.arms)], axis=2)
     com = origin + turn * complex(*scene.object.com)
     onto = _onto(loads, points - com, edges, lifts)
-    onto = np.concatenate([onto, np.zeros((len(found), loads.rows, 2))], axis=2)
+    onto = np.concatenate([onto, np.zeros((len(candidates), loads.rows, 2))], axis=2)
     pushes = onto.shape[2] - 2
     return Block(
         onto,
@@ -198,12 +200,12 @@ class _Mesh:
     matches_tip: bool
 
     @staticmethod
-    def of(setup: FingerSetup, found: Candidates) -> _Mesh:
+    def of(setup: FingerSetup, candidates: Candidates) -> _Mesh:
         """The elements of a finger, or fewer where it has many."""
-        few, count = setup.elements <= FINE, len(found)
+        few, count = setup.elements <= FINE, len(candidates)
         counts = tuple(n if few else min(n, 2) for n in np.diff((0, *setup.before, setup.elements)).tolist())
         at, share, shapes = _elements(counts, few and family_class(setup.family).degree == 0)
-        ends = np.concatenate([np.zeros((count, 1)), found.joints, np.ones((count, 1))], axis=1)
+        ends = np.concatenate([np.zeros((count, 1)), candidates.joints, np.ones((count, 1))], axis=1)
         return _Mesh(ends @ at, ends @ share, shapes, FAMILIES[setup.family].matches_tip)
 
     def project(self, values: Array) -> Array:

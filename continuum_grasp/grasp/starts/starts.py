@@ -251,7 +251,7 @@ _AT = np.linspace(0.0, 1.0, 25)
 """Places along a finger: the segments between them are 4 % of its length."""
 
 
-def overlaps(scene: GraspScene, found: list[Candidates], index: list[Array]) -> Array:
+def overlaps(scene: GraspScene, postures: list[Candidates], index: list[Array]) -> Array:
     """Depth of the fingers of B combinations in each other, in sum, per length (B,); ``index`` (B,) per finger are the
     postures combined.
     """
@@ -261,7 +261,7 @@ def overlaps(scene: GraspScene, found: list[Candidates], index: list[Array]) -> 
     if not pairs:
         return deep
     lines = []
-    for setup, candidates in zip(scene.setups, found, strict=True):
+    for setup, candidates in zip(scene.setups, postures, strict=True):
         bent = sample(candidates.knots, candidates.curvatures, np.tile(_AT, (len(candidates.knots), 1)))
         x, y, turn = candidates.bases.T
         lines.append((x + 1j * y)[:, None] + np.exp(1j * turn)[:, None] * setup.finger.rod.length * bent)

@@ -104,21 +104,21 @@ class Commissioning(Fit):
         return {**details, **self.summary()}
 
 
-def configuration_text(found: Commissioning) -> str:
+def configuration_text(result: Commissioning) -> str:
     """The corrected configuration as YAML."""
-    plain = found.apply().model_dump(mode="json", exclude_unset=True)
+    plain = result.apply().model_dump(mode="json", exclude_unset=True)
     return yaml_text({"schema_version": 1, **plain}, exact=True)
 
 
-def report_text(found: Commissioning) -> str:
+def report_text(result: Commissioning) -> str:
     """Numbers with intervals, and what the log does not tell."""
-    rows = [("status", found.status), *found.pairs().items()]
+    rows = [("status", result.status), *result.pairs().items()]
     lines = [f"{name}: {value}" for name, value in rows]
-    ends = zip(found.names, found.intervals, found.units, strict=True)
+    ends = zip(result.names, result.intervals, result.units, strict=True)
     lines += [f"{name}: {low:.4g} to {high:.4g} {unit} (95 %)" for name, (low, high), unit in ends]
-    return "\n".join([*lines, *found.warnings, ""])
+    return "\n".join([*lines, *result.warnings, ""])
 
 
-def log_text(found: Commissioning) -> str:
+def log_text(result: Commissioning) -> str:
     """The log of a simulated plant."""
-    return "" if found.log is None else found.log.text()
+    return "" if result.log is None else result.log.text()

@@ -31,7 +31,7 @@ def numbers_of(finger: Finger) -> dict[str, Number]:
 
 
 def laws_of(finger: Finger, family: Family, numbers: Numbers) -> list[SectionLaw]:
-    """None: the moments of the sections stay as they are."""
+    """Return nothing: the moments of the sections stay as they are."""
     if finger.gyration_radius is not None and numbers.is_runtime("tendon_friction"):
         raise InputError("tendons that shorten the rod have no friction: leave gyration_radius out", key="parameters")
     return []

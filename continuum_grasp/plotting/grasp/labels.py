@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _CELL = 2.0
 """Side of a cell of the map of what is taken [points]: as wide as the widest line."""
 _FONT = 8.0
-"""Size [points]."""
+"""Size of labels [points]."""
 _PAD = 2.5
 """Free margin around a label [points]."""
 _TURNS = np.linspace(0.0, math.tau, 32, endpoint=False)

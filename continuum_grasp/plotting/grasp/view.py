@@ -68,7 +68,7 @@ class GraspView:
 
     @cached_property
     def center_of_mass(self) -> Array:
-        """World (2,) [mm]."""
+        """World position of the center of mass (2,) [mm]."""
         return MM * (self.pose[:2] + turned(np.array(self.result.scene.object.com), self.pose[2]))
 
     @cached_property

@@ -910,7 +910,7 @@ document.addEventListener("keydown", (event) => {
 const aims = LOOP && ["tip_x", "tip_y"].every((name) => LOOP.reference.names.includes(name));
 const thing = document.title.match(/mug|cup|bottle|jar|bar|post|block|flask|disc/i)?.[0].toLowerCase() ?? "object";
 function help() {
-  element("call").textContent = aims ? "Drag the target." : moves ? `Drag the ${thing}.` : "Push the finger.";
+  element("call").textContent = `${aims ? "Drag the target" : moves ? `Drag the ${thing}` : "Push the finger"}, drag the wind${ROUGH ? ", lower the friction" : ""}.`;
   element("help").textContent = [
     RECORD ? "The recorded run plays; whatever is moved takes over from there, Reset plays it again." : "",
     MISSION ? `The mission begins by itself, and anew by Reset. Let go lowers the ${thing} first, Open now does not.` : "",

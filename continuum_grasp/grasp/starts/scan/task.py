@@ -119,7 +119,7 @@ class Rows:
         return len(getattr(self, fields(self)[0].name))
 
     def take(self, index: Any) -> Self:
-        """Some of the rows."""
+        """Select some of the rows."""
         rows = {
             name: value.take(index) if isinstance(value, Rows) else value[index] for name, value in vars(self).items()
         }
@@ -190,7 +190,7 @@ def join(groups: list[P]) -> P | None:
 
 
 def unique(family: Postures) -> Postures:
-    """Each posture once."""
+    """Postures of a family without repetitions."""
     # Newton's method finds a posture to 1e-12; different ones differ by far more than 1e-5 L and 1e-4 / L.
     key = np.round(np.concatenate([family.knots, 0.1 * family.curvatures], axis=1), 5)
     _, index = np.unique(key, axis=0, return_index=True)

@@ -1,0 +1,120 @@
+"""The functions of a finger as files of CasADi."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+
+from continuum_grasp import __version__, interrupt
+from continuum_grasp.arguments import check_arguments
+from continuum_grasp.export.fields import REALS
+from continuum_grasp.export.manifest import MANIFEST, manifest_text, model_description, write_package
+from continuum_grasp.export.source import Given, chosen, source_of
+from continuum_grasp.model import FingerModel
+from continuum_grasp.model.functions import function_names
+from continuum_grasp.results.atomic import check_folder
+
+
+@dataclass(frozen=True)
+class CasadiFiles:
+    """Functions of a finger as files that CasADi loads in Python, C++, MATLAB and Octave.
+
+    Attributes
+    ----------
+    folder : pathlib.Path
+        Folder of the files.
+    files : tuple of str
+        Names of the files: one per function, and the manifest.
+    manifest : dict
+        Content of ``MANIFEST.json``: inputs and outputs of each function, names and units of their entries, nominal
+        parameters, and the version of CasADi, which reads files of its own version and of older ones.
+    """
+
+    folder: Path
+    files: tuple[str, ...]
+    manifest: dict[str, Any]
+
+
+@interrupt.computing()
+@check_arguments
+def export_casadi(given: Given, folder: str | os.PathLike[str], *, what: Sequence[str] | None = None) -> CasadiFiles:
+    """Write the functions of a finger as files of CasADi, for programs that have CasADi and not this package.
+
+    ``casadi.Function.load("tip.casadi")`` in Python, ``casadi::Function::load`` in C++ and ``casadi.Function.load`` in
+    MATLAB return the function, which can be evaluated, differentiated, and used in an NLP. Of a closed loop or a
+    mission the finger is that of the controller's prediction; surroundings and objects are no part of it.
+
+    Parameters
+    ----------
+    given : FingerModel, Scene, ControlScene, MissionScene, MissionRun, Controller, Estimator or path
+        What to export, or the path of its configuration.
+    folder : path-like
+        Where to. An earlier export there is replaced; files that are none of its own, or were changed, are not.
+    what : sequence of str, optional
+        Names of functions of `FingerModel`, such as forward_dynamics and tip; all by default.
+
+    Returns
+    -------
+    CasadiFiles
+
+    Raises
+    ------
+    InputError
+        If a function is not known, or the folder holds other files of the same names.
+    SolverError
+        If no model keeps the scene's tolerance.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> import casadi as ca
+    >>> import continuum_grasp as cg
+    >>> files = cg.export_casadi("configs/simulate/hanging.yaml", tempfile.mkdtemp(), what=["tip"])
+    >>> files.files
+    ('MANIFEST.json', 'tip.casadi')
+    >>> ca.Function.load(str(files.folder / "tip.casadi")).name_out()
+    ['r']
+    """
+    check_folder(folder, "export")
+    known = function_names(FingerModel)
+    names = known if what is None else chosen(what, known, "function", "what")
+    source = source_of(given, REALS["double"])
+    model = source.finger
+    functions = {name: getattr(model, name) for name in names}
+    files = {f"{name}.casadi": _stored(function) for name, function in functions.items()}
+    digests = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(files.items())}
+    values = {
+        "name": source.name,
+        "versions": {"continuum_grasp": __version__, "casadi": str(ca.CasadiMeta.version())},
+        "configuration_hash": hashlib.sha256("".join(digests.values()).encode()).hexdigest()[:16],
+        "model": model_description(model),
+        "functions": {
+            name: {
+                "inputs": {key: list(function.size_in(key)) for key in function.name_in()},
+                "outputs": {key: list(function.size_out(key)) for key in function.name_out()},
+            }
+            for name, function in functions.items()
+        },
+        "entries": {vector: getattr(model, f"{vector}_names") for vector in "qxuwp"},
+        "nominal_parameters": dict(zip(model.p_names, map(float, model.p_nominal), strict=True)),
+        "configuration": source.configuration,
+        "sha256": digests,
+    }
+    files[MANIFEST] = manifest_text(values)
+    write_package(Path(folder), files)
+    return CasadiFiles(Path(folder), tuple(sorted(files)), values)
+
+
+def _stored(function: ca.Function) -> str:
+    """A function as CasADi stores it in a file: letters alone. OSError where the disk is full."""
+    with tempfile.TemporaryDirectory() as work:
+        file = Path(work) / "function.casadi"
+        function.save(str(file))
+        return file.read_text(encoding="ascii")
