@@ -54,10 +54,9 @@ def within(curvature):
 
 def judged(depth):
     """Whether postures so deep in something are left."""
-    scan = Basins(make_scene("matched_clothoid", UPRIGHT), ON)
-    scan._depth = lambda some: np.full(len(some), depth)
-    left, _ = scan._judged(touching.scanned(scan.task, touching.Ring(scan.task, 32)))
-    return left is not None and len(left.branch) > 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(basins, "obstruction", lambda task, knots, *_: np.full(len(knots), depth))
+        return Basins(make_scene("matched_clothoid", UPRIGHT), ON).postures > 0
 
 
 def violates_nothing(depth=0.0, bent=0.0):
@@ -122,7 +121,8 @@ def test_a_posture_that_cannot_hold_ranks_behind_all_that_can(part, monkeypatch)
         monkeypatch.setattr(basins, "imbalance", lambda *_: found)
         some.ends[:] = 8.0 * (1.0 + off["above"])
         block = SimpleNamespace(needed=np.zeros(1), cost=np.ones(1), high=np.ones(1))
-        return float(scan._weighed(some, None, block, np.array([off["wrong"]])).score[0])
+        monkeypatch.setattr(basins, "finger_block", lambda *_: block)
+        return float(scan._weighed(some, SimpleNamespace(violation=np.array([off["wrong"]]))).score[0])
 
     assert score(off) == pytest.approx(0.5)
     assert score(off | {part: off[part] + (0.1 if part == "above" else 0.01)}) == pytest.approx(1.5)

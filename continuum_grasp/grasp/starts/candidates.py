@@ -103,8 +103,7 @@ def _postures(task: FingerTask, several: bool) -> Postures | None:
             family = with_tip(task, family) if task.tip else _free_end(family)
     elif task.tip:
         if task.arcs and task.counts == (1, 1):
-            some = scanned_arcs(task)
-            family = _with_tips(some.knots, some.ends, some.tip, some.tip_point, some.tip_normal)
+            family = scanned_arcs(task).postures(task)
         else:
             family = bent_by_tip(task, several)
     else:  # it touches nothing: at rest
@@ -158,9 +157,9 @@ def first_joint(task: FingerTask) -> Postures | None:
     """Curves from the base to the first contact, tangent there, with the object on their left."""
     some = scanned(replace(task, tip=False), Ring(task))
     some = some.take(some.side > 0)
-    touched = some.joint[:, None], some.part[:, None], some.point[:, None], some.normal[:, None]
-    postures = Postures(some.knots[:, :2], some.ends[:, :2], *touched, np.zeros(len(some)))
-    return _clear(task, postures) if len(some) else None
+    whole = some.postures(replace(task, tip=False))
+    first = replace(whole, knots=whole.knots[:, :2], curvatures=whole.curvatures[:, :2])
+    return _clear(task, first) if len(some) else None
 
 
 def next_joint(task: FingerTask, family: Postures) -> Postures | None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.shape import ROUNDING
-from continuum_grasp.grasp.starts.basins import Basins, Scored, is_scanned
+from continuum_grasp.grasp.starts.basins import Basins, is_scanned
 from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates, spread_order
 from continuum_grasp.grasp.starts.fingertips import matched_sets
 from continuum_grasp.grasp.starts.force import (
@@ -60,7 +60,7 @@ def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Ba
     if not is_scanned(scene, on):
         return None
     basins = Basins(scene, on)
-    return _starts_of(basins, basins.found()), basins
+    return _starts_of(basins), basins
 
 
 def held_still(scene: GraspScene, on: frozenset[str]) -> GraspScene | None:
@@ -77,12 +77,13 @@ def held_still(scene: GraspScene, on: frozenset[str]) -> GraspScene | None:
 
 def rebalanced_starts(basins: Basins, scene: GraspScene) -> list[Start]:
     """Starts from the postures of a scan for a scene that differs in mass or in limits of forces alone."""
-    return _starts_of(*basins.with_forces(scene))
+    return _starts_of(basins.with_forces(scene))
 
 
-def _starts_of(basins: Basins, scored: Scored | None) -> list[Start]:
-    if scored is None:
+def _starts_of(basins: Basins) -> list[Start]:
+    if not basins.postures:
         return []
+    scored = basins.lowest()
     none, rows = np.zeros(len(scored.score)), np.arange(len(scored.score))
     at = Weighed(basins.pose, [scored.candidates], [rows], scored.left, scored.score, none, none, scored.forces)
     return [

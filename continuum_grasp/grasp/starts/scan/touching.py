@@ -15,7 +15,7 @@ import numpy as np
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import MOST_TURN, NODES, WEIGHTS, bends_to, exact_bends, wrapped
-from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_MOST, TIP_REACH, TIPS, FingerTask, Rows
+from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_MOST, TIP_REACH, TIPS, FingerTask, Postures, Rows
 from continuum_grasp.model.surfaces.outline import Outline
 
 _ROOT = 8
@@ -108,6 +108,19 @@ class Branch(Rows):
         ones = np.ones(len(self))
         return np.stack([0.0 * ones, self.joint, self.joint, ones], axis=1)
 
+    def postures(self, task: FingerTask) -> Postures:
+        """The postures of a task with one middle contact at most."""
+        middle, tip = int(any(task.middles)), int(task.tip)
+        return Postures(
+            knots=self.knots,
+            curvatures=self.ends,
+            joints=self.joint[:, None][:, :middle],
+            parts=np.stack([self.part] * middle + [self.tip] * tip, axis=1),
+            points=np.stack([self.point] * middle + [self.tip_point] * tip, axis=1),
+            angles=np.stack([self.normal] * middle + [self.tip_normal] * tip, axis=1),
+            violation=np.zeros(len(self)),
+        )
+
 
 def scanned(task: FingerTask, ring: Ring) -> Branch:
     """All postures with a middle contact at the places of a ring, and between those where they change fast."""
@@ -121,26 +134,6 @@ def scanned(task: FingerTask, ring: Ring) -> Branch:
         first = first.followed_by([_between(task, ring, first)])
         first = first.take(_within(task, first))
     return onwards(task, first)[0]
-
-
-def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[Branch, Array]:
-    """The postures next to some at places shifted along the ring by shifts (P, S), and the row that each is from."""
-    rows = np.repeat(np.arange(len(some)), shifts.shape[1])
-    old = some.take(rows)
-    new, good = _moved(ring, old, old.place + shifts.ravel(), old.turn, old.ends[:, 0] * old.joint)
-    good &= _within(task, new)
-    new, rows = new.take(good), rows[good]
-    if not task.tip:
-        return _free(task, new), rows
-    # The tip's root next to the old one.
-    last = new.ends[:, 3]
-    width = _NEARBY * (2.0 * TIP_REACH / (TIPS - 1)) / (1.0 - new.joint)
-    branch, index = _tips(task, new, last[:, None] + width[:, None] * np.linspace(-1.0, 1.0, 7))
-    # Of several the nearest.
-    away = np.abs(branch.ends[:, 3] - last[index])
-    order = np.lexsort((away, index))
-    _, unique = np.unique(index[order], return_index=True)
-    return branch.take(order[unique]), rows[index[order[unique]]]
 
 
 def _moved(ring: Ring, old: Branch, places: Array, turn: Array, bend: Array) -> tuple[Branch, Array]:
@@ -186,10 +179,6 @@ def _between(task: FingerTask, ring: Ring, first: Branch) -> Branch:
         bend[earlier] + share * (bend[later] - bend[earlier]),
     )
     return branch.take(good)
-
-
-_NEARBY = 2.5
-"""Greatest change of an end curvature, in spacings of the scan."""
 
 
 def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, normal: Array) -> Branch:
