@@ -33,7 +33,7 @@ def branch(count=2, **last):
 
 
 def neighbors(**last):
-    return bool(basins.along_outline(branch(**last), 128)[0, 1])
+    return bool(basins.along_outline(branch(**last))[0, 1])
 
 
 def neighboring_arcs(**last):
@@ -75,7 +75,7 @@ def comes_before_another(score):
 
 LIMITS = [
     ("places apart of neighbors", 1.6, lambda x: neighbors(place=x)),
-    ("the same round the end of the ring", 1.6, lambda x: neighbors(place=128.0 - x)),
+    ("the same round the end of the ring", 1.6, lambda x: neighbors(place=touching.PLACES - x)),
     ("joints apart of neighbors", 0.08, lambda x: neighbors(joint=0.5 + x)),
     ("curvatures apart of neighbors", 2.5, lambda x: neighbors(ends=np.array([0.0, x, x, 0.0]))),
     ("normals apart of neighbors", 0.5, lambda x: neighbors(tip_normal=x)),

@@ -15,9 +15,10 @@ import numpy as np
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.candidates import Candidates, all_joints, as_candidates
 from continuum_grasp.grasp.starts.force import finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts.scan import touching
 from continuum_grasp.grasp.starts.scan.curves import wrapped
 from continuum_grasp.grasp.starts.scan.task import Rows, make_task, obstruction
-from continuum_grasp.grasp.starts.scan.touching import Branch, Ring, scanned
+from continuum_grasp.grasp.starts.scan.touching import Branch, scanned
 from continuum_grasp.grasp.starts.scan.two_arcs import arc_spacing, scanned_arcs
 from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.model.family import family_class
@@ -68,9 +69,8 @@ class Basins:
         base = scene.setups[0].finger.base
         self.task = task = make_task(scene, scene.setups[0], (*base.position, base.angle), self.pose, 1, on)
         self._along = any(task.middles)
-        self._ring = Ring(task)
-        branch = scanned(task, self._ring) if self._along else scanned_arcs(task)
-        self.places = self._ring.count * len(task.shapes) if self._along else len(branch)
+        branch = scanned(task) if self._along else scanned_arcs(task)
+        self.places = touching.PLACES * len(task.shapes) if self._along else len(branch)
         family = branch.postures(task)
         family = replace(family, joints=all_joints(task, family.joints))
         family = replace(family, violation=obstruction(task, family.knots, family.curvatures, family.joints))
@@ -95,10 +95,7 @@ class Basins:
     def lowest(self) -> Scored:
         """The minima along the curves, the best first."""
         weighed = self._weighed(self._branch, self._candidates)
-        if self._along:
-            linked = along_outline(self._branch, self._ring.count)
-        else:
-            linked = in_bends(self._branch, arc_spacing(self.task))
+        linked = along_outline(self._branch) if self._along else in_bends(self._branch, arc_spacing(self.task))
         return weighed.take(minima(weighed.score, linked))
 
     def _weighed(self, branch: Branch, candidates: Candidates) -> Scored:
@@ -112,8 +109,9 @@ class Basins:
         return Scored(candidates, forces, left, score, greatest_cost * score)
 
 
-def along_outline(branch: Branch, count: int) -> Array:
-    """Mask (P, P) of neighbors among postures on a ring with so many places."""
+def along_outline(branch: Branch) -> Array:
+    """Mask (P, P) of neighbors among postures on a ring."""
+    count = touching.PLACES
     apart = np.remainder(branch.place[:, None] - branch.place + 0.5 * count, count) - 0.5 * count
     first, second = np.nonzero(np.abs(apart) <= _NEIGHBORS)
 

@@ -28,7 +28,7 @@ from continuum_grasp.grasp.starts.scan.task import (
     unique,
     violation,
 )
-from continuum_grasp.grasp.starts.scan.touching import Ring, onwards, scanned, started
+from continuum_grasp.grasp.starts.scan.touching import onwards, scanned, started
 from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose
@@ -155,7 +155,7 @@ _REACH, _TIP_REACH, _COUNT = 10.0, 15.0, 41
 
 def first_joint(task: FingerTask) -> Postures | None:
     """Curves from the base to the first contact, tangent there, with the object on their left."""
-    some = scanned(replace(task, tip=False), Ring(task))
+    some = scanned(replace(task, tip=False))
     some = some.take(some.side > 0)
     whole = some.postures(replace(task, tip=False))
     first = replace(whole, knots=whole.knots[:, :2], curvatures=whole.curvatures[:, :2])

@@ -17,7 +17,8 @@ from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 _TABLE = {2: 400, 3: 36, 4: 14}
 """Postures per finger that are matched, by number of fingers: 40,000 to 160,000 sets."""
 _LIKELY = 600
-"""Sets among which those that differ are chosen."""
+"""Sets that are likely to balance: with 48 of two fingers that differ one of 24 scenes has no grasp, and one 67 % more
+tension."""
 _DESCENTS = 24
 """Steps to the nearest forces of supports."""
 _COST = 0.1
@@ -30,13 +31,10 @@ def matched_sets(
     found: list[Candidates],
     blocks: list[Block],
     supports: tuple[Block, dict[str, ContactStart]],
-    count: int,
 ) -> list[Array]:
-    """Postures of each finger by index, ``count`` at most, the k-th of which belong together, the most likely ones that
-    differ first.
-    """
+    """Postures of each finger by index, the k-th of which belong together in a set that is likely to balance."""
     row_limit = _TABLE[len(found)]
-    picks, tables, features = [], [], []
+    picks, tables = [], []
     for setup, candidates, block in zip(scene.setups, found, blocks, strict=True):
         forces, remainder = shape_forces(loads, setup, block)
         edges, pull = forces[:, :2] / loads.force, forces[:, 2] / loads.force
@@ -51,9 +49,7 @@ def matched_sets(
         lift = 2.0 * setup.held_friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
         cost = np.abs(pull) / high
         score = alone + _COST * cost / max(float(np.median(cost)), 1e-9)
-        features.append(candidates.features(setup.finger.rod.length))
-        pick = np.array(spread_order(score, features[-1], row_limit))
-        picks.append(pick)
+        picks.append(pick := np.array(spread_order(score, candidates.features(setup.finger.rod.length), row_limit)))
         tables.append(np.column_stack([onto, lift, alone, cost])[pick])
     sizes = [len(pick) for pick in picks]
     total = tables[0]
@@ -70,10 +66,7 @@ def matched_sets(
     likely = np.argpartition(wrong, min(_LIKELY, len(wrong) - 1))[:_LIKELY]
     score = wrong + _COST * cost / max(float(np.median(cost[likely])), 1e-9)
     likely = np.argpartition(score, min(_LIKELY, len(score) - 1))[:_LIKELY]
-    index = [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
-    unlike = np.concatenate([each[i] for each, i in zip(features, index, strict=True)], axis=1)
-    best = spread_order(score[likely], unlike, count)
-    return [i[best] for i in index]
+    return [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
 
 
 def _supported(

@@ -143,8 +143,6 @@ _PER_FINGER = {2: 14, 3: 8, 4: 6}
 """Postures per finger that are combined, by number of fingers: 200 to 1300 combinations."""
 _CLEAREST = 100
 """Postures of one finger that are weighed, those with least in the way: all that 8 scenes chose have nothing."""
-_SETS = {2: 48, 3: 96, 4: 96}
-"""Sets of so many fingers that touch with their tips alone, at a pose of the object."""
 
 
 @dataclass(frozen=True)
@@ -192,7 +190,7 @@ class Weighing:
             return [plain]
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
-        sets = matched_sets(self.scene, self.loads, postures, blocks, supports, _SETS[len(self.setups)])
+        sets = matched_sets(self.scene, self.loads, postures, blocks, supports)
         return [self._weigh(pose, postures, blocks, sets), plain]
 
     def _features(self, postures: list[Candidates]) -> list[Array]:

@@ -29,8 +29,8 @@ between: the error of the parabola."""
 
 _EIGHTHS = 16
 """Steps to an eighth each toward the farthest point: all digits, which decide where curves of short pieces end."""
-PLACES = 256
-"""Places of a contact on each part's outline."""
+PLACES = 512
+"""Places of a contact on each part's outline: with half as many one of 80 scenes has no reason."""
 _EVEN, _MOST = 0.12, 24
 """Difference of first curves at neighboring places, in the turn [rad] and the shift [L] of what follows, from which on
 there are places between, and into how many parts the way is cut at most: folds have no end."""
@@ -39,28 +39,21 @@ _FOLD = (1.2, 0.6)
 
 
 class Ring:
-    """Even places on the outlines of an object's parts, by a number in [0, count) each, from the point on that is
+    """Even places on the outlines of an object's parts, by a number in [0, `PLACES`) each, from the point on that is
     farthest from the base, so that they turn and mirror with the object.
-
-    Parameters
-    ----------
-    task : FingerTask
-    count : int, optional
-        Places per part; 0: `PLACES`.
     """
 
-    def __init__(self, task: FingerTask, count: int = 0) -> None:
-        self.task, self.count = task, (count := count or PLACES)
-        self._walks = []
+    def __init__(self, task: FingerTask) -> None:
+        self.task, self._walks = task, []
         for shape in task.shapes:
             # Whole faces and corners, so that they are measured alike wherever the walk begins.
-            fine = np.union1d(np.linspace(0.0, shape.period, 4 * count + 1), shape.joints)
+            fine = np.union1d(np.linspace(0.0, shape.period, 4 * PLACES + 1), shape.joints)
             middle = 0.5 * (fine[1:] + fine[:-1])
             at = shape.walk(middle)
             # Even in length and in the turn of the normal.
             share = np.diff(fine) * (np.abs(at.dpoint) / (shape.extent + task.half) + np.abs(at.dangle))
             passed = np.concatenate([[0.0], np.cumsum(share)])
-            passed *= count / passed[-1]
+            passed *= PLACES / passed[-1]
             k = int(np.argmax(np.abs(at.point)))
             low, high = fine[k] - np.diff(fine)[k - 1], fine[k + 1] + np.diff(fine)[(k + 1) % len(middle)]
             first = float(np.interp(np.mod(_farthest(shape, low, high), shape.period), fine, passed))
@@ -71,7 +64,7 @@ class Ring:
         point, angle = np.zeros(len(parts), complex), np.zeros(len(parts))
         for part, (shape, (passed, fine, first)) in enumerate(zip(self.task.shapes, self._walks, strict=True)):
             mine = parts == part
-            spot = shape.walk(np.interp(np.mod(places[mine] + first, self.count), passed, fine))
+            spot = shape.walk(np.interp(np.mod(places[mine] + first, PLACES), passed, fine))
             point[mine], angle[mine] = spot.point, spot.angle
         return point, angle
 
@@ -122,10 +115,11 @@ class Branch(Rows):
         )
 
 
-def scanned(task: FingerTask, ring: Ring) -> Branch:
+def scanned(task: FingerTask) -> Branch:
     """All postures with a middle contact at the places of a ring, and between those where they change fast."""
-    parts = np.repeat(np.arange(len(task.shapes)), ring.count)
-    places = np.tile(np.arange(float(ring.count)), len(task.shapes))
+    ring = Ring(task)
+    parts = np.repeat(np.arange(len(task.shapes)), PLACES)
+    places = np.tile(np.arange(float(PLACES)), len(task.shapes))
     point, normal = ring.at(parts, places)
     if task.one_arc_to_joint:
         first = _arcs(task, ring, point, normal)
@@ -150,7 +144,7 @@ def _between(task: FingerTask, ring: Ring, first: Branch) -> Branch:
     """First curves at places between those of neighbors that differ much, as what follows would, too."""
     first = first.take(np.argsort(first.place, kind="stable"))
     bend = first.ends[:, 0] * first.joint
-    after = np.mod(first.place + 1.0, ring.count)
+    after = np.mod(first.place + 1.0, PLACES)
     low, high = (np.searchsorted(first.place, after + d) for d in (-0.5, 0.5))
     earlier = np.repeat(np.arange(len(first)), high - low)
     later = low[earlier] + np.arange(len(earlier)) - np.searchsorted(earlier, earlier)
@@ -218,7 +212,7 @@ def _arcs(task: FingerTask, ring: Ring, point: Array, normal: Array) -> Branch:
         return np.asarray(wrapped(2.0 * np.angle(-1j * points) - normals - np.where(side > 0, 0.0, math.pi)))
 
     both = np.array([1, -1])
-    here = off(point, normal, both[:, None]).reshape(2, -1, ring.count)
+    here = off(point, normal, both[:, None]).reshape(2, -1, PLACES)
     there = np.roll(here, -1, axis=2)
     which = np.nonzero((here * there <= 0.0) & (np.abs(here - there) < 0.5 * math.pi))
     sides, parts, start = both[which[0]], which[1], which[2].astype(float)
