@@ -2,7 +2,7 @@
 
 All postures of one finger with a fixed base before a fixed object are on curves with one parameter (see
 `continuum_grasp.grasp.starts.scan.touching`). They are scanned, the forces of each are balanced, and the minima along
-the curves are where the solver starts from.
+the curves are refined for models of two elements; those of more bend away from there.
 """
 
 from __future__ import annotations
@@ -18,12 +18,16 @@ from continuum_grasp.grasp.starts.force import finger_block, imbalance, loads_of
 from continuum_grasp.grasp.starts.scan import touching
 from continuum_grasp.grasp.starts.scan.curves import wrapped
 from continuum_grasp.grasp.starts.scan.task import Rows, make_task, obstruction
-from continuum_grasp.grasp.starts.scan.touching import Branch, scanned
-from continuum_grasp.grasp.starts.scan.two_arcs import arc_spacing, scanned_arcs
+from continuum_grasp.grasp.starts.scan.touching import Branch, beside, scanned
+from continuum_grasp.grasp.starts.scan.two_arcs import arc_spacing, beside_arcs, scanned_arcs
 from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.grasp import GraspScene
 
+_WINDOW = 0.125 * np.array([*range(-8, 0), *range(1, 9)])
+"""Neighbors that are tried where a basin is refined, in windows."""
+_WINDOWS = (1.0, 0.125)
+"""Windows of each round of that, in spacings of the scan: then in those of the neighbors."""
 STRICT, _PENALTY = 2e-4, 100.0
 """Penetration that a posture may have, per length of the finger, and the relative imbalance that the weight of the
 tensions leaves; score of penetration [1/L] and of imbalance beyond: lower, and postures that cannot hold would come
@@ -52,6 +56,7 @@ def is_scanned(scene: GraspScene, on: frozenset[str]) -> bool:
 class Scored(Rows):
     """P postures, the forces that come closest to balance, and what that takes."""
 
+    branch: Branch
     candidates: Candidates
     forces: Array  # (P, n) [N]
     left: Array  # (P,) relative imbalance
@@ -71,14 +76,8 @@ class Basins:
         self._along = any(task.middles)
         branch = scanned(task) if self._along else scanned_arcs(task)
         self.places = touching.PLACES * len(task.shapes) if self._along else len(branch)
-        family = branch.postures(task)
-        family = replace(family, joints=all_joints(task, family.joints))
-        family = replace(family, violation=obstruction(task, family.knots, family.curvatures, family.joints))
-        clear = family.violation <= STRICT
-        self.postures = int(clear.sum())
-        self._branch, family = branch.take(clear), family.take(clear)
-        # The task has the finger's own side, and curves to either.
-        self._candidates = replace(as_candidates(task, family), sides=self._branch.side)
+        self.postures = 0
+        self._branch, self._candidates, _ = self._clear(branch)
         self._load(scene)
 
     def _load(self, scene: GraspScene) -> None:
@@ -92,11 +91,43 @@ class Basins:
         other._load(scene)
         return other
 
+    def _clear(self, branch: Branch) -> tuple[Branch, Candidates, Array]:
+        """Postures that are clear of everything, and which of the postures these are."""
+        task, family = self.task, branch.postures(self.task)
+        family = replace(family, joints=all_joints(task, family.joints))
+        family = replace(family, violation=obstruction(task, family.knots, family.curvatures, family.joints))
+        clear = family.violation <= STRICT
+        self.postures += int(clear.sum())
+        # The task has the finger's own side, and curves to either.
+        candidates = replace(as_candidates(task, family.take(clear)), sides=branch.side[clear])
+        return branch.take(clear), candidates, clear
+
     def lowest(self) -> Scored:
         """The minima along the curves, the best first."""
         weighed = self._weighed(self._branch, self._candidates)
         linked = along_outline(self._branch) if self._along else in_bends(self._branch, arc_spacing(self.task))
         return weighed.take(minima(weighed.score, linked))
+
+    def refined(self) -> Scored:
+        """The minima moved along their curves to where they are best, in the order then."""
+        best = self.lowest()
+        # Arcs to a middle contact have no free parameter; models with more elements bend away from there, farther than
+        # refinement moves a posture.
+        isolated = self._along and self.task.one_arc_to_joint
+        if isolated or self.scene.setups[0].elements > 2:
+            return best
+        near, spacing = (beside, 1.0) if self._along else (beside_arcs, arc_spacing(self.task))
+        count = len(best.score)
+        for window in _WINDOWS:
+            neighbors, rows = near(self.task, best.branch, np.tile(spacing * window * _WINDOW, (count, 1)))
+            branch, candidates, clear = self._clear(neighbors)
+            if not len(branch):
+                continue
+            new = self._weighed(branch, candidates)
+            moved = best_of(new.score, rows[clear], count)
+            better = np.append(new.score, np.inf)[moved] < best.score
+            best = best.followed_by([new]).take(np.where(better, count + moved, np.arange(count)))
+        return best.take(np.argsort(best.score, kind="stable"))
 
     def _weighed(self, branch: Branch, candidates: Candidates) -> Scored:
         block = finger_block(self.scene, self.loads, self.scene.setups[0], candidates, self.pose)
@@ -106,7 +137,7 @@ class Basins:
         above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
         score = cost + _PENALTY * np.maximum(left - STRICT, 0.0)
         score += _PENALTY * np.maximum(candidates.violation, 0.0) + _PER_EXCESS * np.maximum(above, 0.0)
-        return Scored(candidates, forces, left, score, greatest_cost * score)
+        return Scored(branch, candidates, forces, left, score, greatest_cost * score)
 
 
 def along_outline(branch: Branch) -> Array:
@@ -155,3 +186,11 @@ def minima(score: Array, linked: Array) -> Array:
     rank[order] = np.arange(len(order))
     least = np.where(linked, rank[None, :], len(order)).min(axis=1)
     return np.asarray(order[least[order] >= rank[order]])
+
+
+def best_of(score: Array, rows: Array, count: int) -> Array:
+    """Index of the least score of each of so many rows; -1 where there is none."""
+    out = np.full(count, -1)
+    order = np.lexsort((-score, rows))
+    out[rows[order]] = order
+    return out

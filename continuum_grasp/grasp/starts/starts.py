@@ -60,7 +60,7 @@ def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Ba
     if not is_scanned(scene, on):
         return None
     basins = Basins(scene, on)
-    return _starts_of(basins), basins
+    return _starts_of(basins, refined=True), basins
 
 
 def held_still(scene: GraspScene, on: frozenset[str]) -> GraspScene | None:
@@ -80,10 +80,10 @@ def rebalanced_starts(basins: Basins, scene: GraspScene) -> list[Start]:
     return _starts_of(basins.with_forces(scene))
 
 
-def _starts_of(basins: Basins) -> list[Start]:
+def _starts_of(basins: Basins, *, refined: bool = False) -> list[Start]:
     if not basins.postures:
         return []
-    scored = basins.lowest()
+    scored = basins.refined() if refined else basins.lowest()
     none, rows = np.zeros(len(scored.score)), np.arange(len(scored.score))
     at = Weighed(basins.pose, [scored.candidates], [rows], scored.left, scored.score, none, none, scored.forces)
     return [

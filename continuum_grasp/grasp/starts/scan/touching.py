@@ -29,8 +29,8 @@ between: the error of the parabola."""
 
 _EIGHTHS = 16
 """Steps to an eighth each toward the farthest point: all digits, which decide where curves of short pieces end."""
-PLACES = 512
-"""Places of a contact on each part's outline: with half as many one of 80 scenes has no reason."""
+PLACES = 256
+"""Places of a contact on each part's outline."""
 _EVEN, _MOST = 0.12, 24
 """Difference of first curves at neighboring places, in the turn [rad] and the shift [L] of what follows, from which on
 there are places between, and into how many parts the way is cut at most: folds have no end."""
@@ -130,6 +130,26 @@ def scanned(task: FingerTask) -> Branch:
     return onwards(task, first)[0]
 
 
+def beside(task: FingerTask, some: Branch, shifts: Array) -> tuple[Branch, Array]:
+    """The postures next to some at places shifted along the ring by shifts (P, S), and the row that each is from."""
+    ring, rows = Ring(task), np.repeat(np.arange(len(some)), shifts.shape[1])
+    old = some.take(rows)
+    new, good = _moved(ring, old, old.place + shifts.ravel(), old.turn, old.ends[:, 0] * old.joint)
+    good &= _within(task, new)
+    new, rows = new.take(good), rows[good]
+    if not task.tip:
+        return _free(task, new), rows
+    # The tip's root next to the old one.
+    last = new.ends[:, 3]
+    width = _NEARBY * (2.0 * TIP_REACH / (TIPS - 1)) / (1.0 - new.joint)
+    branch, index = _tips(task, new, last[:, None] + width[:, None] * np.linspace(-1.0, 1.0, 7))
+    # Of several the nearest.
+    away = np.abs(branch.ends[:, 3] - last[index])
+    order = np.lexsort((away, index))
+    _, unique = np.unique(index[order], return_index=True)
+    return branch.take(order[unique]), rows[index[order[unique]]]
+
+
 def _moved(ring: Ring, old: Branch, places: Array, turn: Array, bend: Array) -> tuple[Branch, Array]:
     """First curves like some at other places, next to guesses of turn and bend, and which were found."""
     point, normal = ring.at(old.part, places)
@@ -173,6 +193,10 @@ def _between(task: FingerTask, ring: Ring, first: Branch) -> Branch:
         bend[earlier] + share * (bend[later] - bend[earlier]),
     )
     return branch.take(good)
+
+
+_NEARBY = 2.5
+"""Greatest change of an end curvature, in spacings of the scan."""
 
 
 def _clothoids(task: FingerTask, parts: Array, places: Array, point: Array, normal: Array) -> Branch:

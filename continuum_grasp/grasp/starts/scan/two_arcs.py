@@ -51,36 +51,65 @@ def scanned_arcs(task: FingerTask) -> Branch:
         other = np.stack([bends[i + (axis == 0)], bends[j + (axis == 1)]], axis=1)
         crossings.append((pair, other, gap[here][i, j], gap[ahead][i, j]))
     low, high, at_low, at_high = (np.concatenate(part) for part in zip(*crossings, strict=True))
+    return _rooted(task, low, high, at_low, at_high)[0]
 
-    def miss(share: Array) -> Array:
-        return task.gap(_tips(low + share[:, None] * (high - low))[0])
 
-    share = bracketed_root(miss, np.zeros(len(low)), np.ones(len(low)), at_low, at_high)
-    pair = low + share[:, None] * (high - low)
-    tip, facing = _tips(pair)
+def beside_arcs(task: FingerTask, some: Branch, steps: Array) -> tuple[Branch, Array]:
+    """The postures next to some, by steps (P, S) of the bends along the curves [rad], and the row that each is from."""
+    bends = some.ends[:, [0, 2]] * SHARE
+    # Along the curve: across the gradient of the gap.
+    gradient = np.stack([_gap(task, bends + d) - _gap(task, bends - d) for d in 1e-4 * np.eye(2)], axis=1)
+    across = gradient / np.maximum(np.linalg.norm(gradient, axis=1), 1e-12)[:, None]
+    along = np.stack([-across[:, 1], across[:, 0]], axis=1)
+    rows = np.repeat(np.arange(len(some)), steps.shape[1])
+    size = steps.reshape(-1, 1)
+    start, aside = bends[rows] + size * along[rows], np.abs(size) * across[rows]
+    # The curve is as far aside as it is followed at most.
+    low, high = start - aside, start + aside
+    at_low, at_high = _gap(task, low), _gap(task, high)
+    row = np.flatnonzero(at_low * at_high <= 0.0)
+    branch, index = _rooted(task, low[row], high[row], at_low[row], at_high[row])
+    return branch, rows[row][index]
+
+
+def _tips(task: FingerTask, bends: Array) -> tuple[Array, Array]:
+    """Tips and angles of the section there, by the two bends (B, 2)."""
+    half = 0.5 * bends
+    chord = np.sinc(half / math.pi) * SHARE
+    tip = 1j * (chord[:, 0] * np.exp(1j * half[:, 0]) + chord[:, 1] * np.exp(1j * (bends[:, 0] + half[:, 1])))
+    return tip, bends[:, 0] + bends[:, 1]
+
+
+def _gap(task: FingerTask, bends: Array) -> Array:
+    return task.gap(_tips(task, bends)[0])
+
+
+def _rooted(task: FingerTask, low: Array, high: Array, at_low: Array, at_high: Array) -> tuple[Branch, Array]:
+    """The postures between pairs of bends (B, 2), and their rows."""
+
+    def gap(part: Array) -> Array:
+        return _gap(task, low + part[:, None] * (high - low))
+
+    part = bracketed_root(gap, np.zeros(len(low)), np.ones(len(low)), at_low, at_high)
+    bends = low + part[:, None] * (high - low)
+    tip, facing = _tips(task, bends)
     parts, point, normal = task.touched(tip)
     good = np.cos(normal - facing - 0.5 * math.pi) <= FRONT
-    good &= (np.abs(pair).max(axis=1, initial=0.0) <= task.bending_range * (1.0 + 1e-6)) & (np.abs(miss(share)) < 1e-6)
-    none = np.zeros(len(pair))
+    good &= (np.abs(bends).max(axis=1, initial=0.0) <= task.bending_range * (1.0 + 1e-6)) & (np.abs(gap(part)) < 1e-6)
+    bends, parts, point, normal = bends[good], parts[good], point[good], normal[good]
+    none = np.zeros(len(bends))
+    curvatures = bends / SHARE
     branch = Branch(
         part=parts,
         side=none.astype(int) + 1,
         place=none,
         point=none + 0j,
         normal=none,
-        turn=pair[:, 0],
+        turn=bends[:, 0],
         joint=none + SHARE,
-        ends=np.repeat(pair / SHARE, 2, axis=1),
+        ends=np.repeat(curvatures, 2, axis=1),
         tip=parts,
         tip_point=point,
         tip_normal=normal,
     )
-    return branch.take(good)
-
-
-def _tips(bends: Array) -> tuple[Array, Array]:
-    """Tips and angles of the section there, by the two bends (B, 2)."""
-    half = 0.5 * bends
-    chord = np.sinc(half / math.pi) * SHARE
-    tip = 1j * (chord[:, 0] * np.exp(1j * half[:, 0]) + chord[:, 1] * np.exp(1j * (bends[:, 0] + half[:, 1])))
-    return tip, bends[:, 0] + bends[:, 1]
+    return branch, np.flatnonzero(good)
