@@ -17,7 +17,13 @@ from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.solver_run import RUNGS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
-from continuum_grasp.grasp.starts.starts import basin_starts, held_still, make_starts, rebalanced_starts
+from continuum_grasp.grasp.starts.starts import (
+    NEARLY_BALANCED,
+    basin_starts,
+    held_still,
+    make_starts,
+    rebalanced_starts,
+)
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.grasp.tried import Basin, Exploration, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
@@ -56,11 +62,9 @@ STANDSTILL = 3
 scenes), where 2 lose the best of another, and with limits relaxed 8 of 183 (26 scenes), in half of the iterations."""
 WORSE = 1.05
 """Objective, per the least there is, from which on guarded places are not moved any more: they only raise it."""
-SAME_BASIN = 5e-3
-"""Relative difference of the estimates up to which two basins are one."""
-UNBALANCED, CLOSEST = 0.01, 2
-"""Imbalance of a basin of two elements from which on it most likely has no grasp, and how many such basins are tried
-all the same."""
+CLOSEST = 2
+"""Basins that are tried however far from balance they are: those of two elements with more than `NEARLY_BALANCED` most
+likely have no grasp."""
 UNLIKELY = 0.2
 """Imbalance with more elements from which on a start is skipped but for the first two: of 68 scanned starts that gave a
 grasp (158 scenes of one finger) nine had more than 0.06, and one of them more than 0.13, a second one of its scene; two
@@ -241,7 +245,7 @@ class Search:
                 self._pruned["far from balance"] += 1
             elif not any(_same(start, basin.start) for basin in self.basins):
                 self.basins.append(basin := Basin(start))
-                far = self._tells and start.imbalance > UNBALANCED and len(self.tried) >= CLOSEST
+                far = self._tells and start.imbalance > NEARLY_BALANCED and len(self.tried) >= CLOSEST
                 if not far and self._is_worth(start, SKIP_FACTOR) and not self._is_over:
                     self._solve(basin)
         return starts is not None
@@ -522,4 +526,4 @@ class Search:
 
 def _same(one: Start, two: Start) -> bool:
     """Whether two starts of basins are the same: equal contacts and nearly equal estimates."""
-    return one.contacts.keys() == two.contacts.keys() and math.isclose(one.estimate, two.estimate, rel_tol=SAME_BASIN)
+    return one.contacts.keys() == two.contacts.keys() and math.isclose(one.estimate, two.estimate, rel_tol=NEAR)

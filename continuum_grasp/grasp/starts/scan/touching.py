@@ -15,7 +15,7 @@ import numpy as np
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import MOST_TURN, NODES, WEIGHTS, bends_to, exact_bends, wrapped
-from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_MOST, TIP_REACH, TIPS, FingerTask, Postures, Rows
+from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_REACH, TIPS, FingerTask, Postures, Rows
 from continuum_grasp.model.surfaces.outline import Outline
 
 _ROOT = 8
@@ -284,8 +284,7 @@ def onwards(task: FingerTask, first: Branch) -> tuple[Branch, Array]:
     if not len(first) or not task.tip:
         return _free(task, first), np.arange(len(first))
     rest = 1.0 - first.joint
-    reach = np.minimum(np.minimum(TIP_REACH, _range_after(task)) / rest, TIP_MOST)
-    reach = np.minimum(reach, np.max(task.limits) * (1.0 + _ABOVE))
+    reach = np.minimum(np.minimum(TIP_REACH, _range_after(task)) / rest, np.max(task.limits) * (1.0 + _ABOVE))
     return _tips(task, first, reach[:, None] * np.linspace(-1.0, 1.0, TIPS))
 
 
