@@ -68,8 +68,8 @@ def violates_nothing(depth=0.0, bent=0.0):
 
 
 def comes_before_another(score):
-    """Whether a posture 0.5 from the best comes before another one far away that is worse by ``score``."""
-    features = np.array([[0.0], [0.5], [9.0]])
+    """Whether a posture 1.0 from the best comes before another one far away that is worse by ``score``."""
+    features = np.array([[0.0], [1.0], [18.0]])
     return spread_order(np.array([0.0, 1.0, 1.0 + score]), features, 3)[1] == 2
 
 

@@ -46,8 +46,8 @@ class Candidates(Postures):
 
     def features(self, length: float) -> Array:
         """Numbers in which different postures of a finger of a length [m] differ (P, F)."""
-        # Scaled so that 0.5 is a likeness: a quarter of the length, 3 1/L, 30 degrees of a normal.
-        return np.concatenate(
+        # Scaled so that one is a likeness: a quarter of the length, 3 1/L, 30 degrees of a normal.
+        return 2.0 * np.concatenate(
             [
                 2.0 * self.joints,
                 0.15 * self.curvatures,
@@ -281,19 +281,15 @@ def _touching(task: FingerTask, part: int, bent: Array, way: Array, walk: Array)
     return _with_tips(knots[good], bent[good], np.full(int(good.sum()), part), at.point[good], at.angle[good])
 
 
-_RANGE = 0.5
-"""Distance of features within which two are alike: about 0.25 L along the finger, or 30 degrees of a normal."""
-
-
 def spread_order(score: Array, features: Array, count: int) -> list[int]:
     """Indices of ``count`` of P, each the best by score (P,), less being better, under a penalty for being like one
-    before by its features (P, F).
+    before by its features (P, F), which are up to a distance of one.
     """
     order: list[int] = []
     near = np.full(len(score), np.inf)
     taken = np.zeros(len(score), bool)
     for _ in range(min(count, len(score))):
-        likeness = np.exp(-((near / _RANGE) ** 2))
+        likeness = np.exp(-(near**2))
         pick = int(np.argmin(np.where(taken, np.inf, score + 0.5 * likeness)))
         order.append(pick)
         taken[pick] = True

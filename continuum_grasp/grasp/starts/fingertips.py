@@ -29,13 +29,14 @@ def matched_sets(
     scene: GraspScene,
     loads: Loads,
     found: list[Candidates],
+    features: list[Array],
     blocks: list[Block],
     supports: tuple[Block, dict[str, ContactStart]],
 ) -> list[Array]:
     """Postures of each finger by index, the k-th of which belong together in a set that is likely to balance."""
     row_limit = _TABLE[len(found)]
     picks, tables = [], []
-    for setup, candidates, block in zip(scene.setups, found, blocks, strict=True):
+    for setup, candidates, unlike, block in zip(scene.setups, found, features, blocks, strict=True):
         forces, remainder = shape_forces(loads, setup, block)
         edges, pull = forces[:, :2] / loads.force, forces[:, 2] / loads.force
         onto = (block.onto[:, :3, _columns(loads, setup)] @ forces[..., None])[..., 0] / loads.force
@@ -49,7 +50,7 @@ def matched_sets(
         lift = 2.0 * setup.held_friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
         cost = np.abs(pull) / high
         score = alone + _COST * cost / max(float(np.median(cost)), 1e-9)
-        picks.append(pick := np.array(spread_order(score, candidates.features(setup.finger.rod.length), row_limit)))
+        picks.append(pick := np.array(spread_order(score, unlike, row_limit)))
         tables.append(np.column_stack([onto, lift, alone, cost])[pick])
     sizes = [len(pick) for pick in picks]
     total = tables[0]

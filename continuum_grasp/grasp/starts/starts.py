@@ -185,18 +185,18 @@ class Weighing:
             postures.append(candidates)
         pairs = zip(self.setups, postures, strict=True)
         blocks = [finger_block(self.scene, self.loads, setup, candidates, pose) for setup, candidates in pairs]
-        plain = self._weigh(pose, postures, blocks, combinations(self.loads, blocks, self._features(postures)))
+        features = [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, postures, strict=True)]
+        plain = self._weigh(pose, postures, features, blocks, combinations(self.loads, blocks, features))
         if not self._tips_alone:
             return [plain]
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
-        sets = matched_sets(self.scene, self.loads, postures, blocks, supports)
-        return [self._weigh(pose, postures, blocks, sets), plain]
+        sets = matched_sets(self.scene, self.loads, postures, features, blocks, supports)
+        return [self._weigh(pose, postures, features, blocks, sets), plain]
 
-    def _features(self, postures: list[Candidates]) -> list[Array]:
-        return [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, postures, strict=True)]
-
-    def _weigh(self, pose: Pose, postures: list[Candidates], blocks: list[Block], index: list[Array]) -> Weighed:
+    def _weigh(
+        self, pose: Pose, postures: list[Candidates], features: list[Array], blocks: list[Block], index: list[Array]
+    ) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
         every = [*index, np.zeros(len(index[0]), int)]
         left, cost, forces = imbalance(self.loads, [*blocks, supports], every)
@@ -205,10 +205,9 @@ class Weighing:
         # What is in the way counts from half a unit on: any amount of it may cost the start.
         score = doubt(left) + cost + np.where(wrong > 0.0, 0.5 + 10.0 * np.minimum(wrong, 0.2), 0.0)
         size = self.scene.object.size
-        place = np.broadcast_to([pose[0] / size, pose[1] / size, pose[2]], (len(left), 3))
-        unlike = (what[i] for what, i in zip(self._features(postures), index, strict=True))
-        features = np.concatenate([*unlike, place], axis=1)
-        return Weighed(pose, postures, index, left, score, wrong, features, forces)
+        place = np.broadcast_to([2.0 * pose[0] / size, 2.0 * pose[1] / size, 2.0 * pose[2]], (len(left), 3))
+        unlike = np.concatenate([*(what[i] for what, i in zip(features, index, strict=True)), place], axis=1)
+        return Weighed(pose, postures, index, left, score, wrong, unlike, forces)
 
 
 def combinations(loads: Loads, blocks: list[Block], features: list[Array]) -> list[Array]:
