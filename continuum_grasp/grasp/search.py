@@ -35,12 +35,12 @@ from continuum_grasp.scene.grasp_options import Effort
 HELD = 3
 """Grasps from which another scene starts, such as one with stations: of nearby branches another may be best for it; as
 many starts, nearest to their constraints, where few elements hold nothing, and for all limits relaxed at once."""
-EXCHANGE_CAP, ITERATION_CAP, FIRST_CAP = 25, 40, 80
-"""Iterations of an exchange of fingers, of a rough start once there is a grasp, and before or with limits relaxed,
-where 98 % of the starts that give a grasp take fewer (50 scenes): from good starts IPOPT needs a median of 12 and 17 at
-the 95th percentile (400 random scenes), at most 52 from the best of shipped scenes and 76 of 36 random ones of several
-fingers. Beyond 100, of exchanges beyond 25, rounding decides where it ends, which then differs between a scene and its
-mirror image."""
+EXCHANGE_CAP, FIRST_CAP = 25, 80
+"""Iterations of an exchange of fingers, and of a rough start before there is a grasp, of which it then gets as many as
+an exact one, or with limits relaxed, where 98 % of the starts that give a grasp take fewer (50 scenes): from good
+starts IPOPT needs a median of 12 and 17 at the 95th percentile (400 random scenes), at most 52 from the best of shipped
+scenes and 76 of 36 random ones of several fingers. Beyond 100, of exchanges beyond 25, rounding decides where it ends,
+which then differs between a scene and its mirror image."""
 PRUNE_FACTOR = 1.5
 """Estimated tension, per that of the best grasp, up to which a start is worth trying: the estimates are no
 bounds, and those of rough starts are off by tens of percent."""
@@ -180,7 +180,8 @@ class Search:
         self._sampled = len(modes if missed else unscanned)
         if not self.proven:
             self._from_rough(modes if missed or self._effort.always_rough else unscanned)
-            self._exchange()
+            if self._tries_all:
+                self._exchange()
 
     def _exchange(self) -> None:
         """Start from the best grasp with one finger as another grasp has it, those that take the least tension there
@@ -197,7 +198,7 @@ class Search:
                 and other is not best
                 and other.start.contacts.keys() == best.start.contacts.keys()
             ]
-            if not self._tries_all or self.proven or not choices:
+            if self.proven or not choices:
                 return
             # The first of those that save as much, so that images of a scene take the same.
             _, other, name, start = max(choices, key=lambda choice: choice[0])
@@ -359,7 +360,7 @@ class Search:
                 basin = Basin(start)
                 if not math.isnan(start.estimate):
                     self.basins.append(basin)
-                self._solve(basin, len(RUNGS) - 1, ITERATION_CAP if best else FIRST_CAP)
+                self._solve(basin, len(RUNGS) - 1, RUNGS[0][1] if best else FIRST_CAP)
                 grasped = {branch_of(good.attempt.start) for good in self.good}
                 vain[contacts] = 0 if self.best is not best else vain[contacts] + (branch_of(start) not in grasped)
 

@@ -116,12 +116,6 @@ def _postures(task: FingerTask, several: bool) -> Postures | None:
     return replace(family, joints=joints, violation=wrong)
 
 
-def _with_tips(knots: Array, curvatures: Array, parts: Array, points: Array, angles: Array) -> Postures:
-    """Curves whose tips alone touch, at (P,) parts and places."""
-    none, clear = np.zeros((len(parts), 0)), np.zeros(len(parts))
-    return Postures(knots, curvatures, none, parts[:, None], points[:, None], angles[:, None], clear)
-
-
 def _free_end(family: Postures) -> Postures:
     """The postures on to a free tip: constant curvature, which no force bends."""
     return replace(
@@ -278,7 +272,8 @@ def _touching(task: FingerTask, part: int, bent: Array, way: Array, walk: Array)
     at, facing = shape.walk(walk), segment_end(lengths, bent)[1]
     # The front half of the rounded tip touches.
     good &= np.cos(at.angle - facing - 0.5 * math.pi) <= FRONT
-    return _with_tips(knots[good], bent[good], np.full(int(good.sum()), part), at.point[good], at.angle[good])
+    touched = np.full((int(good.sum()), 1), part), at.point[good, None], at.angle[good, None]
+    return Postures(knots[good], bent[good], np.zeros((len(touched[0]), 0)), *touched, np.zeros(len(touched[0])))
 
 
 def spread_order(score: Array, features: Array, count: int) -> list[int]:

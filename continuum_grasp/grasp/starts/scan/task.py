@@ -59,7 +59,6 @@ class FingerTask:
     rest: float  # mean rest curvature
     counts: tuple[int, ...]  # elements between base, joints and tip
     nodes: tuple[float, ...]  # ends of its elements, or fewer positions where it has many
-    friction: float
     arcs: bool  # whether its elements are circular arcs
     bending_range: float  # likewise
     bounds: tuple[float, float]  # of the positions of middle contacts
@@ -227,7 +226,6 @@ def make_task(
         rest=side * float(profile.rest_curvature(places).mean()) / scale,
         counts=tuple(b - a for a, b in pairwise(marks)),
         nodes=tuple(k / few for k in range(few + 1)),
-        friction=setup.held_friction,
         arcs=family_class(setup.family).degree == 0,
         bending_range=looser * setup.bending_range,
         bounds=(setup.middle_bounds[0] * scale, setup.middle_bounds[1] * scale),

@@ -27,8 +27,6 @@ _NEAR_FOLD = 0.05
 between: the error of the parabola."""
 
 
-_EIGHTHS = 16
-"""Steps to an eighth each toward the farthest point: all digits, which decide where curves of short pieces end."""
 PLACES = 256
 """Places of a contact on each part's outline."""
 _EVEN, _MOST = 0.12, 24
@@ -71,7 +69,8 @@ class Ring:
 
 def _farthest(shape: Outline, low: float, high: float) -> float:
     """The walk between two at which an outline is farthest from the base."""
-    for _ in range(_EIGHTHS):
+    # To the last digit, which decides where curves of short pieces end.
+    while low < 0.5 * (low + high) < high:
         walks = np.linspace(low, high, 9)
         at = shape.walk(walks)
         k = int(np.clip(np.sum((at.point.conj() * at.dpoint).real > 0.0) - 1, 0, 7))
