@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from functools import cached_property
+from itertools import zip_longest
 from typing import Any
 
 from continuum_grasp.grasp.modes import contact_modes
 from continuum_grasp.grasp.problem.relaxations import NONE, Relaxation
 from continuum_grasp.grasp.search import BENT, HELD, UNLIKELY, Search
 from continuum_grasp.grasp.starts.starts import NEARLY_BALANCED
-from continuum_grasp.grasp.starts.values import Start, interleaved
+from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.grasp.tried import branch_of
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -127,4 +128,9 @@ def spread(starts: list[Start]) -> list[Start]:
     branches: dict[tuple[Any, ...], list[Start]] = {}
     for start in starts:
         branches.setdefault(branch_of(start), []).append(start)
-    return interleaved(branches.values())
+    return interleaved(list(branches.values()))
+
+
+def interleaved(lists: list[list[Start]]) -> list[Start]:
+    """The first of each list, then the second of each, and so on."""
+    return [start for rank in zip_longest(*lists) for start in rank if start is not None]

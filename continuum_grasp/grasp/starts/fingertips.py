@@ -1,26 +1,32 @@
 """Sets of postures of several fingers that touch with their tips alone: which go together, by the object's balance.
 
 Shapes fix the forces of such fingers, so a table of what each posture does to the object is enough to match them; what
-supports add is the nearest point of their friction cones.
+supports add is the nearest point of their friction cones. What is missing for balance, and what it costs, are smooth
+functions of their curvatures along the curves whose tips touch, of the places of free bases, of the lifts, and of the
+forces at supports: Gauss-Newton steps bring it down for many sets at once, at first with a weight on what it costs.
 """
 
 from __future__ import annotations
 
+import cmath
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from continuum_grasp.arrays import Numbers as Array
+from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.candidates import Candidates, spread_order
-from continuum_grasp.grasp.starts.force import Block, Loads, cone_edges
+from continuum_grasp.grasp.starts.force import Block, Loads, cone_edges, finger_block
+from continuum_grasp.grasp.starts.scan.curves import segment_end, touch
+from continuum_grasp.grasp.starts.scan.task import FingerTask, make_task, violation
 from continuum_grasp.grasp.starts.values import ContactStart
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
+from continuum_grasp.scene.objects.body import Pose, pose_bounds
 
 _TABLE = {2: 400, 3: 36, 4: 14}
 """Postures per finger that are matched, by number of fingers: 40,000 to 160,000 sets."""
 _LIKELY = 600
-"""Sets that are likely to balance: with 48 of two fingers that differ one of 24 scenes has no grasp, and one 67 % more
-tension."""
-_DESCENTS = 24
-"""Steps to the nearest forces of supports."""
+"""Sets among which those that differ are chosen."""
 _COST = 0.1
 """Weight of the tensions of a set, per those of likely sets, beside its relative imbalance."""
 
@@ -32,26 +38,30 @@ def matched_sets(
     features: list[Array],
     blocks: list[Block],
     supports: tuple[Block, dict[str, ContactStart]],
-) -> list[Array]:
-    """Postures of each finger by index, the k-th of which belong together in a set that is likely to balance."""
+    count: int,
+) -> list[Candidates]:
+    """Postures of each finger, ``count`` at most, the k-th of which belong together, the most likely ones that differ
+    first.
+    """
+    com = complex(*scene.object.com)
     row_limit = _TABLE[len(found)]
     picks, tables = [], []
     for setup, candidates, unlike, block in zip(scene.setups, found, features, blocks, strict=True):
-        forces, remainder = shape_forces(loads, setup, block)
-        edges, pull = forces[:, :2] / loads.force, forces[:, 2] / loads.force
-        onto = (block.onto[:, :3, _columns(loads, setup)] @ forces[..., None])[..., 0] / loads.force
+        borne = shape_forces(loads, setup, candidates, block, com)
+        edges, pull = borne.known[:, 3:5], borne.known[:, 5]
         high = float(block.high[-2:].max()) / loads.force
         normal = edges.sum(axis=1)
         # What is outside of the cone or a limit, per the forces in play.
         outside = np.maximum(-edges, 0.0).sum(axis=1) + np.maximum(np.abs(pull) - high, 0.0)
         outside += np.maximum(normal - setup.normal_force_max / loads.force, 0.0)
-        alone = outside / (1.0 + np.abs(edges).sum(axis=1)) + np.sqrt((remainder**2).sum(axis=1))
+        alone = outside / (1.0 + np.abs(edges).sum(axis=1)) + np.sqrt((borne.own**2).sum(axis=1))
         alone += np.minimum(10.0 * candidates.violation, 1.0)
         lift = 2.0 * setup.held_friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
         cost = np.abs(pull) / high
         score = alone + _COST * cost / max(float(np.median(cost)), 1e-9)
-        picks.append(pick := np.array(spread_order(score, unlike, row_limit)))
-        tables.append(np.column_stack([onto, lift, alone, cost])[pick])
+        pick = np.array(spread_order(score, unlike, row_limit))
+        picks.append(pick)
+        tables.append(np.column_stack([borne.known[:, :3], lift, alone, cost])[pick])
     sizes = [len(pick) for pick in picks]
     total = tables[0]
     size = 1.0 + np.sqrt((total[:, :3] ** 2).sum(axis=1))
@@ -67,7 +77,10 @@ def matched_sets(
     likely = np.argpartition(wrong, min(_LIKELY, len(wrong) - 1))[:_LIKELY]
     score = wrong + _COST * cost / max(float(np.median(cost[likely])), 1e-9)
     likely = np.argpartition(score, min(_LIKELY, len(score) - 1))[:_LIKELY]
-    return [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
+    index = [pick[i] for pick, i in zip(picks, np.unravel_index(likely, sizes), strict=True)]
+    unlike = np.concatenate([each[i] for each, i in zip(features, index, strict=True)], axis=1)
+    best = spread_order(score[likely], unlike, count)
+    return [candidates.take(i[best]) for candidates, i in zip(found, index, strict=True)]
 
 
 def _supported(
@@ -84,23 +97,81 @@ def _supported(
     return off + force @ effects.T, (2.0 * friction * np.sqrt(pairs[..., 0] * pairs[..., 1])).sum(axis=1)
 
 
-def _columns(loads: Loads, setup: FingerSetup) -> list[int]:
-    """Forces along two edges of the tip's cone, and the tension left minus right."""
-    return [*cone_edges(loads, setup.held_friction), -2]
+_COSTS = (0.0, 0.0, *(0.1,) * 6, 0.05, 0.05, 0.02, 0.0, 0.0, 0.0, 0.0)
+"""Weight of the tensions, or of the normal forces, per those to begin with, in each step: they fall along what is
+nearly in balance, and the last steps balance it."""
+_STEP, _MOST, _DAMPING = 1e-4, 0.8, 1e-4
+"""Difference for slopes, whose error is far below the imbalance sought; greatest change of a curvature in one
+step [1/L]; damping of the normal equations, which may be singular."""
+_DESCENTS = 24
+"""Steps to the nearest forces of supports, with which Gauss-Newton steps begin."""
+_IN_THE_WAY, _GAP = 5.0, 20.0
+"""Weights of what is in the way and of the gap at the tip, in lengths of the finger, beside relative imbalances."""
+_SHALLOW = 1e-3
+"""Depth in obstacles, in lengths of the finger, that the weights leave at the best posture beside an object."""
 
 
-def shape_forces(loads: Loads, setup: FingerSetup, block: Block) -> tuple[Array, Array]:
-    """Forces (P, 3) of `_columns` [N] that come closest to bending P postures of a finger that touches with its tip
-    alone as they are, and what is missing for its balance (P, R).
-    """
-    moments = block.moments[:, :, _columns(loads, setup)]
+@dataclass(frozen=True)
+class Borne:
+    """Effect of the contact force and the tension that come closest to bending P postures of a finger as they are."""
+
+    known: Array  # (P, 8) what they do to the object (3), forces along two edges of the cone, tension left minus
+    # right, all per the unit of force; arm of the contact, per the object's size (2)
+    own: Array  # (P, R) what is missing for the balance of the finger
+
+
+def shape_forces(loads: Loads, setup: FingerSetup, found: Candidates, block: Block, com: complex) -> Borne:
+    """Forces that shapes of a finger that touches with its tip alone fix; ``com`` in the object's frame [m]."""
+    columns = [*cone_edges(loads, setup.held_friction), -2]
+    moments, onto = block.moments[:, :, columns], block.onto[:, :3, columns]
     square = np.einsum("pri,prj->pij", moments, moments)
     # Normal equations scaled to a unit diagonal, 1e-9 on it where the forces are not unique.
     span = np.sqrt(np.maximum(np.einsum("pii->pi", square), 1e-300))
     square = square / (span[:, :, None] * span[:, None, :]) + 1e-9 * np.eye(3)
     right = np.einsum("pri,pr->pi", moments, block.needed) / span
     forces = np.linalg.solve(square, right[..., None])[..., 0] / span
-    return forces, (moments @ forces[..., None])[..., 0] - block.needed
+    remainder = (moments @ forces[..., None])[..., 0] - block.needed
+    arm = (found.points[:, 0] - com) / loads.length
+    known = [(onto @ forces[..., None])[..., 0], forces, arm.real[:, None], arm.imag[:, None]]
+    known[0], known[1] = known[0] / loads.force, known[1] / loads.force
+    return Borne(np.concatenate(known, axis=1), remainder)
+
+
+def polished(
+    scene: GraspScene,
+    loads: Loads,
+    some: list[Candidates],
+    pose: Pose,
+    supports: tuple[Block, dict[str, ContactStart]],
+) -> list[Candidates]:
+    """Sets of postures nearer to balance at a world pose of the object [m, rad]: of each finger K postures, the k-th of
+    which belong together. All touch with their tips alone.
+    """
+    fingers = [_Finger(scene, loads, setup, pose, mine) for setup, mine in zip(scene.setups, some, strict=True)]
+    balance = _Balance(scene, loads, *supports)
+    looks = [finger.look(finger.unknowns) for finger in fingers]
+    x = [*(finger.unknowns for finger in fingers), balance.start(looks)]
+    ends = np.cumsum([part.shape[1] for part in x])[:-1]
+    point = np.concatenate(x, axis=1)
+    rest, slope = balance.missing(looks, x[-1])
+    damping = np.full(len(point), _DAMPING)
+    for cost in _COSTS:
+        weight = np.ones(rest.shape[1])
+        weight[: balance.costs] = cost
+        size = ((weight * rest) ** 2).sum(axis=1)
+        tall = weight[:, None] * slope
+        square = np.einsum("kri,krj->kij", tall, tall) + damping[:, None, None] * np.eye(point.shape[1])
+        change = -np.linalg.solve(square, np.einsum("kri,kr->ki", tall, weight * rest)[..., None])[..., 0]
+        bent = np.abs(change[:, : ends[-1]]).max(axis=1)
+        change *= np.minimum(1.0, _MOST / np.maximum(bent, 1e-300))[:, None]
+        x = np.split(point + change, ends, axis=1)
+        looks = [finger.look(mine) for finger, mine in zip(fingers, x, strict=False)]
+        new, steep = balance.missing(looks, x[-1])
+        # Steps that lead to more are not taken, and the next one is shorter.
+        good = ((weight * new) ** 2).sum(axis=1) < size
+        point[good], rest[good], slope[good] = (point + change)[good], new[good], steep[good]
+        damping = np.where(good, np.maximum(0.2 * damping, _DAMPING), 20.0 * damping)
+    return [finger.candidates(part) for finger, part in zip(fingers, np.split(point, ends, axis=1), strict=False)]
 
 
 def pressed(onto: Array, off: Array) -> Array:
@@ -114,3 +185,190 @@ def pressed(onto: Array, off: Array) -> Array:
         new = np.maximum(ahead - (ahead @ square + slope) / stiff, 0.0)
         force, ahead = new, new + k / (k + 3.0) * (new - force)
     return force
+
+
+@dataclass(frozen=True)
+class _Look:
+    """Tip of a finger at a set's posture and, behind it, with each of its n unknowns changed a little."""
+
+    known: Array  # (K, 1 + n, 8)
+    own: Array  # (K, 1 + n, R)
+    steps: Array  # (K, n) these changes
+
+
+class _Balance:
+    """Imbalance, and its cost, from what the tips do, lifts and forces at supports."""
+
+    def __init__(self, scene: GraspScene, loads: Loads, supports: Block, touched: dict[str, ContactStart]) -> None:
+        self.loads, self._setups = loads, scene.setups
+        self._friction = np.array(
+            [s.held_friction for s in scene.setups] + [scene.held_friction(name) for name in touched]
+        )
+        caps = [s.normal_force_max for s in scene.setups] + [scene.normal_force_max(name) for name in touched]
+        self._caps = np.array(caps) / loads.force
+        self._count, self._held = len(scene.setups), len(touched)
+        com = complex(*scene.object.com)
+        # Effects of the edges of the supports' cones in the plane, and their arms.
+        edges = [
+            [loads.edges * k + edge for edge in cone_edges(loads, scene.held_friction(name))]
+            for k, name in enumerate(touched)
+        ]
+        self._onto = supports.onto[0][:3][:, np.array(edges, int).reshape(-1)]
+        arms = [(complex(*contact.point) - com) / loads.length for contact in touched.values()]
+        self._arms = np.array([[arm.real, arm.imag] for arm in arms]).reshape(-1, 2)
+        self._lifts = bool(loads.lift)
+        # Least tensions cancel in what bends a finger, and are left out of its range.
+        limits = [(s.tendons.min_tension, s.tendons.max_tension, s.finger.tendons_used) for s in scene.setups]
+        self._high = np.array([high - low if used != "right" else 0.0 for low, high, used in limits]) / loads.force
+        self._low = -np.array([high - low if used != "left" else 0.0 for low, high, used in limits]) / loads.force
+        self._aims_at_forces = scene.objective == "least_normal_force"
+        self.costs = self._count + self._held if self._aims_at_forces else self._count
+
+    def start(self, looks: list[_Look]) -> Array:
+        """Forces along the edges of supports, and lifts as far as friction has them to spare (K, m). What is paid from
+        here on is per the tensions, or forces, of these sets.
+        """
+        first = np.stack([look.known[:, 0] for look in looks], axis=1)
+        cost = first[:, :, 3:5].sum(axis=2) if self._aims_at_forces else first[:, :, 5]
+        self._usual = np.abs(cost).mean(axis=1) + 1e-3
+        held = pressed(self._onto, first[:, :, :3].sum(axis=1) - self.loads.target[:3])
+        if not self._lifts:
+            return held
+        edges = np.concatenate([first[:, :, 3:5], held.reshape(len(held), self._held, 2)], axis=1)
+        spare = 2.0 * self._friction * np.sqrt(np.maximum(edges[:, :, 0] * edges[:, :, 1], 1e-6))
+        share = self.loads.lift / self.loads.force / spare.sum(axis=1, keepdims=True)
+        return np.concatenate([held, share * spare], axis=1)
+
+    def missing(self, looks: list[_Look], free: Array) -> tuple[Array, Array]:
+        """Residuals (K, R), of which the first ones are the cost, and their slopes (K, R, n)."""
+        base = [look.known[:, 0] for look in looks]
+        here = self._common(base, free)
+        remainders = [look.own[:, 0] for look in looks]
+        columns, blocks = [], []
+        for k, look in enumerate(looks):
+            width = look.known.shape[1] - 1
+            blocks.append(np.swapaxes((look.own[:, 1:] - look.own[:, :1]) / look.steps[..., None], 1, 2))
+            for j in range(width):
+                moved = [look.known[:, 1 + j] if i == k else b for i, b in enumerate(base)]
+                columns.append((self._common(moved, free) - here) / look.steps[:, j, None])
+        for j in range(free.shape[1]):
+            step = np.zeros(free.shape[1])
+            step[j] = _STEP
+            columns.append((self._common(base, free + step) - here) / _STEP)
+        common = np.stack(columns, axis=2)
+        slope = np.zeros((len(free), here.shape[1] + sum(b.shape[1] for b in blocks), common.shape[2]))
+        slope[:, : here.shape[1]] = common
+        row, column = here.shape[1], 0
+        for block in blocks:
+            slope[:, row : row + block.shape[1], column : column + block.shape[2]] = block
+            row, column = row + block.shape[1], column + block.shape[2]
+        return np.concatenate([here, *remainders], axis=1), slope
+
+    def _common(self, known: list[Array], free: Array) -> Array:
+        """The cost, balances of the object, and what is outside of limits (K, R)."""
+        pressed = free[:, : 2 * self._held]
+        tips = np.stack(known, axis=1)
+        edges = np.concatenate([tips[:, :, 3:5], pressed.reshape(len(free), self._held, 2)], axis=1)
+        normal, across = edges.sum(axis=2), self._friction * (edges[:, :, 0] - edges[:, :, 1])
+        pull = tips[:, :, 5]
+        off = tips[:, :, :3].sum(axis=1) + pressed @ self._onto.T - self.loads.target[:3]
+        cost = normal if self._aims_at_forces else np.sqrt(pull**2 + 1e-8)
+        rows = [cost / self._usual[:, None], off]
+        side = np.abs(across)
+        if self._lifts:
+            lifts = free[:, 2 * self._held :]
+            rows.append(lifts.sum(axis=1, keepdims=True) - self.loads.lift / self.loads.force)
+            if self.loads.balance:
+                arms = np.concatenate(
+                    [tips[:, :, 6:8], np.broadcast_to(self._arms, (len(free), self._held, 2))], axis=1
+                )
+                rows.append((lifts[..., None] * arms).sum(axis=1))
+            side = np.hypot(across, lifts)
+        # Beyond cones and limits, and never a pull at a contact.
+        rows += [np.maximum(side - self._friction * normal, 0.0), np.minimum(normal, 0.0)]
+        rows += [
+            np.maximum(normal - self._caps, 0.0),
+            np.maximum(pull - self._high, 0.0) + np.minimum(pull - self._low, 0.0),
+        ]
+        return np.concatenate(rows, axis=1)
+
+
+class _Finger:
+    """A finger of the sets, whose unknowns are the curvatures at its knots and what is free of its base."""
+
+    def __init__(self, scene: GraspScene, loads: Loads, setup: FingerSetup, pose: Pose, start: Candidates) -> None:
+        self.scene, self.loads, self.setup, self.pose, self.start = scene, loads, setup, pose, start
+        base = setup.finger.base
+        base_pose = (*base.position, base.angle)
+        length = setup.finger.rod.length
+        self.task: FingerTask = make_task(scene, setup, base_pose, pose, 1, (setup.tip_name,))
+        self._length, self._own = length, np.array(base_pose)
+        bounds = np.array(pose_bounds(base_pose, setup.finger.base_free))
+        self._free = np.flatnonzero(bounds[:, 1] > bounds[:, 0])
+        self._unit = np.array([length, length, 1.0])
+        self._low, self._high = ((bounds[:, k] - base_pose) / self._unit for k in (0, 1))
+        moved = (start.bases - base_pose) / self._unit
+        self.unknowns = np.concatenate([start.curvatures, moved[:, self._free]], axis=1)
+        self._size = start.curvatures.shape[1]
+
+    def look(self, x: Array) -> _Look:
+        """Tip at unknowns (K, n), and with small changes for its slopes."""
+        count, size = x.shape
+        # Away from zero: of a mirrored finger, which bends the other way, the slopes are the same.
+        steps = np.copysign(_STEP, x)
+        every = np.concatenate([x[:, None], x[:, None] + steps[:, :, None] * np.eye(size)], axis=1)
+        every, rows = every.reshape(-1, size), np.repeat(np.arange(count), size + 1)
+        postures, gap = self._postures(every, rows, touching=False)
+        # Slopes of what is in the way are needed where something is, and cost the most.
+        wrong = self._in_the_way(postures.take(slice(None, None, size + 1)))
+        slopes = np.flatnonzero(np.repeat(wrong > 0.0, size + 1))
+        wrong = np.repeat(wrong, size + 1)
+        if len(slopes):
+            wrong[slopes] = self._in_the_way(postures.take(slopes))
+        block = finger_block(self.scene, self.loads, self.setup, postures, self.pose)
+        borne = shape_forces(self.loads, self.setup, postures, block, complex(*self.scene.object.com))
+        alone = np.column_stack([borne.own, _IN_THE_WAY * wrong, _GAP * gap])
+        known, remainder = (part.reshape(count, size + 1, -1) for part in (borne.known, alone))
+        return _Look(known, remainder, steps)
+
+    def candidates(self, x: Array) -> Candidates:
+        """The postures at unknowns (K, n), changed so that their tips touch, with what is in their way."""
+        postures, gap = self._postures(x, np.arange(len(x)), touching=True)
+        wrong = np.maximum(self._in_the_way(postures) - _SHALLOW, 0.0)
+        return replace(postures, violation=wrong + np.where(np.abs(gap) < ROUNDING, 0.0, 1.0))
+
+    def _in_the_way(self, postures: Candidates) -> Array:
+        """By how much each posture penetrates, or breaks a limit, from where its base is."""
+        move = postures.bases - self._own
+        start = (move[:, 0] + 1j * move[:, 1]) / self._length * cmath.exp(-1j * float(self._own[2]))
+        return violation(self.task, postures.knots, postures.curvatures, postures.joints, (start, move[:, 2]))
+
+    def _postures(self, x: Array, rows: Array, touching: bool) -> tuple[Candidates, Array]:
+        """Postures at unknowns (P, n), next to some of the first, and the gaps of their tips (P,), which are closed
+        where they can be if they are to be ``touching``.
+        """
+        task, some = self.task, self.start.take(rows)
+        bent, gap = x[:, : self._size].copy(), np.zeros(len(x))
+        move = np.zeros((len(x), 3))
+        move[:, self._free] = np.clip(x[:, self._size :], self._low[self._free], self._high[self._free])
+        # The base that is moved in the world, seen from the one that is not.
+        start = (move[:, 0] + 1j * move[:, 1]) * cmath.exp(-1j * float(self._own[2])), move[:, 2]
+        lengths = np.diff(some.knots, axis=1)
+        points, angles = np.zeros(len(rows), complex), np.zeros(len(rows))
+        for part, shape in enumerate(task.shapes):
+            mine = np.flatnonzero(some.parts[:, 0] == part)
+            if not len(mine):
+                continue
+            begin = start[0][mine], start[1][mine]
+            end, _, _, _ = segment_end(lengths[mine], bent[mine])
+            away, walk = shape.nearest(begin[0] + np.exp(1j * begin[1]) * end)
+            gap[mine] = away - task.half
+            if touching:
+                curves, there, good = touch(shape, begin, lengths[mine], bent[mine], np.ones((1, self._size)), walk)
+                bent[mine[good]], walk[good], gap[mine[good]] = curves[good], there[good], 0.0
+            at = shape.walk(walk)
+            points[mine], angles[mine] = at.point, at.angle
+        surface = task.frame.back(points - task.half * np.exp(1j * angles))
+        normals = task.frame.angle_back(angles)[:, None]
+        bases = self._own + move * self._unit
+        return replace(some, curvatures=bent, bases=bases, points=surface[:, None], angles=normals), gap

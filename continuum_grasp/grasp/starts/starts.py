@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import zip_longest
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.shape import ROUNDING
 from continuum_grasp.grasp.starts.basins import Basins, is_scanned
 from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates, spread_order
-from continuum_grasp.grasp.starts.fingertips import matched_sets
+from continuum_grasp.grasp.starts.fingertips import matched_sets, polished
 from continuum_grasp.grasp.starts.force import (
     Block,
     Loads,
@@ -27,7 +28,7 @@ from continuum_grasp.grasp.starts.force import (
 )
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.supports import base_poses, object_poses, support_contacts
-from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start, interleaved
+from continuum_grasp.grasp.starts.values import ContactStart, FingerStart, Start
 from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.objects.body import Pose
@@ -50,7 +51,7 @@ def make_starts(scene: GraspScene, on: frozenset[str], count: int) -> list[Start
         rows = [(at, row) for at in kind for row in range(len(at.score))]
         score, features = (np.concatenate(part) for part in zip(*((at.score, at.features) for at in kind), strict=True))
         chosen.append([_as_start(weighing, *rows[k]) for k in spread_order(score, features, count)])
-    return interleaved(chosen)
+    return [start for rank in zip_longest(*chosen) for start in rank if start is not None]
 
 
 def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Basins] | None:
@@ -143,6 +144,8 @@ _PER_FINGER = {2: 14, 3: 8, 4: 6}
 """Postures per finger that are combined, by number of fingers: 200 to 1300 combinations."""
 _CLEAREST = 100
 """Postures of one finger that are weighed, those with least in the way: all that 8 scenes chose have nothing."""
+_SETS = {2: 48, 3: 96, 4: 96}
+"""Sets of so many fingers that touch with their tips alone, at a pose of the object."""
 
 
 @dataclass(frozen=True)
@@ -183,16 +186,23 @@ class Weighing:
                 wrong = candidates.violation
                 candidates = candidates.take(wrong <= np.partition(wrong, _CLEAREST)[_CLEAREST])
             postures.append(candidates)
-        pairs = zip(self.setups, postures, strict=True)
-        blocks = [finger_block(self.scene, self.loads, setup, candidates, pose) for setup, candidates in pairs]
-        features = [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, postures, strict=True)]
+        blocks, features = self._blocks(pose, postures), self._features(postures)
         plain = self._weigh(pose, postures, features, blocks, combinations(self.loads, blocks, features))
         if not self._tips_alone:
             return [plain]
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
-        sets = matched_sets(self.scene, self.loads, postures, features, blocks, supports)
-        return [self._weigh(pose, postures, features, blocks, sets), plain]
+        sets = matched_sets(self.scene, self.loads, postures, features, blocks, supports, _SETS[len(self.setups)])
+        bent = polished(self.scene, self.loads, sets, pose, supports)
+        pairs = [np.arange(len(bent[0].knots))] * len(bent)
+        return [self._weigh(pose, bent, self._features(bent), self._blocks(pose, bent), pairs), plain]
+
+    def _features(self, postures: list[Candidates]) -> list[Array]:
+        return [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, postures, strict=True)]
+
+    def _blocks(self, pose: Pose, postures: list[Candidates]) -> list[Block]:
+        pairs = zip(self.setups, postures, strict=True)
+        return [finger_block(self.scene, self.loads, setup, candidates, pose) for setup, candidates in pairs]
 
     def _weigh(
         self, pose: Pose, postures: list[Candidates], features: list[Array], blocks: list[Block], index: list[Array]
@@ -214,9 +224,12 @@ def combinations(loads: Loads, blocks: list[Block], features: list[Array]) -> li
     """Combinations of the postures of all fingers, of which ``features`` (P, F) are in what they differ, by indices."""
     if len(blocks) == 1:
         return [np.arange(len(blocks[0].needed))]
+    alone = [_alone(loads, block) for block in blocks]
     limit = _PER_FINGER[len(blocks)]
-    scores = (_alone(loads, block) for block in blocks)
-    picks = [np.array(spread_order(score, what, limit)) for score, what in zip(scores, features, strict=True)]
+    picks = [
+        np.array(spread_order(doubt(left) + cost, what, limit))
+        for (left, cost, _), what in zip(alone, features, strict=True)
+    ]
     return [index.ravel() for index in np.meshgrid(*picks, indexing="ij")]
 
 
@@ -227,13 +240,13 @@ def doubt(left: Array) -> Array:
     return np.where(left < NEARLY_BALANCED, 10.0 * left, 10.0 * NEARLY_BALANCED + 2.0 * (left - NEARLY_BALANCED))
 
 
-def _alone(loads: Loads, block: Block) -> Array:
-    """Doubt of a finger's own balance, and its cost."""
+def _alone(loads: Loads, block: Block) -> tuple[Array, Array, Array]:
+    """Remainder of the fingers' own balance, its cost, and what the forces then do to the object."""
     # No load, and forces without effect on the object: its rows are zero and drop out of the least squares.
     free = Loads(loads.force, loads.length, 0j, 0.0, loads.gravity, False)
     internal = Block(0.0 * block.onto[:, :3], block.moments, block.needed, block.low, block.high, block.cost)
-    left, cost, _ = imbalance(free, [internal], [np.arange(len(block.needed))])
-    return doubt(left) + cost
+    left, cost, forces = imbalance(free, [internal], [np.arange(len(block.needed))])
+    return left, cost, (block.onto[:, :3] @ forces[..., None])[..., 0] / loads.force
 
 
 _AT = np.linspace(0.0, 1.0, 25)

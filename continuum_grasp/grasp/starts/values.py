@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import zip_longest
 
 import numpy as np
 
@@ -64,11 +63,6 @@ class Start:
     friction_states: dict[str, tuple[float, ...]] = field(default_factory=dict)
     """Friction states of the fingers whose tendons have others than those of pulling them from the straight finger
     on."""
-
-
-def interleaved(lists: Iterable[list[Start]]) -> list[Start]:
-    """The first of each list, then the second of each, and so on."""
-    return [start for rank in zip_longest(*lists) for start in rank if start is not None]
 
 
 def start_from(scene: GraspScene, arrays: dict[str, Array]) -> Start:

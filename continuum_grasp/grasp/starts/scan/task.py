@@ -242,9 +242,14 @@ def make_task(
     )
 
 
-def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) -> Array:
-    """By how much each curve penetrates beyond what is allowed, or breaks a limit (B,)."""
-    worst = np.maximum(obstruction(task, knots, curvatures, joints) - ALLOWED, 0.0)
+def violation(
+    task: FingerTask, knots: Array, curvatures: Array, joints: Array, start: tuple[Array, Array] | None = None
+) -> Array:
+    """By how much each curve penetrates beyond what is allowed, or breaks a limit (B,).
+
+    The curves begin at the base, or at the points and angles ``start`` (B,).
+    """
+    worst = np.maximum(obstruction(task, knots, curvatures, joints, start) - ALLOWED, 0.0)
     # A curvature counts a tenth: IPOPT lowers it more easily than it moves a finger out of an object.
     if math.isfinite(task.limits[0]):
         over = np.abs(curvatures) - np.interp(knots, _EVEN, task.limits)
@@ -254,10 +259,14 @@ def violation(task: FingerTask, knots: Array, curvatures: Array, joints: Array) 
     )
 
 
-def obstruction(task: FingerTask, knots: Array, curvatures: Array, joints: Array) -> Array:
+def obstruction(
+    task: FingerTask, knots: Array, curvatures: Array, joints: Array, start: tuple[Array, Array] | None = None
+) -> Array:
     """Greatest penetration of each curve (B,) into the object and the supports; negative where there is none."""
     at, half = np.broadcast_to(_EVEN, (len(knots), _STATIONS)), task.halves
     points = sample(knots, curvatures, at)
+    if start is not None:
+        points = start[0][:, None] + np.exp(1j * start[1])[:, None] * points
     worst = (np.minimum(half, task.half) - task.rough_distance(points)).max(axis=1)
     beyond = at >= (joints[:, :1] if joints.shape[1] else 0.5)
     for point, normal, half_length in task.walls:
