@@ -17,7 +17,13 @@ from continuum_grasp.grasp.modes import contact_modes, with_elements
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, Attempt, GraspSolverRun, solver_for
 from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.starts.basins import Basins
-from continuum_grasp.grasp.starts.starts import basin_starts, held_still, make_starts, rebalanced_starts
+from continuum_grasp.grasp.starts.starts import (
+    NEARLY_BALANCED,
+    basin_starts,
+    held_still,
+    make_starts,
+    rebalanced_starts,
+)
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.grasp.tried import Basin, Exploration, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
@@ -29,12 +35,12 @@ from continuum_grasp.scene.grasp_options import Effort
 HELD = 3
 """Grasps from which another scene starts, such as one with stations: of nearby branches another may be best for it; as
 many starts, nearest to their constraints, where few elements hold nothing, and for all limits relaxed at once."""
-EXCHANGE_CAP, ITERATION_CAP, FIRST_CAP = 25, 40, 80
-"""Iterations of an exchange of fingers, of a rough start once there is a grasp, and before or with limits relaxed,
-where 98 % of the starts that give a grasp take fewer (50 scenes): from good starts IPOPT needs a median of 12 and 17 at
-the 95th percentile (400 random scenes), at most 52 from the best of shipped scenes and 76 of 36 random ones of several
-fingers. Beyond 100, of exchanges beyond 25, rounding decides where it ends, which then differs between a scene and its
-mirror image."""
+EXCHANGE_CAP, FIRST_CAP = 25, 80
+"""Iterations of an exchange of fingers, and of a rough start before there is a grasp, of which it then gets as many as
+an exact one, or with limits relaxed, where 98 % of the starts that give a grasp take fewer (50 scenes): from good
+starts IPOPT needs a median of 12 and 17 at the 95th percentile (400 random scenes), at most 52 from the best of shipped
+scenes and 76 of 36 random ones of several fingers. Beyond 100, of exchanges beyond 25, rounding decides where it ends,
+which then differs between a scene and its mirror image."""
 PRUNE_FACTOR = 1.5
 """Estimated tension, per that of the best grasp, up to which a start is worth trying: the estimates are no
 bounds, and those of rough starts are off by tens of percent."""
@@ -56,11 +62,9 @@ STANDSTILL = 3
 scenes), where 2 lose the best of another, and with limits relaxed 8 of 183 (26 scenes), in half of the iterations."""
 WORSE = 1.05
 """Objective, per the least there is, from which on guarded places are not moved any more: they only raise it."""
-SAME_BASIN = 5e-3
-"""Relative difference of the estimates up to which two basins are one."""
-UNBALANCED, CLOSEST = 0.01, 2
-"""Imbalance of a basin of two elements from which on it most likely has no grasp, and how many such basins are tried
-all the same."""
+CLOSEST = 2
+"""Basins that are tried however far from balance they are: those of two elements with more than `NEARLY_BALANCED` most
+likely have no grasp."""
 UNLIKELY = 0.2
 """Imbalance with more elements from which on a start is skipped but for the first two: of 68 scanned starts that gave a
 grasp (158 scenes of one finger) nine had more than 0.06, and one of them more than 0.13, a second one of its scene; two
@@ -70,6 +74,8 @@ BENT = 0.06
 it: a scene that a greater tension repairs had 0.031."""
 UNPROVEN = 6
 """Starts without a grasp after which a proof is tried that there is none: it takes as long as one or two of them."""
+ALIKE, IN_VAIN = "like one that was solved before", "after others that led to nothing better"
+"""Reasons why starts are not tried."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +114,8 @@ class Search:
         self.build_seconds = self.start_seconds = 0.0
         self._effort = _EFFORTS[scene.solver.effort]
         self._first_left: float | None = None  # iterations when the first grasp was found
-        self._modes = self._sampled = self._alike = self._unlikely = self._vain = 0
+        self._modes = self._sampled = 0
+        self._pruned = Counter[str]()  # starts that were not tried, by the reason
         # Whether postures of a scan, of two linear curvatures, are those of the fingers, and estimates tell.
         self._tells = all(setup.elements <= 2 for setup in scene.setups)
         self._scans: dict[frozenset[str], Basins] = {}  # of each mode
@@ -123,6 +130,11 @@ class Search:
     def best(self) -> Tried | None:
         """The acceptable attempt with the least objective; one that converged, where that costs next to nothing."""
         return least_of([t for t in self.good if t.acceptable])
+
+    @property
+    def held(self) -> list[Tried]:
+        """The verified grasps from which a search of another scene starts."""
+        return sorted(self.good, key=lambda t: t.attempt.objective)[:HELD]
 
     @property
     def unstable(self) -> Tried | None:
@@ -168,7 +180,8 @@ class Search:
         self._sampled = len(modes if missed else unscanned)
         if not self.proven:
             self._from_rough(modes if missed or self._effort.always_rough else unscanned)
-            self._exchange()
+            if self._tries_all:
+                self._exchange()
 
     def _exchange(self) -> None:
         """Start from the best grasp with one finger as another grasp has it, those that take the least tension there
@@ -185,12 +198,12 @@ class Search:
                 and other is not best
                 and other.start.contacts.keys() == best.start.contacts.keys()
             ]
-            if not self._tries_all or self.proven or not choices:
+            if self.proven or not choices:
                 return
             # The first of those that save as much, so that images of a scene take the same.
             _, other, name, start = max(choices, key=lambda choice: choice[0])
             tried.add((id(best), other, name))
-            self._from_start(exchanged(self.scene, best.start, start, name), 0, EXCHANGE_CAP)
+            self._solve(Basin(exchanged(self.scene, best.start, start, name)), 0, EXCHANGE_CAP)
             vain = 0 if self.best is not best else vain + 1
 
     def _saved(self, start: Start, other: Start, name: str) -> int:
@@ -207,11 +220,9 @@ class Search:
         """Record of the search so far."""
         open_ = [basin.start.estimate for basin in self.basins if self.is_open(basin)]
         skipped = sum(not basin.tried and not self.is_open(basin) for basin in self.basins)
-        pruned = {f"estimated to take more than {SKIP_FACTOR:g} times the tension found": skipped}
-        pruned["far from balance"] = self._unlikely
-        pruned["like one that was solved before"] = self._alike
-        pruned["after others that led to nothing better"] = self._vain
-        pruned[f"without a grasp of {COARSE} elements"] = len(self._missed) if self._few is not None else 0
+        worse = f"estimated to take more than {SKIP_FACTOR:g} times the tension found"
+        few = 0 if self._few is None else len(self._missed)
+        pruned = self._pruned + Counter({worse: skipped, f"without a grasp of {COARSE} elements": few})
         return Exploration(
             modes=self._modes or len({frozenset(tried.attempt.start.contacts) for tried in self.tried}),
             sampled=self._sampled,
@@ -222,7 +233,7 @@ class Search:
             starts_failed=len(self.tried) - len(self.good),
             open=len(open_),
             best_open=min(open_, default=math.nan),
-            pruned={why: count for why, count in pruned.items() if count},
+            pruned=dict(pruned),
         )
 
     def _from_basins(self, mode: frozenset[str]) -> bool:
@@ -232,60 +243,49 @@ class Search:
         tells = not self._tells and all(setup.tip_name in mode for setup in self.scene.setups)
         for start in (starts or [])[: self._effort.basins]:
             if tells and start.imbalance > UNLIKELY and len(self.basins) >= CLOSEST:
-                self._unlikely += 1
+                self._pruned["far from balance"] += 1
             elif not any(_same(start, basin.start) for basin in self.basins):
-                self.basins.append(Basin(start))
-                self._solve(self.basins[-1])
+                self.basins.append(basin := Basin(start))
+                far = self._tells and start.imbalance > NEARLY_BALANCED and len(self.tried) >= CLOSEST
+                if not far and self._is_worth(start, SKIP_FACTOR) and not self._is_over:
+                    self._solve(basin)
         return starts is not None
 
-    def _solve(self, basin: Basin) -> None:
-        """Solve from a basin, unless it cannot be better than what there is or the budget is used up."""
-        if not self._is_worth(basin.start, SKIP_FACTOR) or self._is_over:
-            return
-        if self._tells and basin.start.imbalance > UNBALANCED and len(self.tried) >= CLOSEST:
-            return
-        tried = self._from_start(basin.start, 0)
-        basin.tried = True
-        basin.solved = tried is not None and tried.attempt.converged and self._keeps_promise(tried, basin)
-
-    def _from_start(self, start: Start, options_at: int, iterations: int | None = None) -> Tried | None:
-        """Solve from a start and verify; what lost patience may be tried again."""
+    def _solve(self, basin: Basin, options_at: int = 0, iterations: int | None = None) -> None:
+        """Solve from a basin and verify; what lost patience may be tried again."""
         patience = IMPATIENT if self.best and len(self.scene.setups) == 1 else PATIENCE
         ends: dict[str, Any] = {"patience": patience, "standstill": STANDSTILL, "enough": self._enough}
-        tried = self.attempt(start, smoothed=True, options_at=options_at, iterations=iterations, **ends)
+        tried = self.attempt(basin.start, smoothed=True, options_at=options_at, iterations=iterations, **ends)
+        basin.tried = True
         if tried is not None and tried.attempt.outcome == STALLED:
-            self._missed.append((tried.attempt.badness, start, options_at))
-        return tried
+            self._missed.append((tried.attempt.badness, basin.start, options_at))
+        # What takes more than was estimated, where that tells, is another basin's.
+        promised = basin.start.estimate + self._least_difference
+        if tried is not None and tried in self.good:
+            basin.solved = not (self._tells and (1.0 - OPEN) * self._tension(tried) > promised)
 
     def _from_few(self, few: Search) -> None:
         """Start from where the search of a scene with few elements ended, its grasps first, each once."""
         self.run_before(few)
         self.basins, self._scans, self._rough = few.basins, few._scans, few._rough
-        self._modes, self._sampled, self._unlikely = few._modes, few._sampled, few._unlikely
-        self._alike, self._vain = few._alike, few._vain
-        ends = sorted(few.tried, key=lambda t: (t not in few.good, not t.attempt.converged, t.attempt.objective))
-        known: list[tuple[Any, float]] = []
-        for end in ends:
-            held, tried = end.attempt, None
-            branch = held.start.contacts.keys(), round(held.objective, 6)
-            if not self._is_near(end) or self.budget.over:
-                self._vain += 1
-                continue
-            if branch in known:
-                self._alike += 1
-                continue
-            if held.converged:
-                known.append(branch)
-                tried = self.attempt(end.start, options_at=0)
-            if tried is None or tried not in self.good:
-                self._missed.append((held.badness, held.start, 0))
-                if end in few.good and tried is not None:
-                    self.lost.append(tried)
-
-    def _is_near(self, end: Tried) -> bool:
-        """Whether a grasp with few elements may be the best with all of them."""
-        best = self.best
-        return best is None or end.attempt.objective <= PRUNE_FACTOR * best.attempt.objective + self._least_difference
+        self._modes, self._sampled, self._pruned = few._modes, few._sampled, few._pruned
+        known = set[tuple[Any, float]]()
+        for end in sorted(few.tried, key=lambda t: (t not in few.good, not t.attempt.converged, t.attempt.objective)):
+            held, best, tried = end.attempt, self.best, None
+            grasp = frozenset(held.start.contacts), round(held.objective, 6)
+            most = math.inf if best is None else PRUNE_FACTOR * best.attempt.objective + self._least_difference
+            if held.objective > most or self.budget.over:
+                self._pruned[IN_VAIN] += 1
+            elif grasp in known:
+                self._pruned[ALIKE] += 1
+            else:
+                if held.converged:
+                    known.add(grasp)
+                    tried = self.attempt(end.start, options_at=0)
+                if tried is None or tried not in self.good:
+                    self._missed.append((held.badness, held.start, 0))
+                    if end in few.good and tried is not None:
+                        self.lost.append(tried)
 
     @cached_property
     def _few(self) -> Search | None:
@@ -302,13 +302,6 @@ class Search:
         if best is None or self.scene.objective != "least_tension":
             return math.inf
         return WORSE * best.attempt.objective + SAME
-
-    def _keeps_promise(self, tried: Tried, basin: Basin) -> bool:
-        """Whether a start led to a grasp that takes no more than was estimated, where that tells: otherwise it is
-        another basin's.
-        """
-        promised = basin.start.estimate + self._least_difference
-        return tried in self.good and not (self._tells and (1.0 - OPEN) * self._tension(tried) > promised)
 
     @property
     def _is_over(self) -> bool:
@@ -358,20 +351,18 @@ class Search:
                 if best and not self._promises(start):
                     continue
                 if best and len(self.scene.setups) == 1 and vain[contacts] >= self._effort.in_vain:
-                    self._vain += 1
+                    self._pruned[IN_VAIN] += 1
                     continue
                 if self._is_over or self.proven:
                     return
                 if len(self.tried) >= UNPROVEN and not self.good and self.impossible:
                     return
-                basin = Basin(start, tried=True)
+                basin = Basin(start)
                 if not math.isnan(start.estimate):
                     self.basins.append(basin)
-                tried = self._from_start(start, len(OPTION_SETS) - 1, ITERATION_CAP if best else FIRST_CAP)
+                self._solve(basin, len(OPTION_SETS) - 1, OPTION_SETS[0][1] if best else FIRST_CAP)
                 grasped = {branch_of(good.attempt.start) for good in self.good}
                 vain[contacts] = 0 if self.best is not best else vain[contacts] + (branch_of(start) not in grasped)
-                if tried is not None and tried in self.good:
-                    basin.solved = self._keeps_promise(tried, basin)
 
     @cached_property
     def bound(self) -> float | None:
@@ -406,17 +397,10 @@ class Search:
         tension, objects and bases that may move from where they are held.
         """
         before = Search(scene, self.budget)
-        try:
-            self.run_before(before)
-        finally:  # also on Ctrl-C
-            if scene.objective != self.scene.objective:
-                self.fallback = before.best
-        for held in sorted(before.good, key=lambda t: t.attempt.objective)[:HELD]:
-            if self.budget.over:
-                return
-            self.attempt(replace(start_from(self.scene, held.arrays), label=label))
-            if self.proven:
-                return
+        self.run_before(before)
+        for held in before.held:
+            if not (self.budget.over or self.proven):
+                self.attempt(replace(start_from(self.scene, held.arrays), label=label))
 
     @property
     def _tries_all(self) -> bool:
@@ -430,6 +414,8 @@ class Search:
         try:
             other.run()
         finally:  # also on Ctrl-C
+            if other.scene.objective != self.scene.objective:
+                self.fallback = other.best
             self.build_seconds += other.build_seconds
             self.start_seconds += other.start_seconds
 
@@ -499,7 +485,7 @@ class Search:
         if not np.isfinite(attempt.x).all():
             return None
         if attempt in known:
-            self._alike += 1
+            self._pruned[ALIKE] += 1
             return known[attempt]
         tried = Tried(attempt, solver, self.scene)
         enough = attempt.converged and attempt.objective <= options.get("enough", math.inf)
@@ -544,8 +530,8 @@ class Search:
         return self._solvers[contacts]
 
 
-def _same(first: Start, two: Start) -> bool:
+def _same(first: Start, second: Start) -> bool:
     """Whether two starts of basins are the same: equal contacts and nearly equal estimates."""
-    return first.contacts.keys() == two.contacts.keys() and math.isclose(
-        first.estimate, two.estimate, rel_tol=SAME_BASIN
+    return first.contacts.keys() == second.contacts.keys() and math.isclose(
+        first.estimate, second.estimate, rel_tol=NEAR
     )

@@ -18,16 +18,11 @@ from continuum_grasp.grasp.changes import FIRST
 from continuum_grasp.grasp.modes import with_elements
 from continuum_grasp.grasp.reasons.diagnosis import Repairs
 from continuum_grasp.grasp.reasons.words import ordered
-from continuum_grasp.grasp.search import HELD, Search
+from continuum_grasp.grasp.search import FIRST_CAP, Search
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import FingerStart, Start, start_from, with_contacts
 from continuum_grasp.grasp.values import NEAR, Reason
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-
-MOST = 60
-"""Iterations of an exchange: 40 stop two stations of the mug, which are best, before they balance."""
-EXCHANGES = 24
-"""Sets of stations that are tried next to the best."""
 
 
 def without_stations(scene: GraspScene) -> GraspScene:
@@ -42,24 +37,13 @@ def without_stations(scene: GraspScene) -> GraspScene:
 
 def search_stations(search: Search, before: Search) -> None:
     """Find grasps with stations next to those of a search ``before`` `without_stations`, then exchange stations."""
-    for held in sorted(before.good, key=lambda t: t.attempt.objective)[:HELD]:
-        _begin(search, before.scene, held.arrays)
-    _exchange(search)
-
-
-def _begin(search: Search, before: GraspScene, arrays: Mapping[str, Array]) -> None:
-    """Solve from a grasp of a scene with other stations."""
-    start = _on_nearest(search.scene, before, arrays)
-    # Nearly exact: bold options stay next to it.
-    if not _better(search, start, options_at=0) and search.best is None:
-        search.attempt(start)
-
-
-def _exchange(search: Search) -> None:
-    """Exchange stations as long as that is better."""
-    for _ in range(EXCHANGES):
-        best = search.best
-        if best is None or not any(_better(search, start) for start in _exchanges(search.scene, best.arrays)):
+    for held in before.held:
+        start = _on_nearest(search.scene, before.scene, held.arrays)
+        # Nearly exact: bold options stay next to it.
+        if not _better(search, start, options_at=0) and search.best is None:
+            search.attempt(start)
+    while (best := search.best) is not None:
+        if not any(_better(search, start) for start in _exchanges(search.scene, best.arrays)):
             return
 
 
@@ -75,10 +59,7 @@ def find_station_reasons(search: Search, before: Search, known: Repairs) -> list
     repairs = Repairs(scene, search)
     for limits, repair in known.found.items():
         repairs.attempt(limits, _on_nearest(scene, before.scene, repair.arrays))
-        for _ in range(EXCHANGES):
-            best = repairs.found.get(limits)
-            if best is None or best.total <= 0.0 or search.budget.over:
-                break
+        while (best := repairs.found.get(limits)) is not None and best.total > 0.0 and not search.budget.over:
             for start in _exchanges(scene, best.arrays):
                 repairs.attempt(limits, start)
                 if repairs.found[limits].total < (1.0 - NEAR) * best.total:
@@ -155,5 +136,5 @@ def _better(search: Search, start: Start, options_at: int = 2) -> bool:
     tried, best = {frozenset(t.attempt.start.contacts) for t in search.tried}, search.best
     if search.budget.over or not start.contacts or frozenset(start.contacts) in tried:
         return False
-    search.attempt(start, options_at=options_at, iterations=None if best is None else MOST)
+    search.attempt(start, options_at=options_at, iterations=None if best is None else FIRST_CAP)
     return search.best is not best

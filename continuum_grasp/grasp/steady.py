@@ -17,15 +17,15 @@ from continuum_grasp.grasp.certificate.stability import contact_stability
 from continuum_grasp.grasp.problem.solver_run import OPTION_SETS, solver_for
 from continuum_grasp.grasp.search import Search
 from continuum_grasp.grasp.tried import Tried
-from continuum_grasp.grasp.values import SAME
+from continuum_grasp.grasp.values import NEAR, SAME
 from continuum_grasp.scene.grasp import GraspScene
 
 LEAST = 1e-2
 """Least eigenvalue [E I / L] that is asked for: well above what changes of the last digits can undo."""
 ROUNDS = 12
 """Linearizations from one unstable grasp."""
-UNSTABLE, ALIKE = 2, 1e-2
-"""Unstable grasps from which a stable one is sought, and the relative difference of their objectives."""
+UNSTABLE = 2
+"""Unstable grasps from which a stable one is sought."""
 SMALLEST = 0.3
 """Part of the way to stability of a step that the solver must at least follow."""
 _STEP = 1e-6
@@ -40,7 +40,7 @@ def stabilize(search: Search) -> None:
         best, objective = search.best, at.attempt.objective
         if search.budget.over or len(tried) == UNSTABLE or (best and best.attempt.objective <= objective):
             return
-        if not any(abs(objective - other) <= ALIKE * abs(other) for other in tried):
+        if not any(abs(objective - other) <= NEAR * abs(other) for other in tried):
             tried.append(objective)
             _stabilize(search, at)
 

@@ -153,13 +153,13 @@ def test_an_open_basin_is_counted():
 def test_the_scan_is_the_same_each_time():
     scene = make_scene("matched_clothoid", UPRIGHT)
     on = frozenset({"finger.middle", "finger.tip", "palm"})
-    one, two = (Basins(scene, on).found() for _ in range(2))
+    one, two = (Basins(scene, on).lowest() for _ in range(2))
     assert np.array_equal(one.estimate, two.estimate)
-    assert np.array_equal(one.branch.ends, two.branch.ends)
+    assert np.array_equal(one.candidates.curvatures, two.candidates.curvatures)
 
 
 def test_no_posture_is_no_basin():
     """An object out of reach of the first curve leaves nothing to scan."""
     scene = make_scene("matched_clothoid", UPRIGHT)
     far = scene.replaced(contacts=scene.contacts.model_copy(update={"middle_range": (1e-3, 2e-3)}))
-    assert Basins(far, frozenset({"finger.middle", "finger.tip", "palm"})).found() is None
+    assert Basins(far, frozenset({"finger.middle", "finger.tip", "palm"})).postures == 0

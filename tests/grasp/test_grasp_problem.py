@@ -356,7 +356,7 @@ def test_no_gravity_needs_no_more_than_the_bend():
 
 
 @pytest.mark.parametrize("options_at", range(len(OPTION_SETS)))
-def test_every_rung_leads_back_from_next_to_a_grasp(options_at):
+def test_every_option_set_leads_back_from_next_to_a_grasp(options_at):
     scene = make_scene("arc")
     search = Search(scene, Budget.of(scene.solver))
     search.run()

@@ -51,7 +51,7 @@ def ends_of(point, turn, rest, first, last, steps=48):
 def test_every_end_curvature_whose_tip_touches_is_found(diameter, base_y):
     """Also two that lie between two lines of the scan."""
     task, center, reach = task_of("matched_clothoid", True, diameter, base_y=base_y)
-    first = touching.scanned(replace(task, tip=False), touching.Ring(task, 192))
+    first = touching.scanned(replace(task, tip=False))
     rest = 1.0 - first.joint
     # What follows begins with the curvature so far, and bends by a turn at most.
     first = first.take(np.abs(first.ends[:, 1]) * rest < 6.28)

@@ -33,7 +33,7 @@ def branch(count=2, **last):
 
 
 def neighbors(**last):
-    return bool(basins.along_outline(branch(**last), 128)[0, 1])
+    return bool(basins.along_outline(branch(**last))[0, 1])
 
 
 def neighboring_arcs(**last):
@@ -54,10 +54,9 @@ def within(curvature):
 
 def judged(depth):
     """Whether postures so deep in something are left."""
-    scan = Basins(make_scene("matched_clothoid", UPRIGHT), ON)
-    scan._depth = lambda some: np.full(len(some), depth)
-    left, _ = scan._judged(touching.scanned(scan.task, touching.Ring(scan.task, 32)))
-    return left is not None and len(left.branch) > 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(basins, "obstruction", lambda task, knots, *_: np.full(len(knots), depth))
+        return Basins(make_scene("matched_clothoid", UPRIGHT), ON).postures > 0
 
 
 def violates_nothing(depth=0.0, bent=0.0):
@@ -69,14 +68,14 @@ def violates_nothing(depth=0.0, bent=0.0):
 
 
 def comes_before_another(score):
-    """Whether a posture 0.5 from the best comes before another one far away that is worse by ``score``."""
-    features = np.array([[0.0], [0.5], [9.0]])
+    """Whether a posture 1.0 from the best comes before another one far away that is worse by ``score``."""
+    features = np.array([[0.0], [1.0], [18.0]])
     return spread_order(np.array([0.0, 1.0, 1.0 + score]), features, 3)[1] == 2
 
 
 LIMITS = [
     ("places apart of neighbors", 1.6, lambda x: neighbors(place=x)),
-    ("the same round the end of the ring", 1.6, lambda x: neighbors(place=128.0 - x)),
+    ("the same round the end of the ring", 1.6, lambda x: neighbors(place=touching.PLACES - x)),
     ("joints apart of neighbors", 0.08, lambda x: neighbors(joint=0.5 + x)),
     ("curvatures apart of neighbors", 2.5, lambda x: neighbors(ends=np.array([0.0, x, x, 0.0]))),
     ("normals apart of neighbors", 0.5, lambda x: neighbors(tip_normal=x)),
@@ -122,7 +121,8 @@ def test_a_posture_that_cannot_hold_ranks_behind_all_that_can(part, monkeypatch)
         monkeypatch.setattr(basins, "imbalance", lambda *_: found)
         some.ends[:] = 8.0 * (1.0 + off["above"])
         block = SimpleNamespace(needed=np.zeros(1), cost=np.ones(1), high=np.ones(1))
-        return float(scan._weighed(some, None, block, np.array([off["wrong"]])).score[0])
+        monkeypatch.setattr(basins, "finger_block", lambda *_: block)
+        return float(scan._weighed(some, SimpleNamespace(violation=np.array([off["wrong"]]))).score[0])
 
     assert score(off) == pytest.approx(0.5)
     assert score(off | {part: off[part] + (0.1 if part == "above" else 0.01)}) == pytest.approx(1.5)

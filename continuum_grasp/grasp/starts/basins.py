@@ -14,26 +14,26 @@ import numpy as np
 
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.candidates import Candidates, all_joints, as_candidates
-from continuum_grasp.grasp.starts.force import Block, finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts.force import finger_block, imbalance, loads_of, support_block
+from continuum_grasp.grasp.starts.scan import touching
 from continuum_grasp.grasp.starts.scan.curves import wrapped
-from continuum_grasp.grasp.starts.scan.task import Postures, Rows, make_task, obstruction
-from continuum_grasp.grasp.starts.scan.touching import Branch, Ring, beside, scanned
+from continuum_grasp.grasp.starts.scan.task import Rows, make_task, obstruction
+from continuum_grasp.grasp.starts.scan.touching import Branch, beside, scanned
 from continuum_grasp.grasp.starts.scan.two_arcs import arc_spacing, beside_arcs, scanned_arcs
 from continuum_grasp.grasp.starts.supports import support_contacts
 from continuum_grasp.model.family import family_class
 from continuum_grasp.scene.grasp import GraspScene
 
-STRICT = 2e-4
-"""Penetration that a posture may have, per length of the finger, where postures are judged."""
 _WINDOW = 0.125 * np.array([*range(-8, 0), *range(1, 9)])
-"""Neighbors that are tried where a basin is refined, in windows, of which the first is a spacing of the scan."""
-_ROUNDS, _SHRINK = 2, 0.125
-"""Rounds of that, and what each leaves of the window: the spacing of the neighbors."""
-_PER_DEPTH, _PER_EXCESS = 100.0, 10.0
-"""Score of penetration [1/L], and of a curvature above its limit, as a part of it."""
-_BALANCED, _PER_IMBALANCE = 2e-4, 100.0
-"""Relative imbalance that the weight of the tensions leaves, and score of what is left beyond: lower, and postures that
-cannot hold would come first."""
+"""Neighbors that are tried where a basin is refined, in windows."""
+_WINDOWS = (1.0, 0.125)
+"""Windows of each round of that, in spacings of the scan: then in those of the neighbors."""
+STRICT, _PENALTY = 2e-4, 100.0
+"""Penetration that a posture may have, per length of the finger, and the relative imbalance that the weight of the
+tensions leaves; score of penetration [1/L] and of imbalance beyond: lower, and postures that cannot hold would come
+first."""
+_PER_EXCESS = 10.0
+"""Score of a curvature above its limit, as a part of it."""
 _NEIGHBORS = 1.6
 """Spacings of a scan up to which postures are neighbors; of two arcs, of both bends in sum."""
 _JOINT, _CURVATURE, _NORMAL = 0.08, 2.5, 0.5
@@ -60,139 +60,89 @@ class Scored(Rows):
     candidates: Candidates
     forces: Array  # (P, n) [N]
     left: Array  # (P,) relative imbalance
-    wrong: Array  # (P,) penetration [L]
     score: Array  # (P,) tensions by their limits, with penalties
     estimate: Array  # (P,) the same in N
 
 
 class Basins:
-    """The basins of a scene of one finger with the contacts ``on`` by name."""
+    """The basins of a scene of one finger with the contacts ``on`` by name, by all postures that touch and are clear of
+    everything.
+    """
 
     def __init__(self, scene: GraspScene, on: frozenset[str]) -> None:
-        self.on = on
+        self.on, self.pose = on, scene.object.pose
         base = scene.setups[0].finger.base
-        self.base = (*base.position, base.angle)
-        self.pose = scene.object.pose
-        self.task = make_task(scene, scene.setups[0], self.base, self.pose, 1, on)
-        self._ring = Ring(self.task)
-        self.places = self.postures = 0
-        # Arcs to a middle contact have no free parameter.
-        self._isolated = any(self.task.middles) and self.task.one_arc_to_joint
-        self._postures: Scored | None = None
+        self.task = task = make_task(scene, scene.setups[0], (*base.position, base.angle), self.pose, 1, on)
+        self._along = any(task.middles)
+        branch = scanned(task) if self._along else scanned_arcs(task)
+        self.places = touching.PLACES * len(task.shapes) if self._along else len(branch)
+        self.postures = 0
+        self._branch, self._candidates, _ = self._clear(branch)
         self._load(scene)
 
     def _load(self, scene: GraspScene) -> None:
         """Take the forces of a scene."""
-        self.scene, self.setup = scene, scene.setups[0]
-        touched = support_contacts(scene, self.pose, self.on)
-        self.loads = loads_of(scene)
-        self.supports = support_block(scene, self.loads, touched, self.pose)
+        self.scene, self.loads = scene, loads_of(scene)
+        self._supports = support_block(scene, self.loads, support_contacts(scene, self.pose, self.on), self.pose)
 
-    def found(self) -> Scored | None:
-        """The basins, those with the least score first; None where no posture touches."""
-        along = any(self.task.middles)
-        some = scanned(self.task, self._ring) if along else scanned_arcs(self.task)
-        self.places = self._ring.count * len(self.task.shapes) if along else len(some)
-        self._postures, _ = self._judged(some)
-        if self._postures is None:
-            return None
-        lowest = self._lowest(self._postures)
-        # Models with more elements bend away from there, farther than refinement moves a posture.
-        return self._refined(lowest) if self.setup.elements <= 2 else _ordered(lowest)
-
-    def with_forces(self, scene: GraspScene) -> tuple[Basins, Scored | None]:
-        """The basins among the same postures in a scene that differs in mass or in limits of forces alone."""
-        other, known = copy(self), self._postures
+    def with_forces(self, scene: GraspScene) -> Basins:
+        """The same postures in a scene that differs in mass or in limits of forces alone."""
+        other = copy(self)
         other._load(scene)
-        if known is None:
-            return other, None
-        block = finger_block(scene, other.loads, other.setup, known.candidates, self.pose)
-        return other, _ordered(other._lowest(other._weighed(known.branch, known.candidates, block, known.wrong)))
+        return other
 
-    # -- postures ----------------------------------------------------------------------------------------------
-
-    def _depth(self, branch: Branch) -> Array:
-        """By how much something is in the way of postures (P,) [L]."""
-        return obstruction(self.task, branch.knots, branch.ends, self._joints(branch))
-
-    def _joints(self, branch: Branch) -> Array:
-        """Positions of all middle contacts (P, J)."""
-        return all_joints(self.task, branch.joint[:, None] if any(self.task.middles) else np.zeros((len(branch), 0)))
-
-    # -- forces ------------------------------------------------------------------------------------------------
-
-    def _judged(self, branch: Branch) -> tuple[Scored | None, Array]:
-        """Postures that are clear of everything, with their forces, and which of the postures these are."""
-        wrong = self._depth(branch)
-        clear = wrong <= STRICT
-        if not clear.any():
-            return None, clear
+    def _clear(self, branch: Branch) -> tuple[Branch, Candidates, Array]:
+        """Postures that are clear of everything, and which of the postures these are."""
+        task, family = self.task, branch.postures(self.task)
+        family = replace(family, joints=all_joints(task, family.joints))
+        family = replace(family, violation=obstruction(task, family.knots, family.curvatures, family.joints))
+        clear = family.violation <= STRICT
         self.postures += int(clear.sum())
-        branch, wrong = branch.take(clear), wrong[clear]
-        candidates = self._candidates(branch, wrong)
-        block = finger_block(self.scene, self.loads, self.setup, candidates, self.pose)
-        return self._weighed(branch, candidates, block, wrong), clear
-
-    def _weighed(self, branch: Branch, candidates: Candidates, block: Block, wrong: Array) -> Scored:
-        count = len(block.needed)
-        left, cost, forces = imbalance(self.loads, [block, self.supports], [np.arange(count), np.zeros(count, int)])
-        greatest_cost = float((block.cost * block.high).sum())
-        above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
-        score = cost + _PER_IMBALANCE * np.maximum(left - _BALANCED, 0.0)
-        score += _PER_DEPTH * np.maximum(wrong, 0.0) + _PER_EXCESS * np.maximum(above, 0.0)
-        return Scored(branch, candidates, forces, left, wrong, score, greatest_cost * score)
-
-    def _candidates(self, branch: Branch, wrong: Array) -> Candidates:
-        middle, tip = any(self.task.middles), self.task.tip
-        postures = Postures(
-            knots=branch.knots,
-            curvatures=branch.ends,
-            joints=self._joints(branch),
-            parts=np.stack([branch.part] * middle + [branch.tip] * tip, axis=1),
-            points=np.stack([branch.point] * middle + [branch.tip_point] * tip, axis=1),
-            angles=np.stack([branch.normal] * middle + [branch.tip_normal] * tip, axis=1),
-            violation=wrong,
-        )
         # The task has the finger's own side, and curves to either.
-        return replace(as_candidates(self.task, postures), sides=branch.side)
+        candidates = replace(as_candidates(task, family.take(clear)), sides=branch.side[clear])
+        return branch.take(clear), candidates, clear
 
-    # -- minima ------------------------------------------------------------------------------------------------
+    def lowest(self) -> Scored:
+        """The minima along the curves, the best first."""
+        weighed = self._weighed(self._branch, self._candidates)
+        linked = along_outline(self._branch) if self._along else in_bends(self._branch, arc_spacing(self.task))
+        return weighed.take(minima(weighed.score, linked))
 
-    def _lowest(self, some: Scored) -> Scored:
-        """The minima along the curves."""
-        if any(self.task.middles):
-            linked = along_outline(some.branch, self._ring.count)
-        else:
-            linked = in_bends(some.branch, arc_spacing(self.task))
-        return some.take(minima(some.score, linked))
-
-    def _refined(self, best: Scored) -> Scored:
-        """The basins, moved along their curves to where they are best, and the order then."""
+    def refined(self) -> Scored:
+        """The minima moved along their curves to where they are best, in the order then."""
+        best = self.lowest()
+        # Arcs to a middle contact have no free parameter; models with more elements bend away from there, farther than
+        # refinement moves a posture.
+        isolated = self._along and self.task.one_arc_to_joint
+        if isolated or self.scene.setups[0].elements > 2:
+            return best
+        near, spacing = (beside, 1.0) if self._along else (beside_arcs, arc_spacing(self.task))
         count = len(best.score)
-        window = 1.0 if any(self.task.middles) else arc_spacing(self.task)
-        for number in range(0 if self._isolated else _ROUNDS):
-            neighbors, rows = self._near(best.branch, np.tile(window * _SHRINK**number * _WINDOW, (count, 1)))
-            new, clear = self._judged(neighbors)
-            if new is None:
+        for window in _WINDOWS:
+            neighbors, rows = near(self.task, best.branch, np.tile(spacing * window * _WINDOW, (count, 1)))
+            branch, candidates, clear = self._clear(neighbors)
+            if not len(branch):
                 continue
+            new = self._weighed(branch, candidates)
             moved = best_of(new.score, rows[clear], count)
             better = np.append(new.score, np.inf)[moved] < best.score
             best = best.followed_by([new]).take(np.where(better, count + moved, np.arange(count)))
-        return _ordered(best)
+        return best.take(np.argsort(best.score, kind="stable"))
 
-    def _near(self, branch: Branch, shifts: Array) -> tuple[Branch, Array]:
-        """Postures next to some on their curves, and the row that each is from."""
-        if any(self.task.middles):
-            return beside(self.task, self._ring, branch, shifts)
-        return beside_arcs(self.task, branch, shifts)
+    def _weighed(self, branch: Branch, candidates: Candidates) -> Scored:
+        block = finger_block(self.scene, self.loads, self.scene.setups[0], candidates, self.pose)
+        count = len(block.needed)
+        left, cost, forces = imbalance(self.loads, [block, self._supports], [np.arange(count), np.zeros(count, int)])
+        greatest_cost = float((block.cost * block.high).sum())
+        above = np.abs(branch.ends).max(axis=1) / np.max(self.task.limits) - 1.0
+        score = cost + _PENALTY * np.maximum(left - STRICT, 0.0)
+        score += _PENALTY * np.maximum(candidates.violation, 0.0) + _PER_EXCESS * np.maximum(above, 0.0)
+        return Scored(branch, candidates, forces, left, score, greatest_cost * score)
 
 
-def _ordered(some: Scored) -> Scored:
-    return some.take(np.argsort(some.score, kind="stable"))
-
-
-def along_outline(branch: Branch, count: int) -> Array:
-    """Mask (P, P) of neighbors among postures on a ring with so many places."""
+def along_outline(branch: Branch) -> Array:
+    """Mask (P, P) of neighbors among postures on a ring."""
+    count = touching.PLACES
     apart = np.remainder(branch.place[:, None] - branch.place + 0.5 * count, count) - 0.5 * count
     first, second = np.nonzero(np.abs(apart) <= _NEIGHBORS)
 

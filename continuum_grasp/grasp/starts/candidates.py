@@ -28,7 +28,7 @@ from continuum_grasp.grasp.starts.scan.task import (
     unique,
     violation,
 )
-from continuum_grasp.grasp.starts.scan.touching import Ring, onwards, scanned, started
+from continuum_grasp.grasp.starts.scan.touching import onwards, scanned, started
 from continuum_grasp.grasp.starts.scan.two_arcs import scanned_arcs
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.objects.body import Pose
@@ -46,8 +46,8 @@ class Candidates(Postures):
 
     def features(self, length: float) -> Array:
         """Numbers in which different postures of a finger of a length [m] differ (P, F)."""
-        # Scaled so that 0.5 is a likeness: a quarter of the length, 3 1/L, 30 degrees of a normal.
-        return np.concatenate(
+        # Scaled so that one is a likeness: a quarter of the length, 3 1/L, 30 degrees of a normal.
+        return 2.0 * np.concatenate(
             [
                 2.0 * self.joints,
                 0.15 * self.curvatures,
@@ -103,8 +103,7 @@ def _postures(task: FingerTask, several: bool) -> Postures | None:
             family = with_tip(task, family) if task.tip else _free_end(family)
     elif task.tip:
         if task.arcs and task.counts == (1, 1):
-            some = scanned_arcs(task)
-            family = _with_tips(some.knots, some.ends, some.tip, some.tip_point, some.tip_normal)
+            family = scanned_arcs(task).postures(task)
         else:
             family = bent_by_tip(task, several)
     else:  # it touches nothing: at rest
@@ -115,12 +114,6 @@ def _postures(task: FingerTask, several: bool) -> Postures | None:
     joints = all_joints(task, family.joints)
     wrong = violation(task, family.knots, family.curvatures, joints)
     return replace(family, joints=joints, violation=wrong)
-
-
-def _with_tips(knots: Array, curvatures: Array, parts: Array, points: Array, angles: Array) -> Postures:
-    """Curves whose tips alone touch, at (P,) parts and places."""
-    none, clear = np.zeros((len(parts), 0)), np.zeros(len(parts))
-    return Postures(knots, curvatures, none, parts[:, None], points[:, None], angles[:, None], clear)
 
 
 def _free_end(family: Postures) -> Postures:
@@ -156,11 +149,11 @@ _REACH, _TIP_REACH, _COUNT = 10.0, 15.0, 41
 
 def first_joint(task: FingerTask) -> Postures | None:
     """Curves from the base to the first contact, tangent there, with the object on their left."""
-    some = scanned(replace(task, tip=False), Ring(task))
+    some = scanned(replace(task, tip=False))
     some = some.take(some.side > 0)
-    touched = some.joint[:, None], some.part[:, None], some.point[:, None], some.normal[:, None]
-    postures = Postures(some.knots[:, :2], some.ends[:, :2], *touched, np.zeros(len(some)))
-    return _clear(task, postures) if len(some) else None
+    whole = some.postures(replace(task, tip=False))
+    first = replace(whole, knots=whole.knots[:, :2], curvatures=whole.curvatures[:, :2])
+    return _clear(task, first) if len(some) else None
 
 
 def next_joint(task: FingerTask, family: Postures) -> Postures | None:
@@ -279,22 +272,19 @@ def _touching(task: FingerTask, part: int, bent: Array, way: Array, walk: Array)
     at, facing = shape.walk(walk), segment_end(lengths, bent)[1]
     # The front half of the rounded tip touches.
     good &= np.cos(at.angle - facing - 0.5 * math.pi) <= FRONT
-    return _with_tips(knots[good], bent[good], np.full(int(good.sum()), part), at.point[good], at.angle[good])
-
-
-_RANGE = 0.5
-"""Distance of features within which two are alike: about 0.25 L along the finger, or 30 degrees of a normal."""
+    touched = np.full((int(good.sum()), 1), part), at.point[good, None], at.angle[good, None]
+    return Postures(knots[good], bent[good], np.zeros((len(touched[0]), 0)), *touched, np.zeros(len(touched[0])))
 
 
 def spread_order(score: Array, features: Array, count: int) -> list[int]:
     """Indices of ``count`` of P, each the best by score (P,), less being better, under a penalty for being like one
-    before by its features (P, F).
+    before by its features (P, F), which are up to a distance of one.
     """
     order: list[int] = []
     near = np.full(len(score), np.inf)
     taken = np.zeros(len(score), bool)
     for _ in range(min(count, len(score))):
-        likeness = np.exp(-((near / _RANGE) ** 2))
+        likeness = np.exp(-(near**2))
         pick = int(np.argmin(np.where(taken, np.inf, score + 0.5 * likeness)))
         order.append(pick)
         taken[pick] = True

@@ -35,18 +35,18 @@ def matched_sets(
     scene: GraspScene,
     loads: Loads,
     postures: list[Candidates],
-    pose: Pose,
+    features: list[Array],
+    blocks: list[Block],
     supports: tuple[Block, dict[str, ContactStart]],
     count: int,
 ) -> list[Candidates]:
     """Postures of each finger, ``count`` at most, the k-th of which belong together, the most likely ones that differ
-    first; the object is at a world pose [m, rad].
+    first.
     """
     com = complex(*scene.object.com)
     row_limit = _TABLE[len(postures)]
-    picks, tables, features = [], [], []
-    for setup, candidates in zip(scene.setups, postures, strict=True):
-        block = finger_block(scene, loads, setup, candidates, pose)
+    picks, tables = [], []
+    for setup, candidates, unlike, block in zip(scene.setups, postures, features, blocks, strict=True):
         carried = shape_forces(loads, setup, candidates, block, com)
         edges, pull = carried.known[:, 3:5], carried.known[:, 5]
         high = float(block.high[-2:].max()) / loads.force
@@ -59,8 +59,7 @@ def matched_sets(
         lift = 2.0 * setup.held_friction * np.sqrt(np.maximum(edges[:, 0] * edges[:, 1], 0.0))
         cost = np.abs(pull) / high
         score = alone + _COST * cost / max(float(np.median(cost)), 1e-9)
-        features.append(candidates.features(setup.finger.rod.length))
-        pick = np.array(spread_order(score, features[-1], row_limit))
+        pick = np.array(spread_order(score, unlike, row_limit))
         picks.append(pick)
         tables.append(np.column_stack([carried.known[:, :3], lift, alone, cost])[pick])
     sizes = [len(pick) for pick in picks]

@@ -14,7 +14,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.shape import ROUNDING
-from continuum_grasp.grasp.starts.basins import Basins, Scored, is_scanned
+from continuum_grasp.grasp.starts.basins import Basins, is_scanned
 from continuum_grasp.grasp.starts.candidates import Candidates, find_candidates, spread_order
 from continuum_grasp.grasp.starts.fingertips import matched_sets, polished
 from continuum_grasp.grasp.starts.force import (
@@ -61,7 +61,7 @@ def basin_starts(scene: GraspScene, on: frozenset[str]) -> tuple[list[Start], Ba
     if not is_scanned(scene, on):
         return None
     basins = Basins(scene, on)
-    return _starts_of(basins, basins.found()), basins
+    return _starts_of(basins, refined=True), basins
 
 
 def held_still(scene: GraspScene, on: frozenset[str]) -> GraspScene | None:
@@ -78,12 +78,13 @@ def held_still(scene: GraspScene, on: frozenset[str]) -> GraspScene | None:
 
 def rebalanced_starts(basins: Basins, scene: GraspScene) -> list[Start]:
     """Starts from the postures of a scan for a scene that differs in mass or in limits of forces alone."""
-    return _starts_of(*basins.with_forces(scene))
+    return _starts_of(basins.with_forces(scene))
 
 
-def _starts_of(basins: Basins, scored: Scored | None) -> list[Start]:
-    if scored is None:
+def _starts_of(basins: Basins, *, refined: bool = False) -> list[Start]:
+    if not basins.postures:
         return []
+    scored = basins.refined() if refined else basins.lowest()
     none, rows = np.zeros(len(scored.score)), np.arange(len(scored.score))
     at = Weighed(basins.pose, [scored.candidates], [rows], scored.left, scored.score, none, none, scored.forces)
     return [
@@ -185,25 +186,27 @@ class Weighing:
                 wrong = candidates.violation
                 candidates = candidates.take(wrong <= np.partition(wrong, _CLEAREST)[_CLEAREST])
             postures.append(candidates)
-        blocks = self._blocks(pose, postures)
-        plain = self._weigh(pose, postures, blocks, combinations(self.loads, blocks, self._features(postures)))
+        blocks, features = self._blocks(pose, postures), self._features(postures)
+        plain = self._weigh(pose, postures, features, blocks, combinations(self.loads, blocks, features))
         if not self._tips_alone:
             return [plain]
         touched = support_contacts(self.scene, pose, self.on)
         supports = support_block(self.scene, self.loads, touched, pose), touched
-        sets = matched_sets(self.scene, self.loads, postures, pose, supports, _SETS[len(self.setups)])
+        sets = matched_sets(self.scene, self.loads, postures, features, blocks, supports, _SETS[len(self.setups)])
         bent = polished(self.scene, self.loads, sets, pose, supports)
         pairs = [np.arange(len(bent[0].knots))] * len(bent)
-        return [self._weigh(pose, bent, self._blocks(pose, bent), pairs), plain]
+        return [self._weigh(pose, bent, self._features(bent), self._blocks(pose, bent), pairs), plain]
+
+    def _features(self, postures: list[Candidates]) -> list[Array]:
+        return [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, postures, strict=True)]
 
     def _blocks(self, pose: Pose, postures: list[Candidates]) -> list[Block]:
         pairs = zip(self.setups, postures, strict=True)
         return [finger_block(self.scene, self.loads, setup, candidates, pose) for setup, candidates in pairs]
 
-    def _features(self, postures: list[Candidates]) -> list[Array]:
-        return [c.features(setup.finger.rod.length) for setup, c in zip(self.setups, postures, strict=True)]
-
-    def _weigh(self, pose: Pose, postures: list[Candidates], blocks: list[Block], index: list[Array]) -> Weighed:
+    def _weigh(
+        self, pose: Pose, postures: list[Candidates], features: list[Array], blocks: list[Block], index: list[Array]
+    ) -> Weighed:
         supports = support_block(self.scene, self.loads, support_contacts(self.scene, pose, self.on), pose)
         every = [*index, np.zeros(len(index[0]), int)]
         left, cost, forces = imbalance(self.loads, [*blocks, supports], every)
@@ -212,10 +215,9 @@ class Weighing:
         # What is in the way counts from half a unit on: any amount of it may cost the start.
         score = doubt(left) + cost + np.where(wrong > 0.0, 0.5 + 10.0 * np.minimum(wrong, 0.2), 0.0)
         size = self.scene.object.size
-        place = np.broadcast_to([pose[0] / size, pose[1] / size, pose[2]], (len(left), 3))
-        unlike = (what[i] for what, i in zip(self._features(postures), index, strict=True))
-        features = np.concatenate([*unlike, place], axis=1)
-        return Weighed(pose, postures, index, left, score, wrong, features, forces)
+        place = np.broadcast_to([2.0 * pose[0] / size, 2.0 * pose[1] / size, 2.0 * pose[2]], (len(left), 3))
+        unlike = np.concatenate([*(what[i] for what, i in zip(features, index, strict=True)), place], axis=1)
+        return Weighed(pose, postures, index, left, score, wrong, unlike, forces)
 
 
 def combinations(loads: Loads, blocks: list[Block], features: list[Array]) -> list[Array]:

@@ -7,7 +7,6 @@ with K knots: ``knots`` (B, K), ``curvatures`` (B, K).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cache
 
 import numpy as np
@@ -15,8 +14,6 @@ import numpy as np
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.model.surfaces.outline import Outline
-
-Equations = Callable[[Array, Array], tuple[list[Array], list[list[Array]]]]
 
 
 def gauss_legendre(count: int) -> tuple[Array, Array]:
@@ -145,8 +142,13 @@ def touch(
     """
     point, angle = start
     phase = np.exp(1j * angle)
-
-    def equations(u: Array, rows: Array) -> tuple[list[Array], list[list[Array]]]:
+    unknown = np.column_stack([np.zeros((len(walk), len(ways))), walk])
+    good = np.zeros(len(walk), bool)
+    rows = np.arange(len(walk))
+    for _ in range(_STEPS):
+        if not len(rows):
+            break
+        u = unknown[rows]
         end, turn, dend, dturn = segment_end(lengths[rows], curvatures[rows] + u[:, :-1] @ ways)
         at = shape.walk(u[:, -1])
         off = point[rows] + phase[rows] * end - at.point
@@ -155,44 +157,20 @@ def touch(
         if len(ways) == 2:
             left.append(wrapped(angle[rows] + turn - at.angle))
             slopes.append([*(dturn @ ways.T).T, -at.dangle])
-        return left, slopes
-
-    first = np.column_stack([np.zeros((len(walk), len(ways))), walk])
-    roots, good = _newton(equations, first, (*[math.inf] * len(ways), 0.15 * shape.period))
-    return curvatures + roots[:, :-1] @ ways, roots[:, -1], good
+        wrong = np.abs(left).max(axis=0)
+        good[rows[wrong < EXACT]] = True
+        going = (wrong >= EXACT) & np.isfinite(wrong)
+        rows = rows[going]
+        change = _solve([[part[going] for part in row] for row in slopes], [part[going] for part in left])
+        # One factor for all unknowns keeps the direction of the step.
+        cut = np.minimum(1.0, 0.15 * shape.period / np.maximum(np.abs(change[-1]), 1e-300))
+        unknown[rows] -= cut[:, None] * np.stack(change, axis=1)
+    return curvatures + unknown[:, :-1] @ ways, unknown[:, -1], good
 
 
 def wrapped(angle: Array) -> Array:
     """Angles [rad] as they are within half a turn."""
     return np.asarray(np.remainder(angle + math.pi, math.tau) - math.pi)
-
-
-def _newton(equations: Equations, first: Array, limits: tuple[float, ...]) -> tuple[Array, Array]:
-    """Roots of B systems of two or three equations from ``first`` (B, n), and which were found."""
-    unknown = first.copy()
-    good = np.zeros(len(first), bool)
-    rows = np.arange(len(first))
-    for _ in range(_STEPS):
-        if not len(rows):
-            break
-        left, slopes = equations(unknown[rows], rows)
-        wrong = np.abs(left[0])
-        for more in left[1:]:
-            wrong = np.maximum(wrong, np.abs(more))
-        good[rows[wrong < EXACT]] = True
-        going = (wrong >= EXACT) & np.isfinite(wrong)
-        if not going.all():
-            rows = rows[going]
-            left = [part[going] for part in left]
-            slopes = [[part[going] for part in row] for row in slopes]
-        change = _solve(slopes, left)
-        # One factor for all unknowns keeps the direction of the step.
-        cut = np.ones(len(rows))
-        for part, limit in zip(change, limits, strict=True):
-            cut = np.minimum(cut, limit / np.maximum(np.abs(part), 1e-300))
-        for k, part in enumerate(change):
-            unknown[rows, k] -= cut * part
-    return unknown, good
 
 
 def _solve(a: list[list[Array]], b: list[Array]) -> list[Array]:

@@ -53,24 +53,8 @@ def called(name: str, out: Array, *arguments: Array | float) -> Array:
 
 _STEPS = 30
 """Most steps: 8 to 11 as a rule, more than 20 in two of a thousand."""
-_RIGID, _ENOUGH = 1e-9, 1e-6
-"""Stiffness that makes every system regular, and mean product of distances and multipliers, per weight, at which a
-system is done: of 26 forces the tensions are exact to 5e-5 of their limits then."""
-
-
-def boxed(
-    system: Array, right: Array, low: Array, high: Array, cost: Array, cost_weight: float
-) -> tuple[Array, Array, Array]:
-    """Residuals (B,) of systems (B, m, n) with right sides (B, m) at their least squares with ``low`` <= x <= ``high``
-    (n,), the costs (B,) of the unknowns, which count a little beside the squares, and the unknowns (B, n).
-    """
-    # In shares of their ranges all unknowns lie in (0, 1); 1e-8 beside the cost makes the optimum unique.
-    span = np.maximum(high - low, 1e-12)
-    across = np.ascontiguousarray(np.swapaxes(system * span, 1, 2))
-    weight, enough = cost_weight * cost * span + 1e-8, _ENOUGH * cost_weight
-    x = within_bounds(across, right - system @ low, weight, enough) * span + low
-    left = (system @ x[..., None])[..., 0] - right
-    return np.sqrt((left**2).sum(axis=1)), x @ cost, x
+_RIGID = 1e-9
+"""Stiffness that makes every system regular."""
 
 
 def within_bounds(across: Array, goal: Array, weight: Array, enough: float) -> Array:

@@ -30,9 +30,8 @@ IPOPT removes what is left of it."""
 FRONT = 0.01
 """Cosine between tangent and normal up to which a tip touches with its front: a tip that touches with its side ends a
 branch, and the best grasp often is there."""
-TIP_REACH, TIP_MOST, TIPS = 8.0, 25.0, 33
-"""Greatest bend of a curve to the tip [rad], its greatest end curvature [1/L], which counts where the tip is next to
-the last contact, and how many end curvatures are tried: 0.5 rad apart."""
+TIP_REACH, TIPS = 8.0, 33
+"""Greatest bend of a curve to the tip [rad], and how many end curvatures are tried: 0.5 rad apart."""
 _STATIONS = 65
 """Places along a finger whose clearance is looked at: 1.5 % of the length apart."""
 _EVEN = np.linspace(0.0, 1.0, _STATIONS)
@@ -60,7 +59,6 @@ class FingerTask:
     rest: float  # mean rest curvature
     counts: tuple[int, ...]  # elements between base, joints and tip
     nodes: tuple[float, ...]  # ends of its elements, or fewer positions where it has many
-    friction: float
     arcs: bool  # whether its elements are circular arcs
     bending_range: float  # likewise
     bounds: tuple[float, float]  # of the positions of middle contacts
@@ -228,7 +226,6 @@ def make_task(
         rest=side * float(profile.rest_curvature(places).mean()) / scale,
         counts=tuple(b - a for a, b in pairwise(marks)),
         nodes=tuple(k / few for k in range(few + 1)),
-        friction=setup.held_friction,
         arcs=family_class(setup.family).degree == 0,
         bending_range=looser * setup.bending_range,
         bounds=(setup.middle_bounds[0] * scale, setup.middle_bounds[1] * scale),

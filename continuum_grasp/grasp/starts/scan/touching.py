@@ -15,7 +15,7 @@ import numpy as np
 from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.starts.scan import kernel
 from continuum_grasp.grasp.starts.scan.curves import MOST_TURN, NODES, WEIGHTS, bends_to, exact_bends, wrapped
-from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_MOST, TIP_REACH, TIPS, FingerTask, Rows
+from continuum_grasp.grasp.starts.scan.task import FRONT, TIP_REACH, TIPS, FingerTask, Postures, Rows
 from continuum_grasp.model.surfaces.outline import Outline
 
 _ROOT = 8
@@ -27,8 +27,6 @@ _NEAR_FOLD = 0.05
 between: the error of the parabola."""
 
 
-_EIGHTHS = 16
-"""Steps to an eighth each toward the farthest point: all digits, which decide where curves of short pieces end."""
 PLACES = 256
 """Places of a contact on each part's outline."""
 _EVEN, _MOST = 0.12, 24
@@ -39,28 +37,21 @@ _FOLD = (1.2, 0.6)
 
 
 class Ring:
-    """Even places on the outlines of an object's parts, by a number in [0, count) each, from the point on that is
+    """Even places on the outlines of an object's parts, by a number in [0, `PLACES`) each, from the point on that is
     farthest from the base, so that they turn and mirror with the object.
-
-    Parameters
-    ----------
-    task : FingerTask
-    count : int, optional
-        Places per part; 0: `PLACES`.
     """
 
-    def __init__(self, task: FingerTask, count: int = 0) -> None:
-        self.task, self.count = task, (count := count or PLACES)
-        self._walks = []
+    def __init__(self, task: FingerTask) -> None:
+        self.task, self._walks = task, []
         for shape in task.shapes:
             # Whole faces and corners, so that they are measured alike wherever the walk begins.
-            fine = np.union1d(np.linspace(0.0, shape.period, 4 * count + 1), shape.joints)
+            fine = np.union1d(np.linspace(0.0, shape.period, 4 * PLACES + 1), shape.joints)
             middle = 0.5 * (fine[1:] + fine[:-1])
             at = shape.walk(middle)
             # Even in length and in the turn of the normal.
             share = np.diff(fine) * (np.abs(at.dpoint) / (shape.extent + task.half) + np.abs(at.dangle))
             passed = np.concatenate([[0.0], np.cumsum(share)])
-            passed *= count / passed[-1]
+            passed *= PLACES / passed[-1]
             k = int(np.argmax(np.abs(at.point)))
             low, high = fine[k] - np.diff(fine)[k - 1], fine[k + 1] + np.diff(fine)[(k + 1) % len(middle)]
             first = float(np.interp(np.mod(_farthest(shape, low, high), shape.period), fine, passed))
@@ -71,14 +62,15 @@ class Ring:
         point, angle = np.zeros(len(parts), complex), np.zeros(len(parts))
         for part, (shape, (passed, fine, first)) in enumerate(zip(self.task.shapes, self._walks, strict=True)):
             mine = parts == part
-            spot = shape.walk(np.interp(np.mod(places[mine] + first, self.count), passed, fine))
+            spot = shape.walk(np.interp(np.mod(places[mine] + first, PLACES), passed, fine))
             point[mine], angle[mine] = spot.point, spot.angle
         return point, angle
 
 
 def _farthest(shape: Outline, low: float, high: float) -> float:
     """The walk between two at which an outline is farthest from the base."""
-    for _ in range(_EIGHTHS):
+    # To the last digit, which decides where curves of short pieces end.
+    while low < 0.5 * (low + high) < high:
         walks = np.linspace(low, high, 9)
         at = shape.walk(walks)
         k = int(np.clip(np.sum((at.point.conj() * at.dpoint).real > 0.0) - 1, 0, 7))
@@ -108,11 +100,25 @@ class Branch(Rows):
         ones = np.ones(len(self))
         return np.stack([0.0 * ones, self.joint, self.joint, ones], axis=1)
 
+    def postures(self, task: FingerTask) -> Postures:
+        """The postures of a task with one middle contact at most."""
+        middle, tip = int(any(task.middles)), int(task.tip)
+        return Postures(
+            knots=self.knots,
+            curvatures=self.ends,
+            joints=self.joint[:, None][:, :middle],
+            parts=np.stack([self.part] * middle + [self.tip] * tip, axis=1),
+            points=np.stack([self.point] * middle + [self.tip_point] * tip, axis=1),
+            angles=np.stack([self.normal] * middle + [self.tip_normal] * tip, axis=1),
+            violation=np.zeros(len(self)),
+        )
 
-def scanned(task: FingerTask, ring: Ring) -> Branch:
+
+def scanned(task: FingerTask) -> Branch:
     """All postures with a middle contact at the places of a ring, and between those where they change fast."""
-    parts = np.repeat(np.arange(len(task.shapes)), ring.count)
-    places = np.tile(np.arange(float(ring.count)), len(task.shapes))
+    ring = Ring(task)
+    parts = np.repeat(np.arange(len(task.shapes)), PLACES)
+    places = np.tile(np.arange(float(PLACES)), len(task.shapes))
     point, normal = ring.at(parts, places)
     if task.one_arc_to_joint:
         first = _arcs(task, ring, point, normal)
@@ -123,9 +129,9 @@ def scanned(task: FingerTask, ring: Ring) -> Branch:
     return onwards(task, first)[0]
 
 
-def beside(task: FingerTask, ring: Ring, some: Branch, shifts: Array) -> tuple[Branch, Array]:
+def beside(task: FingerTask, some: Branch, shifts: Array) -> tuple[Branch, Array]:
     """The postures next to some at places shifted along the ring by shifts (P, S), and the row that each is from."""
-    rows = np.repeat(np.arange(len(some)), shifts.shape[1])
+    ring, rows = Ring(task), np.repeat(np.arange(len(some)), shifts.shape[1])
     old = some.take(rows)
     new, good = _moved(ring, old, old.place + shifts.ravel(), old.turn, old.ends[:, 0] * old.joint)
     good &= _within(task, new)
@@ -157,7 +163,7 @@ def _between(task: FingerTask, ring: Ring, first: Branch) -> Branch:
     """First curves at places between those of neighbors that differ much, as what follows would, too."""
     first = first.take(np.argsort(first.place, kind="stable"))
     bend = first.ends[:, 0] * first.joint
-    after = np.mod(first.place + 1.0, ring.count)
+    after = np.mod(first.place + 1.0, PLACES)
     low, high = (np.searchsorted(first.place, after + d) for d in (-0.5, 0.5))
     earlier = np.repeat(np.arange(len(first)), high - low)
     later = low[earlier] + np.arange(len(earlier)) - np.searchsorted(earlier, earlier)
@@ -229,7 +235,7 @@ def _arcs(task: FingerTask, ring: Ring, point: Array, normal: Array) -> Branch:
         return np.asarray(wrapped(2.0 * np.angle(-1j * points) - normals - np.where(side > 0, 0.0, math.pi)))
 
     both = np.array([1, -1])
-    here = off(point, normal, both[:, None]).reshape(2, -1, ring.count)
+    here = off(point, normal, both[:, None]).reshape(2, -1, PLACES)
     there = np.roll(here, -1, axis=2)
     which = np.nonzero((here * there <= 0.0) & (np.abs(here - there) < 0.5 * math.pi))
     sides, parts, start = both[which[0]], which[1], which[2].astype(float)
@@ -277,8 +283,7 @@ def onwards(task: FingerTask, first: Branch) -> tuple[Branch, Array]:
     if not len(first) or not task.tip:
         return _free(task, first), np.arange(len(first))
     rest = 1.0 - first.joint
-    reach = np.minimum(np.minimum(TIP_REACH, _range_after(task)) / rest, TIP_MOST)
-    reach = np.minimum(reach, np.max(task.limits) * (1.0 + _ABOVE))
+    reach = np.minimum(np.minimum(TIP_REACH, _range_after(task)) / rest, np.max(task.limits) * (1.0 + _ABOVE))
     return _tips(task, first, reach[:, None] * np.linspace(-1.0, 1.0, TIPS))
 
 
