@@ -87,7 +87,9 @@ class Verdict(NamedTuple):
 
 def questionable(problem: Problem, solution: Solution) -> bool:
     """Whether a fit misses the data, or is so far from the scene, that slips are tried."""
-    return any(misfit.is_unexplained for misfit in misfits(problem, solution.predictions)) or bool(_far(problem, solution))
+    return any(misfit.is_unexplained for misfit in misfits(problem, solution.predictions)) or bool(
+        _far(problem, solution)
+    )
 
 
 def _far(problem: Problem, solution: Solution) -> list[tuple[Unknown, float]]:
