@@ -162,8 +162,10 @@ def _fits(value: Any, kind: Any) -> bool:
     if origin is Annotated:
         return _fits(value, inner[0])
     if origin in (Union, UnionType):
-        # A union with ArrayLike is flat: it has all that numpy converts.
-        return set(get_args(ArrayLike)) <= set(inner) or any(_fits(value, option) for option in inner)
+        # A union with ArrayLike is flat, with all that numpy converts; where ArrayLike is an alias by name (numpy from
+        # 2.5 on), it is an option.
+        converted = set(get_args(ArrayLike)) or {ArrayLike}
+        return converted <= set(inner) or any(_fits(value, option) for option in inner)
     if origin is Literal:
         return isinstance(value, str | int) and value in inner
     if origin is np.ndarray:

@@ -27,6 +27,7 @@ from continuum_grasp.grasp.starts.starts import (
 from continuum_grasp.grasp.starts.values import Start, start_from
 from continuum_grasp.grasp.tried import Basin, Exploration, Tried, branch_of, exchanged, least_of
 from continuum_grasp.grasp.values import NEAR, SAME, tension_of
+from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.nlp import Budget, Status
 from continuum_grasp.nlp.solver import STALLED
 from continuum_grasp.scene.grasp import GraspScene
@@ -177,11 +178,21 @@ class Search:
         unscanned = [mode for mode in modes if not self._from_basins(mode)]
         # Postures of a scan, which bend linearly, may miss those that more elements hold with.
         missed = self.best is None and not self._tells
-        self._sampled = len(modes if missed else unscanned)
+        sampled = modes if missed else [mode for mode in modes if mode in unscanned or self._misses_faces(mode)]
+        self._sampled = len(sampled)
         if not self.proven:
-            self._from_rough(modes if missed or self._effort.always_rough else unscanned)
+            self._from_rough(modes if self._effort.always_rough else sampled)
             if self._tries_all:
                 self._exchange()
+
+    def _misses_faces(self, mode: frozenset[str]) -> bool:
+        """Whether a basin of a mode was not solved from before an object with faces and corners, on which a contact
+        stays until it holds: a posture that bends away from the scan may need another.
+        """
+        if self._tells or all(surface_of(part).is_smooth for part in self.scene.object.parts):
+            return False
+        missed = (basin.start.contacts for basin in self.basins if basin.tried and not basin.solved)
+        return any(contacts.keys() == mode for contacts in missed)
 
     def _exchange(self) -> None:
         """Start from the best grasp with one finger as another grasp has it, those that take the least tension there

@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from continuum_grasp.labels import SHOWN_IN, name_of, unit_of
-from continuum_grasp.plotting.drawing.axes import bend_box, head, label, new_axes, new_figure, quiet, show_box
+from continuum_grasp.plotting.drawing.axes import (
+    bend_box,
+    head,
+    label,
+    length_unit,
+    new_axes,
+    new_figure,
+    quiet,
+    show_box,
+)
 from continuum_grasp.plotting.drawing.style import BLUE, GRAY, INK, ORANGE
 
 if TYPE_CHECKING:
@@ -210,6 +219,7 @@ def plot_excitation(plan: ExperimentPlan, *, ax: Axes | None = None) -> Axes:
     ax.set_ylim(low - 0.08 * span, high + 0.75 * span)
     ax.set_xlim(float(plan.t[0]), float(plan.t[-1]))
     ax.legend(loc="lower right", fontsize=8, frameon=False, ncols=4)
-    label(ax, "time [s]", f"command [{unit_of(plan.command_names[0])}]")
+    unit = unit_of(plan.command_names[0])
+    label(ax, "time [s]", f"command [{length_unit(span, ax.yaxis) if unit == 'm' else unit}]")
     head(ax, "Commands that show the unknowns")
     return ax

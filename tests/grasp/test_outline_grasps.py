@@ -153,3 +153,12 @@ def test_a_limit_relaxed_by_nothing_is_no_reason():
     assert row["status"] == "feasible"
     assert row["tension"] < 19.16
     assert row["residual"] < 1.0
+
+
+@pytest.mark.parametrize(("seed", "tension"), few([(16, 15.771749), (8, 23.417704)], 1))
+def test_where_a_scanned_posture_leads_nowhere_other_faces_are_tried(seed, tension):
+    """The scan's postures lead to 24.76 and 24.70 N, three times as many starts to these tensions."""
+    row = outcome(("outline", str(seed), "own", drawn("outline", seed), 4, "normal", False))
+    assert row["status"] == "feasible"
+    assert row["tension"] == pytest.approx(tension, rel=1e-6)
+    assert row["residual"] < 1.0
