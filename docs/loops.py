@@ -22,15 +22,16 @@ ARCS = ["fidelity.family=arc", "fidelity.elements=2"]
 
 def figures(name: str, run: ControlRun) -> str:
     """Errors of the tip, distances from bounds, cost, health."""
-    error = 1e3 * np.linalg.norm(run.tip - run.tip_reference, axis=1)
-    late = error[run.t >= 0.5]
     found = run.metrics()
     change = np.sqrt(np.mean(np.diff(run.u, axis=0) ** 2))
     bounds = ", ".join(f"{b.name} {b.worst:.4g}" for b in found.violations if b.worst > -0.05)
-    return (
-        f"{name:28s} r.m.s. {found.tracking[0].rms * 1e3:.2f} mm, after 0.5 s {math.sqrt(np.mean(late**2)):.2f}, final "
-        f"{found.tracking[0].final * 1e3:.2f}; cost {found.cost:.5g}; change {change:.3g}; {found.health}; {bounds}"
-    )
+    rest = f"cost {found.cost:.5g}; change {change:.3g}; {found.health}; {bounds}"
+    if run.tip_reference is None:
+        return f"{name:28s} no setpoint of the tip; {rest}"
+    error = 1e3 * np.linalg.norm(run.tip - run.tip_reference, axis=1)
+    late = math.sqrt(np.mean(error[run.t >= 0.5] ** 2))
+    whole = f"r.m.s. {found.tracking[0].rms * 1e3:.2f} mm, after 0.5 s {late:.2f}"
+    return f"{name:28s} {whole}, final {found.tracking[0].final * 1e3:.2f}; {rest}"
 
 
 def main() -> None:
