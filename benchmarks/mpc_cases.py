@@ -183,19 +183,18 @@ def lag(*, steps: int = 400, seed: int = 0) -> Case:
 def tendons(*, steps: int = 400, seed: int = 0, horizon: int = 30) -> Case:
     """The hand finger: two tendons with lag and rate limits, its tip on a circle."""
     del seed
-    scene = cg.load(CONFIGS / "mpc" / "tip_circle.yaml")
+    circle = {"center": (-0.0827, 0.1515), "radius": 0.02, "frequency": 1.0, "phase": 0.6}  # m, Hz, rad
+    scene = cg.load(CONFIGS / "mpc" / "tip_arc.yaml").changed({"reference": {"tip": circle}})
     controller = scene.controller.model_dump()
     # The derivatives of sdirk2 leave out the last Newton correction, which other solvers are given.
     controller["horizon"] |= {"stages": horizon, "method": "rk4"}
     data = {**scene.model_dump(), "controller": controller, "parameters": ("bending_stiffness",)}
     scene = ControlScene.model_validate(data)
     stages, prediction = _stages(scene)
-    circle = scene.reference.tip
     times = stages.stage * np.arange(steps + horizon + 1)
-    angle = 2.0 * np.pi * circle.frequency * times + circle.phase
+    angle = 2.0 * np.pi * circle["frequency"] * times + circle["phase"]
     rows = np.zeros((len(times), stages.nr))
-    rows[:, 0] = circle.center[0] + circle.radius * np.cos(angle)
-    rows[:, 1] = circle.center[1] + circle.radius * np.sin(angle)
+    rows[:, :2] = circle["center"] + circle["radius"] * np.column_stack([np.cos(angle), np.sin(angle)])
     rows[:, 2:4] = stages.u_min
     references = np.stack([rows[k : k + horizon + 1] for k in range(steps)])
     what = "hand finger, 2 matched clothoids, two tendons with lag, tip on a circle"

@@ -201,8 +201,8 @@ def read_table(path: str | Path, names: Sequence[str] = ()) -> Table:
     top, names = (int(_number_in(cells[0][0]) is None), names) if names else _headings(cells)
     header_line = numbered[max(top - 1, 0)][0]
     # headings again, where a file was begun anew
-    kept = [k for k in range(top, len(cells)) if cells[k] != cells[top - 1] or not top]
-    rows, row_lines = tuple(cells[k] for k in kept), tuple(numbered[k][0] for k in kept)
+    retained = [k for k in range(top, len(cells)) if cells[k] != cells[top - 1] or not top]
+    rows, row_lines = tuple(cells[k] for k in retained), tuple(numbered[k][0] for k in retained)
     if not rows:
         raise InputError("expected rows of numbers below the headings", file=name, line=header_line)
     parts = [_HEADING.fullmatch(cell) for cell in names]

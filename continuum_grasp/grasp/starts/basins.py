@@ -86,7 +86,7 @@ class Basins:
         self._supports = support_block(scene, self.loads, support_contacts(scene, self.pose, self.on), self.pose)
 
     def with_forces(self, scene: GraspScene) -> Basins:
-        """The same postures in a scene that differs in mass or in limits of forces alone."""
+        """Postures of the same scan in a scene that differs in mass or in limits of forces alone."""
         other = copy(self)
         other._load(scene)
         return other
