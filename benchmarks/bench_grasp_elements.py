@@ -130,9 +130,9 @@ def judged(rows: list[Row], known: dict[str, float]) -> dict[str, list[str]]:
     return wrong
 
 
-def report_of(rows: list[Row], known: dict[str, float]) -> Report:
+def report_of(name: str, rows: list[Row], known: dict[str, float]) -> Report:
     """Claims and tables of some rows."""
-    report, wrong = Report("grasp_elements", 0), judged(rows, known)
+    report, wrong = Report(name, 0), judged(rows, known)
     for what, found in wrong.items():
         report.claim(what, len(found), "<=", 0)
     groups: dict[tuple[str, str], list[Row]] = {}
@@ -178,6 +178,7 @@ def main() -> None:
     parser.add_argument("--rows", type=Path, help="record to go on with; by default one in the folder")
     parser.add_argument("--with", dest="others", type=Path, nargs="*", default=[], help="records that may know better")
     parser.add_argument("--jobs", type=int, default=cores(), help="processes")
+    parser.add_argument("--name", default="grasp_elements", help="name of the report")
     parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write the report")
     arguments = parser.parse_args()
     counts = dict.fromkeys(arguments.kind, arguments.count)
@@ -218,7 +219,7 @@ def main() -> None:
     known: dict[str, float] = {}
     for row in (row for file in arguments.others for row in read(file) if row["tension"] is not None):
         known[row["scene"]] = min(known.get(row["scene"], math.inf), row["tension"])
-    report = report_of(rows, known)
+    report = report_of(arguments.name, rows, known)
     report.finish(arguments.folder)
 
 
