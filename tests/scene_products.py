@@ -42,8 +42,8 @@ from continuum_grasp.identification.read import choices_of, plain_scene, read_da
 from continuum_grasp.identification.segments import Design as Excited
 from continuum_grasp.identification.segments import patterns_of
 from continuum_grasp.identification.unknowns import read_unknowns
-from continuum_grasp.mission import assignment
 from continuum_grasp.mission import plant as mission_plant
+from continuum_grasp.mission.assign import _control_scene
 from continuum_grasp.model import FingerModel, System
 from continuum_grasp.planning.search import Search
 from continuum_grasp.rod.dimensionless import read_problem
@@ -270,7 +270,7 @@ def carried_out(mission: MissionScene) -> Iterator[object]:
     given = mission.grasp.setups[0].finger.replaced(tendons=mission.tendons or mission.grasp.setups[0].finger.tendons)
     held = given if mission.drive_tension is None else given.with_tendons(max_tension=mission.drive_tension)
     body = mission.grasp.object.replaced(free=None)
-    control = assignment._control_scene(mission, held, body, (0.1,), {"finger.1": 1.0})
+    control = _control_scene(mission, held, body, (0.1,), {"finger.1": 1.0})
     one: Any = SimpleNamespace(mission=mission, control=control, pulls=[0])
     with patch.object(mission_plant, "PlantModel", lambda *plant, **named: (*plant[1:], named)):
         yield from (control, mission_plant.mission_plant_model(one), mission_plant.Timetable(one).spans)

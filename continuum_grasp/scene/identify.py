@@ -292,7 +292,7 @@ _FIT = Consumer(
     refused={"object": "has no place here: measurements are of the finger alone, leave the object out"},
     unneeded={
         **LIMITS_OF_BENDING,
-        "finger.half_thickness": "of contacts",
+        **dict.fromkeys(("finger.half_thickness", "finger.rod.samples.thickness"), "of contacts"),
         **LIMITS_OF_COMMANDS,
         "time": "rows have times of their own",
         "name": "of reports",
