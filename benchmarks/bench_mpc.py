@@ -43,7 +43,7 @@ WORTH = 0.9
 COSTS = ("closed-loop cost", "worst excess of a row, share")
 ONCE_OR_TWICE = ("one iteration, double", "two iterations, double")
 """Loops whose cost is compared with that of a converged one."""
-CONTROLLED = ("nitinol_moment", "tip_circle")
+CONTROLLED = ("nitinol_moment", "steady_tip")
 """Shipped scenes whose controllers are called from Python."""
 
 
