@@ -25,14 +25,10 @@ EXACT = 1e-6
 """Limit of residuals of moments and forces, as a part of the greatest moment or force in play; of contact gaps, stored
 positions and slopes, as a part of the finger's length (slopes: rad); and part of it by which a limit may be exceeded.
 Optima of IPOPT, recomputed independently, stay below 2e-7 (400 random scenes)."""
-PENETRATION = 1e-4
-"""Limit of the dense backbone's penetration, as a part of the finger's length: 10 um of 0.1 m. The optimizer guards
-some eight places per element; between them a finger may touch."""
-CONES = 1e-4
-"""Limit of friction cones with other friction states, as a part of the greatest force: of their reserve is sought what
-is greatest, which the places at which fingers are looked at for clearance change by up to 4e-5."""
-
-
+GUARDED = 1e-4
+"""Limit of what depends on the places at which the optimizer looks at clearance, some eight per element: penetration of
+the dense backbone between them, as a part of the finger's length (10 um of 0.1 m); and friction cones with other
+friction states, as a part of the greatest force, whose reserve these places change by up to 4e-5."""
 _SHARP = 20.0
 """Radius of curvature, in distances of two samples, below which a surface may reach between them."""
 _FINE = np.linspace(0.0, 1.0, 33)
@@ -136,16 +132,16 @@ def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
             thick = np.maximum(finger.thickness[:-1], finger.thickness[1:])
             depths.append((peg.name, float((thick + peg.radius - away).max())))
         for what, depth in depths:
-            yield Check.part(f"penetration into {what}, {finger.name}", depth, finger.length, "m", PENETRATION)
+            yield Check.part(f"penetration into {what}, {finger.name}", depth, finger.length, "m", GUARDED)
     length = min(finger.length for finger in grasp.fingers)
     depths = [(wall.name, depth_of_wall(grasp.object, wall)) for wall in grasp.walls]
     for peg in grasp.pegs:
         depths.append((peg.name, peg.radius - float(grasp.object.distance(np.asarray(peg.position)[None])[0])))
     for what, depth in depths:
-        yield Check.part(f"penetration of the object into {what}", depth, length, "m", PENETRATION)
+        yield Check.part(f"penetration of the object into {what}", depth, length, "m", GUARDED)
     for first, other in combinations(grasp.fingers, 2) if grasp.scene.overlap == "forbid" else ():
         name = f"overlap of fingers, {first.name}, {other.name}"
-        yield Check.part(name, overlap(first, other), other.length, "m", PENETRATION)
+        yield Check.part(name, overlap(first, other), other.length, "m", GUARDED)
 
 
 def depth_in_object(points: Array, body: PlacedObject, thickness: float | Array) -> float:

@@ -11,8 +11,6 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
 
-_FLAT = np.inf
-"""Radius of curvature of a flat face [m]."""
 _SMALLEST = 1e-300
 """Keeps a division by a zero distance finite; the quotient is not used then."""
 _ROUNDING = 1e-13
@@ -169,7 +167,7 @@ def _rounded_polygon(core: Array, radius: float, points: Array) -> Nearest:
     normal = height[:, None] * out[edge] + beside[:, None] * along[edge]
     normal = side[:, None] * normal / np.maximum(away, _SMALLEST)[:, None]
     normal = np.where((away > _ROUNDING * length.max())[:, None], normal, out[edge])
-    return Nearest(side * away - radius, foot + radius * normal, normal, np.where(at_corner, radius, _FLAT))
+    return Nearest(side * away - radius, foot + radius * normal, normal, np.where(at_corner, radius, np.inf))
 
 
 def _edges(core: Array) -> tuple[Array, Array, Array]:
@@ -244,7 +242,7 @@ def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nea
     bend = np.abs(nx * dny - ny * dnx) / size
     speed = np.hypot(dpx, dpy)
     with np.errstate(divide="ignore"):
-        radius = np.where(bend > 0.0, speed / bend, _FLAT)
+        radius = np.where(bend > 0.0, speed / bend, np.inf)
     return Nearest(
         scale * distance, scale * sign * np.stack([px, py], axis=1), sign * np.stack([nx, ny], axis=1), scale * radius
     )

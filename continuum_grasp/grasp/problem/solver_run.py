@@ -271,8 +271,8 @@ class GraspSolverRun:
         """Depth of fingers at a point, and ``values`` as numbers with the guarded places and circles of it."""
 
         def look(x: Array, numbers: Array) -> tuple[float, Array]:
-            sight = self.near.look(scene, x, numbers)
-            return sight.deepest, self.problem.numbers.pack({**values, **sight.numbers})
+            deepest, found = self.near.look(scene, x, numbers)
+            return deepest, self.problem.numbers.pack({**values, **found})
 
         return look
 
@@ -336,7 +336,7 @@ class GraspSolverRun:
         values = problem_values(self.problem, scene, start, features)
         fingers = (finger.spec.name for finger in self.problem.fingers)
         probes = {name: attempt.numbers[at[f"{name}.probes"]] for name in fingers}
-        values |= self.near.look(scene, attempt.x, numbers.pack(values, 0.0), probes).numbers
+        values |= self.near.look(scene, attempt.x, numbers.pack(values, 0.0), probes)[1]
         stay = [name for name in at if name.endswith((".strain probes", "effort weight", "relaxation weights"))]
         return numbers.pack({**values, **{name: attempt.numbers[at[name]] for name in stay}})
 

@@ -200,9 +200,9 @@ class JointSolverRun:
             deepest, runtime_numbers = -np.inf, []
             parts = zip(self._solvers, sides, values, self._xs(x), self._ps(numbers), strict=True)
             for solver, (each, _, _), posture_values, part, p in parts:
-                sight = solver.near.look(each, part, p)
-                deepest = max(deepest, sight.deepest)
-                runtime_numbers.append(solver.problem.numbers.pack({**posture_values, **sight.numbers}))
+                depth, found = solver.near.look(each, part, p)
+                deepest = max(deepest, depth)
+                runtime_numbers.append(solver.problem.numbers.pack({**posture_values, **found}))
             return deepest, np.concatenate([*runtime_numbers, offsets])
 
         offsets = self._offsets(scene, start)

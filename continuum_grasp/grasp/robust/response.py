@@ -22,7 +22,7 @@ import numpy as np
 
 from continuum_grasp import nlp
 from continuum_grasp.arrays import Array
-from continuum_grasp.grasp.certificate.check import CONES
+from continuum_grasp.grasp.certificate.check import GUARDED
 from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, allowed_depth
 from continuum_grasp.grasp.problem.structure import DriveSpec
 from continuum_grasp.grasp.problem.values import Units, held_values
@@ -32,7 +32,7 @@ from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from,
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 
-HOLDS = -CONES
+HOLDS = -GUARDED
 """Least reserve, per force reference, with which all contacts hold: that of the certificate."""
 SETS = 4
 """Sets of contacts that are tried for one error: two or three are enough where one holds."""
@@ -61,8 +61,8 @@ class Response:
         no answer.
     weakest : str
         The contact with that margin; empty where nothing balances.
-    start, begin : Start
-        Where the posture was sought from, and the same without the error; both have the contacts of the posture.
+    begin : Start
+        Where the posture was sought from, without the error; it has the contacts of the posture.
     """
 
     error: Array
@@ -70,7 +70,6 @@ class Response:
     reserve: float
     margin: float
     weakest: str
-    start: Start
     attempt: Attempt
     solver: GraspSolverRun
     begin: Start
@@ -153,7 +152,7 @@ class Responder:
                 margin = max(margin, 0.0)
         elif attempt.status is nlp.Status.INFEASIBLE:
             margin = -np.inf
-        response = Response(error, scene, reserve, margin, weakest, start, attempt, solver, begin)
+        response = Response(error, scene, reserve, margin, weakest, attempt, solver, begin)
         if attempt.converged:
             self._known.append(response)
         return response
@@ -244,7 +243,7 @@ def _reserve(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -> flo
     reserve = float(attempt.x[solver.problem.x.at["reserve"]][0])
     if not attempt.converged:
         stands = not attempt.violations and reserve >= HOLDS
-        if not stands or solver.near.look(scene, attempt.x, attempt.numbers).deepest > allowed_depth(scene):
+        if not stands or solver.near.look(scene, attempt.x, attempt.numbers)[0] > allowed_depth(scene):
             return -np.inf
     return reserve
 
