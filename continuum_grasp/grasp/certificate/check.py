@@ -123,7 +123,7 @@ def _amiss(switch: str, present: bool) -> bool:
 def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
     """Fingers against object, supports and each other, object against supports."""
     for finger in grasp.fingers:
-        along = [c.joint for c in grasp.of(finger) if c.kind != "tip"]
+        along = [c.joint for c in finger.contacts if c.kind != "tip"]
         emerges = int(finger.joint_edges[min(along, default=finger.setup.before[0])])
         depths = [("the object", depth_in_object(finger.points, grasp.object, finger.thickness))]
         depths += [(w.name, depth_in_wall(finger.points, w, finger.thickness, emerges)) for w in grasp.walls]
@@ -213,7 +213,7 @@ def depth_of_wall(body: PlacedObject, wall: Wall) -> float:
         corners = np.clip((body.corners(part) - middle) @ along, low, high)
         for first in (True, *(False,) * 4):
             places = np.unique(np.append(np.linspace(low, high, 41), corners if first else []))
-            away = body.nearest(middle + places[:, None] * along, part).distance
+            away = body.nearest(middle + places[:, None] * along, body.parts[part]).distance
             k = int(away.argmin())
             low, high = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
         depth = -float(away[k])

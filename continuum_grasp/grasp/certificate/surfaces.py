@@ -70,17 +70,14 @@ class PlacedObject:
         """World positions of points of the object's frame [m]."""
         return np.asarray(points @ self._turn.T + self.position)
 
-    def nearest(self, points: Array, part: int) -> Nearest:
+    def nearest(self, points: Array, part: Part) -> Nearest:
         """Points of one part's surface nearest to world points (n, 2)."""
-        return self._nearest(points, self.parts[part])
-
-    def _nearest(self, points: Array, part: Part) -> Nearest:
         spot = nearest(part, (points - self.position) @ self._turn)
         return Nearest(spot.distance, self.world(spot.point), spot.normal @ self._turn.T, spot.radius)
 
     def nearest_of(self, points: Array, parts: Sequence[Part]) -> Nearest:
         """Nearest points where each point (n, 2) has a part of its own."""
-        spots = [self._nearest(point[None], part) for point, part in zip(points, parts, strict=True)]
+        spots = [self.nearest(point[None], part) for point, part in zip(points, parts, strict=True)]
         return Nearest(*(np.concatenate([getattr(spot, key.name) for spot in spots]) for key in fields(Nearest)))
 
     def touched(self, part: int, point: Array, normal: Array, depth: float) -> Part:
@@ -91,7 +88,7 @@ class PlacedObject:
 
     def distances(self, points: Array) -> Array:
         """Distance of world points from each part (parts, n) [m], negative inside."""
-        return np.stack([self.nearest(points, part).distance for part in range(len(self.parts))])
+        return np.stack([self.nearest(points, part).distance for part in self.parts])
 
     def distance(self, points: Array) -> Array:
         """Distance of world points (n, 2) from the object (n,) [m], negative inside."""

@@ -41,6 +41,7 @@ from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.problem.values import Units, contact_features, moved_features, problem_values
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.starts.values import ContactStart, Start, with_contacts
+from continuum_grasp.grasp.values import SAME
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
@@ -50,8 +51,6 @@ _Side = tuple[GraspScene, Start, dict[str, Feature]]
 _EFFORT = 1e-6
 """Weight of what makes postures in error unique, beside what is sought [1]: at 1, tensions that locked drives change
 with friction would take 3e-4 of the derivatives (mug with servo motors)."""
-_ACTS = 1e-4
-"""Part of the greatest force on what postures share, from which on an error acts [1]."""
 
 
 def _link_functions(
@@ -265,11 +264,13 @@ class JointSolverRun:
         return np.concatenate([*numbers, self._offsets(scene, start)])
 
     def acting(self, attempt: Attempt) -> Array:
-        """The errors (A, 6 + S) that decide the optimum: those with forces on what all postures share."""
+        """The errors (A, 6 + S) that decide the optimum: those with forces on what all postures share, as parts of
+        the greatest.
+        """
         links = attempt.multipliers.constraints[sum(solver.problem.rows.count for solver in self._solvers) :]
         each = np.split(links, np.cumsum(self._links)[:-1]) if links.size else []
         forces = np.array([np.abs(multipliers).max() for multipliers in each])
-        acting: Array = self.errors[forces > _ACTS * forces.max(initial=0.0)]
+        acting: Array = self.errors[forces > SAME * forces.max(initial=0.0)]
         return acting
 
     def _part(self, attempt: Attempt, k: int) -> Attempt:

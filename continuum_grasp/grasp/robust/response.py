@@ -29,6 +29,7 @@ from continuum_grasp.grasp.problem.values import Units, held_values
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from, with_contacts
+from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -44,15 +45,13 @@ NEAR = 1e-3
 
 
 @dataclass(frozen=True)
-class Response:
-    """The posture for one error.
+class Response(Tried):
+    """The posture for one error, in the scene with it.
 
     Attributes
     ----------
     error : ndarray, shape (6 + K,)
         See `continuum_grasp.grasp.robust.errors`; K friction states.
-    scene : GraspScene
-        With that error.
     reserve : float
         By how much all friction cones could be narrower, per force reference [1]; minus infinity where no posture was
         found.
@@ -66,18 +65,10 @@ class Response:
     """
 
     error: Array
-    scene: GraspScene
     reserve: float
     margin: float
     weakest: str
-    attempt: Attempt
-    solver: GraspSolverRun
     begin: Start
-
-    @property
-    def arrays(self) -> dict[str, Array]:
-        """The posture, as the arrays of a grasp."""
-        return self.solver.arrays(self.scene, self.attempt)
 
     @property
     def holds(self) -> bool:
@@ -152,7 +143,7 @@ class Responder:
                 margin = max(margin, 0.0)
         elif attempt.status is nlp.Status.INFEASIBLE:
             margin = -np.inf
-        response = Response(error, scene, reserve, margin, weakest, attempt, solver, begin)
+        response = Response(attempt, solver, scene, error, reserve, margin, weakest, begin)
         if attempt.converged:
             self._known.append(response)
         return response

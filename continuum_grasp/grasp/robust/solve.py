@@ -295,5 +295,4 @@ def _trials(
         single,
         weakest,
         _written(scene, worst),
-        responder.anew,
     )
