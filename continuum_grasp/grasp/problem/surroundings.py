@@ -29,8 +29,10 @@ Values = dict[str, Any]
 
 _FAR = 10.0
 """Distance from which on nothing is in the way, in units of the problem."""
-_EVEN = np.linspace(0.0, 1.0, 129)
-"""Places along a finger between which its shape is integrated: 0.8 % of the length apart."""
+_EVEN = np.arange(2 * FINE + 1) / (2 * FINE)
+"""Places along a finger between which its shape is integrated: half as far apart as those where the depth of one with a
+single element is looked at.
+"""
 
 
 @dataclass(frozen=True)
