@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,16 +21,6 @@ CELLS = 32
 CONFORMING = 1e-3
 """Least relative curvature of two surfaces that touch in a point, over the object's size: below it they count
 as lying against each other and do not turn."""
-
-
-@dataclass(frozen=True)
-class Section:
-    """The section of a finger at a contact, and how it moves with the n unknown changes of curvature [1/m]."""
-
-    shift: Array  # (2, n) change of the world position [m]
-    turn: Array  # (n,) change of the angle [rad]
-    half: float  # half the finger's thickness [m]
-    curvature: float  # of its side or rounded tip at the object, positive where convex, infinite at a sharp tip [1/m]
 
 
 class BentFinger(StoredFinger):
@@ -85,8 +74,10 @@ class BentFinger(StoredFinger):
         self.tendon_path = paths[-1]
         self.tendon_work = channel.arms[0] * (shares @ np.diff(paths, axis=0))
 
-    def section(self, contact: int) -> Section:
-        """The section at a contact, which is met exactly."""
+    def section(self, contact: int) -> tuple[Array, Array, float, float]:
+        """Changes of world position (2, n) and angle (n,) of the section at a contact per unknown; half the thickness
+        there [m], and the curvature of the side or rounded tip, positive where convex, infinite at a sharp tip [1/m].
+        """
         station = float(self._contacts.stations[contact])
         edge = self.rod.edge_index(station)
         thickness = skin(self.finger.profile.half_thickness)
@@ -100,7 +91,7 @@ class BentFinger(StoredFinger):
             # A parallel curve at distance h of one with curvature k has k / (1 - k h); sharper bends than 1 / h are
             # cusps. Where h changes by its slope, the normal leans: k / (cos(lean) - k h).
             skin_curvature = -towards / max(math.sqrt(1.0 - lean**2) - towards * half, 1e-9)
-        return Section(self._shifts[edge], self._turns[edge], half, skin_curvature)
+        return self._shifts[edge], self._turns[edge], half, skin_curvature
 
     def load_stiffness(self) -> Array:
         """Stiffness (n, n) that contact forces and weight, dead in the world, give the bent finger.
@@ -142,28 +133,21 @@ class BentFinger(StoredFinger):
         return float(np.mean(sides))
 
 
-@dataclass(frozen=True)
-class Rolling:
-    """Rolling without slip of a finger or support on the object."""
+def rolled(object_curvature: float, other_curvature: float | None, size: float) -> tuple[float, float, float]:
+    """Rolling without slip of a finger or support on an object of a size, surfaces having these curvatures [1/m],
+    positive where convex, infinite at corners; none of a face that lies on another.
 
-    travel: float  # way of the contact point along the surfaces per turn of one against the other [m]
-    finger_share: float  # turn of the normal per turn of the finger's section
-    object_share: float  # and per turn of the object
-
-    @classmethod
-    def of(cls, object_curvature: float, other_curvature: float | None, size: float) -> Rolling:
-        """Rolling of two surfaces with these curvatures [1/m], positive where convex, infinite at corners; none of a
-        face that lies on another.
-
-        The point wanders by the relative turn over the sum of curvatures (D. J. Montana, 1988,
-        doi:10.1177/027836498800700302); at a corner it stays, and the normal is that of the other surface.
-        """
-        if other_curvature is None:
-            return cls(0.0, 0.0, 0.0)
-        if math.isinf(other_curvature):
-            return cls(0.0, 0.0, 1.0)
-        if math.isinf(object_curvature):
-            return cls(0.0, 1.0, 0.0)
-        total = max(object_curvature + other_curvature, CONFORMING / size)
-        share = object_curvature / total
-        return cls(1.0 / total, share, 1.0 - share)
+    Gives the way of the contact point along the surfaces per turn of one against the other [m], and the turns of the
+    normal per turn of the finger's section and of the object. The point wanders by the relative turn over the sum of
+    curvatures (D. J. Montana, 1988, doi:10.1177/027836498800700302); at a corner it stays, and the normal is that of
+    the other surface.
+    """
+    if other_curvature is None:
+        return 0.0, 0.0, 0.0
+    if math.isinf(other_curvature):
+        return 0.0, 0.0, 1.0
+    if math.isinf(object_curvature):
+        return 0.0, 1.0, 0.0
+    total = max(object_curvature + other_curvature, CONFORMING / size)
+    share = object_curvature / total
+    return 1.0 / total, share, 1.0 - share
