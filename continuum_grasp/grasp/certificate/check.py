@@ -17,7 +17,7 @@ from continuum_grasp.grasp.certificate.recomputed import (
     across,
     known_contacts,
 )
-from continuum_grasp.grasp.certificate.surfaces import PlacedObject, segment_distance
+from continuum_grasp.grasp.certificate.surfaces import SPREAD, PlacedObject, segment_distance
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.supports import Wall
 
@@ -31,8 +31,6 @@ the dense backbone between them, as a part of the finger's length (10 um of 0.1 
 friction states, as a part of the greatest force, whose reserve these places change by up to 4e-5."""
 _SHARP = 20.0
 """Radius of curvature, in distances of two samples, below which a surface may reach between them."""
-_FINE = np.linspace(0.0, 1.0, 33)
-"""Places along a panel that passes a corner closely: one of them is within 1/64 of the panel from it."""
 
 
 @dataclass(frozen=True)
@@ -126,16 +124,16 @@ def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
         along = [c.joint for c in finger.contacts if c.kind != "tip"]
         emerges = int(finger.joint_edges[min(along, default=finger.setup.before[0])])
         depths = [("the object", depth_in_object(finger.points, grasp.object, finger.thickness))]
-        depths += [(w.name, depth_in_wall(finger.points, w, finger.thickness, emerges)) for w in grasp.walls]
-        for peg in grasp.pegs:
+        depths += [(w.name, depth_in_wall(finger.points, w, finger.thickness, emerges)) for w in grasp.scene.walls]
+        for peg in grasp.scene.pegs:
             away = segment_distance(np.asarray(peg.position), finger.points[:-1], finger.points[1:])
             thick = np.maximum(finger.thickness[:-1], finger.thickness[1:])
             depths.append((peg.name, float((thick + peg.radius - away).max())))
         for what, depth in depths:
             yield Check.part(f"penetration into {what}, {finger.name}", depth, finger.length, "m", GUARDED)
     length = min(finger.length for finger in grasp.fingers)
-    depths = [(wall.name, depth_of_wall(grasp.object, wall)) for wall in grasp.walls]
-    for peg in grasp.pegs:
+    depths = [(wall.name, depth_of_wall(grasp.object, wall)) for wall in grasp.scene.walls]
+    for peg in grasp.scene.pegs:
         depths.append((peg.name, peg.radius - float(grasp.object.distance(np.asarray(peg.position)[None])[0])))
     for what, depth in depths:
         yield Check.part(f"penetration of the object into {what}", depth, length, "m", GUARDED)
@@ -160,8 +158,8 @@ def depth_in_object(points: Array, body: PlacedObject, thickness: float | Array)
     gaps = segment_distance(corners[:, None], start, end) - radii[:, None]
     close = np.flatnonzero((gaps < np.maximum(half[:-1], half[1:]) + step).any(axis=0))
     if close.size:
-        fine = start[close, None] + _FINE[:, None] * (end - start)[close, None]
-        thick = half[close, None] + _FINE * (half[close + 1] - half[close])[:, None]
+        fine = start[close, None] + SPREAD[:, None] * (end - start)[close, None]
+        thick = half[close, None] + SPREAD * (half[close + 1] - half[close])[:, None]
         depth = worst(depth, float((thick.ravel() - body.distance(fine.reshape(-1, 2))).max()))
     return depth
 

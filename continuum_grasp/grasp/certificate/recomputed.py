@@ -181,7 +181,6 @@ class RecomputedGrasp:
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
         self.scene, self.setups = scene, scene.setups
-        self.walls, self.pegs = scene.walls, scene.pegs
         self.fingers = tuple(RecomputedFinger(setup, scene.gravity, arrays) for setup in self.setups)
         self.pose = np.asarray(arrays["object.pose"], dtype=float)
         self.object = PlacedObject(scene.object, self.pose)

@@ -15,8 +15,10 @@ _SMALLEST = 1e-300
 """Keeps a division by a zero distance finite; the quotient is not used then."""
 _ROUNDING = 1e-13
 """Distance from a sharp corner, as a part of the longest edge, below which the way to it means nothing."""
-_TURNS = np.linspace(0.0, 0.5 * np.pi, 33)
-"""Turns of a circle; places where the points of a superellipse that are tried first would be without its elongation."""
+SPREAD = np.linspace(0.0, 1.0, 33)
+"""Places spread along a piece of a curve: along a panel that passes a corner closely, one of them is within 1/64 of the
+panel from it; of the quarter of a circle, where the points of a superellipse that are tried first would be without its
+elongation."""
 
 
 @dataclass(frozen=True)
@@ -247,7 +249,8 @@ def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nea
 
 def _polar(a: float, b: float) -> Array:
     """Polar angles of a quadrant, denser where it is elongated."""
-    return np.arctan2(b * np.sin(_TURNS), a * np.cos(_TURNS))
+    turns = 0.5 * np.pi * SPREAD
+    return np.arctan2(b * np.sin(turns), a * np.cos(turns))
 
 
 def _curve(a: float, b: float, power: float, angle: Array) -> tuple[tuple[Array, Array], ...]:

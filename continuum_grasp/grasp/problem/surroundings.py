@@ -42,7 +42,6 @@ class _Obstacle:
     """
 
     body: Part | Wall
-    circles: str = ""  # what those that stand for it are called among a finger's numbers, where there are some
     floor: float | None = None
     emerging: int = 0  # elements that may come out of it
 
@@ -62,9 +61,8 @@ def _obstacles(scene: GraspScene, setup: FingerSetup, emerging: int, base: Array
     for wall in (wall for wall in scene.walls if wall.part is None):
         height = float((base[:2] - np.asarray(wall.point) / units.length) @ np.asarray(wall.normal))
         # A base within a support is no penetration: the finger comes out of it, up to its first contact.
-        obstacles.append(_Obstacle(wall, "", min(0.0, height) if height < clear else None, emerging))
-    fixed = [body.part for body in scene.places if body.part is not None]
-    return [*obstacles, *(_Obstacle(part, f"near_fixed_{k}") for k, part in enumerate(fixed))]
+        obstacles.append(_Obstacle(wall, min(0.0, height) if height < clear else None, emerging))
+    return [*obstacles, *(_Obstacle(body.part) for body in scene.places if body.part is not None)]
 
 
 class Surroundings:
@@ -168,7 +166,8 @@ class Surroundings:
             if isinstance(obstacle.body, Wall):
                 found |= {f"{name}.needed_{k}_{j}": value for j, value in enumerate(needed)}
             else:
-                found[f"{name}.{obstacle.circles}"] = _nearest(obstacle.body, at, units)[0].T
+                number = k - self._problem.spec.planes
+                found[f"{name}.near_fixed_{number}"] = _nearest(obstacle.body, at, units)[0].T
         return _Traced(name, max(depths), *dense, at)
 
 
