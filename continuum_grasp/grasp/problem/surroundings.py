@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -13,7 +12,7 @@ from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.problem.points import bending_arrays
 from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
-from continuum_grasp.grasp.problem.values import FINE, Units
+from continuum_grasp.grasp.problem.values import FINE, Units, Values
 from continuum_grasp.grasp.shape import ROUNDING, FingerShape, skin
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.scan.task import rough_distance
@@ -24,8 +23,6 @@ from continuum_grasp.scene.finger import Finger
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.parts import Part
 from continuum_grasp.scene.supports import Wall
-
-Values = dict[str, Any]
 
 _FAR = 10.0
 """Distance from which on nothing is in the way, in units of the problem."""
