@@ -170,6 +170,11 @@ class GraspResult(Result):
             "held trials": trials if self.scene.state_columns else [],
         }
 
+    @property
+    def contact_names(self) -> list[str]:
+        """Names of the contacts."""
+        return [str(name) for name in self.arrays.get("contact_names", ())]
+
     def pairs(self) -> dict[str, str]:
         """Tension, greatest force, least margin and certificate; where there is no grasp, why."""
         if not self.solved:

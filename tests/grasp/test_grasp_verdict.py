@@ -193,6 +193,6 @@ def test_advice_has_the_place_at_which_an_object_touches_its_support(seed, held)
     moved = solved(scene.changed({"object.position": [x, y]}))
     assert "from palm" not in moved.advice
     assert moved.status is (Status.FEASIBLE if held else Status.INFEASIBLE)
-    assert "palm" in [contact.name for contact in moved.contacts]
+    assert "palm" in moved.contact_names
     # Of two contacts one support is missing, whatever the limits.
     assert ("leave fewer unknowns" in result.message) is ("Add a contact" in result.advice) is not held
