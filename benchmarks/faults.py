@@ -256,7 +256,7 @@ FAULTS: tuple[Fault, ...] = (
     ),
     *_in(
         "grasp/certificate/held.py",
-        ("return min(sum(not (states", "return max(sum(not (states"),
+        ("return min(_missing(states", "return max(_missing(states"),
         tests="grasp/test_grasp_tampering.py",
     ),
     *_in(

@@ -17,6 +17,7 @@ from continuum_grasp.errors import InputError
 from continuum_grasp.grasp.certificate.certificate import Certificate
 from continuum_grasp.grasp.stored import DIMENSIONS, STORED
 from continuum_grasp.grasp.values import (
+    NEAR,
     Change,
     Contact,
     FingerPosture,
@@ -39,11 +40,6 @@ if TYPE_CHECKING:
     from continuum_grasp.grasp.robust.result import Robustness
     from continuum_grasp.grasp.robust.share import PlantShare
     from continuum_grasp.grasp.tried import Exploration
-
-
-SLACK = 1e-3
-"""Tension beyond the least one, per greatest normal force, below which tendons count as slack: a tendon's moment arm is
-a hundredth to a tenth of a finger's length, so that pulling fingers have one of about ten."""
 
 
 @dataclass(frozen=True)
@@ -230,7 +226,8 @@ class GraspResult(Result):
         """Whether the object is pressed although no tendon pulls by more than it must."""
         setups = {setup.name: setup.tendons for setup in self.scene.setups}
         over = sum(float((f.tensions - setups[name].min_tension).clip(0.0).sum()) for name, f in self.fingers.items())
-        return over < SLACK * self.greatest_normal_force
+        # A tendon's arm is a hundredth to a tenth of a finger's length: fingers that pull have a ratio of about ten.
+        return over < NEAR * self.greatest_normal_force
 
     @property
     def fingers(self) -> dict[str, FingerPosture]:

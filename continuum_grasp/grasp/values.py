@@ -14,7 +14,10 @@ from continuum_grasp.scene.grasp import GraspScene
 
 NEAR, SAME = 1e-3, 1e-4
 """Relative differences of what is sought: below the first a grasp is no better than another, since 0.1 % of tension is
-below the model's error; below the second two points are the same, and what is left is rounding and guarded places."""
+below the model's error, and less tension per force is slack; below the second two points are the same, and what is left
+is rounding and guarded places."""
+SATISFIED = 1e-7
+"""Scaled violation below which a constraint counts as satisfied: a hundred times the tolerances of the solvers."""
 UNSTABLE = "unstable"
 REFUTED = "refuted by the fine model"
 STEADIER = (

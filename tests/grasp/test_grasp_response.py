@@ -11,7 +11,7 @@ from grasp_elastica import Hand, designed, disturbed, stored
 from grasp_hand_made import LENGTH, STIFFNESS, arrays_of, make_finger, straight_finger
 from scipy.optimize import brentq
 
-from continuum_grasp.grasp.quality.bent_finger import Rolling
+from continuum_grasp.grasp.quality.bent_finger import rolled
 from continuum_grasp.grasp.quality.quality import Quality
 from continuum_grasp.grasp.quality.resistance import difference_range, resistance
 from continuum_grasp.grasp.quality.response import GraspResponse
@@ -270,11 +270,11 @@ def test_curvatures_of_surfaces():
 
 
 def test_rolling_of_two_discs_and_of_surfaces_that_fit():
-    roll = Rolling.of(1 / 0.04, 1 / 0.006, 0.04)
-    assert roll.travel == pytest.approx(0.04 * 0.006 / 0.046)
-    assert roll.object_share == pytest.approx(0.04 / 0.046)
-    assert Rolling.of(25.0, -25.0, 0.04).travel == pytest.approx(40.0)  # as good as fast to each other
-    assert Rolling.of(math.inf, 3.0, 0.04) == Rolling(0.0, 1.0, 0.0)
+    travel, _, object_share = rolled(1 / 0.04, 1 / 0.006, 0.04)
+    assert travel == pytest.approx(0.04 * 0.006 / 0.046)
+    assert object_share == pytest.approx(0.04 / 0.046)
+    assert rolled(25.0, -25.0, 0.04)[0] == pytest.approx(40.0)  # as good as fast to each other
+    assert rolled(math.inf, 3.0, 0.04) == (0.0, 1.0, 0.0)
 
 
 def test_a_disc_between_pegs_and_a_wrapping_finger_resists_all_disturbances():

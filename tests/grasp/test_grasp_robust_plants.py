@@ -162,7 +162,7 @@ def test_where_a_solver_was_stopped_is_a_posture_if_it_violates_nothing(
 ):
     """An optimum is one in any case; another point only says that cones are not left, not by how much they are."""
     attempt = SimpleNamespace(converged=converged, x=np.array([reserve]), violations=violations, numbers=None)
-    near = SimpleNamespace(look=lambda *_: SimpleNamespace(deepest=deepest))
+    near = SimpleNamespace(look=lambda *_: (deepest, {}))
     solver = SimpleNamespace(problem=SimpleNamespace(x=SimpleNamespace(at={"reserve": slice(0, 1)})), near=near)
     found = _reserve(solver, load(CONFIGS / "mug_arcs.yaml"), attempt)
     assert found == (reserve if stands else -np.inf)

@@ -226,7 +226,7 @@ def reached(beyond):
 
 
 def holds(reserve):
-    return Response(*[None] * 2, reserve, *[None] * 6).holds
+    return Response(*[None] * 4, reserve, *[None] * 3).holds
 
 
 LIMITS = [

@@ -193,7 +193,7 @@ def test_placed_object_and_union():
     parts = rng.integers(0, 3, 60)
     both = placed.nearest_of(points, [body.parts[k] for k in parts])
     for k in range(3):
-        alone = placed.nearest(points[parts == k], k)
+        alone = placed.nearest(points[parts == k], body.parts[k])
         assert both.distance[parts == k] == pytest.approx(alone.distance, abs=1e-15)
         assert both.normal[parts == k] == pytest.approx(alone.normal, abs=1e-15)
 

@@ -284,7 +284,7 @@ def _equilibrium(finger: RecomputedFinger) -> Iterator[Check]:
     yield Check.part(f"finger equilibrium, {finger.name}", imbalance, scale, "N m")
     if finger.matches_tip:
         tip, end = np.array(finger.length), finger.lengths.size
-        couples = sum(load.couple for load in finger.loads if load.joint == end)
+        couples = sum(contact.couple for contact in finger.contacts if contact.joint == end)
         gap = float(finger.shape.moment(tip) - finger.shape.actuation(tip)) - couples
         yield Check.part(f"tip moment balance, {finger.name}", abs(gap), scale, "N m")
 
@@ -323,7 +323,7 @@ def _finger_limits(grasp: RecomputedGrasp, finger: RecomputedFinger) -> Iterator
     if finger.wound is not None and finger.wound.law.pulley:
         yield Check.part(f"tendons of one pulley, {finger.name}", finger.wound.misfit(), limit, "N")
     bounds = dict(zip(setup.middle_names, setup.contact_bounds, strict=True))
-    for contact in grasp.of(finger):
+    for contact in finger.contacts:
         if contact.name in bounds:
             (low, high), at = bounds[contact.name], finger.joint_position(contact.joint)
             over_length = worst(low - at, at - high)

@@ -17,7 +17,7 @@ from continuum_grasp.grasp.certificate.recomputed import (
     across,
     known_contacts,
 )
-from continuum_grasp.grasp.certificate.surfaces import PlacedObject, segment_distance
+from continuum_grasp.grasp.certificate.surfaces import SPREAD, PlacedObject, segment_distance
 from continuum_grasp.scene.grasp_options import OutOfPlaneGravity
 from continuum_grasp.scene.supports import Wall
 
@@ -25,18 +25,12 @@ EXACT = 1e-6
 """Limit of residuals of moments and forces, as a part of the greatest moment or force in play; of contact gaps, stored
 positions and slopes, as a part of the finger's length (slopes: rad); and part of it by which a limit may be exceeded.
 Optima of IPOPT, recomputed independently, stay below 2e-7 (400 random scenes)."""
-PENETRATION = 1e-4
-"""Limit of the dense backbone's penetration, as a part of the finger's length: 10 um of 0.1 m. The optimizer guards
-some eight places per element; between them a finger may touch."""
-CONES = 1e-4
-"""Limit of friction cones with other friction states, as a part of the greatest force: of their reserve is sought what
-is greatest, which the places at which fingers are looked at for clearance change by up to 4e-5."""
-
-
+GUARDED = 1e-4
+"""Limit of what depends on the places at which the optimizer looks at clearance, some eight per element: penetration of
+the dense backbone between them, as a part of the finger's length (10 um of 0.1 m); and friction cones with other
+friction states, as a part of the greatest force, whose reserve these places change by up to 4e-5."""
 _SHARP = 20.0
 """Radius of curvature, in distances of two samples, below which a surface may reach between them."""
-_FINE = np.linspace(0.0, 1.0, 33)
-"""Places along a panel that passes a corner closely: one of them is within 1/64 of the panel from it."""
 
 
 @dataclass(frozen=True)
@@ -127,25 +121,25 @@ def _amiss(switch: str, present: bool) -> bool:
 def clearance_checks(grasp: RecomputedGrasp) -> Iterator[Check]:
     """Fingers against object, supports and each other, object against supports."""
     for finger in grasp.fingers:
-        along = [c.joint for c in grasp.of(finger) if c.kind != "tip"]
+        along = [c.joint for c in finger.contacts if c.kind != "tip"]
         emerges = int(finger.joint_edges[min(along, default=finger.setup.before[0])])
         depths = [("the object", depth_in_object(finger.points, grasp.object, finger.thickness))]
-        depths += [(w.name, depth_in_wall(finger.points, w, finger.thickness, emerges)) for w in grasp.walls]
-        for peg in grasp.pegs:
+        depths += [(w.name, depth_in_wall(finger.points, w, finger.thickness, emerges)) for w in grasp.scene.walls]
+        for peg in grasp.scene.pegs:
             away = segment_distance(np.asarray(peg.position), finger.points[:-1], finger.points[1:])
             thick = np.maximum(finger.thickness[:-1], finger.thickness[1:])
             depths.append((peg.name, float((thick + peg.radius - away).max())))
         for what, depth in depths:
-            yield Check.part(f"penetration into {what}, {finger.name}", depth, finger.length, "m", PENETRATION)
+            yield Check.part(f"penetration into {what}, {finger.name}", depth, finger.length, "m", GUARDED)
     length = min(finger.length for finger in grasp.fingers)
-    depths = [(wall.name, depth_of_wall(grasp.object, wall)) for wall in grasp.walls]
-    for peg in grasp.pegs:
+    depths = [(wall.name, depth_of_wall(grasp.object, wall)) for wall in grasp.scene.walls]
+    for peg in grasp.scene.pegs:
         depths.append((peg.name, peg.radius - float(grasp.object.distance(np.asarray(peg.position)[None])[0])))
     for what, depth in depths:
-        yield Check.part(f"penetration of the object into {what}", depth, length, "m", PENETRATION)
+        yield Check.part(f"penetration of the object into {what}", depth, length, "m", GUARDED)
     for first, other in combinations(grasp.fingers, 2) if grasp.scene.overlap == "forbid" else ():
         name = f"overlap of fingers, {first.name}, {other.name}"
-        yield Check.part(name, overlap(first, other), other.length, "m", PENETRATION)
+        yield Check.part(name, overlap(first, other), other.length, "m", GUARDED)
 
 
 def depth_in_object(points: Array, body: PlacedObject, thickness: float | Array) -> float:
@@ -164,8 +158,8 @@ def depth_in_object(points: Array, body: PlacedObject, thickness: float | Array)
     gaps = segment_distance(corners[:, None], start, end) - radii[:, None]
     close = np.flatnonzero((gaps < np.maximum(half[:-1], half[1:]) + step).any(axis=0))
     if close.size:
-        fine = start[close, None] + _FINE[:, None] * (end - start)[close, None]
-        thick = half[close, None] + _FINE * (half[close + 1] - half[close])[:, None]
+        fine = start[close, None] + SPREAD[:, None] * (end - start)[close, None]
+        thick = half[close, None] + SPREAD * (half[close + 1] - half[close])[:, None]
         depth = worst(depth, float((thick.ravel() - body.distance(fine.reshape(-1, 2))).max()))
     return depth
 
@@ -217,7 +211,7 @@ def depth_of_wall(body: PlacedObject, wall: Wall) -> float:
         corners = np.clip((body.corners(part) - middle) @ along, low, high)
         for first in (True, *(False,) * 4):
             places = np.unique(np.append(np.linspace(low, high, 41), corners if first else []))
-            away = body.nearest(middle + places[:, None] * along, part).distance
+            away = body.nearest(middle + places[:, None] * along, body.parts[part]).distance
             k = int(away.argmin())
             low, high = places[max(k - 1, 0)], places[min(k + 1, len(places) - 1)]
         depth = -float(away[k])

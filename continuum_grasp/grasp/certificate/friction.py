@@ -12,9 +12,9 @@ kappa being the mean curvature of the cell above rest by this stiffness, as far 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,11 +190,16 @@ def friction_of(
     return tendons, DryBending(setup, shape, of_bending) if setup.bending_cells else None
 
 
-def pulled_states(setup: FingerSetup, shape: FingerShape) -> Array:
-    """States (K,) of a finger that was pulled from its shape at rest on."""
-    return np.concatenate(
-        [friction.pulled for friction in friction_of(setup, shape) if friction is not None] or [np.zeros(0)]
-    )
+def extreme_states(fingers: Iterable[tuple[FingerSetup, FingerShape]]) -> Array:
+    """States (S, K) of fingers with friction that were pulled all along, and released, then of some pulled and others
+    released.
+    """
+    both = (friction_of(setup, shape) for setup, shape in fingers)
+    pulled = [
+        np.concatenate([np.where(each.pulled < 0.0, -1.0, 1.0) for each in pair if each is not None]) for pair in both
+    ]
+    ways = sorted(product((1.0, -1.0), repeat=len(pulled)), key=lambda way: len(set(way)))
+    return np.array([np.concatenate([w * states for w, states in zip(way, pulled, strict=True)]) for way in ways])
 
 
 def state_cells(scene: GraspScene) -> list[NDArray[np.bool_]]:

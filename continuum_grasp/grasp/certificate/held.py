@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import product
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from continuum_grasp.arrays import Array
-from continuum_grasp.grasp.certificate.check import CONES, EXACT, Check, worst
-from continuum_grasp.grasp.certificate.friction import pulled_states, state_cells
+from continuum_grasp.grasp.certificate.check import EXACT, GUARDED, Check, worst
+from continuum_grasp.grasp.certificate.friction import extreme_states, state_cells
 from continuum_grasp.grasp.certificate.recomputed import OF_CONTACTS, OF_FINGER, RecomputedFinger, RecomputedGrasp
 
 Recompute = Callable[[Mapping[str, Any]], tuple[list[Check], RecomputedGrasp | None]]
@@ -31,12 +30,7 @@ def held_checks(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Re
         return
     states = np.concatenate([stored[f"{finger.name}.friction_states"] for finger in frictional], axis=1)
     yield Check("friction states within their range", float(np.abs(states).max() - 1.0), EXACT)
-    pulled = [np.where(pulled_states(f.setup, f.shape) < 0.0, -1.0, 1.0) for f in frictional]
-    ways = (
-        np.concatenate([w * finger_states for w, finger_states in zip(way, pulled, strict=True)])
-        for way in product((1.0, -1.0), repeat=len(pulled))
-    )
-    missing = sum(not (states == way).all(axis=1).any() for way in ways)
+    missing = _missing(states, extreme_states((finger.setup, finger.shape) for finger in frictional))
     yield Check("pulled and released fingers that are not among the friction states", float(missing), 0.0)
     postures = held_postures(grasp, arrays)
     yield Check("friction states next to the worst that are missing", float(_untried(grasp, states, postures)), 0.0)
@@ -53,9 +47,14 @@ def _untried(grasp: RecomputedGrasp, states: Array, postures: Sequence[Mapping[s
     """
     # Forces that are no numbers are the worst.
     reserves = np.nan_to_num([_reserve(grasp, posture) for posture in postures], nan=-np.inf)
-    worst = states[reserves <= reserves.min() + CONES * grasp.force_scale]
+    worst = states[reserves <= reserves.min() + GUARDED * grasp.force_scale]
     turned = [[np.where(cell, -row, row) for cell in state_cells(grasp.scene)] for row in worst]
-    return min(sum(not (states == row).all(axis=1).any() for row in each) for each in turned)
+    return min(_missing(states, each) for each in turned)
+
+
+def _missing(states: Array, wanted: Iterable[Array]) -> int:
+    """Number of wanted sets of states (K,) that are not among others (S, K)."""
+    return sum(not (states == row).all(axis=1).any() for row in wanted)
 
 
 def _reserve(grasp: RecomputedGrasp, posture: Mapping[str, Any]) -> float:
@@ -122,5 +121,5 @@ def _parts(grasp: RecomputedGrasp, arrays: Mapping[str, Any], recompute: Recompu
 
 def _part(check: Check) -> float:
     """The part of its limit that a check takes."""
-    limit = CONES if check.name.startswith("friction cone") else check.limit
+    limit = GUARDED if check.name.startswith("friction cone") else check.limit
     return check.value / limit if limit > 0.0 else 0.0 if check.passed else float("inf")

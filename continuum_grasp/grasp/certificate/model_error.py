@@ -73,7 +73,8 @@ def model_error(grasp: RecomputedGrasp) -> ModelError:
         except SolverError:
             lost.append(finger.name)
             continue
-        joints = {load.name: load.joint for load in finger.loads} | {finger.setup.tip_name: finger.lengths.size}
+        joints = {contact.name: contact.joint for contact in finger.contacts}
+        joints[finger.setup.tip_name] = finger.lengths.size
         for name, joint in joints.items():
             off = exact.position(finger.joint_position(joint)) - finger.points[finger.joint_edges[joint]]
             displacements[name] = float(np.hypot(*off))
@@ -86,9 +87,9 @@ def _problem(bent: RecomputedFinger) -> RodProblem:
         bent.finger,
         complex(*bent.gravity),
         base=(complex(*bent.base[:2]), float(bent.base[2])),
-        dead=[(bent.joint_position(load.joint), complex(*load.force)) for load in bent.loads],
+        dead=[(bent.joint_position(contact.joint), complex(*contact.force)) for contact in bent.contacts],
         couples=[
-            *((bent.joint_position(load.joint), load.couple) for load in bent.loads),
+            *((bent.joint_position(contact.joint), contact.couple) for contact in bent.contacts),
             *([] if bent.dry is None else bent.dry.couples),
         ],
         tensions=bent.tensions.tolist(),

@@ -34,16 +34,6 @@ _BLUNT = 1e-3
 """Least radius of a tip, as a part of the length, from whose center the normal follows precisely."""
 
 
-@dataclass(frozen=True)
-class FingerLoad:
-    """Load of a contact on a finger."""
-
-    name: str  # of the contact
-    joint: int  # number of elements between the base and it
-    force: Array  # (2,) on the finger in the world [N]
-    couple: float  # of the friction force, which acts at the surface, about the backbone [N m]
-
-
 class RecomputedFinger(StoredFinger):
     """Shape, loads and potential of one finger of a grasp."""
 
@@ -62,7 +52,7 @@ class RecomputedFinger(StoredFinger):
         # Half the thickness (P + 1,) at the ends of panels [m].
         self.thickness = self.skin(self.rod.edges)
         self.joint_edges = np.searchsorted(self.rod.edges, self.rod.joints)
-        self.loads: list[FingerLoad] = []
+        self.contacts: list[RecomputedContact] = []
 
     def joint_position(self, joint: int) -> float:
         """Position of a joint along the finger [m]."""
@@ -83,11 +73,11 @@ class RecomputedFinger(StoredFinger):
         """
         s, moment = self.rod.edges, np.zeros(self.rod.edges.size)
         greatest = 0.0
-        for load in self.loads:
-            edge = self.joint_edges[load.joint]
+        for contact in self.contacts:
+            edge, force = self.joint_edges[contact.joint], contact.force
             arm = self.points[edge] - self.points
-            moment += np.where(s <= s[edge], arm[:, 0] * load.force[1] - arm[:, 1] * load.force[0] + load.couple, 0.0)
-            greatest = max(greatest, float(np.hypot(*load.force)))
+            moment += np.where(s <= s[edge], arm[:, 0] * force[1] - arm[:, 1] * force[0] + contact.couple, 0.0)
+            greatest = max(greatest, float(np.hypot(*force)))
         # A force along a straight finger has no moment, but counts by 1 % of what it had across.
         least = 0.01 * greatest * self.length, 0.1 * self.weight * self.length, SHARE * self.moment_scale
         return float(np.max([np.abs(moment).max(), *least]))
@@ -112,9 +102,9 @@ class RecomputedFinger(StoredFinger):
         angle, turns = rod.angle(curvature), rod.edge_angle(curvature)
         points = rod.edge_points(curvature, angle)
         work = self._potential(rod, elastic, angle, points)
-        for load in self.loads:
-            edge = rod.edge_index(rod.joints[load.joint])
-            work = work - points[..., edge, :] @ load.force - load.couple * turns[..., edge]
+        for contact in self.contacts:
+            edge = rod.edge_index(rod.joints[contact.joint])
+            work = work - points[..., edge, :] @ contact.force - contact.couple * turns[..., edge]
         return np.asarray(work.imag / np.abs(turns.imag).max(axis=-1))
 
     def _potential(self, rod: DenseRod, elastic: Array, angle: Array, points: Array) -> Array:
@@ -174,6 +164,11 @@ class RecomputedContact:
         return self.normal_force * self.normal + self.friction_force * across(self.normal)
 
     @property
+    def couple(self) -> float:
+        """Moment of the friction force, which acts at the surface, about a finger's backbone [N m]."""
+        return -self.radius * self.friction_force
+
+    @property
     def friction_margin(self) -> float:
         """1 - |friction force| / (friction coefficient * normal force); 0 where nothing presses."""
         if not self.normal_force > 0.0:
@@ -186,7 +181,6 @@ class RecomputedGrasp:
 
     def __init__(self, scene: GraspScene, arrays: Mapping[str, Any]) -> None:
         self.scene, self.setups = scene, scene.setups
-        self.walls, self.pegs = scene.walls, scene.pegs
         self.fingers = tuple(RecomputedFinger(setup, scene.gravity, arrays) for setup in self.setups)
         self.pose = np.asarray(arrays["object.pose"], dtype=float)
         self.object = PlacedObject(scene.object, self.pose)
@@ -200,12 +194,7 @@ class RecomputedGrasp:
         self.contacts = self._contacts(arrays)
         for contact in self.contacts:
             if contact.finger is not None:
-                couple = -contact.radius * contact.friction_force
-                contact.finger.loads.append(FingerLoad(contact.name, contact.joint, contact.force, couple))
-
-    def of(self, finger: RecomputedFinger) -> list[RecomputedContact]:
-        """Contacts of a finger."""
-        return [contact for contact in self.contacts if contact.finger is finger]
+                contact.finger.contacts.append(contact)
 
     def _contacts(self, arrays: Mapping[str, Any]) -> list[RecomputedContact]:
         positions, normals, stations, parts = (

@@ -95,7 +95,7 @@ class _Chain:
 
     def __init__(self, finger: RecomputedFinger, cells: int) -> None:
         self.finger, self.length = finger, finger.length
-        marks = finger.rod.joints[sorted({0, *(load.joint for load in finger.loads), finger.lengths.size})]
+        marks = finger.rod.joints[sorted({0, *(contact.joint for contact in finger.contacts), finger.lengths.size})]
         counts = np.maximum(2, np.round(cells * (np.diff(marks) / marks[-1]))).astype(int)  # between contacts
         pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(marks, marks[1:], counts, strict=False)]
         edges = np.concatenate([*pieces, marks[-1:]])
@@ -128,8 +128,8 @@ class _Chain:
         pulls = (self.beyond * ds)[:, None] * finger.gravity
         for mass in finger.finger.masses:
             pulls = pulls + mass.mass * self.ds(mass.at)[:, None] * finger.gravity
-        for load in finger.loads:
-            pulls = pulls + self.ds(finger.rod.joints[load.joint])[:, None] * load.force
+        for contact in finger.contacts:
+            pulls = pulls + self.ds(finger.rod.joints[contact.joint])[:, None] * contact.force
         matrix[np.diag_indices(ds.size)] += np.sum(self.tangent * pulls, axis=1)
         if finger.wound is not None and finger.wound.law.locks:
             # What a motion draws in elongates the tendons that pull: springs on the path, of which friction passes on
@@ -186,7 +186,7 @@ def _surface_radius(grasp: RecomputedGrasp, contact: RecomputedContact) -> float
         return contact.surface_radius
     beside = EXACT * contact.length * across(contact.normal)
     seen = contact.point + contact.length * contact.normal + np.stack([-beside, beside])
-    return float(np.min(grasp.object.nearest(seen, contact.part).radius))
+    return float(np.min(grasp.object.nearest(seen, grasp.object.parts[contact.part]).radius))
 
 
 def _directions(jacobian: Array) -> Array:

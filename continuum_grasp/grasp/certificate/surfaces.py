@@ -11,14 +11,14 @@ from continuum_grasp.arrays import Array
 from continuum_grasp.scene.objects import GraspObject
 from continuum_grasp.scene.parts import OffsetPolygon, Part, SuperellipsePart
 
-_FLAT = np.inf
-"""Radius of curvature of a flat face [m]."""
 _SMALLEST = 1e-300
 """Keeps a division by a zero distance finite; the quotient is not used then."""
 _ROUNDING = 1e-13
 """Distance from a sharp corner, as a part of the longest edge, below which the way to it means nothing."""
-_TURNS = np.linspace(0.0, 0.5 * np.pi, 33)
-"""Turns of a circle; places where the points of a superellipse that are tried first would be without its elongation."""
+SPREAD = np.linspace(0.0, 1.0, 33)
+"""Places spread along a piece of a curve: along a panel that passes a corner closely, one of them is within 1/64 of the
+panel from it; of the quarter of a circle, where the points of a superellipse that are tried first would be without its
+elongation."""
 
 
 @dataclass(frozen=True)
@@ -72,17 +72,14 @@ class PlacedObject:
         """World positions of points of the object's frame [m]."""
         return np.asarray(points @ self._turn.T + self.position)
 
-    def nearest(self, points: Array, part: int) -> Nearest:
+    def nearest(self, points: Array, part: Part) -> Nearest:
         """Points of one part's surface nearest to world points (n, 2)."""
-        return self._nearest(points, self.parts[part])
-
-    def _nearest(self, points: Array, part: Part) -> Nearest:
         spot = nearest(part, (points - self.position) @ self._turn)
         return Nearest(spot.distance, self.world(spot.point), spot.normal @ self._turn.T, spot.radius)
 
     def nearest_of(self, points: Array, parts: Sequence[Part]) -> Nearest:
         """Nearest points where each point (n, 2) has a part of its own."""
-        spots = [self._nearest(point[None], part) for point, part in zip(points, parts, strict=True)]
+        spots = [self.nearest(point[None], part) for point, part in zip(points, parts, strict=True)]
         return Nearest(*(np.concatenate([getattr(spot, key.name) for spot in spots]) for key in fields(Nearest)))
 
     def touched(self, part: int, point: Array, normal: Array, depth: float) -> Part:
@@ -93,7 +90,7 @@ class PlacedObject:
 
     def distances(self, points: Array) -> Array:
         """Distance of world points from each part (parts, n) [m], negative inside."""
-        return np.stack([self.nearest(points, part).distance for part in range(len(self.parts))])
+        return np.stack([self.nearest(points, part).distance for part in self.parts])
 
     def distance(self, points: Array) -> Array:
         """Distance of world points (n, 2) from the object (n,) [m], negative inside."""
@@ -169,7 +166,7 @@ def _rounded_polygon(core: Array, radius: float, points: Array) -> Nearest:
     normal = height[:, None] * out[edge] + beside[:, None] * along[edge]
     normal = side[:, None] * normal / np.maximum(away, _SMALLEST)[:, None]
     normal = np.where((away > _ROUNDING * length.max())[:, None], normal, out[edge])
-    return Nearest(side * away - radius, foot + radius * normal, normal, np.where(at_corner, radius, _FLAT))
+    return Nearest(side * away - radius, foot + radius * normal, normal, np.where(at_corner, radius, np.inf))
 
 
 def _edges(core: Array) -> tuple[Array, Array, Array]:
@@ -244,7 +241,7 @@ def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nea
     bend = np.abs(nx * dny - ny * dnx) / size
     speed = np.hypot(dpx, dpy)
     with np.errstate(divide="ignore"):
-        radius = np.where(bend > 0.0, speed / bend, _FLAT)
+        radius = np.where(bend > 0.0, speed / bend, np.inf)
     return Nearest(
         scale * distance, scale * sign * np.stack([px, py], axis=1), sign * np.stack([nx, ny], axis=1), scale * radius
     )
@@ -252,7 +249,8 @@ def _superellipse(axes: tuple[float, float], power: float, points: Array) -> Nea
 
 def _polar(a: float, b: float) -> Array:
     """Polar angles of a quadrant, denser where it is elongated."""
-    return np.arctan2(b * np.sin(_TURNS), a * np.cos(_TURNS))
+    turns = 0.5 * np.pi * SPREAD
+    return np.arctan2(b * np.sin(turns), a * np.cos(turns))
 
 
 def _curve(a: float, b: float, power: float, angle: Array) -> tuple[tuple[Array, Array], ...]:

@@ -71,7 +71,7 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
             if c.spec.finger == index and c.spec.joint < 0
         )
         states.append((finger.q + bend, finger.u + finger.input(pull, ca.SX(couple))))
-    ends = [finger.joints_at(*state) for finger, state in zip(fingers, states, strict=True)]
+    ends = [finger.backbone.joints(*state, finger.p) for finger, state in zip(fingers, states, strict=True)]
     loads: list[tuple[dict[int, ca.SX], dict[int, ca.SX]]] = [({}, {}) for _ in fingers]
     force, moment, gaps = wrench[:2], wrench[2], list[_Row]()
     for contact, components in zip(contacts, forces, strict=True):
@@ -97,7 +97,7 @@ def _yielded(problem: Unknowns, changes: Columns) -> Iterator[_Row]:
         missing = _moment(finger) * finger.missing_force(q, u, finger.loads(*carried))
         yield f"disturbed finger, {finger.spec.name}", missing, "N m", "disturbances"
         if problem.spec.locked:
-            retained = _retained(finger, finger.drawn(q, u), pull)
+            retained = _retained(finger, finger.backbone.drawn(q, u, finger.p), pull)
             yield f"locked tendons, {finger.spec.name}", retained, "rad", "disturbances.tendons"
     yield "disturbed object, forces", force, "N", "disturbances"
     yield "disturbed object, moment", moment / size, "N", "disturbances"

@@ -221,7 +221,7 @@ def point_reader(problem: GraspProblem) -> ca.Function:
     s = ca.SX.sym("s")
     along = ca.DM(np.linspace(0.0, 1.0, BACKBONE_POINTS)).T
     for k, finger in enumerate(problem.fingers):
-        point, angle = finger.section(s)
+        point, angle = finger.backbone.section(finger.q, finger.u, s, finger.p)
         section = ca.vertcat(s, finger.world(point), angle + finger.base[2])
         place = ca.Function("place", [s, x, numbers], [section])
         # Mapped, not unrolled: the expression of one place serves all.

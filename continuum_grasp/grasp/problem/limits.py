@@ -9,11 +9,8 @@ import casadi as ca
 from continuum_grasp.grasp.problem.blocks import rotation
 from continuum_grasp.grasp.problem.unit_finger import UnitFinger
 from continuum_grasp.grasp.problem.unknowns import Unknowns
+from continuum_grasp.model.layout import SHORTEST
 from continuum_grasp.model.surfaces.surface import NEAR, distance_from
-
-SHORTEST = 0.02
-"""Least distance of two middle contacts, as a part of the length: the moments of shorter elements are all but
-dependent."""
 
 
 def add_limits(problem: Unknowns) -> None:
@@ -130,6 +127,7 @@ def _keep_limits(problem: Unknowns, finger: UnitFinger) -> None:
         require(f"bending strain, {name}", spare, "1", f"{name}.strain_limit", upper=ca.inf)
     on = [joint for joint, touches in zip(finger.joints, finger.spec.touching, strict=True) if touches]
     if len(on) > 1:
+        # The moments of shorter elements are all but dependent.
         gaps = ca.vertcat(*(b - a for a, b in pairwise(on))) - SHORTEST
         require(f"order of the middle contacts, {name}", gaps, "1", "contacts.middle", upper=ca.inf)
 

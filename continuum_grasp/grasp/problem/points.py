@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
-from continuum_grasp.grasp.problem.values import Units, node_places
+from continuum_grasp.grasp.problem.values import Units, Values, node_places
 from continuum_grasp.grasp.starts.scan.curves import curvature_at, turning
 from continuum_grasp.grasp.starts.values import Start
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.scene.families import FAMILIES
 from continuum_grasp.scene.grasp import FingerSetup, GraspScene
-
-Values = dict[str, Any]
 
 BACKBONE_POINTS = 201
 """Points of a stored backbone: 0.5 % of the length apart, for pictures; the certificate integrates its own."""

@@ -22,6 +22,7 @@ from continuum_grasp.grasp.problem.structure import ProblemSpec
 from continuum_grasp.grasp.problem.surroundings import Surroundings
 from continuum_grasp.grasp.problem.values import Units, contact_features, problem_bounds, problem_values, tolerance_of
 from continuum_grasp.grasp.starts.values import Start, start_from
+from continuum_grasp.grasp.values import SATISFIED
 from continuum_grasp.model.surfaces import surface_of
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
@@ -29,8 +30,6 @@ from continuum_grasp.nlp.solver import KNOWN
 from continuum_grasp.scene.grasp import GraspScene
 from continuum_grasp.scene.grasp_options import GraspSolver
 
-CONSTRAINT_TOLERANCE = 1e-7
-"""Scaled violation below which a constraint counts as satisfied when violations are listed."""
 EFFORT_WHEN_RELAXED = 1e-4
 """Weight of what is sought beside the amount of a relaxed limit."""
 MODEST = 0.8
@@ -256,7 +255,7 @@ class GraspSolverRun:
         last = replace(last, seconds=time.perf_counter() - began)
         if last.outcome == KNOWN:
             return min(alike, key=lambda earlier: float(np.abs(earlier.x - last.x).max()))
-        violations = problem.rows.violations(last.g, CONSTRAINT_TOLERANCE, units.amounts)
+        violations = problem.rows.violations(last.g, SATISFIED, units.amounts)
         return Attempt(**vars(last), start=start, features=features, numbers=last_numbers, violations=violations)
 
     def _solved(self, solver: nlp.Solver, start: nlp.Start, until: Budget) -> nlp.Attempt:
@@ -271,8 +270,8 @@ class GraspSolverRun:
         """Depth of fingers at a point, and ``values`` as numbers with the guarded places and circles of it."""
 
         def look(x: Array, numbers: Array) -> tuple[float, Array]:
-            sight = self.near.look(scene, x, numbers)
-            return sight.deepest, self.problem.numbers.pack({**values, **sight.numbers})
+            deepest, found = self.near.look(scene, x, numbers)
+            return deepest, self.problem.numbers.pack({**values, **found})
 
         return look
 
@@ -282,7 +281,7 @@ class GraspSolverRun:
         values = problem_values(self.problem, scene, attempt.start, attempt.features)
         numbers = self._look(scene, values)(x, self.problem.numbers.pack(values, 0.0))[1]
         objective, g = (np.array(value).ravel() for value in self.nlp.values(x, numbers))
-        violations = self.problem.rows.violations(g, CONSTRAINT_TOLERANCE, Units.of(scene).amounts)
+        violations = self.problem.rows.violations(g, SATISFIED, Units.of(scene).amounts)
         return replace(
             attempt,
             status=nlp.Status.STOPPED,
@@ -306,11 +305,7 @@ class GraspSolverRun:
 
     def arrays(self, scene: GraspScene, attempt: Attempt) -> dict[str, Array]:
         """The physical numbers of an attempt; see `continuum_grasp.grasp.GraspResult`."""
-        return self.arrays_at(scene, attempt.start, attempt.x, attempt.numbers)
-
-    def arrays_at(self, scene: GraspScene, start: Start, x: Array, numbers: Array) -> dict[str, Array]:
-        """The physical numbers of a point, given by unknowns and run-time numbers."""
-        return stored_arrays(self.problem, scene, start, self._read.call([x, numbers]))
+        return stored_arrays(self.problem, scene, attempt.start, self._read.call([attempt.x, attempt.numbers]))
 
     def bounds(self, scene: GraspScene, start: Start, features: dict[str, Feature]) -> tuple[Array, Array]:
         """Bounds of the unknowns of a scene next to a start, with no limit relaxed."""
@@ -336,7 +331,7 @@ class GraspSolverRun:
         values = problem_values(self.problem, scene, start, features)
         fingers = (finger.spec.name for finger in self.problem.fingers)
         probes = {name: attempt.numbers[at[f"{name}.probes"]] for name in fingers}
-        values |= self.near.look(scene, attempt.x, numbers.pack(values, 0.0), probes).numbers
+        values |= self.near.look(scene, attempt.x, numbers.pack(values, 0.0), probes)[1]
         stay = [name for name in at if name.endswith((".strain probes", "effort weight", "relaxation weights"))]
         return numbers.pack({**values, **{name: attempt.numbers[at[name]] for name in stay}})
 
@@ -426,7 +421,7 @@ def solve_clear(
         settled = last.status is nlp.Status.SOLVED or acceptable
         acceptable = last.status is nlp.Status.ACCEPTABLE
         # What guarded places are too deep, others may be; what holds to less than the tolerance gives no more depth.
-        deep = deepest > depth + min(last.violation, CONSTRAINT_TOLERANCE)
+        deep = deepest > depth + min(last.violation, SATISFIED)
         if settled and not deep and change < STEADY * max(1.0, abs(last.objective)):
             break
         start = replace(start, x=last.x, p=near, multipliers=last.multipliers)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -13,7 +12,7 @@ from continuum_grasp.arrays import Numbers as Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.grasp.problem.points import bending_arrays
 from continuum_grasp.grasp.problem.unknowns import FingerLayout, Layout
-from continuum_grasp.grasp.problem.values import FINE, Units
+from continuum_grasp.grasp.problem.values import FINE, Units, Values
 from continuum_grasp.grasp.shape import ROUNDING, FingerShape, skin
 from continuum_grasp.grasp.starts.scan.curves import sample
 from continuum_grasp.grasp.starts.scan.task import rough_distance
@@ -25,20 +24,12 @@ from continuum_grasp.scene.grasp import FingerSetup, GraspScene
 from continuum_grasp.scene.parts import Part
 from continuum_grasp.scene.supports import Wall
 
-Values = dict[str, Any]
-
 _FAR = 10.0
 """Distance from which on nothing is in the way, in units of the problem."""
-_EVEN = np.linspace(0.0, 1.0, 129)
-"""Places along a finger between which its shape is integrated: 0.8 % of the length apart."""
-
-
-@dataclass
-class Sight:
-    """Result of a look."""
-
-    numbers: Values = field(default_factory=dict)  # of the problem: probes, circles of obstacles, needed gaps
-    deepest: float = -np.inf  # greatest penetration beyond the relaxation, in units of the problem
+_EVEN = np.arange(2 * FINE + 1) / (2 * FINE)
+"""Places along a finger between which its shape is integrated: half as far apart as those where the depth of one with a
+single element is looked at.
+"""
 
 
 @dataclass(frozen=True)
@@ -48,7 +39,6 @@ class _Obstacle:
     """
 
     body: Part | Wall
-    circles: str = ""  # what those that stand for it are called among a finger's numbers, where there are some
     floor: float | None = None
     emerging: int = 0  # elements that may come out of it
 
@@ -68,9 +58,8 @@ def _obstacles(scene: GraspScene, setup: FingerSetup, emerging: int, base: Array
     for wall in (wall for wall in scene.walls if wall.part is None):
         height = float((base[:2] - np.asarray(wall.point) / units.length) @ np.asarray(wall.normal))
         # A base within a support is no penetration: the finger comes out of it, up to its first contact.
-        obstacles.append(_Obstacle(wall, "", min(0.0, height) if height < clear else None, emerging))
-    fixed = [body.part for body in scene.places if body.part is not None]
-    return [*obstacles, *(_Obstacle(part, f"near_fixed_{k}") for k, part in enumerate(fixed))]
+        obstacles.append(_Obstacle(wall, min(0.0, height) if height < clear else None, emerging))
+    return [*obstacles, *(_Obstacle(body.part) for body in scene.places if body.part is not None)]
 
 
 class Surroundings:
@@ -79,26 +68,31 @@ class Surroundings:
     def __init__(self, problem: Layout, places: ca.Function) -> None:
         self._problem, self._places = problem, places
 
-    def look(self, scene: GraspScene, x: Array, numbers: Array, probes: Mapping[str, Array] | None = None) -> Sight:
+    def look(
+        self, scene: GraspScene, x: Array, numbers: Array, probes: Mapping[str, Array] | None = None
+    ) -> tuple[float, Values]:
         """Look at a point of the search, given by unknowns and run-time numbers; what a look finds does not matter in
         these. ``probes`` by finger, where given, are the guarded fractions of the elements in place of the deepest.
+
+        Gives the greatest penetration beyond the relaxation, in units of the problem, and the numbers that were found:
+        probes, circles of obstacles, needed gaps.
         """
-        units, sight = Units.of(scene), Sight()
+        units, found = Units.of(scene), Values()
         pose, *rest = (np.array(v) for v in self._places(x, numbers))
         pose, at = pose.ravel(), self._problem.x.at
         allowed = [float(x[at[f"relaxed clearance at the {name}"]][0]) for name in ("supports", "object")]
         traced = [
-            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, units, allowed, sight, numbers, probes)
+            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, allowed, found, numbers, probes)
             for k, setup in enumerate(scene.setups)
         ]
+        depths = [-np.inf, *(finger.deepest for finger in traced)]
         for finger, other in self._problem.spec.pairs:
-            deep = _between(traced[finger], traced[other], sight.numbers) - float(x[at["relaxed overlap"]][0])
-            sight.deepest = max(sight.deepest, deep)
+            depths.append(_between(traced[finger], traced[other], found) - float(x[at["relaxed overlap"]][0]))
         for i, peg in enumerate(scene.pegs if self._problem.spec.free else ()):
             local = _local(np.asarray(peg.position)[None] / units.length, pose)
             for k, (circles, _) in enumerate(_beside(scene.object.pieces, self._problem.spec.obstacles, local, units)):
-                sight.numbers[f"peg_{i}.near_{k}"] = circles
-        return sight
+                found[f"peg_{i}.near_{k}"] = circles
+        return max(depths), found
 
     def _along(
         self,
@@ -107,14 +101,13 @@ class Surroundings:
         index: int,
         values: list[Array],
         pose: Array,
-        units: Units,
         allowed: list[float],
-        sight: Sight,
+        found: Values,
         numbers: Array,
         earlier: Mapping[str, Array] | None,
     ) -> _Traced:
         """Look along one finger; supports and object may be ``allowed`` deep in it."""
-        finger, name = self._problem.fingers[index], setup.name
+        finger, name, units = self._problem.fingers[index], setup.name, Units.of(scene)
         clear = ~np.array(finger.touches)  # which guarded places do not touch the object
         touched, points, half, curvatures, q, lengths, tip, pulls, base = values
         half, lengths, base, size = half.ravel(), lengths.ravel(), base.ravel(), setup.finger.rod.length
@@ -157,21 +150,22 @@ class Surroundings:
             for circles, _ in beside:
                 _bend_corners(circles[:, -probes.size :], traced, inside)
         if finger.spec.strained and line.shape is not None:
-            sight.numbers[f"{name}.strain probes"] = _most_strained(setup, line, even)
-        sight.numbers[f"{name}.probes"] = probes.ravel()
+            found[f"{name}.strain probes"] = _most_strained(setup, line, even)
+        found[f"{name}.probes"], depths = probes.ravel(), list[float]()
         for k, (circles, gap) in enumerate(beside):
             retained = clear if k == 0 and count == 1 else np.ones(len(owner), dtype=bool)
-            sight.deepest = max(sight.deepest, float((thick - gap)[retained].max()) - allowed[1])
+            depths.append(float((thick - gap)[retained].max()) - allowed[1])
             # One column after the other.
-            sight.numbers[f"{name}.near_{k}"] = circles[:, retained].T
+            found[f"{name}.near_{k}"] = circles[:, retained].T
         for k, obstacle in enumerate(obstacles):
             gap, needed = obstacle.gaps(at, owner, thick, units)
-            sight.deepest = max(sight.deepest, float((needed - gap).max()) - allowed[0])
+            depths.append(float((needed - gap).max()) - allowed[0])
             if isinstance(obstacle.body, Wall):
-                sight.numbers |= {f"{name}.needed_{k}_{j}": value for j, value in enumerate(needed)}
+                found |= {f"{name}.needed_{k}_{j}": value for j, value in enumerate(needed)}
             else:
-                sight.numbers[f"{name}.{obstacle.circles}"] = _nearest(obstacle.body, at, units)[0].T
-        return _Traced(name, *dense, at)
+                number = k - self._problem.spec.planes
+                found[f"{name}.near_fixed_{number}"] = _nearest(obstacle.body, at, units)[0].T
+        return _Traced(name, max(depths), *dense, at)
 
 
 @dataclass(frozen=True)
@@ -179,6 +173,7 @@ class _Traced:
     """A finger as a look found it, in units of the problem."""
 
     name: str
+    deepest: float  # greatest penetration beyond what is allowed
     points: Array  # (M, 2) densely along it
     owner: Array  # (M,) their elements
     half: Array  # (M,) half the thickness there

@@ -57,7 +57,7 @@ class UnitFinger:
         couple = -self.half_at(spec.elements - 1) * tip[1] / number("force share") if spec.tip else ca.SX(0)
         self.u = self.input(self.pulls, couple)  # input of the model
         self.p = self._parameters()  # run-time argument of the model
-        ends, angles = self.joints_at(self.q, self.u)
+        ends, angles = self.backbone.joints(self.q, self.u, self.p)
         if spec.drive is not None:
             # What the drives hold: cable per length, of each or of the pulley; of a pulley under a torque the
             # difference of the pulls, and what the pulley winds up beyond the path of the tendon.
@@ -92,16 +92,6 @@ class UnitFinger:
         """Slope of the half thickness along the finger at a contact."""
         return self.curves.slope("thickness", self.edges[self.end_of(contact) + 1])
 
-    def joints_at(self, q: ca.SX, u: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Positions (2, N) and angles (N,) of the ends of the elements of the unit finger."""
-        ends, angles = self.backbone.joints(q, u, self.p)
-        return ends, angles
-
-    def drawn(self, q: ca.SX, u: ca.SX) -> ca.SX:
-        """Length by which the bend draws in the first tendon and pays out the other, per offset at the base [rad]."""
-        drawn: ca.SX = self.backbone.drawn(q, u, self.p)
-        return drawn
-
     @cached_property
     def guarded(self) -> tuple[ca.SX, list[int], list[bool], ca.SX]:
         """World positions (2, K) that must stay clear, the elements that they are in, whether the finger touches the
@@ -133,11 +123,6 @@ class UnitFinger:
         """
         q, tip = self.backbone.stored(self.q, self.u, self.p)
         return [q, ca.vertcat(*self.lengths), tip, self.pulls, self.base]
-
-    def section(self, s: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Position and angle of the unit finger at a place."""
-        point, angle = self.backbone.section(self.q, self.u, s, self.p)
-        return point, angle
 
     def world(self, points: ca.SX) -> ca.SX:
         """World positions (2, K) of points of the unit finger."""
@@ -194,7 +179,7 @@ class UnitFinger:
         if spec is None:
             return ca.SX(0, 1)
         servo = self.number("servo")
-        path = self.number("arm") * self.drawn(self.q, self.u)
+        path = self.number("arm") * self.backbone.drawn(self.q, self.u, self.p)
         stretched = [c * pull for c, pull in zip(self.compliances(), ca.vertsplit(self.pulls), strict=True)]
         length = self.number("meters")
         if not spec.pulley and not self.spec.in_error:

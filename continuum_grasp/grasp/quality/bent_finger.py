@@ -4,38 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.drives import StoredFinger
-from continuum_grasp.grasp.quality.contact_set import CORNER, ContactSet
+from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.grasp.shape import skin
 from continuum_grasp.rod.dense_rod import DenseRod
 from continuum_grasp.scene.grasp import FingerSetup
 from continuum_grasp.scene.grasp_options import PlanarGravity
-from continuum_grasp.scene.supports import Peg
 
 CELLS = 32
 """Least number of cells along a finger: the responses of shipped grasps are within 3e-5 of those with 128."""
 CONFORMING = 1e-3
 """Least relative curvature of two surfaces that touch in a point, over the object's size: below it they count
 as lying against each other and do not turn."""
-
-
-@dataclass(frozen=True)
-class Section:
-    """The section of a finger at a contact, and how it moves with the n unknown changes of curvature [1/m]."""
-
-    angle: float  # of the section's X axis in the world [rad]
-    curvature: float  # [1/m]
-    shift: Array  # (2, n) change of the world position [m]
-    turn: Array  # (n,) change of the angle [rad]
-    at_tip: bool
-    half: float  # half the finger's thickness [m]
-    lean: float  # its slope [1]
 
 
 class BentFinger(StoredFinger):
@@ -89,15 +74,24 @@ class BentFinger(StoredFinger):
         self.tendon_path = paths[-1]
         self.tendon_work = channel.arms[0] * (shares @ np.diff(paths, axis=0))
 
-    def section(self, contact: int) -> Section:
-        """The section at a contact, which is met exactly."""
+    def section(self, contact: int) -> tuple[Array, Array, float, float]:
+        """Changes of world position (2, n) and angle (n,) of the section at a contact per unknown; half the thickness
+        there [m], and the curvature of the side or rounded tip, positive where convex, infinite at a sharp tip [1/m].
+        """
         station = float(self._contacts.stations[contact])
         edge = self.rod.edge_index(station)
         thickness = skin(self.finger.profile.half_thickness)
-        half, lean = float(thickness(np.array(station))), thickness.slope(station)
-        moved = self._shifts[edge], self._turns[edge]
-        at_tip = self._contacts.names[contact] == self._tip
-        return Section(self._angles[edge], self._curvature(edge), *moved, at_tip, half, lean)
+        half, lean, bent = float(thickness(np.array(station))), thickness.slope(station), self._curvature(edge)
+        if self._contacts.names[contact] == self._tip:
+            skin_curvature = 1.0 / half if half > 0.0 else math.inf
+        else:
+            angle = self._angles[edge]
+            inward = -np.array([math.cos(angle), math.sin(angle)])  # where positive curvature bends to
+            towards = -bent if self._contacts.normals[contact] @ inward > 0.0 else bent
+            # A parallel curve at distance h of one with curvature k has k / (1 - k h); sharper bends than 1 / h are
+            # cusps. Where h changes by its slope, the normal leans: k / (cos(lean) - k h).
+            skin_curvature = -towards / max(math.sqrt(1.0 - lean**2) - towards * half, 1e-9)
+        return self._shifts[edge], self._turns[edge], half, skin_curvature
 
     def load_stiffness(self) -> Array:
         """Stiffness (n, n) that contact forces and weight, dead in the world, give the bent finger.
@@ -139,52 +133,21 @@ class BentFinger(StoredFinger):
         return float(np.mean(sides))
 
 
-@dataclass(frozen=True)
-class Rolling:
-    """Rolling without slip of a finger or support on the object."""
+def rolled(object_curvature: float, other_curvature: float | None, size: float) -> tuple[float, float, float]:
+    """Rolling without slip of a finger or support on an object of a size, surfaces having these curvatures [1/m],
+    positive where convex, infinite at corners; none of a face that lies on another.
 
-    travel: float  # way of the contact point along the surfaces per turn of one against the other [m]
-    finger_share: float  # turn of the normal per turn of the finger's section
-    object_share: float  # and per turn of the object
-
-    @classmethod
-    def of(cls, object_curvature: float, other_curvature: float, size: float) -> Rolling:
-        """Rolling of two surfaces with these curvatures [1/m], positive where convex, infinite at corners.
-
-        The point wanders by the relative turn over the sum of curvatures (D. J. Montana, 1988,
-        doi:10.1177/027836498800700302); at a corner it stays, and the normal is that of the other surface.
-        """
-        if math.isinf(other_curvature):
-            return cls(0.0, 0.0, 1.0)
-        if math.isinf(object_curvature):
-            return cls(0.0, 1.0, 0.0)
-        total = max(object_curvature + other_curvature, CONFORMING / size)
-        share = object_curvature / total
-        return cls(1.0 / total, share, 1.0 - share)
-
-
-def finger_rolling(contacts: ContactSet, contact: int, section: Section) -> Rolling:
-    """Rolling on the object of the side or rounded tip of a finger."""
-    half = section.half
-    if section.at_tip:
-        other = 1.0 / half if half > 0.0 else math.inf
-    else:
-        inward = -np.array([math.cos(section.angle), math.sin(section.angle)])  # where positive curvature bends to
-        towards = -section.curvature if contacts.normals[contact] @ inward > 0.0 else section.curvature
-        # A parallel curve at distance h of one with curvature k has k / (1 - k h); sharper bends than 1 / h are cusps.
-        # Where h changes by its slope, the normal leans: k / (cos(lean) - k h).
-        other = -towards / max(math.sqrt(1.0 - section.lean**2) - towards * half, 1e-9)
-    return Rolling.of(contacts.curvature(contact), other, contacts.scene.object.size)
-
-
-def support_rolling(contacts: ContactSet, contact: int) -> Rolling:
-    """Rolling of the object on a wall or peg; a flat face on a wall touches at two points and does not roll."""
-    size, support = contacts.scene.object.size, contacts.scene.support_of(contacts.names[contact])
-    if support is None or support.name != contacts.names[contact]:
-        return Rolling(0.0, 0.0, 0.0)
-    if isinstance(support, Peg):
-        other = 1.0 / support.radius if support.radius > 0.0 else math.inf
-    else:
-        offset = contacts.positions[contact] - np.asarray(support.point)
-        other = math.inf if abs(float(np.hypot(*offset)) - support.half_length) <= CORNER * size else 0.0
-    return Rolling.of(contacts.curvature(contact), other, size)
+    Gives the way of the contact point along the surfaces per turn of one against the other [m], and the turns of the
+    normal per turn of the finger's section and of the object. The point wanders by the relative turn over the sum of
+    curvatures (D. J. Montana, 1988, doi:10.1177/027836498800700302); at a corner it stays, and the normal is that of
+    the other surface.
+    """
+    if other_curvature is None:
+        return 0.0, 0.0, 0.0
+    if math.isinf(other_curvature):
+        return 0.0, 0.0, 1.0
+    if math.isinf(object_curvature):
+        return 0.0, 1.0, 0.0
+    total = max(object_curvature + other_curvature, CONFORMING / size)
+    share = object_curvature / total
+    return 1.0 / total, share, 1.0 - share

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from itertools import combinations
 from typing import Any
@@ -11,9 +12,7 @@ import numpy as np
 from continuum_grasp.arrays import Array
 from continuum_grasp.grasp.certificate.check import EXACT
 from continuum_grasp.scene.grasp import GraspScene
-
-CORNER = EXACT
-"""Distance from a corner, as a part of the object's size, that counts as on it: the tolerance of stored contacts."""
+from continuum_grasp.scene.supports import Peg
 
 
 class ContactSet:
@@ -65,10 +64,24 @@ class ContactSet:
         return [k for k in range(self.count) if self.finger_of(k) == finger]
 
     def curvature(self, contact: int) -> float:
-        """Curvature of the object's surface at a contact [1/m], infinite at a sharp corner."""
+        """Curvature of the object's surface at a contact [1/m], infinite at a sharp corner, on which it is within the
+        tolerance of stored contacts.
+        """
         x, y = self._to_object @ (self.positions[contact] - self._pose[:2])
         part = self.scene.object.parts[int(self._parts[contact])]
-        return part.curvature((x, y), CORNER * self.scene.object.size)
+        return part.curvature((x, y), EXACT * self.scene.object.size)
+
+    def support_curvature(self, contact: int) -> float | None:
+        """Curvature of a wall or peg at its contact [1/m], infinite at the end of a line; None where a flat face lies
+        on a wall, which it touches at two points.
+        """
+        support = self.scene.support_of(self.names[contact])
+        if support is None or support.name != self.names[contact]:
+            return None
+        if isinstance(support, Peg):
+            return 1.0 / support.radius if support.radius > 0.0 else math.inf
+        offset = float(np.hypot(*(self.positions[contact] - np.asarray(support.point))))
+        return math.inf if abs(offset - support.half_length) <= EXACT * self.scene.object.size else 0.0
 
 
 def cone_edges(contacts: ContactSet) -> Array:

@@ -13,11 +13,10 @@ from numpy.typing import ArrayLike
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
+from continuum_grasp.grasp.values import SATISFIED
 
 Outcome = Literal["optimal", "infeasible", "unbounded", "failed"]
 
-RESIDUAL = 1e-7
-"""By what part of one and the numbers in a row an optimum may violate it: a hundred times HiGHS's own tolerance."""
 _OPTIONS: dict[str, Any] = {
     "error_on_fail": False,
     # Why HiGHS: of 200 random problems HiGHS, qpOASES, DAQP and IPQP judged all right (residuals below 1e-10 N), while
@@ -104,7 +103,7 @@ def solve_lp(
     values = np.concatenate([rows @ x, x])
     size = 1.0 + np.concatenate([np.abs(rows) @ np.abs(x), np.abs(x)])
     residual = float((np.maximum(np.maximum(low - values, values - high), 0.0) / size).max(initial=0.0))
-    if not residual <= RESIDUAL:
+    if not residual <= SATISFIED:
         return replace(none, status="failed", residual=residual)
     return LPOutcome("optimal", x, float(cost @ x), residual)
 

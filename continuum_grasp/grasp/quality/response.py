@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from continuum_grasp.arrays import Numbers as Array
-from continuum_grasp.grasp.quality.bent_finger import BentFinger, finger_rolling, support_rolling
+from continuum_grasp.grasp.quality.bent_finger import BentFinger, rolled
 from continuum_grasp.grasp.quality.contact_set import ContactSet
 from continuum_grasp.scene.grasp import GraspScene
 
@@ -131,21 +131,20 @@ class GraspResponse:
         turn = np.zeros(size)  # of the finger's section; supports do not turn
         push, name = float(contacts.forces[k, 0]), contacts.finger_of(k)
         if name is None:
-            rolling = support_rolling(contacts, k)
+            other = contacts.support_curvature(k)
         else:
             at = [setup.name for setup in self.setups].index(name)
-            part, section = self._slices[at], self._fingers[at].section(k)
-            thickness = section.half
-            turn[part] = section.turn
-            move[:, part] += section.shift - thickness * np.outer(across, section.turn)
+            part, (shift, section_turn, half, other) = self._slices[at], self._fingers[at].section(k)
+            turn[part] = section_turn
+            move[:, part] += shift - half * np.outer(across, section_turn)
             # The surface circles about the backbone: h turn^2 / 2 along the normal, on which the normal force works.
-            self._stiffness[part, part] -= thickness * push * np.outer(section.turn, section.turn)
-            rolling = finger_rolling(contacts, k, section)
+            self._stiffness[part, part] -= half * push * np.outer(section_turn, section_turn)
+        travel, finger_share, object_share = rolled(contacts.curvature(k), other, contacts.scene.object.size)
         # The arm of a dead force turns with the object, and the point of contact wanders as the surfaces roll.
         self._stiffness -= float(contacts.pushes[k] @ arm) * np.outer(spin, spin)
-        self._stiffness += push * rolling.travel * np.outer(turn - spin, turn - spin)
+        self._stiffness += push * travel * np.outer(turn - spin, turn - spin)
         self._jacobian[2 * k : 2 * k + 2] = np.stack([normal @ move, across @ move])
-        self._turn_of_normal[k] = rolling.finger_share * turn + rolling.object_share * spin
+        self._turn_of_normal[k] = finger_share * turn + object_share * spin
 
     def _solve(self, causes: Array, tendons: Tendons) -> Change:
         """Solve the saddle point problem of motions, contact forces and, where locked, tension differences."""

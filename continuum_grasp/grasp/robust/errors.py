@@ -30,7 +30,7 @@ import numpy as np
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import InputError
-from continuum_grasp.grasp.certificate.friction import pulled_states
+from continuum_grasp.grasp.certificate.friction import extreme_states
 from continuum_grasp.grasp.certificate.held import YIELDS
 from continuum_grasp.grasp.problem.relaxations import with_contacts_changed
 from continuum_grasp.grasp.problem.solver_run import GraspSolverRun, solver_for
@@ -80,12 +80,7 @@ def extremes(scene: GraspScene, arrays: Mapping[str, Any]) -> Array:
     (1, 0) where none matter.
     """
     setups = [setup for setup in scene.setups if setup.name in scene.state_columns]
-    if not setups:
-        return np.zeros((1, 0))
-    slid = [pulled_states(setup, FingerShape(setup, arrays)) for setup in setups]
-    pulled = [np.where(states < 0.0, -1.0, 1.0) for states in slid]
-    ways = sorted(product((1.0, -1.0), repeat=len(setups)), key=lambda way: len(set(way)))
-    return np.array([np.concatenate([w * states for w, states in zip(way, pulled, strict=True)]) for way in ways])
+    return extreme_states((s, FingerShape(s, arrays)) for s in setups) if setups else np.zeros((1, 0))
 
 
 def with_states(errors: Array, states: Array) -> Array:

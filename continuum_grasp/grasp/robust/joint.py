@@ -41,6 +41,7 @@ from continuum_grasp.grasp.problem.unknowns import Layout
 from continuum_grasp.grasp.problem.values import Units, contact_features, moved_features, problem_values
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.starts.values import ContactStart, Start, with_contacts
+from continuum_grasp.grasp.values import SAME
 from continuum_grasp.model.surfaces.surface import Feature
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
@@ -50,8 +51,6 @@ _Side = tuple[GraspScene, Start, dict[str, Feature]]
 _EFFORT = 1e-6
 """Weight of what makes postures in error unique, beside what is sought [1]: at 1, tensions that locked drives change
 with friction would take 3e-4 of the derivatives (mug with servo motors)."""
-_ACTS = 1e-4
-"""Part of the greatest force on what postures share, from which on an error acts [1]."""
 
 
 def _link_functions(
@@ -187,31 +186,24 @@ class JointSolverRun:
         places.
         """
         features = features or contact_features(scene, start.contacts)
-        sides = self._sides(scene, start, features)
-        values = [
-            problem_values(solver.problem, each, begin, sits)
-            for solver, (each, begin, sits) in zip(self._solvers, sides, strict=True)
-        ]
+        problems = [solver.problem for solver in self._solvers]
+        sides, offsets = self._sides(scene, start, features), self._offsets(scene, start)
+        values = [problem_values(problem, *side) for problem, side in zip(problems, sides, strict=True)]
         for error_values in values[1:]:
             error_values["effort weight"] = _EFFORT
         low, high = self.bounds(scene, start, features)
 
         def look(x: Array, numbers: Array) -> tuple[float, Array]:
-            deepest, runtime_numbers = -np.inf, []
-            parts = zip(self._solvers, sides, values, self._xs(x), self._ps(numbers), strict=True)
-            for solver, (each, _, _), posture_values, part, p in parts:
-                sight = solver.near.look(each, part, p)
-                deepest = max(deepest, sight.deepest)
-                runtime_numbers.append(solver.problem.numbers.pack({**posture_values, **sight.numbers}))
-            return deepest, np.concatenate([*runtime_numbers, offsets])
+            parts = zip(self._solvers, sides, self._xs(x), self._ps(numbers), strict=True)
+            depths, found = zip(*(solver.near.look(side[0], part, p) for solver, side, part, p in parts), strict=True)
+            near = [known | more for known, more in zip(values, found, strict=True)]
+            packed = [problem.numbers.pack(each) for problem, each in zip(problems, near, strict=True)]
+            return max(depths), np.concatenate([*packed, offsets])
 
-        offsets = self._offsets(scene, start)
-        packed = [
-            s.problem.numbers.pack(posture_values, 0.0) for s, posture_values in zip(self._solvers, values, strict=True)
-        ]
+        packed = [problem.numbers.pack(each, 0.0) for problem, each in zip(problems, values, strict=True)]
         if x0 is None:
-            starts = zip(self._solvers, sides, strict=True)
-            x0 = np.concatenate([starting_point(s.problem, *side) for s, side in starts])
+            points = (starting_point(problem, *side) for problem, side in zip(problems, sides, strict=True))
+            x0 = np.concatenate(list(points))
         x = np.clip(x0, low, high)
         begin = nlp.Start(x, low, high, *self.row_bounds, look(x, np.concatenate([*packed, offsets]))[1])
         solve = partial(nlp.new_solver(settings_of(scene.solver)).solve, self.nlp)
@@ -265,11 +257,13 @@ class JointSolverRun:
         return np.concatenate([*numbers, self._offsets(scene, start)])
 
     def acting(self, attempt: Attempt) -> Array:
-        """The errors (A, 6 + S) that decide the optimum: those with forces on what all postures share."""
+        """The errors (A, 6 + S) that decide the optimum: those with forces on what all postures share, as parts of
+        the greatest.
+        """
         links = attempt.multipliers.constraints[sum(solver.problem.rows.count for solver in self._solvers) :]
         each = np.split(links, np.cumsum(self._links)[:-1]) if links.size else []
         forces = np.array([np.abs(multipliers).max() for multipliers in each])
-        acting: Array = self.errors[forces > _ACTS * forces.max(initial=0.0)]
+        acting: Array = self.errors[forces > SAME * forces.max(initial=0.0)]
         return acting
 
     def _part(self, attempt: Attempt, k: int) -> Attempt:
@@ -292,16 +286,13 @@ class JointSolverRun:
         """Scene, start and features of the nominal grasp and of each error."""
         in_error, sides = _in_error(scene, start), [(scene, start, features)]
         for error, on in zip(self.errors, self.touching, strict=True):
-            full_start, sits = start, features
+            whole, sits = start, features
             if on.keys() != start.contacts.keys():
-                full_start = with_contacts(
-                    scene, start, {name: start.contacts.get(name, at) for name, at in on.items()}
-                )
-                sits = {
-                    name: features.get(name, at) for name, at in contact_features(scene, full_start.contacts).items()
-                }
-            each, begin = in_error.plant(full_start, error)
-            sides.append((each, begin, moved_features(scene, each, full_start.contacts, sits)))
+                whole = with_contacts(scene, start, {name: start.contacts.get(name, at) for name, at in on.items()})
+                own = contact_features(scene, whole.contacts)
+                sits = {name: features.get(name, feature) for name, feature in own.items()}
+            each, begin = in_error.plant(whole, error)
+            sides.append((each, begin, moved_features(scene, each, whole.contacts, sits)))
         return sides
 
 

@@ -22,17 +22,18 @@ import numpy as np
 
 from continuum_grasp import nlp
 from continuum_grasp.arrays import Array
-from continuum_grasp.grasp.certificate.check import CONES
+from continuum_grasp.grasp.certificate.check import GUARDED
 from continuum_grasp.grasp.problem.solver_run import Attempt, GraspSolverRun, allowed_depth
 from continuum_grasp.grasp.problem.structure import DriveSpec
 from continuum_grasp.grasp.problem.values import Units, held_values
 from continuum_grasp.grasp.robust.errors import InError
 from continuum_grasp.grasp.starts.supports import nearest_contact
 from continuum_grasp.grasp.starts.values import ContactStart, Start, start_from, with_contacts
+from continuum_grasp.grasp.tried import Tried
 from continuum_grasp.nlp import Budget
 from continuum_grasp.scene.grasp import GraspScene
 
-HOLDS = -CONES
+HOLDS = -GUARDED
 """Least reserve, per force reference, with which all contacts hold: that of the certificate."""
 SETS = 4
 """Sets of contacts that are tried for one error: two or three are enough where one holds."""
@@ -44,15 +45,13 @@ NEAR = 1e-3
 
 
 @dataclass(frozen=True)
-class Response:
-    """The posture for one error.
+class Response(Tried):
+    """The posture for one error, in the scene with it.
 
     Attributes
     ----------
     error : ndarray, shape (6 + K,)
         See `continuum_grasp.grasp.robust.errors`; K friction states.
-    scene : GraspScene
-        With that error.
     reserve : float
         By how much all friction cones could be narrower, per force reference [1]; minus infinity where no posture was
         found.
@@ -61,24 +60,15 @@ class Response:
         no answer.
     weakest : str
         The contact with that margin; empty where nothing balances.
-    start, begin : Start
-        Where the posture was sought from, and the same without the error; both have the contacts of the posture.
+    begin : Start
+        Where the posture was sought from, without the error; it has the contacts of the posture.
     """
 
     error: Array
-    scene: GraspScene
     reserve: float
     margin: float
     weakest: str
-    start: Start
-    attempt: Attempt
-    solver: GraspSolverRun
     begin: Start
-
-    @property
-    def arrays(self) -> dict[str, Array]:
-        """The posture, as the arrays of a grasp."""
-        return self.solver.arrays(self.scene, self.attempt)
 
     @property
     def holds(self) -> bool:
@@ -153,7 +143,7 @@ class Responder:
                 margin = max(margin, 0.0)
         elif attempt.status is nlp.Status.INFEASIBLE:
             margin = -np.inf
-        response = Response(error, scene, reserve, margin, weakest, start, attempt, solver, begin)
+        response = Response(attempt, solver, scene, error, reserve, margin, weakest, begin)
         if attempt.converged:
             self._known.append(response)
         return response
@@ -244,7 +234,7 @@ def _reserve(solver: GraspSolverRun, scene: GraspScene, attempt: Attempt) -> flo
     reserve = float(attempt.x[solver.problem.x.at["reserve"]][0])
     if not attempt.converged:
         stands = not attempt.violations and reserve >= HOLDS
-        if not stands or solver.near.look(scene, attempt.x, attempt.numbers).deepest > allowed_depth(scene):
+        if not stands or solver.near.look(scene, attempt.x, attempt.numbers)[0] > allowed_depth(scene):
             return -np.inf
     return reserve
 

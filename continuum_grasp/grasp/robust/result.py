@@ -36,8 +36,6 @@ class Trials:
     weakest : dict of str to int
         Of the draws that do not hold, how many fail first at each contact; with the name "balance", for want of any
         posture that balances.
-    anew : int
-        Errors that were solved by an NLP from the grasp, because no solution next to that of another error was found.
     """
 
     tension: float
@@ -46,7 +44,6 @@ class Trials:
     alone: Mapping[str, float]
     weakest: Mapping[str, int]
     worst: str = ""
-    anew: int = 0
 
     @property
     def held(self) -> int:
@@ -170,7 +167,6 @@ class Robustness(Summarized):
                 "least_margin_alone": dict(trials.alone),
                 "least_reserve_at": trials.worst,
                 "fails_first": dict(trials.weakest),
-                "solved_anew": trials.anew,
             }
 
         compared = {"nominal": of(self.nominal)}

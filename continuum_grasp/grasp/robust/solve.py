@@ -78,19 +78,19 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         certificate = certify(scene, arrays)
     errors = with_drawn_states(scene, drawn(bounds, scene.solver.random_seed))
     nominal = _trials(scene, bounds, result.arrays, errors[:COMPARED], trials, first.first)
-    if not exchange.holds:
-        robustness = Robustness(errors, nominal, None, exchange.errors, result.arrays, exchange.touching)
-        return _none(result, robustness, exchange, bounds, budget)
-    robust = nominal
-    if exchange.arrays is not result.arrays or len(errors) > COMPARED:
+    robust = nominal if exchange.holds else None
+    if exchange.holds and (exchange.arrays is not result.arrays or len(errors) > COMPARED):
         robust = _trials(scene, bounds, exchange.arrays, errors, trials, exchange.responses)
+    robustness = Robustness(errors, nominal, robust, exchange.errors, result.arrays, exchange.touching)
+    if robust is None:
+        return _none(result, robustness, exchange, bounds, budget)
     held = f"held with {robust.tension:.4g} N of tension in all whatever {_whatever(scene)}"
     effort = {
         "corners": len(exchange.responses),
         "corners_in_problem": len(exchange.errors),
         "iterations": exchange.iterations,
+        "branches": branches,
     }
-    effort |= {"branches": branches}
     # Why the search may have missed a better one.
     notes = [*result.message.split("; ")[1:], *([] if exchange.optimal else ["the solver stopped early"])]
     without = f"{nominal.tension:.4g} N {'without errors' if scene.robust else 'as they are pulled'}"
@@ -102,7 +102,7 @@ def with_robust(result: GraspResult, search: Search, budget: Budget) -> GraspRes
         certificate=certificate,
         sensitivity=(),  # that of the nominal grasp
         statistics={**result.statistics, "robust": effort},
-        robustness=Robustness(errors, nominal, robust, exchange.errors, result.arrays, exchange.touching),
+        robustness=robustness,
     )
     if not certificate.passed:
         rejected = ", ".join(check.name for check in certificate.failed)
@@ -295,5 +295,4 @@ def _trials(
         single,
         weakest,
         _written(scene, worst),
-        responder.anew,
     )
