@@ -101,10 +101,8 @@ def _far(problem: Problem, solution: Solution) -> list[tuple[Unknown, float]]:
 def judge(problem: Problem, solution: Solution) -> Verdict:
     """Judge a fit."""
     left = misfits(problem, solution.predictions)
-    reason, unexplained = (
-        too_far(problem, solution.values, solution.sigma),
-        [misfit for misfit in left if misfit.is_unexplained],
-    )
+    reason = too_far(problem, solution.values, solution.sigma)
+    unexplained = [misfit for misfit in left if misfit.is_unexplained]
     causes = explain(problem, left) if reason or unexplained else ()
     worst = max(left, key=lambda misfit: misfit.rms / misfit.limit)
     if worst.rms > worst.limit or (causes and not reason):
@@ -196,10 +194,8 @@ def explain(problem: Problem, left: Sequence[Misfit] = ()) -> tuple[str, ...]:
     """
     before = _total(left) if left else math.inf
     tried: dict[str, tuple[float, Callable[[], Problem]]] = {}
-    everywhere, missed = (
-        {block.name for block in problem.blocks},
-        {misfit.set for misfit in left if misfit.is_unexplained},
-    )
+    everywhere = {block.name for block in problem.blocks}
+    missed = {misfit.set for misfit in left if misfit.is_unexplained}
     measured = [(block.data, block.scene) for block in problem.blocks]
     for slip, sets in product(slips_of(measured), (everywhere, missed)):
         pairs = [undone(slip, *pair) if pair[0].name in sets else None for pair in measured]

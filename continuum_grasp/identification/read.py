@@ -434,10 +434,8 @@ def _column(table: Table, column: ColumnLike, si: str, *, gaps: bool = False) ->
 
 _ROWS = 5000
 """Most rows to choose from [1]: the equilibria of so many take a quarter of a minute."""
-_TIMES, _SUFFIX = (
-    ("t", "time"),
-    re.compile(r"(.+?)(?:_|\s*/\s*|,?\s+in\s+|,\s*|\s+)(mm|cm|m|deg|rad|s|ms|N|mN|g|Hz|Nm)"),
-)
+_TIMES = ("t", "time")
+_SUFFIX = re.compile(r"(.+?)(?:_|\s*/\s*|,?\s+in\s+|,\s*|\s+)(mm|cm|m|deg|rad|s|ms|N|mN|g|Hz|Nm)")
 
 
 def _by_headings(file: Path, scene: Scene) -> list[Data]:

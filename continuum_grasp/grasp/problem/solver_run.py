@@ -270,8 +270,8 @@ class GraspSolverRun:
         """Depth of fingers at a point, and ``values`` as numbers with the guarded places and circles of it."""
 
         def look(x: Array, numbers: Array) -> tuple[float, Array]:
-            deepest, found = self.near.look(scene, x, numbers)
-            return deepest, self.problem.numbers.pack({**values, **found})
+            deepest, seen = self.near.look(scene, x, numbers)
+            return deepest, self.problem.numbers.pack({**values, **seen})
 
         return look
 

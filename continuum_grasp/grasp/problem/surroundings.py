@@ -77,22 +77,22 @@ class Surroundings:
         Gives the greatest penetration beyond the relaxation, in units of the problem, and the numbers that were found:
         probes, circles of obstacles, needed gaps.
         """
-        units, found = Units.of(scene), Values()
+        units, seen = Units.of(scene), Values()
         pose, *rest = (np.array(v) for v in self._places(x, numbers))
         pose, at = pose.ravel(), self._problem.x.at
         allowed = [float(x[at[f"relaxed clearance at the {name}"]][0]) for name in ("supports", "object")]
         traced = [
-            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, allowed, found, numbers, probes)
+            self._along(scene, setup, k, rest[9 * k : 9 * k + 9], pose, allowed, seen, numbers, probes)
             for k, setup in enumerate(scene.setups)
         ]
         depths = [-np.inf, *(finger.deepest for finger in traced)]
         for finger, other in self._problem.spec.pairs:
-            depths.append(_between(traced[finger], traced[other], found) - float(x[at["relaxed overlap"]][0]))
+            depths.append(_between(traced[finger], traced[other], seen) - float(x[at["relaxed overlap"]][0]))
         for i, peg in enumerate(scene.pegs if self._problem.spec.free else ()):
             local = _local(np.asarray(peg.position)[None] / units.length, pose)
             for k, (circles, _) in enumerate(_beside(scene.object.pieces, self._problem.spec.obstacles, local, units)):
-                found[f"peg_{i}.near_{k}"] = circles
-        return max(depths), found
+                seen[f"peg_{i}.near_{k}"] = circles
+        return max(depths), seen
 
     def _along(
         self,
@@ -102,7 +102,7 @@ class Surroundings:
         values: list[Array],
         pose: Array,
         allowed: list[float],
-        found: Values,
+        seen: Values,
         numbers: Array,
         earlier: Mapping[str, Array] | None,
     ) -> _Traced:
@@ -150,27 +150,27 @@ class Surroundings:
             for circles, _ in beside:
                 _bend_corners(circles[:, -probes.size :], traced, inside)
         if finger.spec.strained and line.shape is not None:
-            found[f"{name}.strain probes"] = _most_strained(setup, line, even)
-        found[f"{name}.probes"], depths = probes.ravel(), list[float]()
+            seen[f"{name}.strain probes"] = _most_strained(setup, line, even)
+        seen[f"{name}.probes"], depths = probes.ravel(), list[float]()
         for k, (circles, gap) in enumerate(beside):
             retained = clear if k == 0 and count == 1 else np.ones(len(owner), dtype=bool)
             depths.append(float((thick - gap)[retained].max()) - allowed[1])
             # One column after the other.
-            found[f"{name}.near_{k}"] = circles[:, retained].T
+            seen[f"{name}.near_{k}"] = circles[:, retained].T
         for k, obstacle in enumerate(obstacles):
             gap, needed = obstacle.gaps(at, owner, thick, units)
             depths.append(float((needed - gap).max()) - allowed[0])
             if isinstance(obstacle.body, Wall):
-                found |= {f"{name}.needed_{k}_{j}": value for j, value in enumerate(needed)}
+                seen |= {f"{name}.needed_{k}_{j}": value for j, value in enumerate(needed)}
             else:
                 number = k - self._problem.spec.planes
-                found[f"{name}.near_fixed_{number}"] = _nearest(obstacle.body, at, units)[0].T
+                seen[f"{name}.near_fixed_{number}"] = _nearest(obstacle.body, at, units)[0].T
         return _Traced(name, max(depths), *dense, at)
 
 
 @dataclass(frozen=True)
 class _Traced:
-    """A finger as a look found it, in units of the problem."""
+    """A finger as it was looked at, in units of the problem."""
 
     name: str
     deepest: float  # greatest penetration beyond what is allowed

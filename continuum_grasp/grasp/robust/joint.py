@@ -195,8 +195,8 @@ class JointSolverRun:
 
         def look(x: Array, numbers: Array) -> tuple[float, Array]:
             parts = zip(self._solvers, sides, self._xs(x), self._ps(numbers), strict=True)
-            depths, found = zip(*(solver.near.look(side[0], part, p) for solver, side, part, p in parts), strict=True)
-            near = [known | more for known, more in zip(values, found, strict=True)]
+            depths, seen = zip(*(solver.near.look(side[0], part, p) for solver, side, part, p in parts), strict=True)
+            near = [known | more for known, more in zip(values, seen, strict=True)]
             packed = [problem.numbers.pack(each) for problem, each in zip(problems, near, strict=True)]
             return max(depths), np.concatenate([*packed, offsets])
 
@@ -289,8 +289,8 @@ class JointSolverRun:
             whole, sits = start, features
             if on.keys() != start.contacts.keys():
                 whole = with_contacts(scene, start, {name: start.contacts.get(name, at) for name, at in on.items()})
-                own = contact_features(scene, whole.contacts)
-                sits = {name: features.get(name, feature) for name, feature in own.items()}
+                usual = contact_features(scene, whole.contacts)
+                sits = {name: features.get(name, feature) for name, feature in usual.items()}
             each, begin = in_error.plant(whole, error)
             sides.append((each, begin, moved_features(scene, each, whole.contacts, sits)))
         return sides
