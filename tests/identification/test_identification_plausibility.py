@@ -118,6 +118,17 @@ def test_a_slip_explains_what_it_leaves_a_third_of(share, named):
     assert bool(_refitted("a slip", lambda: problem, share * before)) == named
 
 
+@pytest.mark.parametrize(
+    ("limit", "scatter"), [(1.0, 2e-3), (1e-3, 1.0)], ids=["half of the scatter", "what is refused"]
+)
+@pytest.mark.parametrize(("share", "named"), [(0.999, True), (1.001, False)])
+def test_a_slip_that_leaves_too_much_explains_nothing(limit, scatter, share, named, monkeypatch):
+    problem = Problem([Fixed(Poses([Reading("x", 0.1 * np.arange(4))]))], [ONE])
+    left = Misfit("set", "positions", "m", share * 1e-3, limit, scatter)
+    monkeypatch.setattr(plausibility, "misfits", lambda *_: [left])
+    assert bool(_refitted("a slip", lambda: problem, np.inf)) == named
+
+
 @pytest.mark.parametrize(("share", "warned"), [(0.999, False), (1.001, True)])
 @pytest.mark.parametrize("times", [10.0, 0.1])
 def test_stiffnesses_ten_times_the_scene_s_are_doubted(share, warned, times):

@@ -135,6 +135,18 @@ def test_a_problem_without_a_solution_is_not_solved(method):
         assert found.status is Status.INFEASIBLE
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_more_equations_than_unknowns_print_nothing(method, capfd):
+    """Two lines through one point, and one of them twice, which IPOPT refuses: its status says so."""
+    x = ca.SX.sym("x", 2)
+    problem = NLP("lines", x, ca.sumsqr(x), ca.vertcat(x[0] + x[1], x[0] - x[1], 2 * (x[0] + x[1])))
+    values = np.array([1.0, 0.0, 2.0])
+    start = Start(np.zeros(2), np.full(2, -9.0), np.full(2, 9.0), values, values)
+    found = solved(method, problem, start)
+    assert found.status is (Status.FAILED if method == "ipopt" else Status.SOLVED)
+    assert capfd.readouterr() == ("", "")
+
+
 @pytest.mark.parametrize(
     ("ends", "violations", "stalls"),
     [
