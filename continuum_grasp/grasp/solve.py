@@ -286,7 +286,7 @@ class _Verdict:
                 "starts were left out or led to no grasp"
             )
         if explored.sampled and not search.proven:
-            yield f"of {explored.sampled} of {explored.modes} sets of contacts samples of postures were tried, not all"
+            yield f"for {explored.sampled} of {explored.modes} sets of contacts only samples of postures were tried"
         if explored.open and search.best is not None:
             more = explored.best_open / tension_of(self.scene, best.arrays) - 1.0
             yield (
