@@ -28,7 +28,7 @@ from continuum_grasp.identification.path_block import block_of
 from continuum_grasp.identification.plausibility import IMPLAUSIBLE, explain, judge, questionable, too_far
 from continuum_grasp.identification.problem import Problem, Solution
 from continuum_grasp.identification.read import changed_at, folder_of, plain_scene, read_data
-from continuum_grasp.identification.restarts import restarted
+from continuum_grasp.identification.restarts import may_be_local, restarted
 from continuum_grasp.identification.unknowns import read_unknowns
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.identify import Estimate, IdentifyScene
@@ -285,7 +285,8 @@ def _credible(problem: Problem, solution: Solution) -> tuple[Solution, list[str]
         rows = problem.weighted(solution)
         freedom = infer(problem.unknowns, solution.values, *rows, problem.shared, problem.series).freedom
         evidence = doubts(problem, solution, freedom)
-        if not restarts or not (evidence or questionable(problem, solution)):
+        accused = questionable(problem, solution) or (evidence and may_be_local(problem, solution))
+        if not restarts or not accused:
             break
         better = restarted(problem, solution)
         if better is None or better is solution:

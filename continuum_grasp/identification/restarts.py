@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from continuum_grasp.arrays import Array
 from continuum_grasp.errors import NumericalError, SolverError
+from continuum_grasp.identification.plausibility import misfits
 from continuum_grasp.identification.problem import Problem, Solution
 
 _PER_SIDE = 3
@@ -30,6 +31,14 @@ _STARTS = 3
 """Starts that are searched from [1]: the best of the scan, and those before that were best for a time."""
 _LESS = 0.99
 """Sum of squares per that of the first fit [1] below which another minimum is lower, not the same one less exactly."""
+_MISSED = 0.1
+"""Misfit per scatter of the measurements about their means [1] up to which a minimum is taken for the least: what small
+errors of the model leave, such as a hundredth of the motion, has no better start, and the search would take minutes."""
+
+
+def may_be_local(problem: Problem, solution: Solution) -> bool:
+    """Whether a fit misses so much of the measurements that it may be another minimum than the least."""
+    return any(misfit.rms > _MISSED * misfit.scatter for misfit in misfits(problem, solution.predictions))
 
 
 def restarted(problem: Problem, first: Solution | None) -> Solution | None:

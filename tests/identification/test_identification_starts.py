@@ -8,9 +8,10 @@ import pytest
 import continuum_grasp as cg
 from continuum_grasp.errors import InputError
 from continuum_grasp.identification import Estimate, Poses, Reading, TipPath
+from continuum_grasp.identification.blocks import PosesBlock
 from continuum_grasp.identification.path_block import PathBlock
-from continuum_grasp.identification.problem import Solution
-from continuum_grasp.identification.restarts import restarted
+from continuum_grasp.identification.problem import Problem, Solution
+from continuum_grasp.identification.restarts import may_be_local, restarted
 from continuum_grasp.identification.unknowns import Unknown, read_unknowns
 from continuum_grasp.scene import Scene
 from tests.identification_cases import LENGTH, ROD, STIFFNESS, at_tip, elastica, loaded_scene, rung, slope_error
@@ -200,6 +201,17 @@ def test_a_minimum_that_is_the_least_stays():
     problem = Plateau((1.0, 1.0, 1.0))
     first = problem.solve(None, Plateau.truth)
     assert restarted(problem, first) is first
+
+
+@pytest.mark.parametrize(("share", "local"), [(0.09, False), (0.11, True)])
+def test_a_fit_is_another_minimum_only_where_it_misses_a_tenth_of_the_motion(share, local):
+    """Readings that scatter by one, missed by a share of it to either side."""
+    turns = np.tile([1.0, -1.0], 4)
+    poses = Poses([Reading("x", 0.1 * turns), Reading("y", np.zeros(8))], {"load_1_y": np.zeros(8)})
+    unknowns = read_unknowns(loaded_scene(), ["bending_stiffness"])
+    problem = Problem([PosesBlock(loaded_scene(), poses, unknowns)], unknowns)
+    predictions = problem.measured * (1.0 + share)
+    assert may_be_local(problem, Solution(np.ones(1), predictions, np.ones((16, 1)), np.ones(16), 0, 0)) is local
 
 
 @pytest.mark.parametrize("factor", [0.03, 30.0])
