@@ -113,7 +113,7 @@ def test_functions_are_those_of_the_model(name, real, packages, tmp_path):  # no
     model = FingerModel(scene(name))
     rng = np.random.default_rng(3)
     q = rng.uniform(-0.5, 0.5, model.n) * (1.0 if model.family == "arc" else 5.0)
-    u = np.array([3.0, 1.0])[: model.nu] * 0.1
+    u = np.array([3.0, 1.0])[: model.nu] * (0.01 if name == "motor" else 0.1)  # N m, N
     w, p = rng.uniform(-0.05, 0.05, model.nw), model.p_nominal
     x = [*q, *rng.uniform(-1.0, 1.0, model.n)]
     states = rng.uniform(-0.9, 0.9, len(model.friction_names))
