@@ -144,8 +144,8 @@ def cheapest(report: Report, vibrating: Case, still: dict[str, Case]) -> None:
                 break
         else:
             report.missing.append(f"{family}: not within 0.1 % and 1e-4 with {counts[-1]} elements")
-    report.tables.append(
-        Table("0.1 % in frequency and 1e-4 L at rest", ["model", "frequency 1", "tip / L", "instructions", "ns"], rows)
+    report.table(
+        "0.1 % in frequency and 1e-4 L at rest", ["model", "frequency 1", "tip / L", "instructions", "ns"], rows
     )
     if "arc" in cost and "matched_clothoid" in cost:
         share = cost["matched_clothoid"] / cost["arc"]
@@ -169,7 +169,7 @@ def orders(report: Report, vibrating: Case, pushed: Case) -> None:
             rows.append([family, name, str(list(counts)), *errors, found[0], found[1]])
             report.claim(f"order of {family}, {name}, less {expected}", abs(found[1] - expected), "<=", 0.4)
     columns = ["family", "error of", "elements", *(f"error {k + 1}" for k in range(4)), "order", "order, finer"]
-    report.tables.append(Table("Order of convergence", columns, rows))
+    report.table("Order of convergence", columns, rows)
 
 
 def of_the_paper(release: Scene) -> Table:

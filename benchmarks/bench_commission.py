@@ -19,7 +19,7 @@ import numpy as np
 
 os.environ.setdefault("CONTINUUM_GRASP_QUICK_COMPILE", "1")
 
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 from continuum_grasp.closed_loop.plant import Plant
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.closed_loop.run import run_closed_loop
@@ -130,14 +130,12 @@ def main() -> None:
     report = Report(f"commission_{asked.scene}", asked.seed)
     columns = ["plant", "kind", "status", "wrong", "camera [mm]", "angle [mrad]", "scale [1e-3]", "drives [N]"]
     columns += ["cells [N]", "beyond interval", "from the setpoint [mm]", "tip [mm]"]
-    report.tables.append(Table("Benches", columns, rows, __doc__ or ""))
+    report.table("Benches", columns, rows, __doc__ or "")
     known = [row for row in rows if row[2] == "identified"]
     near = [row for row in known if row[-1] <= 1e3 * _NEAR]
     false = [row for row in known if row[3]]
     summary = [[len(rows), len(known), len(near), len(false)]]
-    report.tables.append(
-        Table("All", ["benches", "identified", "then within 2 mm", "wrong without a word"], summary, "")
-    )
+    report.table("All", ["benches", "identified", "then within 2 mm", "wrong without a word"], summary, "")
     for file in report.write():
         print(file)
     print(summary)

@@ -10,12 +10,11 @@ import math
 from typing import Any
 
 import numpy as np
-
 from benchmarks.c_loop import STATES, CLoop, time_c_loop
-from benchmarks.harness import Timing, count_instructions, race
-from benchmarks.machine import one_core
+
+from benchmarks.harness import Timing, count_instructions, one_core, race
 from benchmarks.paper.dynamics import RacedFinger, by_appendix, by_closed_forms
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 from continuum_grasp.model import FingerModel
 from continuum_grasp.scene.finger import BasePose, Damping, Finger, PointMass, Rod, Tendons
 
@@ -137,7 +136,7 @@ def instructions(report: Report) -> None:
     counts = {name: count_instructions(model.forward_dynamics) for name, model in models.items()}
     columns = ["", *next(iter(counts.values()))]
     rows = [[name, *count.values()] for name, count in counts.items()]
-    report.tables.append(Table("Instructions", columns, rows, "total: with loads, stores and constants."))
+    report.table("Instructions", columns, rows, "total: with loads, stores and constants.")
     totals = [count["total"] for count in counts.values()]
     report.claim("instructions, everything in, constants folded", totals[0], "<=", 650)
     report.claim("instructions, bare", totals[2], "<=", 380)
@@ -168,7 +167,7 @@ def batch(report: Report, rng: np.random.Generator) -> None:
         if family == "arc":
             report.claim(f"a batch of {BATCH} is so many times as fast per state", one / together, ">=", 4)
     columns = ["", "one at a time [ns]", "in a batch [ns]", "gain", "status"]
-    report.tables.append(Table(f"Batch of {BATCH} states, everything in", columns, rows))
+    report.table(f"Batch of {BATCH} states, everything in", columns, rows)
 
 
 def growth(report: Report, rng: np.random.Generator, most: int) -> None:
@@ -191,7 +190,7 @@ def growth(report: Report, rng: np.random.Generator, most: int) -> None:
     columns = ["family", "elements", "unknowns", "instructions", "median [ns]", "status"]
     rows.sort(key=lambda row: (FAMILIES.index(row[0]), row[1]))
     note = "Tip mass, gravity, damping and tip moment; -O1 above 8 elements, where -O3 takes minutes to compile."
-    report.tables.append(Table("Growth with the number of elements", columns, rows, note))
+    report.table("Growth with the number of elements", columns, rows, note)
     if two:
         ratio = two["matched_clothoid"].median / two["arc"].median
         report.claim("two matched clothoids take so many times two arcs", ratio, "<=", 2)

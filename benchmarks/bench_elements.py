@@ -21,9 +21,8 @@ import numpy as np
 
 import continuum_grasp as cg
 from benchmarks.bench_dynamics import finger
-from benchmarks.harness import race
-from benchmarks.machine import one_core
-from benchmarks.report import Report, Table
+from benchmarks.harness import one_core, race
+from benchmarks.report import Report
 from continuum_grasp.core.compiler import find_compiler
 from continuum_grasp.core.source import generated
 from continuum_grasp.model import FingerModel, pattern
@@ -180,7 +179,7 @@ def growth(report: Report, family: str, most: int, most_dense: int) -> None:
         "Instructions of x86-64 with AVX2 and FMA, counted by valgrind; ns with all that the processor has. The "
         f"package takes the dense program below {FEWEST} elements."
     )
-    report.tables.append(Table(f"Forward dynamics, {family}", columns, rows, note))
+    report.table(f"Forward dynamics, {family}", columns, rows, note)
 
 
 def implicit(report: Report) -> None:
@@ -200,7 +199,7 @@ def implicit(report: Report) -> None:
         rows.append([count, *(float(np.linalg.norm(tip(steps) - true)) / 0.25 for steps in (100, 200, 400))])
     columns = ["elements", "100 steps", "200 steps", "400 steps"]
     note = "Error of the tip per length after the first period of a cone of 1:4, against 6400 steps."
-    report.tables.append(Table("Steps implicit in elasticity and damping", columns, rows, note))
+    report.table("Steps implicit in elasticity and damping", columns, rows, note)
     report.claim("error of 100 steps with 64 elements per that with 8", rows[-1][1] / rows[0][1], "<=", 1.2)
 
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.machine import one_core
-from benchmarks.report import Report, Table
+from benchmarks.harness import one_core
+from benchmarks.report import Report
 from continuum_grasp.environments import TASKS, FingerVectorEnv
 from continuum_grasp.environments.plants import rows_of
 
@@ -72,7 +72,7 @@ def main() -> None:
     columns = ["environment", "sensors", "states", "instructions", "steps of RK4", "time error [1/length]"]
     columns += ["periods/s", "environment steps/s", "episodes"]
     note = f"{asked.count} plants, one core, double precision; CPU time, medians of {ROUNDS} rounds of {STEPS} steps."
-    report.tables.append(Table("Environments", columns, rows, note))
+    report.table("Environments", columns, rows, note)
     report.finish()
 
 

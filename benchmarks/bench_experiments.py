@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import continuum_grasp as cg
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 from continuum_grasp.identification import IdentifyScene, Poses, Reading, design_experiments
 
 _SIGMA = 5e-4
@@ -110,7 +110,7 @@ def main() -> None:
             table.append([name, unit, way, width, off, 100.0 * np.mean(np.array(inside[way])[:, k])])
     report = Report("experiments", asked.seed)
     columns = ["unknown", "unit", "poses", "interval, median width", "error, r.m.s.", "covered [%]"]
-    report.tables.append(Table("Poses", columns, table, __doc__ or ""))
+    report.table("Poses", columns, table, __doc__ or "")
     for row in table:
         print(row)
     report.finish()

@@ -13,7 +13,7 @@ import itertools
 import numpy as np
 
 from benchmarks.random_scenes import random_scene
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 from continuum_grasp.accuracy.choice import COUNTS, assess, choices, coordinates_near, open_families
 from continuum_grasp.accuracy.choose import Chosen, allowed_accuracies, choose_fidelity
 from continuum_grasp.errors import SolverError
@@ -100,7 +100,7 @@ def main() -> None:
     note = (
         f"{counts['chosen']} scenes; choosing took {np.median(seconds):.2f} s (median), {max(seconds):.2f} s at most."
     )
-    report.tables.append(Table("What was chosen", columns, rows, note))
+    report.table("What was chosen", columns, rows, note)
     report.finish()
 
 

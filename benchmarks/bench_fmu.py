@@ -26,7 +26,7 @@ import numpy as np
 from fmpy.validation import validate_fmu
 
 import continuum_grasp as cg
-from benchmarks.report import RESULTS, Report, Table
+from benchmarks.report import RESULTS, Report
 from continuum_grasp.closed_loop.plant_model import PlantModel
 from continuum_grasp.control.ocp.cost_terms import Outputs
 from continuum_grasp.control.ocp.setpoints import setpoints
@@ -152,7 +152,7 @@ def main() -> None:
     report.claim("configurations whose units are neither equal nor refused", sum("**" in r[5] for r in rows), "<=", 0)
     columns = ["configuration", "units", "kB", "beside", "largest difference", "verdict", "s"]
     note = f"{STEPS} steps of a finger, differences of states; {STEPS} periods of a loop, of commands per the largest."
-    report.tables.append(Table("Functional mock-up units of the shipped configurations", columns, rows, note))
+    report.table("Functional mock-up units of the shipped configurations", columns, rows, note)
     report.finish()
 
 

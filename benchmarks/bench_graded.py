@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.graded_rods import RODS
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 from benchmarks.rod_shapes import ShapeRod, equal_lengths, wavelength_lengths
 from continuum_grasp.accuracy.choice import Errors, errors_of
 from continuum_grasp.accuracy.truth import find_truth
@@ -150,9 +150,7 @@ def frequencies(report: Report) -> None:
         "Relative errors. Curvature linear and moment linear with the tip's curvature known (`matched_clothoid`). The "
         "mesh rule, the default, makes elements of equal integral of (rho A / EI)^(1/4); the others are equally long."
     )
-    report.tables.append(
-        Table("Natural frequencies of straight rods, by unknowns", ["rod", "unknowns", *columns], rows, note)
-    )
+    report.table("Natural frequencies of straight rods, by unknowns", ["rod", "unknowns", *columns], rows, note)
     by = {(row[0], row[1]): row for row in rows}
     jump = by["step", 4]
     report.claim("step, 4 unknowns, mode 1: moment linear per curvature linear", jump[6] / jump[4], "<=", 0.01)
@@ -186,7 +184,7 @@ def poses(report: Report) -> None:
         "the shape (`matched_clothoid`); before it only the curvature that they give the tip. A dash: refused, an "
         "element's length times its greatest curvature is more than a turn."
     )
-    report.tables.append(Table("Tip at rest, error / L", ["rod and load", "unknowns", *columns], rows, note))
+    report.table("Tip at rest, error / L", ["rod and load", "unknowns", *columns], rows, note)
     by = {(row[0], row[1]): row for row in rows}
     for name in by:
         row = by[name]

@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.grasp_oracle.check import LIMITS
 from benchmarks.grasp_oracle.truth import answers
 from benchmarks.grasp_outcomes import CLOSE, Outcome, outcome
-from benchmarks.report import RESULTS, Report, Table
+from benchmarks.report import RESULTS, Report
 from continuum_grasp.workers import ProcessPool, cores
 
 ONE = 1000
@@ -67,7 +67,7 @@ def add_times(report: Report, words: str, outcomes: list[Outcome]) -> None:
     rows.append(["iterations [1]", *(percentile(steps, p) for p in (50, 95, 100))])
     note = "Processor time. after_build: everything but the build, checks included; all: as a caller waits."
     columns = ["", "median [ms]", "95 % [ms]", "most [ms]"]
-    report.tables.append(Table(f"Times, {words}", columns, rows, note))
+    report.table(f"Times, {words}", columns, rows, note)
 
 
 def add_held(report: Report, kind: str, outcomes: list[Outcome], words: str) -> None:
@@ -87,7 +87,7 @@ def add_held(report: Report, kind: str, outcomes: list[Outcome], words: str) -> 
     rows = [
         [name, max((o.worst[name] for o in outcomes if o.worst), default=math.nan), LIMITS[name]] for name in LIMITS
     ]
-    report.tables.append(Table(f"Worst residuals, {words}", ["", "worst", "limit"], rows))
+    report.table(f"Worst residuals, {words}", ["", "worst", "limit"], rows)
     bad = [[o.seed, o.what, o.status, o.note] for o in outcomes if not o.good]
     title, limit = "Not solved, or worse", f"{100 * CLOSE:g} %"
     note = (
@@ -95,10 +95,10 @@ def add_held(report: Report, kind: str, outcomes: list[Outcome], words: str) -> 
     )
     if kind in ("two", "three"):
         note += " Oracles of several fingers need not know the best."
-    report.tables.append(Table(f"{title}, {words}", ["seed", "scene", "status", ""], bad, note))
+    report.table(f"{title}, {words}", ["seed", "scene", "status", ""], bad, note)
     bad = [[o.seed, o.what, o.status, o.note] for o in outcomes if o.better]
     note = f"By more than {limit}; all were checked."
-    report.tables.append(Table(f"Better than the oracle, {words}", ["seed", "scene", "status", ""], bad, note))
+    report.table(f"Better than the oracle, {words}", ["seed", "scene", "status", ""], bad, note)
 
 
 def add_none(report: Report, kind: str, outcomes: list[Outcome], words: str) -> None:
@@ -113,9 +113,9 @@ def add_none(report: Report, kind: str, outcomes: list[Outcome], words: str) -> 
         some = [o for o in outcomes if o.what == cause]
         rows.append([cause, len(some), *(share(some, name) for name in ("good", "right", "first", "number"))])
     columns = ["cause", "scenes", "infeasible %", "named %", "named first %", "number %"]
-    report.tables.append(Table(f"Why not, {words}", columns, rows))
+    report.table(f"Why not, {words}", columns, rows)
     bad = [[o.seed, o.what, o.status, o.note] for o in outcomes if not (o.good and o.right and o.number)]
-    report.tables.append(Table(f"Other words or numbers, {words}", ["number", "cause", "status", ""], bad))
+    report.table(f"Other words or numbers, {words}", ["number", "cause", "status", ""], bad)
     add_times(report, words, outcomes)
 
 
@@ -128,7 +128,7 @@ def add_efforts(report: Report, found: dict[str, list[Outcome]]) -> None:
         rows.append([effort, len(some), *rates, *(percentile(after, p) for p in (50, 95, 100))])
     columns = ["effort", "scenes", "solved %", "within 0.5 % %", "called infeasible %"]
     columns += ["median [ms]", "95 % [ms]", "most [ms]"]
-    report.tables.append(Table("Efforts of the search", columns, rows, "Times after the build, processor time."))
+    report.table("Efforts of the search", columns, rows, "Times after the build, processor time.")
 
 
 def judged(pool: ProcessPool, kind: str, rows: list[dict[str, Any]], effort: str, verbose: bool) -> list[Outcome]:

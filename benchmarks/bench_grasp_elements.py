@@ -149,8 +149,8 @@ def report_of(name: str, rows: list[Row], known: dict[str, float]) -> Report:
             ]
             times.append([kind, effort, status, len(some), *map(float, spent)])
     columns = ["kind", "effort", "status", "images", "median [ms]", "95 % [ms]", "iterations, median", "95 %"]
-    report.tables.append(Table("By kind and status", columns, times, "Processor time after the build."))
-    report.tables.append(Table("By kind", ["kind", "effort", "scenes", "images", *wrong], table))
+    report.table("By kind and status", columns, times, "Processor time after the build.")
+    report.table("By kind", ["kind", "effort", "scenes", "images", *wrong], table)
     report.tables += [Table(what, ["scene"], [[each] for each in found]) for what, found in wrong.items() if found]
     return report
 

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 
 PAGES = Path(__file__).parents[1] / "docs" / "live"
 WIDTHS = (390, 900, 1280)
@@ -180,7 +180,7 @@ def main() -> None:
     columns = ["page", "width [px]", "frames/s", "frame, median [ms]", "95 % [ms]", "worst [ms]"]
     columns += [f"later than {LATE:g} ms [%]", "simulated s per s", "moves of the mouse/s"]
     note = f"Headless {browser.version}, {asked.seconds:g} s each, {HEIGHT} px high, while the mouse drags."
-    report.tables.append(Table("Frames of the pages in real time", columns, rows, note))
+    report.table("Frames of the pages in real time", columns, rows, note)
     for file in report.write():
         print(file)
     print(report.status)

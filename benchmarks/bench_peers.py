@@ -20,8 +20,7 @@ from typing import Any, cast
 from benchmarks.baselines import mujoco_sweep, pyelastica_check
 from benchmarks.baselines.release_ours import OwnRun, by_rule, front, own_runs, rms_error
 from benchmarks.baselines.release_peers import HINGES, PeerError, ReleasePeers, describe_rod
-from benchmarks.harness import Timing, race, ratios
-from benchmarks.machine import one_core
+from benchmarks.harness import Timing, one_core, race, ratios
 from benchmarks.report import Report, Table
 from continuum_grasp.accuracy.motion import Motion, reference_motion
 from continuum_grasp.accuracy.truth import Truth, find_truth

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.planning.guess import first_state_of_plan
 from continuum_grasp.scene import Tendons
@@ -121,7 +121,7 @@ def main() -> None:
         for seed in range(asked.count):
             rows.append(row(seed, drive))
             print(rows[-1], flush=True)
-        report.tables.append(Table(title, columns, rows))
+        report.table(title, columns, rows)
         good = [one for one in rows if one[5] in ("feasible", "optimal")]
         report.claim(f"share of plans that were found, {title.lower()}", len(good) / len(rows), ">=", share)
         report.claim(f"their tips move on by [um], {title.lower()}", max(one[7] for one in good), "<=", 180.0)

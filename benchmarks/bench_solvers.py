@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 from continuum_grasp.grasp import optimize_grasp
 from continuum_grasp.nlp import NLP, Attempt, Budget, Solver, Start
 from continuum_grasp.planning import plan
@@ -100,7 +100,7 @@ def main() -> None:
                 began, spent[0] = time.process_time(), 0.0
                 rows.append([name, label, *row_of(scene), spent[0], time.process_time() - began])
                 print(*rows[-1], flush=True)
-        report.tables.append(Table(f"Shipped scenes: {kind}", COLUMNS, rows, NOTE))
+        report.table(f"Shipped scenes: {kind}", COLUMNS, rows, NOTE)
     if only:
         report.missing.append(f"all scenes without {only!r}")
     report.finish()

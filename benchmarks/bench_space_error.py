@@ -8,7 +8,7 @@ from time import perf_counter
 
 import numpy as np
 
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 from continuum_grasp import equilibrium, modes
 from continuum_grasp.accuracy.space import apart, motion_within
 from continuum_grasp.errors import ContinuumGraspError
@@ -185,12 +185,12 @@ def main() -> None:
             report.claim(f"{name}: median", median, "<=", 2.0)
             summary.append([name, len(values), ratio.size, f"{covered:.0%}", round(least, 2), round(median, 2)])
     columns = ["", "scenes", "off by more than 1e-4", "covered", "least estimate / true error", "median"]
-    report.tables.append(Table("Share of true errors that the estimate covers", columns, summary))
+    report.table("Share of true errors that the estimate covers", columns, summary)
     columns, note = (
         ["model", "motion", "equilibrium", "first frequency"],
         "Motions against 8 clothoids, the rest the exact rod.",
     )
-    report.tables.append(Table("Estimate / true error", columns, rows, note))
+    report.table("Estimate / true error", columns, rows, note)
     report.finish()
     print("failed", failed)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 from continuum_grasp.core import Core
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.scene import Scene
@@ -89,7 +89,7 @@ def main() -> None:
     report.claim(f"{what}, greatest", max(ratios), "<=", 2.0)
     columns = ["model", "output step", "tolerance", "sub-steps", "estimate / L", "true error / L"]
     columns += ["steps taken", "fixed steps of that error", "ratio"]
-    report.tables.append(Table("Undamped release, one second, against DOP853", columns, rows, ""))
+    report.table("Undamped release, one second, against DOP853", columns, rows, "")
     report.finish()
 
 

@@ -22,7 +22,7 @@ import fmpy
 import numpy as np
 
 import continuum_grasp as cg
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 from continuum_grasp.export import FunctionalMockupUnit, export_fmu
 from continuum_grasp.scene.load import load
 from tests.fmu_cases import Instance
@@ -152,7 +152,7 @@ def main() -> None:
                     report.claim(f"{tool}, FMI {fmi}.0, {what}: difference from fmpy [m]", far, "<=", 0.0)
     columns = ["tool", "FMI", "units", "tip, largest difference from fmpy [m]", "end, from run_closed_loop [mm]"]
     note = f"{STEPS} steps of 1 ms of a finger, {STEPS} periods of 10 ms of a loop; fmpy {metadata.version('fmpy')}."
-    report.tables.append(Table("Functional mock-up units in other tools", columns, rows, note))
+    report.table("Functional mock-up units in other tools", columns, rows, note)
     report.finish()
 
 

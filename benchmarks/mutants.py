@@ -19,7 +19,7 @@ from pathlib import Path
 from queue import SimpleQueue
 
 from benchmarks.faults import FAULTS, Fault
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 
 ROOT = Path(__file__).parents[1]
 PATIENCE = 600.0
@@ -115,7 +115,7 @@ def main() -> int:
     report = Report("mutants", 0)
     columns = ["file", "right", "wrong", "verdict", "first test that failed, or reason"]
     rows = [[v.fault.file, v.fault.right, v.fault.wrong, v.word, v.fault.reason or v.test] for v in verdicts]
-    report.tables.append(Table("Faults", columns, rows, "Quick tests of the module alone, up to the first failure."))
+    report.table("Faults", columns, rows, "Quick tests of the module alone, up to the first failure.")
     report.claim("share of faults that are caught", caught / len(counted), ">=", CAUGHT)
     report.finish()
     return int(report.status != "all limits met")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.real_time_iteration import STATUS, RealTimeIteration
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 from continuum_grasp.errors import SolverError
 from tests.rti_cases import SIZES, change_of_plan, disturb, qp_of, random_stages
 
@@ -89,8 +89,8 @@ def main() -> None:
     columns = ["set", "N nx nu ns others", "problems", "median", "99.9 %", "worst", "cost above", "cost below"]
     columns += ["rounds", "most rounds", "not solved", "no answer of qpOASES"]
     note = "Largest difference of the answer over its largest entry; cost over the larger of 1 and itself."
-    report.tables.append(Table("Against qpOASES", columns, rows, note))
-    report.tables.append(Table("Random states", ["status", "states"], [list(item) for item in reported.items()]))
+    report.table("Against qpOASES", columns, rows, note)
+    report.table("Random states", ["status", "states"], [list(item) for item in reported.items()])
     limit = 1e-6 if options.precision == "double" else 1e-3
     report.claim("worst difference from qpOASES", worst, "<=", limit)
     report.claim("states without a plan", reported["none"], "<=", 0.0)

@@ -22,7 +22,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 import continuum_grasp as cg
-from benchmarks.report import Report, Table
+from benchmarks.report import Report
 from continuum_grasp.environments import TASKS, FingerEnv, FingerVectorEnv
 
 PLANTS, TRIED = 256, 64
@@ -148,7 +148,7 @@ def main() -> None:
         f"PPO of stable-baselines3 {stable_baselines3.__version__}, {model.num_timesteps} environment steps, "
         f"{taken:.0f} s of CPU time; costs of {TRIED} plants over 1 s."
     )
-    report.tables.append(Table("Reach: a policy beside the controller", columns, rows, note))
+    report.table("Reach: a policy beside the controller", columns, rows, note)
     report.finish()
     print(note, *rows, f"ratio {ratio:.3f}", report.status, sep="\n")
 
