@@ -10,12 +10,11 @@ chains with two tendons on one pulley or on a motor each, with payloads, random 
 
 from __future__ import annotations
 
-import argparse
 from typing import Any
 
 import numpy as np
 
-from benchmarks.report import Report
+from benchmarks.report import Report, arguments
 from continuum_grasp.control import Contact, ContactDetector
 from tests.contact_cases import EXACT, RADIUS, PairPlant, pair_scene, plant, scene, trial, wander
 
@@ -124,10 +123,7 @@ def _touched(report: Report) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--plants", type=int, default=50, help="plants of 2000 steps each")
-    parser.add_argument("--free", action="store_true", help="free motion alone")
-    given = parser.parse_args()
+    given = arguments(__doc__, plants=(50, "plants of 2000 steps each"), free=(False, "free motion alone"))
     plants = given.plants
     report = Report("contact", 0)
     if not given.free:

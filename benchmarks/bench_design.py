@@ -6,7 +6,6 @@ solved, and processor time; some two minutes with 1,000 scenes.
 
 from __future__ import annotations
 
-import argparse
 import math
 import time
 from itertools import product
@@ -14,16 +13,14 @@ from itertools import product
 import numpy as np
 
 import continuum_grasp as cg
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, Table, arguments
 
 DESIGN = "configs/design/mug_finger.yaml"
 
 
 def main() -> None:
     """Measure and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=10, help="values of each variable in the sweep")
-    count = parser.parse_args().count
+    count = arguments(__doc__, count=(10, "values of each variable in the sweep")).count
     began = time.process_time()
     found = cg.optimize_design(DESIGN)
     designed = time.process_time()

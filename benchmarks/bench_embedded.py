@@ -7,13 +7,12 @@ a Cortex-M4F in float and a Cortex-M7 in double. The limits of instructions are 
 
 from __future__ import annotations
 
-import argparse
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import continuum_grasp as cg
-from benchmarks.report import Report
+from benchmarks.report import Report, arguments
 from continuum_grasp.export.targets import TOOLS
 from tests.export_cases import TENDONS, loop_scene, two_arcs
 
@@ -42,8 +41,7 @@ def row(found: dict[str, Any], name: str, functions: tuple[str, ...]) -> list[An
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.parse_args()
+    arguments(__doc__)
     report = Report("embedded", 0)
     steps, calls = [], []
     for real, board in BOARDS:

@@ -8,13 +8,12 @@ each number, with other noise of 0.5 mm; ``covered`` is the share of 95 % interv
 
 from __future__ import annotations
 
-import argparse
 from typing import Any
 
 import numpy as np
 
 import continuum_grasp as cg
-from benchmarks.report import Report
+from benchmarks.report import Report, arguments
 from continuum_grasp.identification import IdentifyScene, Poses, Reading, design_experiments
 
 _SIGMA = 5e-4
@@ -57,11 +56,7 @@ def even(rows: int) -> list[dict[str, float]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--fingers", type=int, default=40)
-    parser.add_argument("--rows", type=int, default=6)
-    parser.add_argument("--seed", type=int, default=34)
-    asked = parser.parse_args()
+    asked = arguments(__doc__, fingers=40, rows=6, seed=34)
     assumed = scene(asked.rows)
     plan = design_experiments(assumed)
     names = list(_CHOICES)

@@ -7,13 +7,12 @@ list of up to one element more (arcs: as long as they may be cheaper) is measure
 
 from __future__ import annotations
 
-import argparse
 import itertools
 
 import numpy as np
 
 from benchmarks.random_scenes import random_scene
-from benchmarks.report import Report
+from benchmarks.report import Report, arguments
 from continuum_grasp.accuracy.choice import COUNTS, assess, choices, coordinates_near, open_families
 from continuum_grasp.accuracy.choose import Chosen, allowed_accuracies, choose_fidelity
 from continuum_grasp.errors import SolverError
@@ -65,14 +64,11 @@ def cheaper(chosen: Chosen) -> str:
 
 def main() -> None:
     """Choose for every scene, check, and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--scenes", type=int, default=200)
-    arguments = parser.parse_args()
-    report, rows, seconds = Report("fidelity", arguments.seed), [], []
+    asked = arguments(__doc__, seed=0, scenes=200)
+    report, rows, seconds = Report("fidelity", asked.seed), [], []
     counts: dict[str, int] = {"met": 0, "dominated": 0, "chosen": 0}
-    for number, tolerance in zip(range(arguments.scenes), itertools.cycle(TOLERANCES), strict=False):
-        seed = arguments.seed + number
+    for number, tolerance in zip(range(asked.scenes), itertools.cycle(TOLERANCES), strict=False):
+        seed = asked.seed + number
         scene = random_scene(seed)
         try:
             chosen = choose_fidelity(scene, tolerance)

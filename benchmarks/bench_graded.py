@@ -7,7 +7,6 @@ moment-linear elements with a known tip alone, is computed by numpy (``rod_shape
 
 from __future__ import annotations
 
-import argparse
 import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.graded_rods import RODS
-from benchmarks.report import Report
+from benchmarks.report import Report, arguments
 from benchmarks.rod_shapes import ShapeRod, equal_lengths, wavelength_lengths
 from continuum_grasp.accuracy.choice import Errors, errors_of
 from continuum_grasp.accuracy.truth import find_truth
@@ -205,13 +204,10 @@ def measured(part: str) -> Report:
 
 def main() -> None:
     """Measure everything and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", nargs="*", choices=list(PARTS))
-    parser.add_argument("--jobs", type=int, default=2)
-    arguments = parser.parse_args()
+    asked = arguments(__doc__, only=([str], "", PARTS), jobs=2)
     report = Report("graded", 0)
-    wanted = [part for part in PARTS if not arguments.only or part in arguments.only]
-    with ProcessPoolExecutor(arguments.jobs) as pool:
+    wanted = [part for part in PARTS if not asked.only or part in asked.only]
+    with ProcessPoolExecutor(asked.jobs) as pool:
         for found in pool.map(measured, wanted):
             report.tables += found.tables
             report.claims += found.claims

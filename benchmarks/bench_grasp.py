@@ -7,9 +7,7 @@ retained for a last look (fresh), tips of two and of three fingers, and scenes m
 
 from __future__ import annotations
 
-import argparse
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,7 @@ import numpy as np
 from benchmarks.grasp_oracle.check import LIMITS
 from benchmarks.grasp_oracle.truth import answers
 from benchmarks.grasp_outcomes import CLOSE, Outcome, outcome
-from benchmarks.report import RESULTS, Report
+from benchmarks.report import RESULTS, Report, arguments
 from continuum_grasp.workers import ProcessPool, cores
 
 ONE = 1000
@@ -148,36 +146,37 @@ def _outcome(task: tuple[str, dict[str, Any], str]) -> Outcome:
 
 def main() -> None:
     """Run the kinds asked for and write the reports."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kind", nargs="*", choices=list(KINDS), default=list(KINDS))
-    parser.add_argument("--count", type=int, default=ONE, help="most scenes of a kind")
-    parser.add_argument("--first", type=int, default=0, help="answers to pass over")
-    parser.add_argument("--seeds", type=int, nargs="*", help="these seeds alone")
-    parser.add_argument("--efforts", nargs="*", choices=EFFORTS, default=[], help="other efforts too, of one finger")
-    parser.add_argument("--jobs", type=int, default=cores(), help="processes")
-    parser.add_argument("--folder", type=Path, default=RESULTS, help="where to write the reports")
-    parser.add_argument("--verbose", action="store_true")
-    arguments = parser.parse_args()
-    pool = ProcessPool(arguments.jobs)
+    asked = arguments(
+        __doc__,
+        kind=(tuple(KINDS), ""),
+        count=(ONE, "most scenes of a kind"),
+        first=(0, "answers to pass over"),
+        seeds=([int], "these seeds alone"),
+        efforts=([str], "other efforts too, of one finger", EFFORTS),
+        jobs=(cores(), "processes"),
+        folder=(RESULTS, "where to write the reports"),
+        verbose=False,
+    )
+    pool = ProcessPool(asked.jobs)
     try:
-        for kind in arguments.kind:
+        for kind in asked.kind:
             name, words, _ = KINDS[kind]
             report = Report(name, 0)
-            rows = known(kind)[arguments.first :][: arguments.count]
-            if arguments.seeds is not None:
-                rows = [row for row in rows if row["seed"] in arguments.seeds]
-            outcomes = judged(pool, kind, rows, "", arguments.verbose)
+            rows = known(kind)[asked.first :][: asked.count]
+            if asked.seeds:
+                rows = [row for row in rows if row["seed"] in asked.seeds]
+            outcomes = judged(pool, kind, rows, "", asked.verbose)
             if not outcomes:
                 report.missing.append(f"{kind}: no answers; python -m benchmarks.grasp_oracle.truth {kind} makes them")
             elif kind in ("none", "both"):
                 add_none(report, kind, outcomes, words)
             else:
                 add_held(report, kind, outcomes, words)
-                efforts = [e for e in arguments.efforts if e != "normal" and kind == "one"]
+                efforts = [e for e in asked.efforts if e != "normal" and kind == "one"]
                 if efforts:
-                    by = {e: judged(pool, kind, rows, e, arguments.verbose) for e in efforts} | {"normal": outcomes}
+                    by = {e: judged(pool, kind, rows, e, asked.verbose) for e in efforts} | {"normal": outcomes}
                     add_efforts(report, {e: by[e] for e in EFFORTS if e in by})
-            report.finish(arguments.folder)
+            report.finish(asked.folder)
     finally:
         pool.close(True)
 

@@ -7,13 +7,12 @@ in a right answer, a warning or a refusal that says why; anything else is WRONG.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 
 from benchmarks.hard_cases.attempt import RIGHT, WRONG, Judged, judge
 from benchmarks.hard_cases.motion import motion_attempts
 from benchmarks.hard_cases.statics import static_attempts
-from benchmarks.report import Report, Table
+from benchmarks.report import Report, Table, arguments
 
 COLUMNS = ["case", "family", "method", "error", "limit", "steps", "time [s]", "verdict"]
 NOTE = """\
@@ -34,9 +33,7 @@ def table(title: str, judged: list[Judged]) -> Table:
 
 def main() -> None:
     """Make every attempt and write the report."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", default="", help="attempts with this in case, family and method")
-    only = parser.parse_args().only
+    only = arguments(__doc__, only=("", "attempts with this in case, family and method")).only
     report, all_judged = Report("hard_cases", 0), []
     for title, attempts in (("At rest", static_attempts()), ("In motion", motion_attempts())):
         judged = []

@@ -187,11 +187,11 @@ def main() -> None:
     asked = arguments(
         __doc__,
         only=(tuple(PARTS), ""),
-        cases=(mpc_cases.NAMES, ""),
-        rounds=(15, ""),
+        cases=mpc_cases.NAMES,
+        rounds=15,
         slow_steps=(150, "of do-mpc and IPOPT"),
-        python_steps=(5000, ""),
-        seed=(0, ""),
+        python_steps=5000,
+        seed=0,
         name=("mpc", "name of the report"),
         folder=(RESULTS, "where to write it"),
     )

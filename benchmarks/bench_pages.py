@@ -8,7 +8,6 @@ the rod, and leads it round a circle; times are those that ``requestAnimationFra
 
 from __future__ import annotations
 
-import argparse
 import math
 import shutil
 import time
@@ -17,7 +16,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from benchmarks.report import Report
+from benchmarks.report import Report, arguments
 
 PAGES = Path(__file__).parents[1] / "docs" / "live"
 WIDTHS = (390, 900, 1280)
@@ -162,11 +161,12 @@ def drag(browser: Browser, file: Path, width: int, seconds: float) -> list[Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--browser", choices=("chromium", "firefox"), default="chromium")
-    parser.add_argument("--binary", help="program of the browser")
-    parser.add_argument("--seconds", type=float, default=10.0, help="of each page and width")
-    asked = parser.parse_args()
+    asked = arguments(
+        __doc__,
+        browser=("chromium", "", ("chromium", "firefox")),
+        binary=(str, "program of the browser"),
+        seconds=(10.0, "of each page and width"),
+    )
     browser: Browser = (Chromium if asked.browser == "chromium" else Firefox)(asked.binary)
     rows = []
     for file in sorted(PAGES.glob("*.html")):

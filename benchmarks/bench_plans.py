@@ -10,7 +10,6 @@ played by another integrator (LSODA, 1e-7): how far the tip is from its goal at 
 
 from __future__ import annotations
 
-import argparse
 import time
 from typing import Any
 
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 import continuum_grasp as cg
-from benchmarks.report import Report
+from benchmarks.report import Report, arguments
 from continuum_grasp.control.prediction import Prediction
 from continuum_grasp.planning.guess import first_state_of_plan
 from continuum_grasp.scene import Tendons
@@ -110,9 +109,7 @@ def row(seed: int, drive: str) -> list[Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--count", type=int, default=20, help="cases")
-    asked = parser.parse_args()
+    asked = arguments(__doc__, count=(20, "cases"))
     report = Report("plans", 0)
     columns = ["seed", "", "friction, cells", "family", "objective", "status"]
     columns += ["off its goal [um]", "moves on by [um]", "processor time [s]"]

@@ -346,11 +346,11 @@ def main() -> None:
     """Run the loops asked for and write the report."""
     asked = arguments(
         __doc__,
-        loops=(LOOPS, ""),
-        groups=([], "of wrong plants; all where not given"),
+        loops=LOOPS,
+        groups=([str], "of wrong plants; all where not given"),
         seeds=(2, "how many noises of each"),
         seed=(0, "the first"),
-        jobs=(1, ""),
+        jobs=1,
         name=("robustness", "name of the report"),
         scenarios=(False, "what controller.scenarios gains, of steady_tip alone"),
         folder=(RESULTS, "where to write it"),

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 from time import perf_counter
 
 import numpy as np
 
-from benchmarks.report import Report
+from benchmarks.report import Report, arguments
 from continuum_grasp import equilibrium, modes
 from continuum_grasp.accuracy.space import apart, motion_within
 from continuum_grasp.errors import ContinuumGraspError
@@ -138,11 +137,7 @@ def rest_errors(given: Scene) -> tuple[tuple[float, float], tuple[float, float]]
 
 def main() -> None:
     """Run every scene, and write the report."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--count", type=int, default=80)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--minutes", type=float, default=math.inf, help="no further scene begins after these")
-    given = parser.parse_args()
+    given = arguments(__doc__, count=80, seed=0, minutes=(math.inf, "no further scene begins after these"))
     random, report = np.random.default_rng(given.seed), Report("space_error", given.seed)
     motions = [f"motion, {group}" for group in dict.fromkeys(_KINDS.values())]
     pairs = {name: [] for name in ("motion", *motions, "equilibrium", "first frequency")}

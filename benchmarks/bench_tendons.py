@@ -9,7 +9,6 @@ those of two winches, 10 mm in 80 ms and 6 mm back.
 
 from __future__ import annotations
 
-import argparse
 import copy
 import time
 from collections.abc import Callable, Sequence
@@ -20,7 +19,7 @@ import numpy as np
 
 import continuum_grasp as cg
 from benchmarks.harness import STATES, CLoop, one_core
-from benchmarks.report import Report
+from benchmarks.report import Report, arguments
 from tests.tendon_cases import LENGTH, OFFSET, STIFFNESS, Loaded, bend, finger, way
 from tests.truth.tendon import HingedFinger
 from tests.truth.tendon_motion import MovingFinger
@@ -227,9 +226,7 @@ def costs(report: Report) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--hinges", type=int, default=60)
-    hinges = parser.parse_args().hinges
+    hinges = arguments(__doc__, hinges=60).hinges
     report = Report("tendons", 0)
     rows: dict[str, list[Any]] = {law: [law] for law in LAWS}
     for k, friction in enumerate(FRICTIONS):

@@ -222,7 +222,8 @@ def compiler() -> str:
 def run(command: Sequence[object], **options: Any) -> str:
     """Run a program, and return what it wrote; RuntimeError with the end of its errors where it fails."""
     line = [str(word) for word in command]
-    done = subprocess.run(line, capture_output=True, text=True, check=False, **options)
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options}
+    done = subprocess.run(line, text=True, check=False, **options)
     if done.returncode != 0:
         raise RuntimeError(f"{' '.join(line)} failed:\n{(done.stderr or done.stdout)[-3000:]}")
     return done.stdout

@@ -20,31 +20,30 @@ RESULTS = Path(__file__).with_name("results")
 PACKAGES = ("casadi", "numpy", "continuum-grasp")
 
 
-def arguments(doc: str | None, *required: str, **options: tuple[Any, ...]) -> argparse.Namespace:
+def arguments(doc: str | None, **options: Any) -> argparse.Namespace:
     """What the command line asks for.
 
     Parameters
     ----------
     doc : str
         Of the benchmark.
-    *required : str
-        Arguments without an option.
-    **options : tuple
-        By name: a default, what it is, and choices. ``False`` is a switch, a type stands for none of that type, a tuple
-        for some of its entries, or of the choices, a list for any words.
+    **options
+        By name: a default, or a tuple of it, of what it is, and of choices. ``False`` is a switch, a type stands for
+        none of that type, a tuple for some of its entries, a list for any values, or for some of the choices.
     """
     parser = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
-    for name in required:
-        parser.add_argument(name)
-    for name, (default, words, *choices) in options.items():
+    for name, option in options.items():
+        default, words, *choices = option if isinstance(option, tuple) else (option, "")
         kind: dict[str, Any] = {"default": default, "type": type(default)}
         if default is False:
             kind = {"action": "store_true"}
         elif isinstance(default, type):
             kind = {"type": default}
-        elif isinstance(default, tuple | list):
-            kind = {"default": default, "nargs": "*", "type": type(default[0]) if default else str}
-            choices = choices or [default] * isinstance(default, tuple)
+        elif isinstance(default, tuple):
+            kind = {"default": default, "nargs": "*", "choices": default}
+        elif isinstance(default, list):
+            (entry,) = {value if isinstance(value, type) else type(value) for value in default}
+            kind = {"default": [] if entry in default else default, "nargs": "*", "type": entry}
         if choices:
             kind["choices"] = list(*choices)
         parser.add_argument(f"--{name.replace('_', '-')}", help=words, **kind)

@@ -8,14 +8,13 @@ many; ``--precision float`` does the same in single precision.
 
 from __future__ import annotations
 
-import argparse
 from collections import Counter
 from typing import Any
 
 import numpy as np
 
 from benchmarks.real_time_iteration import STATUS, RealTimeIteration
-from benchmarks.report import Report
+from benchmarks.report import Report, arguments
 from continuum_grasp.errors import SolverError
 from tests.rti_cases import SIZES, change_of_plan, disturb, qp_of, random_stages
 
@@ -66,12 +65,7 @@ def statuses(rti: RealTimeIteration, count: int, rng: np.random.Generator) -> Co
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--problems", type=int, default=10_000)
-    parser.add_argument("--states", type=int, default=200_000)
-    parser.add_argument("--precision", choices=("double", "float"), default="double")
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
+    options = arguments(__doc__, problems=10_000, states=200_000, precision=("double", "", ("double", "float")), seed=0)
     report = Report("rti_oracle" if options.precision == "double" else "rti_oracle_float", options.seed)
     rows, reported, worst = [], Counter(), 0.0
     for k in range(SETS):

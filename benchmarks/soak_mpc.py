@@ -381,7 +381,7 @@ def main() -> None:
         steps=(1_000_000, "of all scenes together"),
         scenes=(tuple(SCENES), ""),
         jobs=(1, "processes at once"),
-        seed=(0, ""),
+        seed=0,
         nominal=(False, "inject nothing: no trip is allowed"),
         name=("soak_mpc", "name of the report"),
         folder=(RESULTS, "where to write it"),
