@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.paper.errors import paper_errors
+from benchmarks.paper import paper_errors
 from benchmarks.report import Report, Table, arguments
 from continuum_grasp.accuracy.choice import Choice, errors_of
 from continuum_grasp.accuracy.motion import Motion, evaluation_ns, pace, reference_motion, rms

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from benchmarks.harness import STATES, CLoop, Timing, one_core, race, time_c_loop
-from benchmarks.paper.dynamics import RacedFinger, by_appendix, by_closed_forms
+from benchmarks.paper import PaperModel
 from benchmarks.report import Report, arguments
 from continuum_grasp.core import compile
 from continuum_grasp.model import FingerModel
@@ -48,16 +48,9 @@ def bare_model() -> FingerModel:
     return FingerModel(bare, elements=2, family="arc", gravity=(0.0, 0.0), tip_force=False)
 
 
-def paper_finger() -> RacedFinger:
-    """The same finger for the paper's equations."""
-    return RacedFinger(
-        mass_per_length=LINEAR_DENSITY,
-        bending_stiffness=STIFFNESS,
-        tip_mass=TIP_MASS,
-        arc_damping=DAMPING,
-        tendon_offset=TENDON_OFFSET,
-        base_angle=-math.pi / 2,
-    )
+def paper_dynamics(variant: str, **settings: Any) -> ca.Function:
+    """The same by the paper's equations as one would write them for speed."""
+    return PaperModel(finger(), variant, contacts=(0.3,), **settings).forward_dynamics
 
 
 def random_arguments(model: FingerModel, rng: np.random.Generator) -> list[np.ndarray]:
@@ -103,13 +96,13 @@ def count_instructions(function: Any) -> dict[str, int]:
 
 def against_the_paper(report: Report, rng: np.random.Generator) -> None:
     """Two arcs with everything in against the paper's closed forms and its appendix."""
-    model, paper = full_model(), paper_finger()
+    model = full_model()
     functions = {
         OURS: model.forward_dynamics,
-        "closed forms, Lagrange": by_closed_forms(paper, bias="lagrange"),
-        "closed forms, Christoffel": by_closed_forms(paper, bias="christoffel"),
-        "energy by quadrature, Lagrange": by_closed_forms(paper, bias="quadrature"),
-        "appendix, corrected": by_appendix(paper),
+        "closed forms, Lagrange": paper_dynamics("closed_corrected", bias="lagrange"),
+        "closed forms, Christoffel": paper_dynamics("closed_corrected"),
+        "energy by quadrature, Lagrange": paper_dynamics("closed_corrected", bias="quadrature"),
+        "appendix, corrected": paper_dynamics("appendix_corrected"),
     }
     given = random_arguments(model, rng)
     extra = {}
