@@ -15,8 +15,9 @@ import numpy as np
 from benchmarks.grasp_oracle.check import LIMITS
 from benchmarks.grasp_oracle.truth import answers
 from benchmarks.grasp_outcomes import CLOSE, Outcome, outcome
+from benchmarks.harness import spread
 from benchmarks.report import RESULTS, Report, arguments
-from continuum_grasp.workers import ProcessPool, cores
+from continuum_grasp.workers import cores
 
 ONE = 1000
 """Answers of one finger that are looked at while the optimizer is worked on; those beyond are fresh."""
@@ -129,19 +130,22 @@ def add_efforts(report: Report, found: dict[str, list[Outcome]]) -> None:
     report.table("Efforts of the search", columns, rows, "Times after the build, processor time.")
 
 
-def judged(pool: ProcessPool, kind: str, rows: list[dict[str, Any]], effort: str, verbose: bool) -> list[Outcome]:
+def judged(kind: str, rows: list[dict[str, Any]], effort: str, jobs: int, verbose: bool) -> list[Outcome]:
     """The outcomes of the scenes of some answers, in their order."""
     found: dict[int, Outcome] = {}
-    for k, future in pool.as_completed(_outcome, [(kind, row, effort) for row in rows]):
-        found[k] = last = future.result()
+    tasks = [(k, kind, row, effort) for k, row in enumerate(rows)]
+    for task, last, error in spread(_outcome, tasks, jobs):
+        if error is not None:
+            raise error
+        found[task[0]] = last
         if verbose:
             flags = "" if last.good and not last.false else "  <<<"
             print(kind, last.seed, last.what, last.status, last.note, flags, flush=True)
     return [found[k] for k in range(len(rows))]
 
 
-def _outcome(task: tuple[str, dict[str, Any], str]) -> Outcome:
-    return outcome(*task)
+def _outcome(task: tuple[int, str, dict[str, Any], str]) -> Outcome:
+    return outcome(*task[1:])
 
 
 def main() -> None:
@@ -157,28 +161,23 @@ def main() -> None:
         folder=(RESULTS, "where to write the reports"),
         verbose=False,
     )
-    pool = ProcessPool(asked.jobs)
-    try:
-        for kind in asked.kind:
-            name, words, _ = KINDS[kind]
-            report = Report(name, 0)
-            rows = known(kind)[asked.first :][: asked.count]
-            if asked.seeds:
-                rows = [row for row in rows if row["seed"] in asked.seeds]
-            outcomes = judged(pool, kind, rows, "", asked.verbose)
-            if not outcomes:
-                report.missing.append(f"{kind}: no answers; python -m benchmarks.grasp_oracle.truth {kind} makes them")
-            elif kind in ("none", "both"):
-                add_none(report, kind, outcomes, words)
-            else:
-                add_held(report, kind, outcomes, words)
-                efforts = [e for e in asked.efforts if e != "normal" and kind == "one"]
-                if efforts:
-                    by = {e: judged(pool, kind, rows, e, asked.verbose) for e in efforts} | {"normal": outcomes}
-                    add_efforts(report, {e: by[e] for e in EFFORTS if e in by})
-            report.finish(asked.folder)
-    finally:
-        pool.close(True)
+    for kind in asked.kind:
+        name, words, _ = KINDS[kind]
+        report = Report(name, 0)
+        rows = known(kind)[asked.first :][: asked.count]
+        rows = [row for row in rows if not asked.seeds or row["seed"] in asked.seeds]
+        outcomes = judged(kind, rows, "", asked.jobs, asked.verbose)
+        if not outcomes:
+            report.missing.append(f"{kind}: no answers; python -m benchmarks.grasp_oracle.truth {kind} makes them")
+        elif kind in ("none", "both"):
+            add_none(report, kind, outcomes, words)
+        else:
+            add_held(report, kind, outcomes, words)
+            efforts = [e for e in asked.efforts if e != "normal" and kind == "one"]
+            by = {e: judged(kind, rows, e, asked.jobs, asked.verbose) for e in efforts} | {"normal": outcomes}
+            if efforts:
+                add_efforts(report, {e: by[e] for e in EFFORTS if e in by})
+        report.finish(asked.folder)
 
 
 if __name__ == "__main__":
