@@ -360,15 +360,15 @@ def add(report: Report, found: dict[str, dict[str, Any]], nominal: bool) -> None
         "estimator that is unsure or a controller without one cannot; us per step: with plant and checks, in Python."
     )
     report.table("Steps", columns, rows, note)
-    rows = [[kind, *(int(data["injected"].get(kind, 0)) for data in found.values())] for kind in EVENTS]
-    report.table("Injected", ["", *found], rows)
-    names = [health.name.lower() for health in Health]
-    rows = [[kind, *(int(data["health"].get(kind, 0)) for data in found.values())] for kind in names]
-    rows.append(["trips", *(int(data["trips"]) for data in found.values())])
-    report.table("Health", ["", *found], rows)
-    names = [(a.name or "").lower() for a in Anomaly]
-    rows = [[kind, *(int(data["anomalies"].get(kind, 0)) for data in found.values())] for kind in names]
-    report.table("Anomalies reported", ["", *found], rows)
+    kinds = {
+        "injected": ("Injected", list(EVENTS)),
+        "health": ("Health", [health.name.lower() for health in Health]),
+        "anomalies": ("Anomalies reported", [(a.name or "").lower() for a in Anomaly]),
+    }
+    for key, (title, names) in kinds.items():
+        rows = [[kind, *(int(data[key].get(kind, 0)) for data in found.values())] for kind in names]
+        rows += [["trips", *(int(data["trips"]) for data in found.values())]] * (key == "health")
+        report.table(title, ["", *found], rows)
     examples = [[name, text] for name, data in found.items() for text in data["examples"]]
     if examples:
         report.table("Broken", ["scene", ""], examples)
