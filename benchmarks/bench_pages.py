@@ -181,9 +181,7 @@ def main() -> None:
     columns += [f"later than {LATE:g} ms [%]", "simulated s per s", "moves of the mouse/s"]
     note = f"Headless {browser.version}, {asked.seconds:g} s each, {HEIGHT} px high, while the mouse drags."
     report.table("Frames of the pages in real time", columns, rows, note)
-    for file in report.write():
-        print(file)
-    print(report.status)
+    report.finish()
 
 
 if __name__ == "__main__":
