@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.bench_accuracy import Case, scene
-from benchmarks.graded_rods import RODS
 from benchmarks.report import Report, arguments
-from benchmarks.rod_shapes import ShapeRod, equal_lengths, wavelength_lengths
+from benchmarks.rod_shapes import RODS, ShapeRod, equal_lengths, wavelength_lengths
 from continuum_grasp.accuracy.choice import Errors, errors_of
 from continuum_grasp.errors import InputError
 from continuum_grasp.model import FingerModel

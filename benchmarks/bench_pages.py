@@ -12,7 +12,7 @@ import math
 import shutil
 import time
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -40,18 +40,6 @@ CIRCLE, TURN = 0.06, 2.0
 """Radius of the circle per length of the finger, and time of a turn [s]."""
 LATE = 20.0
 """A frame that comes later than a fiftieth of a second after the one before [ms]."""
-
-
-class Browser(Protocol):
-    """What is asked of a browser."""
-
-    version: str
-
-    def open(self, file: Path, width: int) -> None: ...
-    def ask(self, script: str) -> Any: ...
-    def move(self, x: float, y: float) -> None: ...
-    def press(self, down: bool) -> None: ...
-    def close(self) -> None: ...
 
 
 class Chromium:
@@ -125,7 +113,7 @@ class Firefox:
         self.browser.quit()
 
 
-def drag(browser: Browser, file: Path, width: int, seconds: float) -> list[Any]:
+def drag(browser: Chromium | Firefox, file: Path, width: int, seconds: float) -> list[Any]:
     """Frames of a page while something in it is dragged."""
     browser.open(file, width)
     patience = time.monotonic() + 60.0
@@ -167,7 +155,7 @@ def main() -> None:
         binary=(str, "program of the browser"),
         seconds=(10.0, "of each page and width"),
     )
-    browser: Browser = (Chromium if asked.browser == "chromium" else Firefox)(asked.binary)
+    browser = (Chromium if asked.browser == "chromium" else Firefox)(asked.binary)
     rows = []
     for file in sorted(PAGES.glob("*.html")):
         for width in WIDTHS:

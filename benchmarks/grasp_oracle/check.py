@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.grasp_oracle.forces import basis
+from benchmarks.grasp_oracle.forces import basis, bending_work, weight_work
 from benchmarks.grasp_oracle.outline import Outline
 from benchmarks.grasp_oracle.rod import Section, section, trace
 from continuum_grasp.scene.grasp import GraspScene
@@ -227,17 +227,11 @@ class _Check:
         rest = float(finger.profile.rest_curvature(finger.rod.length))
         lean = ends - rest
         net = (tensions[0] - tensions[1]) * tendons.offset
-        slope = np.zeros(2 * len(lengths))
         pulled = _tendon_work(tendons, tensions, ends, lengths, self.states[setup.name])
         pulled -= _dry_work(setup, lean, lengths, self.states[setup.name])
-        for k, (length, (a, b)) in enumerate(zip(lengths, lean, strict=True)):
-            slope[2 * k] += rod.stiffness * length * (2 * a + b) / 6.0 - pulled[k, 0]
-            slope[2 * k + 1] += rod.stiffness * length * (a + 2 * b) / 6.0 - pulled[k, 1]
-        gravity = self._gravity()
-        whole = section(base[:2], base[2], ends, lengths, float(lengths.sum()))
-        slope -= rod.mass_per_length * whole.mean_moves @ gravity
-        for mass in finger.masses:
-            slope -= mass.mass * section(base[:2], base[2], ends, lengths, mass.at).moves @ gravity
+        slope = bending_work(rod.stiffness, lean, lengths) - pulled.ravel()
+        at, masses = (base[:2], base[2], ends, lengths), [(mass.at, mass.mass) for mass in finger.masses]
+        slope -= weight_work(at, rod.mass_per_length, masses, self._gravity())
         couple = 0.0
         for k, name in spots:
             turn = -half * self.forces[k, 1]
@@ -246,7 +240,7 @@ class _Check:
                 couple = turn
         free = basis(family, len(lengths))
         scale = max(abs(net), rod.stiffness * float(np.abs(lean).max()))
-        reach = np.abs(free @ whole.turns)
+        reach = np.abs(free @ section(*at, float(lengths.sum())).turns)
         self._note("equilibrium", (np.abs(free @ slope) / reach).max() / scale)
         if family == "matched_clothoid":
             self._note("equilibrium", abs(rod.stiffness * (tip - rest) - net - couple) / scale)

@@ -5,7 +5,7 @@ known and what it does is in ``docs/errata.md``; ``slips`` has the closed forms,
 both readings side by side.
 """
 
+from benchmarks.paper.kinematics import Terms, TwoArcs
 from benchmarks.paper.model import VARIANTS, PaperModel, paper_errors
-from benchmarks.paper.two_arcs import Terms, TwoArcs
 
 __all__ = ["VARIANTS", "PaperModel", "Terms", "TwoArcs", "paper_errors"]

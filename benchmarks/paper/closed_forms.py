@@ -9,9 +9,8 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from benchmarks.paper.kinematics import Bent
+from benchmarks.paper.kinematics import Bent, Terms, TwoArcs, is_zero
 from benchmarks.paper.slips import AsPrinted
-from benchmarks.paper.two_arcs import Terms, TwoArcs, is_zero
 
 __all__ = ["GUARD", "christoffel", "guarded", "lagrangian_terms", "rod_mass_matrix", "terms"]
 

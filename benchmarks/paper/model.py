@@ -11,8 +11,8 @@ import casadi as ca
 
 from benchmarks.paper import appendix, closed_forms
 from benchmarks.paper.coefficients import Reading
+from benchmarks.paper.kinematics import Terms, TwoArcs
 from benchmarks.paper.slips import DYNAMIC, AsPrinted
-from benchmarks.paper.two_arcs import Terms, TwoArcs
 from continuum_grasp.accuracy.choice import Errors, errors_of
 from continuum_grasp.accuracy.truth import Truth
 from continuum_grasp.errors import InputError
