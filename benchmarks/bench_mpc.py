@@ -187,7 +187,7 @@ def main() -> None:
     asked = arguments(
         __doc__,
         only=(tuple(PARTS), ""),
-        cases=mpc_cases.NAMES,
+        cases=(mpc_cases.NAMES, ""),
         rounds=15,
         slow_steps=(150, "of do-mpc and IPOPT"),
         python_steps=5000,

@@ -346,7 +346,7 @@ def main() -> None:
     """Run the loops asked for and write the report."""
     asked = arguments(
         __doc__,
-        loops=LOOPS,
+        loops=(LOOPS, ""),
         groups=([str], "of wrong plants; all where not given"),
         seeds=(2, "how many noises of each"),
         seed=(0, "the first"),

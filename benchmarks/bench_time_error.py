@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.report import Report
+from benchmarks.report import Report, arguments
 from continuum_grasp.core import Core
 from continuum_grasp.errors import NumericalError
 from continuum_grasp.scene import Scene
@@ -46,6 +46,7 @@ def as_exact(found: Trajectory, exact: np.ndarray, size: float) -> int:
 
 def main() -> None:
     """Run every case, and write the report."""
+    arguments(__doc__)
     report, rows, ratios, covered = Report("time_error", 0), [], [], []
     for family, elements, step in CASES:
         exact = None
